@@ -1,0 +1,43 @@
+"""What can be broken in the world, as exceptions that carry one line and an exit code.
+
+    CanidError                 the line is for the user: what, where, what to do next
+      ConfigError       2      usage, vehicle file, DBC
+      BusError          3      no bus, or bus lost
+      LogError          4      a log that cannot be read at all
+      OutputError       5      could not write
+
+Wrong calls raise ValueError; weak data are a Status, never an exception.
+A log that is damaged but readable in part is no exception either: readers report `Damage`, the command ends with DAMAGED.
+"""
+
+DONE, CHECK_FAILED, USAGE, NO_BUS, DAMAGED, NOT_WRITTEN = range(6)  # DESIGN: exit codes
+
+
+class CanidError(Exception):
+    """Base of all errors that the user, not the programmer, can mend. `str(error)` is one line."""
+
+    exit_code = 1
+
+
+class ConfigError(CanidError):
+    """Usage or configuration: a vehicle file, a DBC, an argument."""
+
+    exit_code = USAGE
+
+
+class BusError(CanidError):
+    """No bus, or the bus was lost."""
+
+    exit_code = NO_BUS
+
+
+class LogError(CanidError):
+    """An input that cannot be read at all."""
+
+    exit_code = DAMAGED
+
+
+class OutputError(CanidError):
+    """A result that could not be written."""
+
+    exit_code = NOT_WRITTEN

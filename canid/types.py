@@ -1,0 +1,236 @@
+"""The nouns: what flows through canid, from a frame on the bus to an estimate with its doubt.
+
+Times are seconds since the log's first frame; its UTC start is kept once, in `LogStart`.
+Values are SI (see docs/design.md for the few exceptions). NaN means not measured, nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import Enum, IntFlag
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+NAN = float("nan")
+
+
+# --- the bus ---------------------------------------------------------------------------------------
+
+
+class Flag(IntFlag):
+    """What a frame is beside a plain classic data frame with an 11-bit id that was received."""
+
+    NONE = 0
+    EXTENDED = 1  # 29-bit id
+    REMOTE = 2
+    ERROR = 4
+    FD = 8
+    BRS = 16  # bit-rate switch
+    ESI = 32  # error-state indicator
+    TX = 64  # sent by the recording device
+
+
+class Frame(NamedTuple):
+    """One CAN frame."""
+
+    t: float  # s since the log's first frame
+    bus: int  # 0, 1, ...
+    id: int
+    data: bytes
+    flags: int = 0  # of `Flag`; a plain int, for speed
+    length: int = -1  # bytes that a remote frame asks for; -1: len(data)
+
+
+class Damage(NamedTuple):
+    """What a reader could not read. `says` is one line for the user: what, where, how much was lost."""
+
+    says: str
+    read: int  # objects (frames, lines) that were read
+    total: int  # objects that the file should hold; -1 where nobody knows
+
+
+# --- decoded ---------------------------------------------------------------------------------------
+
+
+class Reading(NamedTuple):
+    """One value of one role, at the time that its frame had."""
+
+    t: float
+    role: str
+    value: float  # in the role's unit; NaN: the frame said that there is none
+
+
+class TrackReading(NamedTuple):
+    """One radar track's report."""
+
+    t: float
+    track: int
+    distance: float  # m
+    rate: float  # m/s, positive = opening
+    lateral: float  # m from the own axis
+    valid: bool
+    new: bool  # the radar says that this track number now names another object
+
+
+class Event(NamedTuple):
+    """Something that happened once and that the user should know of."""
+
+    t: float
+    what: str  # "target_change", "clock_step", "ambiguous_bus", "estimator_restarted", ...
+    says: str
+
+
+class Gate(Enum):
+    """Why the estimators may not learn from a sample. The value is the sentence that the user reads."""
+
+    OPEN = ""
+    NO_LEAD = "no vehicle ahead: follow one to be identified"
+    TARGET_CHANGE = "the vehicle ahead has just changed"
+    CRUISE = "cruise control drives: the pedal says nothing about the person"
+    NO_CRUISE = "cruise control is off: there is no controller to identify"
+    BRAKE = "the brake is pressed: the pedal does not carry the driver's answer"
+    PEDAL_FLOOR = "pedal at 0 %: the driver's answer is below what a pedal can show"
+    STANDSTILL = "the vehicle stands or creeps"
+    STALE = "a signal that the model needs does not arrive"
+
+
+class Sample(NamedTuple):
+    """All roles at one instant of the uniform grid."""
+
+    t: float
+    output: float  # the driver's output, in its unit (pedal %, accel m/s², ...)
+    inputs: tuple[float, ...]  # in the order of TASK_INPUTS[task]
+    gate: Gate  # what is wrong just now
+    learn: bool  # gate open, and the recovery time over
+    segment: int  # grows by one where the inputs' history breaks (another target, another driver)
+    signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
+
+
+TASK_INPUTS: dict[str, tuple[str, ...]] = {
+    "car_following": ("headway_error", "range_rate"),
+    "lane_keeping": ("lateral_offset",),
+}
+
+
+class Trace(NamedTuple):
+    """Samples as columns."""
+
+    dt: float
+    t: Array  # (n,) s
+    output: Array  # (n,)
+    inputs: Array  # (n, m)
+    input_names: tuple[str, ...]
+    gate: tuple[Gate, ...]  # (n,)
+    learn: npt.NDArray[np.bool_]  # (n,)
+    segment: npt.NDArray[np.int64]  # (n,)
+    signals: dict[str, Array]  # role -> (n,)
+
+
+class Signal(NamedTuple):
+    """One role as it came, unsampled."""
+
+    t: Array  # (n,) s
+    value: Array  # (n,)
+
+
+# --- estimated -------------------------------------------------------------------------------------
+
+
+class Interval(NamedTuple):
+    """A number with its doubt: 95 %. NaN value: it cannot be told."""
+
+    value: float = NAN
+    low: float = NAN
+    high: float = NAN
+
+
+class Status(Enum):
+    """What an estimate is worth. The member's value is its public name."""
+
+    OK = "ok"
+    CONVERGING = "converging"
+    NOT_EXCITED = "not_excited"
+    NO_LEAD = "no_lead"
+    NO_DRIVER = "no_driver"
+    STALE = "stale"
+    INCONSISTENT = "inconsistent"
+
+
+class Identifiable(Enum):
+    """What can be told of one channel from these data."""
+
+    OK = "ok"  # K, tau and dead time each
+    SUM_ONLY = "sum_only"  # K and the sum tau + dead time
+    GAIN_ONLY = "gain_only"
+    NOT = "not_identifiable"
+
+
+class Channel(NamedTuple):
+    """One input's answer: K e^(-dead_time s) / (1 + tau s)."""
+
+    K: Interval = Interval()  # output unit per input unit
+    tau: Interval = Interval()  # s
+    dead_time: Interval = Interval()  # s
+    tau_plus_dead_time: Interval = Interval()  # s
+    status: Identifiable = Identifiable.NOT
+
+
+class Estimate(NamedTuple):
+    """What an estimator says at time t."""
+
+    t: float
+    estimator: str
+    status: Status
+    says: str
+    channels: Mapping[str, Channel]  # input name -> Channel
+    fit_percent: float = NAN  # 100 (1 - |y - simulated| / |y - mean|) over the data used
+    excitation: Mapping[str, float] = {}  # input name -> its standard deviation over the data used
+    used: float = NAN  # s of data that the estimate rests on
+
+
+S = TypeVar("S")
+
+
+class Estimator(NamedTuple, Generic[S]):
+    """An estimator lives in time as two pure functions."""
+
+    name: str
+    init: Callable[[], S]
+    step: Callable[[S, Sample], tuple[S, Estimate | None]]
+
+
+AnyEstimator = Estimator[Any]
+
+
+# --- configuration that several floors share ------------------------------------------------------------
+
+
+class Driver(NamedTuple):
+    """Whose answer is identified, and to what."""
+
+    task: str = "car_following"
+    output: str = "pedal"
+    headway_desired: float = 2.0  # s; a convention: only K1·THW_des + offset is identified
+
+
+class ArmaxSettings(NamedTuple):
+    """Orders of A(q) y = B(q) u + C(q) e (Chen & Ulsoy 2001, eq. 1 and 3)."""
+
+    na: int = 2
+    nb: int = 2
+    nc: int = 1
+    nk: int = 1  # dead time in samples
+    start: float = 15.0  # s of data for the batch start
+    forgetting: float = 0.998  # per sample; memory dt / (1 - forgetting) = 50 s at 10 Hz
+
+
+class FopdtSettings(NamedTuple):
+    """The sliding window and the physical box of the FOPDT fit."""
+
+    window: float = 60.0  # s
+    refit: float = 0.5  # s
+    tau_max: float = 3.0  # s; a slower lag cannot be told from an offset in a window of 60 s
+    dead_time_max: float = 1.5  # s; human reaction times end well below
