@@ -1,0 +1,105 @@
+"""What an estimator may say just now, from the gate alone: the same rules and words for every estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from canid.types import NAN, Channel, Estimate, Gate, Sample, Status
+
+# s; a brake dab or a lifted foot is part of following a vehicle: the window's estimate stays true meanwhile.
+# Beyond this the sentence "K is ..." would be about somebody who no longer drives with the pedal.
+BRIEF = 5.0
+
+# s; an estimate is repeated at least this often: twice a second is what an eye can follow.
+EVERY = 0.5
+
+# s of usable data below which nothing is said: the Cramér-Rao bound of K1 exceeds K1 itself below 20 s.
+ENOUGH = 20.0
+
+_AT_ONCE = {
+    Gate.CRUISE: Status.NO_DRIVER,
+    Gate.NO_CRUISE: Status.NO_DRIVER,
+    Gate.STANDSTILL: Status.NO_DRIVER,
+    Gate.NO_LEAD: Status.NO_LEAD,
+    Gate.STALE: Status.STALE,
+}
+_AFTER_A_WHILE = {
+    Gate.BRAKE: Status.NO_DRIVER,
+    Gate.PEDAL_FLOOR: Status.NO_DRIVER,
+    Gate.TARGET_CHANGE: Status.NO_LEAD,
+}
+
+
+class Closed(NamedTuple):
+    """How long the gate has been shut, and what was said last."""
+
+    since: float = NAN  # s, start of the present closure; NaN: open
+    kind: Status | None = None  # of the last emitted estimate
+    emitted: float = NAN  # s, when
+
+
+def step(state: Closed, sample: Sample) -> tuple[Closed, Status | None]:
+    """Follow the gate.
+
+    Returns:
+        The new state, and the status that the gate alone forces; None where the data may speak.
+
+    >>> from canid.types import Gate, Sample
+    >>> braking = Sample(0.0, 0.0, (0.0,), Gate.BRAKE, False, 0, {})
+    >>> state, forced = step(Closed(), braking)
+    >>> forced is None
+    True
+    >>> step(state, braking._replace(t=6.0))[1]
+    <Status.NO_DRIVER: 'no_driver'>
+    """
+    if sample.gate is Gate.OPEN:
+        return state._replace(since=NAN), None
+    since = sample.t if state.since != state.since else state.since
+    forced = _AT_ONCE.get(sample.gate)
+    if forced is None and sample.t - since >= BRIEF:
+        forced = _AFTER_A_WHILE.get(sample.gate, Status.STALE)
+    return state._replace(since=since), forced
+
+
+def due(state: Closed, t: float, kind: Status, every: float = EVERY) -> bool:
+    """Whether an estimate is to be emitted at `t` [s]: the kind is new, or the last one is `every` s old."""
+    # half a millisecond: grid times are floats, and 0.1 s steps must not drift to every sixth sample
+    return kind is not state.kind or not t - state.emitted < every - 5e-4
+
+
+def said(state: Closed, t: float, kind: Status) -> Closed:
+    """The state after an estimate of this kind went out at `t` [s]."""
+    return state._replace(kind=kind, emitted=t)
+
+
+def silent(t: float, estimator: str, status: Status, says: str, names: Sequence[str]) -> Estimate:
+    """An estimate that tells nothing of any channel."""
+    return Estimate(t, estimator, status, says, {name: Channel() for name in names})
+
+
+# What an input usually does in driving, and its unit: sd of the published studies (Grover 2021, Chen & Ulsoy
+# 2001) and of the public car-following logs. Only used to name the input that moved least, and its unit.
+_USUAL: dict[str, tuple[float, str]] = {
+    "headway_error": (0.3, "s"),
+    "range_rate": (1.0, "m/s"),
+    "lateral_offset": (0.3, "m"),
+}
+
+
+def usual(name: str) -> float:
+    """The usual standard deviation of an input in driving, in its unit; 1 for an unknown name."""
+    return _USUAL.get(name, (1.0, ""))[0]
+
+
+def hardly_moved(excitation: Mapping[str, float]) -> str:
+    """The sentence for `not_excited`: which input moved least, how much, and what to do.
+
+    >>> hardly_moved({"headway_error": 0.4, "range_rate": 0.1})
+    'range rate hardly moved (sd 0.10 m/s) in these data: drive with varying speed'
+    """
+    name = min(excitation, key=lambda n: excitation[n] / usual(n))
+    unit = _USUAL.get(name, (1.0, ""))[1]
+    remedy = "move within the lane" if name == "lateral_offset" else "drive with varying speed"
+    amount = f"{excitation[name]:.2f} {unit}".strip()
+    return f"{name.replace('_', ' ')} hardly moved (sd {amount}) in these data: {remedy}"

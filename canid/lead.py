@@ -1,0 +1,206 @@
+"""The vehicle ahead: taken from signals as they are, or chosen among radar tracks; then smoothed.
+
+Choosing: in the own path, nearest, continuous. A change of target is an event and the start of a new history,
+never a jump in range rate.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from canid import smoothing
+from canid.smoothing import Noise
+from canid.types import NAN, Event, Reading, TrackReading
+
+# s; a track counts only while it reports: radars report at 10 to 20 Hz, so five missed reports
+SILENT = 0.5
+# s; a track must have been in the path for this long before it is followed: reflections last a report or two
+PERSIST = 0.25
+# a followed target may wander this much further out than a new one may come in, before it is let go
+WANDER = 1.4
+# m; another track must be this much nearer to be another vehicle in between, not the same one's other end
+NEARER = 4.0
+# m/s; slower objects over ground are the roadside, unless we crawl ourselves
+MOVING = 2.0
+# m/s; below this own speed the yaw rate says nothing about the path's curve
+CURVE_SPEED = 5.0
+
+
+class Settings(NamedTuple):
+    """What the vehicle file says about the lead."""
+
+    from_tracks: bool = False
+    in_path: float = 1.8  # m; half a lane of 3.6 m
+    noise: Noise = Noise()
+
+
+class Track(NamedTuple):
+    """A track's latest report, and since when it has been a vehicle in our path."""
+
+    t: float
+    distance: float
+    rate: float
+    since: float  # s; NaN: it is none
+
+
+class State(NamedTuple):
+    """What the next reading's meaning depends on."""
+
+    tracks: dict[int, Track]
+    target: int = -1  # track number; -1: none
+    serial: int = 0  # of the target: grows by one with every change
+    pending: tuple[float, float, float] = (NAN, NAN, NAN)  # t, gap, range rate of the report being collected
+    valid: bool = True  # lead_valid, where it is a signal
+    speed: float = NAN  # m/s, own
+    yaw_rate: float = 0.0  # rad/s, own, left positive
+    smooth: smoothing.State = smoothing.State()
+    told: bool = False  # was "no lead" said since the last target?
+
+
+Out = list[Reading | Event]
+
+
+def init() -> State:
+    """Return the state before the first reading."""
+    return State(tracks={})
+
+
+def step(state: State, reading: Reading | TrackReading, settings: Settings) -> tuple[State, Out]:
+    """Take one reading; every other role passes unchanged.
+
+    Returns:
+        the next state, and readings of `gap`, `range_rate`, `lead_valid` and `target` (the target's serial number)
+        in the place of those that came, late by `smoothing.LAG`.
+
+    Example:
+        >>> state, out = step(init(), Reading(0.0, "speed", 20.0), Settings())
+        >>> out
+        [Reading(t=0.0, role='speed', value=20.0)]
+    """
+    if isinstance(reading, TrackReading):
+        return _track(state, reading, settings)
+    out: Out = []
+    if not settings.from_tracks and reading.t > state.pending[0]:
+        state, out = _collected(state, settings)
+    role, value = reading.role, reading.value
+    if role in ("gap", "range_rate") and not settings.from_tracks:
+        t, gap, rate = state.pending
+        if t != reading.t:
+            gap = rate = NAN
+        pending = (reading.t, value, rate) if role == "gap" else (reading.t, gap, value)
+        return state._replace(pending=pending), out
+    if role == "lead_valid" and not settings.from_tracks:
+        return state._replace(valid=value != 0.0), out
+    if role == "speed":
+        state = state._replace(speed=value)
+    elif role == "yaw_rate" and value == value:
+        state = state._replace(yaw_rate=value)
+    out.append(reading)
+    return state, out
+
+
+def _collected(state: State, settings: Settings) -> tuple[State, Out]:
+    """One frame's gap and range rate are together: smooth them."""
+    t, gap, rate = state.pending
+    state = state._replace(pending=(NAN, NAN, NAN))
+    if not state.valid or gap != gap and not state.smooth.history:
+        return _lost(state, t)
+    last = state.smooth.history[-1].t if state.smooth.history else t
+    if gap != gap and t - last > smoothing.BRIDGE:
+        return _lost(state, t)
+    return _follow(state, t, gap, rate, settings.noise)
+
+
+def _readings(points: list[smoothing.Smoothed], serial: int) -> Out:
+    out: Out = []
+    for t, gap, rate in points:
+        out += [Reading(t, "gap", gap), Reading(t, "range_rate", rate)]
+        out += [Reading(t, "lead_valid", 1.0), Reading(t, "target", float(serial))]
+    return out
+
+
+def _lost(state: State, t: float) -> tuple[State, Out]:
+    """No target: say so once per report, and give out what was still being smoothed."""
+    out = _readings(smoothing.flush(state.smooth), state.serial)
+    if state.smooth.history:
+        out.append(Event(t, "lead_lost", f"{t:.1f} s: the vehicle ahead is gone"))
+    # without a target there is nothing to smooth: said with the same lag, to keep each role's times in order
+    at = t - smoothing.LAG
+    latest = state.smooth.history[-1].t if state.smooth.history else -1.0
+    if at > latest:
+        out += [Reading(at, role, NAN) for role in ("gap", "range_rate")] + [Reading(at, "lead_valid", 0.0)]
+    return state._replace(smooth=smoothing.State(), target=-1), out
+
+
+def _follow(state: State, t: float, gap: float, rate: float, noise: Noise) -> tuple[State, Out]:
+    fresh = not state.smooth.history
+    smooth, points, changed = smoothing.step(state.smooth, t, gap, rate, noise)
+    out = _readings(points, state.serial)
+    serial = state.serial
+    if changed or (fresh and smooth.history):
+        serial += 1
+        if serial > 1 or changed:
+            says = f"{t:.1f} s: another vehicle ahead, at {gap:.0f} m"
+            out.append(Event(t, "target_change", says))
+    return state._replace(smooth=smooth, serial=serial), out
+
+
+def _lateral(state: State, reading: TrackReading) -> float:
+    """Distance from the own path, which bends with the yaw rate: m."""
+    if not state.speed > CURVE_SPEED:
+        return reading.lateral
+    # circle of curvature yaw_rate / speed, at small angles
+    return reading.lateral - state.yaw_rate / state.speed * reading.distance**2 / 2
+
+
+def _track(state: State, reading: TrackReading, settings: Settings) -> tuple[State, Out]:
+    """One track's report: keep it, decide who is the lead, smooth the lead's own reports."""
+    t, number = reading.t, reading.track
+    before = state.tracks.get(number)
+    followed = number == state.target
+    reports = reading.valid and reading.distance == reading.distance and reading.rate == reading.rate
+    corridor = settings.in_path * (WANDER if followed else 1.0)
+    over_ground = state.speed + reading.rate
+    candidate = reports and abs(_lateral(state, reading)) <= corridor
+    if candidate and not followed:
+        candidate = not (over_ground < MOVING and state.speed > MOVING)
+    since = t if before is None or before.since != before.since or reading.new else before.since
+    track = Track(t, reading.distance, reading.rate, since if candidate else NAN)
+    state = state._replace(tracks={**state.tracks, number: track})
+
+    known = state.tracks.get(state.target)
+    alive = known is not None and known.since == known.since and t - known.t <= SILENT
+    if followed and reading.new and not smoothing.fits(
+        state.smooth, t, reading.distance, reading.rate, settings.noise
+    ):
+        alive = False
+    limit = known.distance - NEARER if alive and known is not None else float("inf")
+    best = _nearest(state, t, limit)
+    out: Out = []
+    if best >= 0 and best != state.target:
+        state, out = _hand_over(state, t, best, settings)
+    elif not alive:
+        state, out = _lost(state, t)
+    if number == state.target and state.tracks[number].since == state.tracks[number].since:
+        state, more = _follow(state, t, reading.distance, reading.rate, settings.noise)
+        out += more
+    return state, out
+
+
+def _nearest(state: State, t: float, limit: float) -> int:
+    """Return the nearest track that has persisted in the path, nearer than `limit`; -1: none."""
+    candidates = [
+        (track.distance, number)
+        for number, track in state.tracks.items()
+        if t - track.t <= SILENT and t - track.since >= PERSIST and track.distance < limit
+    ]
+    return min(candidates)[1] if candidates else -1
+
+
+def _hand_over(state: State, t: float, best: int, settings: Settings) -> tuple[State, Out]:
+    """Follow another track; where the filter finds that it is the same vehicle, its history goes on."""
+    track = state.tracks[best]
+    if smoothing.fits(state.smooth, t, track.distance, track.rate, settings.noise):
+        return state._replace(target=best), []
+    out = _readings(smoothing.flush(state.smooth), state.serial)
+    return state._replace(target=best, smooth=smoothing.State()), out

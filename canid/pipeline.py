@@ -1,0 +1,127 @@
+"""One frame in; samples, estimates and events out: the composition that live, replay and batch share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
+
+from canid import clock, gate, lead, sampling
+from canid.estimators import ESTIMATORS
+from canid.smoothing import Noise
+from canid.types import TASK_INPUTS, AnyEstimator, Estimate, Event, Frame, Reading, Sample
+from canid.vehicle import Vehicle, decoder
+
+# s; 10 Hz, the rate of Chen & Ulsoy 2001 and well above what a person's answer holds (below 1 Hz)
+DT = 0.1
+
+Output = Sample | Estimate | Event
+
+
+class State(NamedTuple):
+    """Everything that the next frame's meaning depends on."""
+
+    clock: clock.State
+    decode: Any
+    lead: lead.State
+    sampling: sampling.State
+    gate: gate.State
+    estimators: tuple[Any, ...]
+
+
+class Pipeline(NamedTuple):
+    """A vehicle's pipeline: two pure functions."""
+
+    init: Callable[[], State]
+    step: Callable[[State, Frame], tuple[State, list[Output]]]
+
+
+def sampled_roles(vehicle: Vehicle) -> dict[str, sampling.Role]:
+    """How each role that this vehicle has is brought onto the grid."""
+    needed = {vehicle.driver.output, "speed", "gap", "range_rate", "lateral_offset"}
+    roles = {
+        role: sampling.Role(how.switch, how.stale, role in needed and not how.switch)
+        for role, how in vehicle.roles.items()
+        if role != "lead_valid"
+    }
+    if vehicle.driver.task == "car_following":
+        following = {role: sampling.Role(needed=True) for role in ("gap", "range_rate")}
+        roles |= following | sampling.MADE
+    return roles
+
+
+def estimators(vehicle: Vehicle, dt: float = DT) -> tuple[AnyEstimator, ...]:
+    """Return the estimators, with this vehicle's settings bound."""
+    names = TASK_INPUTS[vehicle.driver.task]
+    return tuple(make(names, dt, getattr(vehicle, name)) for name, make in ESTIMATORS)
+
+
+def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipeline:
+    """Compose a vehicle's pipeline.
+
+    Args:
+        vehicle: from `read_vehicle`.
+        estimating: False leaves the estimators out: only samples and events come.
+        dt: step of the grid, s.
+
+    Returns:
+        `init() -> state` and `step(state, frame) -> (state, outputs)`; outputs in the order in which they came to be.
+    """
+    decode_init, decode = decoder(vehicle)
+    roles = sampled_roles(vehicle)
+    driver = vehicle.driver
+    following = driver.task == "car_following"
+    noise = Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
+    settings = lead.Settings(vehicle.lead.tracks is not None, vehicle.lead.in_path, noise)
+    running = estimators(vehicle, dt) if estimating else ()
+
+    def init() -> State:
+        states = tuple(estimator.init() for estimator in running)
+        return State(clock.init(), decode_init(), lead.init(), sampling.init(), gate.init(), states)
+
+    def step(state: State, frame: Frame) -> tuple[State, list[Output]]:
+        out: list[Output] = []
+        now, timed, event = clock.step(state.clock, frame)
+        if event:
+            out.append(event)
+        if timed is None:
+            return state._replace(clock=now), out
+        decoded, readings = decode(state.decode, timed)
+        follow, samples = state.lead, state.sampling
+        for reading in readings:
+            if isinstance(reading, Event):
+                out.append(reading)
+                continue
+            kept: list[Reading | Event]
+            if following:
+                follow, kept = lead.step(follow, reading, settings)
+            else:
+                kept = [reading] if isinstance(reading, Reading) else []
+            for item in kept:
+                if isinstance(item, Event):
+                    out.append(item)
+                else:
+                    samples = sampling.put(samples, item)
+        samples, points = sampling.take(samples, now.latest, dt, roles)
+        judged, states = state.gate, state.estimators
+        for t, values in points:
+            judged, sample = gate.step(judged, t, values, driver, dt)
+            out.append(sample)
+            stepped = []
+            for estimator, inner in zip(running, states, strict=True):
+                inner, estimate = estimator.step(inner, sample)
+                stepped.append(inner)
+                if estimate is not None:
+                    out.append(estimate)
+            states = tuple(stepped)
+        return State(now, decoded, follow, samples, judged, states), out
+
+    return Pipeline(init, step)
+
+
+def run(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[tuple[State, Output]]:
+    """Run frames through a pipeline; yields each output with the state after it."""
+    state = pipeline.init()
+    for frame in frames:
+        state, out = pipeline.step(state, frame)
+        for item in out:
+            yield state, item

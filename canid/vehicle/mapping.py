@@ -1,0 +1,112 @@
+"""The values that describe a vehicle once its files are read. Plain data: no DBC object stays behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from canid.types import ArmaxSettings, Driver, FopdtSettings
+from canid.vehicle.bits import Bits
+from canid.vehicle.roles import Kind
+
+# A multiplexed signal is in the frame only where each of these selectors holds one of these raw numbers.
+Condition = tuple[tuple[Bits, frozenset[int]], ...]
+
+
+class SignalMap(NamedTuple):
+    """How one signal's raw number becomes a value: `raw * factor + offset`, in the role's unit."""
+
+    signal: str
+    bits: Bits
+    factor: float
+    offset: float
+    low: float  # in the role's unit; outside [low, high]: not measured
+    high: float
+    kind: Kind
+    when: Condition = ()
+    no_value: Mapping[int, str] = {}  # raw number -> text of the value table that says "no value"
+    on: frozenset[float] | None = None  # bool: these DBC values mean true; None: everything but 0
+    invert: bool = False  # bool: true and false change places
+
+
+class RoleMap(NamedTuple):
+    """One role and where it comes from."""
+
+    role: str
+    message: str
+    id: int
+    extended: bool
+    bus: int | None  # None: the first bus on which the message is seen
+    unit: str
+    stale: float  # s; older than this is not measured any more. NaN: the sampler's own limit
+    how: SignalMap
+
+    @property
+    def signal(self) -> str:
+        """The signal's name in the DBC."""
+        return self.how.signal
+
+    @property
+    def kind(self) -> Kind:
+        """Number, bool or state."""
+        return self.how.kind
+
+    @property
+    def valid(self) -> tuple[float, float]:
+        """Range in the role's unit; infinite where nothing limits it."""
+        return self.how.low, self.how.high
+
+
+class TrackMap(NamedTuple):
+    """One radar track: the signals of one message."""
+
+    track: int
+    message: str
+    id: int
+    extended: bool
+    bus: int | None
+    distance: SignalMap
+    rate: SignalMap
+    lateral: SignalMap | None
+    valid: SignalMap | None
+    new: SignalMap | None
+
+
+class LeadConfig(NamedTuple):
+    """How the vehicle ahead is found. Without tracks, the roles gap and range_rate say it themselves."""
+
+    tracks: tuple[TrackMap, ...] = ()
+    # m; half a lane of 3.5 m: an object whose middle is nearer than this is in the own path.
+    in_path: float = 1.8
+    # Standard deviations of one radar report, as automotive 77 GHz long-range radars are specified.
+    gap_noise: float = 0.25  # m
+    range_rate_noise: float = 0.12  # m/s
+
+
+class MessageMap(NamedTuple):
+    """One message that carries mapped signals: what decoding must watch and encoding must fill."""
+
+    name: str
+    id: int
+    extended: bool
+    bus: int | None
+    length: int  # bytes
+    period: float  # s; NaN: the DBC does not say
+    counter: Bits | None  # a rolling counter that shows that the sender lives
+    # (name, where, raw numbers that the DBC defines) of each multiplexer
+    selectors: tuple[tuple[str, Bits, frozenset[int]], ...]
+
+
+class Vehicle(NamedTuple):
+    """A car, read from its TOML and DBC files. Can be pickled."""
+
+    name: str
+    path: str
+    dbc: tuple[str, ...]
+    roles: Mapping[str, RoleMap]
+    lead: LeadConfig
+    messages: tuple[MessageMap, ...]
+    driver: Driver
+    armax: ArmaxSettings
+    fopdt: FopdtSettings
+    warnings: tuple[str, ...]

@@ -1,0 +1,54 @@
+"""The words that a vehicle file may use: every role with its unit and what it is, and what each task needs."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+Kind = Literal["number", "bool", "state"]
+
+
+class Role(NamedTuple):
+    """One role. A `number` has a unit; a `state` (gear) is a number whose value-table entries are values."""
+
+    unit: str
+    kind: Kind
+    says: str
+
+
+ROLES: dict[str, Role] = {
+    "pedal": Role("%", "number", "accelerator pedal position"),
+    "speed": Role("m/s", "number", "own speed"),
+    "lead_speed": Role("m/s", "number", "speed of the vehicle ahead"),
+    "gap": Role("m", "number", "distance to the vehicle ahead, bumper to bumper"),
+    "range_rate": Role("m/s", "number", "lead speed minus own speed; positive = opening"),
+    "lead_valid": Role("", "bool", "a vehicle ahead is measured"),
+    "brake": Role("", "bool", "brake pedal pressed"),
+    "cruise_active": Role("", "bool", "cruise control drives"),
+    "clutch": Role("", "bool", "clutch pedal pressed"),
+    "accel": Role("m/s2", "number", "own longitudinal acceleration"),
+    "accel_command": Role("m/s2", "number", "acceleration that a controller asks for"),
+    "grade": Role("%", "number", "slope of the road; positive = uphill"),
+    "altitude": Role("m", "number", "height"),
+    "east": Role("m", "number", "position"),
+    "north": Role("m", "number", "position"),
+    "lat": Role("deg", "number", "latitude"),
+    "lon": Role("deg", "number", "longitude"),
+    "yaw_rate": Role("rad/s", "number", "positive = to the left"),
+    "gnss_speed": Role("m/s", "number", "own speed by satellite"),
+    "gear": Role("", "state", "gear that is engaged"),
+    "engine_speed": Role("rpm", "number", "engine speed"),
+    "lateral_offset": Role("m", "number", "from the lane's middle; positive = to the left"),
+    "steering_angle": Role("deg", "number", "steering wheel; positive = to the left"),
+}
+
+# Roles that canid computes itself: mapping them is a mistake that deserves its own sentence.
+DERIVED = {"headway": "is computed as gap / speed; map gap and speed"}
+
+# What a task cannot do without, beside the driver's output.
+NEEDS: dict[str, tuple[str, ...]] = {
+    "car_following": ("speed", "gap", "range_rate"),
+    "lane_keeping": ("lateral_offset",),
+}
+
+# What can be a driver's (or a controller's) answer.
+OUTPUTS = ("pedal", "accel", "accel_command", "steering_angle")

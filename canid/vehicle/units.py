@@ -1,0 +1,87 @@
+"""Units as people write them in DBC files, converted to the unit of a role."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Unit(NamedTuple):
+    """`value_in_base = value * factor`; units of one dimension convert into each other."""
+
+    dimension: str
+    factor: float
+
+
+# Exact by definition (international mile 1609.344 m, foot 0.3048 m, standard gravity 9.80665 m/s², knot
+# 1852 m/h).
+_KMH, _MPH, _KNOT = 1 / 3.6, 0.44704, 1852 / 3600
+_TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
+    ("speed", 1.0, ("m/s", "mps", "ms-1", "meter/sec", "m/sec")),
+    ("speed", _KMH, ("km/h", "kph", "kmh", "kmph", "km/hr", "kmh-1")),
+    ("speed", _MPH, ("mph", "mi/h", "mile/h", "miles/h")),
+    ("speed", _KNOT, ("kn", "knot", "knots", "kt")),
+    ("speed", 0.3048, ("ft/s", "fps")),
+    ("speed", 0.01, ("cm/s",)),
+    ("length", 1.0, ("m", "meter", "meters", "metre", "metres")),
+    ("length", 1000.0, ("km",)),
+    ("length", 0.01, ("cm",)),
+    ("length", 0.001, ("mm",)),
+    ("length", 0.3048, ("ft", "feet", "foot")),
+    ("length", 1609.344, ("mi", "mile", "miles")),
+    ("acceleration", 1.0, ("m/s2", "m/s^2", "m/s²", "m/s/s", "mps2", "m/s**2", "m/sec2", "m/sec^2", "m/(s^2)")),
+    ("acceleration", 9.80665, ("g", "g's")),
+    ("acceleration", 0.00980665, ("mg",)),
+    ("acceleration", _KMH, ("km/h/s", "kph/s")),
+    ("angle", 1.0, ("rad", "radian", "radians")),
+    ("angle", 0.001, ("mrad",)),
+    ("angle", math.pi / 180, ("deg", "°", "degree", "degrees", "degr")),
+    ("angular rate", 1.0, ("rad/s", "rad/sec")),
+    ("angular rate", 0.001, ("mrad/s",)),
+    ("angular rate", math.pi / 180, ("deg/s", "°/s", "deg/sec", "dps", "degree/s", "degrees/s", "degs-1")),
+    ("ratio", 1.0, ("%", "percent", "pct", "prozent")),
+    ("ratio", 100.0, ("0..1", "0-1", "1", "fraction", "ratio", "pu", "p.u.")),
+    ("ratio", 0.1, ("‰", "permille", "promille")),
+    ("rotation", 1.0, ("rpm", "1/min", "u/min", "r/min", "min-1", "rev/min", "/min")),
+    ("rotation", 60.0, ("rps", "1/s", "rev/s")),
+    ("time", 1.0, ("s", "sec", "second", "seconds")),
+    ("time", 0.001, ("ms", "msec")),
+)
+_UNITS = {name: Unit(dimension, factor) for dimension, factor, names in _TABLE for name in names}
+
+
+def unit_of(text: str) -> Unit | None:
+    """The unit that a text names, or None. Case and inner blanks do not matter.
+
+    Example:
+        >>> unit_of("KPH")
+        Unit(dimension='speed', factor=0.2777777777777778)
+        >>> unit_of("bananas") is None
+        True
+    """
+    return _UNITS.get("".join(text.split()).lower().strip("[]"))
+
+
+def factor_to(source: str, target: str) -> float | None:
+    """What a value in `source` is multiplied by to be in `target`; None if one cannot become the other.
+
+    Example:
+        >>> factor_to("mph", "m/s"), factor_to("0..1", "%"), factor_to("deg", "m")
+        (0.44704, 100.0, None)
+    """
+    a, b = unit_of(source), unit_of(target)
+    if a is None or b is None or a.dimension != b.dimension:
+        return None
+    return a.factor / b.factor
+
+
+def examples(target: str) -> str:
+    """A few names of units that convert to `target`, for a message.
+
+    Example:
+        >>> examples("rad/s")
+        'rad/s, mrad/s, deg/s'
+    """
+    wanted = unit_of(target)
+    firsts = [names[0] for dimension, _, names in _TABLE if wanted and dimension == wanted.dimension]
+    return ", ".join(firsts)

@@ -1,0 +1,1 @@
+"""Values → text: no clock, no file, no terminal is touched here."""
