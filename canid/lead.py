@@ -6,6 +6,7 @@ never a jump in range rate.
 
 from __future__ import annotations
 
+from math import exp
 from typing import NamedTuple
 
 from canid import smoothing
@@ -24,6 +25,8 @@ NEARER = 4.0
 MOVING = 2.0
 # m/s; below this own speed the yaw rate says nothing about the path's curve
 CURVE_SPEED = 5.0
+# s; the road bends for longer than a lane change swings (its yaw rate reverses after 2 to 3 s)
+CURVE_TIME = 2.0
 
 
 class Settings(NamedTuple):
@@ -52,9 +55,9 @@ class State(NamedTuple):
     pending: tuple[float, float, float] = (NAN, NAN, NAN)  # t, gap, range rate of the report being collected
     valid: bool = True  # lead_valid, where it is a signal
     speed: float = NAN  # m/s, own
-    yaw_rate: float = 0.0  # rad/s, own, left positive
+    yaw_rate: float = 0.0  # rad/s, own, left positive, averaged over CURVE_TIME
+    yaw_at: float = NAN  # s, of its last reading
     smooth: smoothing.State = smoothing.State()
-    told: bool = False  # was "no lead" said since the last target?
 
 
 Out = list[Reading | Event]
@@ -94,7 +97,10 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
     if role == "speed":
         state = state._replace(speed=value)
     elif role == "yaw_rate" and value == value:
-        state = state._replace(yaw_rate=value)
+        passed = reading.t - state.yaw_at
+        weight = 1.0 - exp(-passed / CURVE_TIME) if passed == passed else 1.0
+        yaw_rate = state.yaw_rate + weight * (value - state.yaw_rate)
+        state = state._replace(yaw_rate=yaw_rate, yaw_at=reading.t)
     out.append(reading)
     return state, out
 

@@ -6,6 +6,7 @@ is kept to the nanosecond and the times between frames are kept exactly.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import zlib
 from pathlib import Path
@@ -23,7 +24,7 @@ _LEVEL = 6
 # Application id of python-can and API version 2.6.8.1: what other tools have seen most.
 _APPLICATION = (5, 0, 0, 0, 2, 6, 8, 1)
 # macOS and Windows have no fdatasync.
-_sync = getattr(os, "fdatasync", os.fsync)
+to_disk = getattr(os, "fdatasync", os.fsync)
 
 _ERROR, _FD, _EXTENDED = int(Flag.ERROR), int(Flag.FD), int(Flag.EXTENDED)
 _REMOTE, _TX, _BRS, _ESI = int(Flag.REMOTE), int(Flag.TX), int(Flag.BRS), int(Flag.ESI)
@@ -33,6 +34,7 @@ def encode(frame: Frame, stamp: int) -> bytes:
     """One object. `stamp`: ns since the file's start (a negative one wraps, as 64 bits do; see `blf_objects`).
 
     Of an error frame the id, the extended flag and eight data bytes are kept.
+    Raises ValueError for more data than such a frame can carry.
 
     >>> len(encode(Frame(0.0, 0, 0x123, b"abc"), 0)), len(encode(Frame(0.0, 0, 0x123, b"abc", Flag.FD), 0))
     (48, 116)
@@ -40,6 +42,8 @@ def encode(frame: Frame, stamp: int) -> bytes:
     t, bus, id_, data, flags, length = frame
     word = id_ | blf.ID_EXTENDED if flags & _EXTENDED else id_
     how = (blf.TX if flags & _TX else 0) | (blf.REMOTE if flags & _REMOTE else 0)
+    if len(data) > (64 if flags & _FD else 8):
+        raise ValueError(f"a frame of {len(data)} bytes: classic CAN carries 8, CAN FD carries 64")
     if flags & _ERROR:
         kind = blf.CAN_ERROR_EXT
         body = blf.ERROR_EXT.pack(bus + 1, 0, 0, 0, 0, min(len(data), 8), 0, word, 0, data[:8])
@@ -79,7 +83,9 @@ class BlfWriter:
             # unbuffered: every write reaches the kernel, so a kill loses nothing that was written
             self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)
         except FileExistsError:
-            raise OutputError(f"{path} exists already: choose another name, or overwrite it explicitly") from None
+            raise OutputError(
+                f"{path} exists already: choose another name, or overwrite it explicitly"
+            ) from None
         except OSError as error:
             raise OutputError(f"cannot create {path}: {error.strerror}") from None
         try:
@@ -112,7 +118,7 @@ class BlfWriter:
         self._write_header()
         if sync:
             try:
-                _sync(self._file.fileno())
+                to_disk(self._file.fileno())
             except OSError as error:
                 raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
 
@@ -126,7 +132,10 @@ class BlfWriter:
             self._file.close()
 
     def abandon(self) -> None:
-        """Close without writing any more: the disk has failed, the last checkpoint stands."""
+        """Close without writing any more: the disk has failed, what was written whole stands."""
+        # a container that the full disk took in part would read as damage; where even this fails, so be it
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._file.fileno(), self._size)
         self._file.close()
 
     def __enter__(self) -> BlfWriter:

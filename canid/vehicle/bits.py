@@ -10,8 +10,9 @@ _FLOAT_CODES = {16: "e", 32: "f", 64: "d"}
 
 
 class Bits(NamedTuple):
-    """Where a signal's raw number lies. `start` counts as a DBC counts: Intel from the least significant
-    bit, Motorola from the most significant one.
+    """Where a signal's raw number lies.
+
+    `start` counts as a DBC counts: Intel from the least significant bit, Motorola from the most significant.
     """
 
     start: int
@@ -36,7 +37,7 @@ class Bits(NamedTuple):
 
 
 def raw_of(bits: Bits, data: bytes) -> float | None:
-    """The raw number, or None where the frame ends before the signal does.
+    """Take the raw number out; None where the frame ends before the signal does.
 
     Example:
         >>> raw_of(Bits(0, 12), bytes([0x34, 0xF2]))
@@ -57,7 +58,7 @@ def raw_of(bits: Bits, data: bytes) -> float | None:
 
 
 def number(raw: int, bits: Bits) -> float:
-    """The raw bit pattern as the number that it stands for (two's complement or IEEE 754)."""
+    """Read the raw bit pattern as the number that it stands for (two's complement or IEEE 754)."""
     if bits.floating:
         value: float = struct.unpack(
             "<" + _FLOAT_CODES[bits.length], raw.to_bytes(bits.length // 8, "little")
@@ -69,7 +70,7 @@ def number(raw: int, bits: Bits) -> float:
 
 
 def put(bits: Bits, raw: float, length: int) -> int:
-    """The raw number in its place, as one little-endian integer of a frame of `length` bytes.
+    """Put the raw number in its place, as one little-endian integer of a frame of `length` bytes.
 
     Numbers of several signals are combined with `|`, then written by `.to_bytes(length, "little")`.
 

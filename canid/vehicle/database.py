@@ -17,8 +17,10 @@ from canid.vehicle.mapping import Condition, MessageMap
 if TYPE_CHECKING:
     from cantools.database.can import Database, Message, Signal
 
-# What the field calls a number that counts up from frame to frame (openpilot's DBCs, AUTOSAR E2E, Vector).
-_COUNTER = re.compile(r"count|alive|rolling|sequence|(^|_)(cnt|ctr|rc|mc|bz)($|_)|msgcnt", re.IGNORECASE)
+# What DBC authors call a number that counts up from frame to frame (openpilot, AUTOSAR E2E, Vector).
+_COUNTER = re.compile(r"count|alive|rolling|sequence|(^|_)(cnt|ctr)($|_|\d)", re.IGNORECASE)
+# Counts something that may rightly stand still: faults of a healthy sender, pulses of a wheel at rest.
+_NOT_ALIVE = re.compile(r"inval|err|fault|pulse|wheel|press|trip|odo", re.IGNORECASE)
 
 
 class Dbc(NamedTuple):
@@ -62,14 +64,14 @@ def _parse(path: Path) -> tuple[Database, list[str]]:
         except (cantools.Error, ValueError, KeyError, OSError, UnicodeError) as error:
             line = " ".join(str(error).split())[:160]
             raise ConfigError(f"{path} is no DBC that can be read: {line}") from error
-    if not hasattr(loaded, "messages"):
+    if not isinstance(loaded, cantools.database.can.Database):
         raise ConfigError(f"{path} is a diagnostics file, not a DBC")
     return loaded, [f"{path.name}: {line}" for line in said]
 
 
 @contextmanager
 def _collected(logger_name: str) -> Iterator[list[str]]:
-    """What a library logs as a warning, collected instead of printed."""
+    """Collect what a library logs as a warning, instead of printing it."""
     said: list[str] = []
 
     class Collect(logging.Handler):
@@ -98,13 +100,13 @@ def _is_strict(message: Message) -> bool:
 
 
 def bits_of(signal: Signal) -> Bits:
-    """Where a signal lies."""
+    """Tell where a signal lies."""
     motorola = signal.byte_order == "big_endian"
     return Bits(signal.start, signal.length, motorola, signal.is_signed, signal.is_float)
 
 
 def condition_of(message: Message, signal: Signal) -> Condition:
-    """Which selectors must hold what, from the innermost multiplexer outwards, for `signal` to be there."""
+    """Tell which selectors must hold what for `signal` to be there, the innermost multiplexer first."""
     found: list[tuple[Bits, frozenset[int]]] = []
     while signal.multiplexer_signal is not None and signal.multiplexer_ids:
         parent = message.get_signal_by_name(signal.multiplexer_signal)
@@ -114,7 +116,7 @@ def condition_of(message: Message, signal: Signal) -> Condition:
 
 
 def message_map(message: Message, bus: int | None) -> MessageMap:
-    """What decoding and encoding need of a message beside its mapped signals."""
+    """Describe what decoding and encoding need of a message beside its mapped signals."""
     selectors = tuple(
         (
             s.name,
@@ -128,8 +130,8 @@ def message_map(message: Message, bus: int | None) -> MessageMap:
     )
     # A counter under a multiplexer counts its own page only: not a sign of life of the message.
     counters = [s for s in message.signals if _COUNTER.search(s.name) and not s.multiplexer_ids]
-    # One bit flips, it does not count; "INVALID_COUNTER" and friends count faults, and stand still in health.
-    counters = [s for s in counters if s.length > 1 and not re.search("inval|err|fault", s.name, re.I)]
+    # One bit may be a flag: two states that stand still prove nothing.
+    counters = [s for s in counters if s.length > 1 and not _NOT_ALIVE.search(s.name)]
     return MessageMap(
         name=message.name,
         id=message.frame_id,

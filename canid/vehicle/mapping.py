@@ -38,7 +38,7 @@ class RoleMap(NamedTuple):
     extended: bool
     bus: int | None  # None: the first bus on which the message is seen
     unit: str
-    stale: float  # s; older than this is not measured any more. NaN: the sampler's own limit
+    stale: float  # s; older than this is not measured any more
     how: SignalMap
 
     @property
@@ -50,6 +50,11 @@ class RoleMap(NamedTuple):
     def kind(self) -> Kind:
         """Number, bool or state."""
         return self.how.kind
+
+    @property
+    def switch(self) -> bool:
+        """Whether it jumps (yes/no, gear): held between readings, never interpolated."""
+        return self.how.kind != "number"
 
     @property
     def valid(self) -> tuple[float, float]:
@@ -73,9 +78,9 @@ class TrackMap(NamedTuple):
 
 
 class LeadConfig(NamedTuple):
-    """How the vehicle ahead is found. Without tracks, the roles gap and range_rate say it themselves."""
+    """How the vehicle ahead is found."""
 
-    tracks: tuple[TrackMap, ...] = ()
+    tracks: tuple[TrackMap, ...] | None = None  # None: the roles gap and range_rate say it themselves
     # m; half a lane of 3.5 m: an object whose middle is nearer than this is in the own path.
     in_path: float = 1.8
     # Standard deviations of one radar report, as automotive 77 GHz long-range radars are specified.

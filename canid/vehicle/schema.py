@@ -105,7 +105,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def did_you_mean(word: str, words: Iterable[str]) -> str:
-    """A hint in brackets, or nothing.
+    """Make a hint in brackets, or nothing.
 
     Example:
         >>> did_you_mean("pedl", ["pedal", "speed"])

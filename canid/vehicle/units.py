@@ -29,7 +29,11 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("length", 0.001, ("mm",)),
     ("length", 0.3048, ("ft", "feet", "foot")),
     ("length", 1609.344, ("mi", "mile", "miles")),
-    ("acceleration", 1.0, ("m/s2", "m/s^2", "m/s²", "m/s/s", "mps2", "m/s**2", "m/sec2", "m/sec^2", "m/(s^2)")),
+    (
+        "acceleration",
+        1.0,
+        ("m/s2", "m/s^2", "m/s²", "m/s/s", "mps2", "m/s**2", "m/sec2", "m/sec^2"),
+    ),
     ("acceleration", 9.80665, ("g", "g's")),
     ("acceleration", 0.00980665, ("mg",)),
     ("acceleration", _KMH, ("km/h/s", "kph/s")),
@@ -51,7 +55,7 @@ _UNITS = {name: Unit(dimension, factor) for dimension, factor, names in _TABLE f
 
 
 def unit_of(text: str) -> Unit | None:
-    """The unit that a text names, or None. Case and inner blanks do not matter.
+    """Find the unit that a text names, or None. Case and inner blanks do not matter.
 
     Example:
         >>> unit_of("KPH")
@@ -63,7 +67,7 @@ def unit_of(text: str) -> Unit | None:
 
 
 def factor_to(source: str, target: str) -> float | None:
-    """What a value in `source` is multiplied by to be in `target`; None if one cannot become the other.
+    """Tell what a value in `source` is multiplied by to be in `target`; None if one cannot become the other.
 
     Example:
         >>> factor_to("mph", "m/s"), factor_to("0..1", "%"), factor_to("deg", "m")
@@ -76,7 +80,7 @@ def factor_to(source: str, target: str) -> float | None:
 
 
 def examples(target: str) -> str:
-    """A few names of units that convert to `target`, for a message.
+    """List a few names of units that convert to `target`, for a message.
 
     Example:
         >>> examples("rad/s")

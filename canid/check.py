@@ -1,0 +1,125 @@
+"""Does a vehicle file fit these frames: what came for each role, how often, in which range, and what is missing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from canid import pipeline
+from canid.types import NAN, Event, Frame, Gate, Reading, Sample, TrackReading
+from canid.vehicle import Vehicle, decoder, missing
+
+# share of samples in which the lead moves the gap other than its range rate says, before the sign is doubted
+DOUBT = -0.5
+
+
+class Row(NamedTuple):
+    """One role."""
+
+    role: str
+    source: str  # "MESSAGE.SIGNAL (0x123, bus 0)"
+    readings: int
+    rate: float  # 1/s
+    missing_percent: float  # readings that were NaN
+    low: float
+    median: float
+    high: float
+
+
+class Check(NamedTuple):
+    """The whole answer. Problems are sentences that say what to do; without any, the vehicle file fits."""
+
+    frames: int
+    duration: float  # s
+    ids: dict[tuple[int, int], int]  # (bus, id) -> frames
+    rows: tuple[Row, ...]
+    gates: dict[str, float]  # gate -> share of the time, %
+    problems: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], None] | None = None) -> Check:
+    """Run frames through decoding, lead and gate, and tell what came.
+
+    Args:
+        frames: of a log or a bus.
+        vehicle: from `read_vehicle`.
+        on_time: called now and then with the time of the log.
+    """
+    running = pipeline.build(vehicle, estimating=False)
+    state = running.init()
+    decode_init, decode = decoder(vehicle)
+    decoded = decode_init()
+    ids: Counter[tuple[int, int]] = Counter()
+    values: dict[str, list[float]] = {}
+    tracks = 0
+    samples: list[Sample] = []
+    events: list[Event] = []
+    last = 0.0
+    for frame in frames:
+        ids[frame.bus, frame.id] += 1
+        last = max(last, frame.t)
+        decoded, readings = decode(decoded, frame)
+        for reading in readings:
+            if isinstance(reading, Reading):
+                values.setdefault(reading.role, []).append(reading.value)
+            elif isinstance(reading, TrackReading):
+                tracks += reading.valid
+        state, out = running.step(state, frame)
+        if out and on_time is not None:
+            on_time(frame.t)
+        samples += [item for item in out if isinstance(item, Sample)]
+        events += [item for item in out if isinstance(item, Event)]
+    rows = tuple(_row(role, vehicle, values.get(role, []), last) for role in vehicle.roles)
+    shares = Counter(sample.gate for sample in samples)
+    gates = {
+        (gate.name.lower() if gate is not Gate.OPEN else "driving"): 100 * n / len(samples)
+        for gate, n in shares.most_common()
+    }
+    problems = list(missing(vehicle, decoded))
+    problems += [
+        f"{row.role}: {row.source} came {row.readings} times and never held a value"
+        for row in rows
+        if row.readings and row.missing_percent == 100.0
+    ]
+    problems += [event.says for event in events if event.what == "ambiguous_bus"]
+    if state.clock.dropped:
+        problems.append(f"{state.clock.dropped} frames go back in time, by up to {state.clock.worst:.3g} s")
+    problems += _signs(samples)
+    remarks = [f"{what}: {n} times" for what, n in sorted(decoded.counters.items())]
+    if vehicle.lead.tracks is not None:
+        changes = sum(event.what == "target_change" for event in events)
+        remarks.append(f"radar: {tracks} valid track reports; the lead changed {changes} times")
+    return Check(sum(ids.values()), last, dict(ids), rows, gates, tuple(problems), tuple(remarks))
+
+
+def _row(role: str, vehicle: Vehicle, values: list[float], duration: float) -> Row:
+    how = vehicle.roles[role]
+    bus = "" if how.bus is None else f", bus {how.bus}"
+    source = f"{how.message}.{how.signal} (0x{how.id:X}{bus})"
+    array = np.array(values)
+    known = array[np.isfinite(array)]
+    low, median, high = np.percentile(known, [0, 50, 100]) if known.size else (NAN, NAN, NAN)
+    lost = 100.0 * (1 - known.size / array.size) if array.size else NAN
+    rate = array.size / duration if duration else NAN
+    return Row(role, source, array.size, rate, lost, float(low), float(median), float(high))
+
+
+def _signs(samples: list[Sample]) -> list[str]:
+    """The gap must grow where range rate is positive: the commonest wrong sign in vehicle files."""
+    gap = np.array([s.signals.get("gap", NAN) for s in samples])
+    rate = np.array([s.signals.get("range_rate", NAN) for s in samples])
+    if gap.size < 20:
+        return []
+    slope = np.diff(gap) / np.diff([s.t for s in samples])
+    same = np.array([a.segment == b.segment for a, b in zip(samples, samples[1:], strict=False)])
+    middle = (rate[1:] + rate[:-1]) / 2
+    known = np.isfinite(slope) & np.isfinite(middle) & same
+    if known.sum() < 20 or np.std(middle[known]) == 0 or np.std(slope[known]) == 0:
+        return []
+    if np.corrcoef(slope[known], middle[known])[0, 1] < DOUBT:
+        return ["range_rate: its sign contradicts d(gap)/dt; positive must be opening (set scale = -1)"]
+    return []

@@ -1,0 +1,75 @@
+"""The command line: parse, call, print. One verb per file; the list below is the registry."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib import import_module
+
+from canid import __version__
+from canid.errors import USAGE, CanidError
+
+# verb, one line for `canid --help`; the module canid.cli.<verb> has `arguments(parser)` and `run(args) -> int`.
+# It is imported only when its verb is called: start-up stays under 0.1 s, and recording starts before the
+# mathematics is imported.
+VERBS = (
+    ("demo", "see it work: a simulated drive with known truth on a virtual bus"),
+    ("live", "record a bus and tell live how the driver drives; listens only"),
+    ("record", "record a bus without loss; listens only"),
+    ("replay", "the live view from a recorded log, or the log onto a virtual bus"),
+    ("identify", "the driver's parameters from logs: table and JSON"),
+    ("simulate", "make a log with known truth"),
+    ("check", "does the vehicle file fit this log or bus, and what is missing"),
+    ("init", "propose a vehicle file from a DBC"),
+    ("export", "signals and estimates as CSV or Parquet"),
+)
+
+
+def usage() -> str:
+    """Return the text of `canid --help`."""
+    verbs = "\n".join(f"  {name:10}{says}" for name, says in VERBS)
+    return (
+        "usage: canid VERB [options]\n\n"
+        "Records a CAN bus without loss and tells how the driver is driving.\n\n"
+        f"{verbs}\n\n"
+        "canid VERB --help tells a verb's options; canid --version the version.\n"
+        "Exit: 0 done, 1 a check failed, 2 usage or configuration, 3 no bus, 4 input damaged (partial result),\n"
+        "      5 could not write, 130/143 interrupted after a clean close.\n"
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    args = list(sys.argv[1:] if argv is None else argv)
+    if not args or args[0] in ("-h", "--help", "help"):
+        print(usage(), end="")
+        return 0 if args else USAGE
+    if args[0] in ("-V", "--version"):
+        print(f"canid {__version__}")
+        return 0
+    names = [name for name, _ in VERBS]
+    if args[0] not in names:
+        close = get_close_matches(args[0], names, n=1)
+        hint = f'; did you mean "{close[0]}"?' if close else "; `canid --help` lists the verbs"
+        print(f'canid: no verb "{args[0]}"{hint}', file=sys.stderr)
+        return USAGE
+    module = import_module(f"canid.cli.{args[0]}")
+    parser = argparse.ArgumentParser(prog=f"canid {args[0]}", description=dict(VERBS)[args[0]])
+    module.arguments(parser)
+    try:
+        code = module.run(parser.parse_args(args[1:]))
+        sys.stdout.flush()
+        return int(code)
+    except CanidError as error:
+        print(f"canid: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("canid: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # the reader of our output (head, a pager) has had enough; stdout must not be flushed again at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0

@@ -1,0 +1,99 @@
+"""`canid replay LOG`: the live view from a log; with --onto, the log onto a virtual bus."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from canid.cli import options, show
+from canid.errors import DAMAGED, DONE, ConfigError
+from canid.types import Estimate, Event, Sample
+from canid.views.screen import BusLine, View
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("log", metavar="LOG", help=".blf, .asc, candump .log, .csv, .trc or .mf4")
+    options.vehicle(parser, required=False)
+    parser.add_argument(
+        "--speed", type=options.speed, metavar="1|10|max", help="default: max; onto a bus: 1"
+    )
+    options.part(parser)
+    options.json_file(parser)
+    parser.add_argument("--onto", action="store_true", help="send the log to a virtual bus (-i, -c) instead")
+    parser.add_argument("--arm", metavar="CHANNEL", help="with --onto: this physical channel may be sent to")
+    from canid.frames.bus import add_bus_arguments
+
+    add_bus_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay."""
+    if args.onto:
+        return onto(args)
+    if args.vehicle is None:
+        raise ConfigError("replay needs --vehicle V.toml (`canid init FILE.dbc` proposes one)")
+    from canid import logs
+    from canid.frames import open_log
+    from canid.vehicle import read_vehicle
+    from canid.views import summary
+
+    vehicle = read_vehicle(args.vehicle)
+    for warning in vehicle.warnings:
+        options.talk(warning)
+    log = open_log(args.log)
+    view = View(f"canid replay · {args.log} · {vehicle.name}", output=vehicle.driver.output)
+    tally = summary.Tally()
+    events: list[Event] = []
+    state, frames, last = None, 0, 0.0
+    speed = args.speed or float("inf")
+    with options.sink(args.json) as sink:
+        screen = show.display(view, json=args.json)
+        began = time.monotonic()
+        try:
+            for state, frame, out in logs.run(log, vehicle, start=args.start, stop=args.stop):
+                if frames == 0:
+                    began -= frame.t / speed
+                frames += 1
+                last = frame.t
+                ahead = began + frame.t / speed - time.monotonic()
+                if ahead > 0:
+                    time.sleep(ahead)
+                for item in out:
+                    screen.put(item)
+                    if isinstance(item, Estimate):
+                        tally.put(item)
+                        show.write_json(sink, item)
+                    elif isinstance(item, Event):
+                        events.append(item)
+                if out and isinstance(out[-1], Sample | Estimate):
+                    at = f"{100 * log.progress:.0f} % of the log"
+                    screen.lines([BusLine(f"{frames:,} frames   {at}")])
+        finally:
+            screen.close()
+    found = logs.health(log, vehicle, state, frames, last, events)
+    if not frames:
+        raise ConfigError(f"{args.log}: no frames between {args.start:g} and {args.stop:g} s")
+    if not found.mapped:
+        raise logs.nothing_mapped(args.log, vehicle, frames)
+    tell = options.talk if args.json == "-" else print
+    tell("")
+    tell(f"{args.log}: {last:.1f} s, {frames:,} frames, vehicle {vehicle.name}")
+    for line in summary.estimates(tally):
+        tell(line)
+    for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
+        options.talk(line)
+    return DAMAGED if found.damage or found.back_in_time else DONE
+
+
+def onto(args: argparse.Namespace) -> int:
+    """Send the log to a virtual bus."""
+    from canid.frames import open_log
+    from canid.frames.send import onto as send
+    from canid.logs import window
+
+    log = open_log(args.log)
+    frames = window(log, args.start, args.stop)
+    sent = send(args, frames, speed=args.speed or 1.0, arm=args.arm)
+    options.talk(f"{sent:,} frames of {args.log} sent")
+    return DAMAGED if log.damage else DONE

@@ -1,0 +1,159 @@
+"""How outputs reach the user while they come: a live screen on a terminal, plain lines elsewhere, JSON lines beside."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterable
+from typing import Any, Protocol, TextIO
+
+from canid.types import Estimate, Event, Sample, Status
+from canid.views import as_json, words
+from canid.views.screen import BusLine, View, render, update
+
+# s between two plain lines of the same estimator with the same status
+LINE_EVERY = 5.0
+# redraws per second: readable, and a few per cent of a core
+REDRAW = 8.0
+
+
+class Display(Protocol):
+    """Takes what the pipeline puts out."""
+
+    def put(self, item: Sample | Estimate | Event) -> None:
+        """Show one output."""
+
+    def lines(self, lines: Iterable[BusLine]) -> None:
+        """Show the state of bus and recorder."""
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+
+
+class Silent:
+    """Shows nothing."""
+
+    def put(self, item: Sample | Estimate | Event) -> None:
+        """Drop it."""
+
+    def lines(self, lines: Iterable[BusLine]) -> None:
+        """Drop them."""
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+
+class Plain:
+    """One line per change of status, and every few seconds of the log."""
+
+    def __init__(self, stream: TextIO) -> None:
+        """Write to `stream`."""
+        self._stream = stream
+        self._said: dict[str, tuple[float, Status]] = {}
+        self._wrong: set[str] = set()
+
+    def put(self, item: Sample | Estimate | Event) -> None:
+        """Write a line where something has changed."""
+        if isinstance(item, Event):
+            print(f"canid: {item.says}", file=sys.stderr, flush=True)
+        elif isinstance(item, Estimate):
+            t, status = self._said.get(item.estimator, (-LINE_EVERY, None))
+            if status is not item.status or item.t - t >= LINE_EVERY - 1e-6:
+                self._said[item.estimator] = (item.t, item.status)
+                print(words.estimate(item), file=self._stream, flush=True)
+
+    def lines(self, lines: Iterable[BusLine]) -> None:
+        """Say once what is wrong."""
+        for line in lines:
+            if line.wrong and line.says not in self._wrong:
+                self._wrong.add(line.says)
+                print(f"canid: {line.says}", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+
+class Screen:
+    """The live screen."""
+
+    def __init__(self, view: View, stream: TextIO) -> None:
+        """Draw on the terminal behind `stream`."""
+        from rich.console import Console
+        from rich.live import Live
+
+        self._view = view
+        self._drawn = 0.0
+        self._live = Live(render(view), console=Console(file=stream), auto_refresh=False, transient=False)
+        self._live.start()
+
+    def put(self, item: Sample | Estimate | Event) -> None:
+        """Take it into the view, and redraw now and then."""
+        self._view = update(self._view, item)
+        self._redraw()
+
+    def lines(self, lines: Iterable[BusLine]) -> None:
+        """Show the state of bus and recorder."""
+        self._view = self._view._replace(lines=tuple(lines))
+        self._redraw()
+
+    def _redraw(self, *, force: bool = False) -> None:
+        now = time.monotonic()
+        if force or now - self._drawn >= 1.0 / REDRAW:
+            self._drawn = now
+            self._live.update(render(self._view), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last picture on the terminal."""
+        self._redraw(force=True)
+        self._live.stop()
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """Can a screen be drawn there?"""
+    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+def display(view: View, *, json: str | None) -> Display:
+    """Choose the display: the screen on a terminal, lines elsewhere; beside JSON on standard output, standard error."""
+    stream = sys.stderr if json == "-" else sys.stdout
+    if is_terminal(stream):
+        return Screen(view, stream)
+    return Silent() if json == "-" else Plain(stream)
+
+
+class Progress:
+    """A progress bar on a terminal, nothing elsewhere."""
+
+    def __init__(self, label: str) -> None:
+        """Start it at 0."""
+        self._bar: Any = None
+        self._drawn = 0.0
+        if is_terminal(sys.stderr):
+            from rich.console import Console
+            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+            from rich.progress import Progress as Bar
+
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+            self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
+            self._task = self._bar.add_task(label, total=1.0)
+            self._bar.start()
+
+    def to(self, fraction: float) -> None:
+        """Set it."""
+        now = time.monotonic()
+        if self._bar is not None and now - self._drawn > 1.0 / REDRAW:
+            self._drawn = now
+            self._bar.update(self._task, completed=fraction)
+
+    def close(self) -> None:
+        """Take it away."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
+def write_json(file: TextIO | None, estimate: Estimate) -> None:
+    """One estimate as one line."""
+    if file is not None:
+        file.write(as_json.line(as_json.estimate(estimate)) + "\n")

@@ -1,0 +1,49 @@
+"""`canid simulate OUT.blf`: a log with known truth; the truth stands in a .truth.json beside it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from canid.cli import options
+from canid.errors import DONE, OutputError
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    from canid.simulate import NOISES, PROFILES
+
+    parser.add_argument("out", metavar="OUT.blf", help="the log to write; the suffix chooses the format")
+    options.vehicle(parser, required=False)
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="the same seed gives the same bytes")
+    parser.add_argument("--minutes", type=float, default=3.0, metavar="M")
+    parser.add_argument("--noise", choices=NOISES, default="ar1", help="colour of the driver's own noise")
+    parser.add_argument("--profile", choices=PROFILES, default="mixed")
+    options.force(parser)
+    options.json_file(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate, encode, write."""
+    from canid.frames import write_log
+    from canid.simulate import START_UTC, frames, simulate
+    from canid.vehicle import read_vehicle
+
+    vehicle = read_vehicle(args.vehicle or "generic")
+    simulation = simulate(minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise)
+    out = Path(args.out)
+    beside = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
+    if beside.exists() and not args.force:
+        raise OutputError(f"{beside}: exists already; choose another name or use --force")
+    write_log(out, frames(simulation, vehicle), START_UTC, overwrite=args.force)
+    truth = json.dumps({**simulation.truth, "vehicle": vehicle.name}, indent=2, ensure_ascii=False) + "\n"
+    try:
+        beside.write_text(truth, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{beside}: cannot be written ({error.strerror})") from error
+    with options.sink(args.json) as sink:
+        if sink is not None:
+            sink.write(truth)
+    options.talk(f"{out} written, its truth in {beside}")
+    return DONE

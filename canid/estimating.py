@@ -1,0 +1,242 @@
+"""The estimators in a process of their own: they may raise, hang or die, and cost no frame.
+
+Frames go to the child over its standard input, outputs come back over its standard output, both pickled.
+The child is restarted when it dies or does not answer; what it had in hand is lost for the estimates, never for
+the recording, and is counted.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import IO, Any, NamedTuple
+
+from canid.types import Event, Frame
+
+# frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, some 60 MB
+WAITING = 100_000
+# frames per message: at 8,000 frames/s a message every 25 ms
+BATCH = 200
+# s without an answer to frames that were sent, before the child is taken for hung; a refit takes milliseconds
+HANG = 5.0
+# s that a child may take to import its mathematics: 3 s on a laptop, 60 s on an emulated machine
+START = 180.0
+# s between restarts of a child that keeps dying: the last one is repeated
+BACK_OFF = (0.0, 1.0, 2.0, 5.0, 10.0)
+# s between looks at a child that may hang
+LOOK = 0.2
+
+
+class Counts(NamedTuple):
+    """What became of the frames that were offered."""
+
+    offered: int
+    done: int
+    dropped: int  # there was no room, or the child died with them
+    restarts: int
+    ready: bool
+
+
+class Estimating:
+    """Owns the child process and the three threads that serve it."""
+
+    def __init__(
+        self, vehicle: str, on_output: Callable[[Any], None], command: Sequence[str] | None = None
+    ) -> None:
+        """Start the child.
+
+        Args:
+            vehicle: path of the vehicle file.
+            on_output: called, from a thread, with each Sample, Estimate and Event.
+            command: of the child; the tests put faulty ones here.
+        """
+        self._command = list(command or (sys.executable, "-m", "canid.estimating", vehicle))
+        self._on_output = on_output
+        self._waiting: deque[Frame] = deque()
+        self._wake = threading.Condition()
+        self._offered = self._sent = self._done = self._dropped = self._restarts = 0
+        self._closing = self._finished = False
+        self._ready = False
+        self._answered = time.monotonic()
+        self.counters: dict[str, int] = {}
+        self.missing: list[str] = []
+        self._child: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._supervise, name="canid-estimating", daemon=True)
+        self._thread.start()
+
+    def put(self, frames: Sequence[Frame]) -> None:
+        """Offer frames; never blocks. Without room the new ones are dropped, and counted."""
+        with self._wake:
+            room = max(WAITING - len(self._waiting), 0)
+            self._offered += len(frames)
+            self._dropped += max(len(frames) - room, 0)
+            self._waiting.extend(frames[:room])
+            self._wake.notify()
+
+    def counts(self) -> Counts:
+        """Return the counts so far."""
+        return Counts(self._offered, self._done, self._dropped, self._restarts, self._ready)
+
+    def close(self, timeout: float = 30.0) -> bool:
+        """Let the child finish what was offered, then end it. Returns False where it had to be killed."""
+        with self._wake:
+            self._closing = True
+            self._wake.notify()
+        self._thread.join(timeout)
+        clean = not self._thread.is_alive()
+        child = self._child
+        if child is not None and child.poll() is None:
+            child.kill()
+            self._thread.join(5.0)
+        return clean
+
+    # --- the threads ---
+
+    def _supervise(self) -> None:
+        while not self._finished:
+            self._run_child()
+            if self._finished or self._closing:
+                return
+            lost = self._sent - self._done
+            self._dropped += lost
+            self._done = self._sent
+            wait = BACK_OFF[min(self._restarts, len(BACK_OFF) - 1)]
+            self._restarts += 1
+            says = f"the estimator is restarted ({self._why}); {lost} frames are missing in the estimates"
+            self._on_output(Event(float("nan"), "estimator_restarted", says))
+            with self._wake:
+                self._wake.wait_for(lambda: self._closing, wait)
+
+    def _run_child(self) -> None:
+        self._why = "it ended"
+        self._ready = False
+        self._answered = time.monotonic()
+        self._child = child = subprocess.Popen(
+            self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        assert child.stdin is not None
+        assert child.stdout is not None
+        feeder = threading.Thread(target=self._feed, args=(child, child.stdin), daemon=True)
+        watcher = threading.Thread(target=self._watch, args=(child,), daemon=True)
+        feeder.start()
+        watcher.start()
+        try:
+            self._collect(child.stdout)
+        finally:
+            child.kill()
+            child.wait()
+            with self._wake:
+                self._wake.notify_all()
+            feeder.join()
+            watcher.join()
+            child.stdout.close()
+
+    def _collect(self, stream: IO[bytes]) -> None:
+        while True:
+            try:
+                kind, payload = pickle.load(stream)
+            except (EOFError, pickle.UnpicklingError, OSError):
+                return
+            self._answered = time.monotonic()
+            if kind == "ready":
+                self._ready = True
+            elif kind == "out":
+                done, outputs, self.counters, self.missing = payload
+                self._done += done
+                for item in outputs:
+                    self._on_output(item)
+            elif kind == "failed":
+                self._why = payload
+            elif kind == "end":
+                self._finished = True
+
+    def _feed(self, child: subprocess.Popen[bytes], stream: IO[bytes]) -> None:
+        try:
+            while child.poll() is None:
+                with self._wake:
+                    self._wake.wait_for(
+                        lambda: self._waiting or self._closing or child.poll() is not None, timeout=1.0
+                    )
+                    batch = [
+                        tuple(self._waiting.popleft()) for _ in range(min(BATCH, len(self._waiting)))
+                    ]
+                    end = self._closing and not batch
+                if batch:
+                    if self._sent == self._done:
+                        # nothing was outstanding: the wait for an answer begins now
+                        self._answered = time.monotonic()
+                    self._sent += len(batch)
+                    pickle.dump(batch, stream, protocol=5)
+                    stream.flush()
+                if end:
+                    break
+        except OSError:
+            pass  # the child is gone: the collector sees it too
+        finally:
+            try:
+                stream.close()
+            except OSError:
+                pass
+
+    def _watch(self, child: subprocess.Popen[bytes]) -> None:
+        while child.poll() is None:
+            time.sleep(LOOK)
+            silent = time.monotonic() - self._answered
+            outstanding = self._sent > self._done
+            if (self._ready and outstanding and silent > HANG) or (not self._ready and silent > START):
+                self._why = f"no answer for {silent:.0f} s"
+                child.kill()
+                return
+
+
+def main() -> int:
+    """Run as the child: frames in, outputs out, until the input ends."""
+    for ignored in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(ignored, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent to answer
+    # one core is enough, and a second one belongs to the recorder
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    source, sink = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # nothing that a library prints gets between the messages
+
+    def say(kind: str, payload: Any = None) -> None:
+        pickle.dump((kind, payload), sink, protocol=5)
+        sink.flush()
+
+    try:
+        from canid import pipeline
+        from canid.vehicle import missing, read_vehicle
+
+        vehicle = read_vehicle(sys.argv[1])
+        running = pipeline.build(vehicle)
+        state = running.init()
+        say("ready")
+        while True:
+            try:
+                batch = pickle.load(source)
+            except EOFError:
+                break
+            outputs = []
+            for item in batch:
+                state, out = running.step(state, Frame(*item))
+                outputs += out
+            say("out", (len(batch), outputs, dict(state.decode.counters), missing(vehicle, state.decode)))
+        say("end")
+    except Exception as error:
+        import traceback
+
+        traceback.print_exc()
+        say("failed", f"{type(error).__name__}: {error}")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

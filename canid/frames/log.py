@@ -1,0 +1,112 @@
+"""`open_log`: any log file as a stream of frames."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from canid.errors import ConfigError, LogError
+from canid.frames import stamps
+from canid.frames.read_state import Read, ReadState
+from canid.types import Damage, Frame
+
+# suffix -> where its reader lives; imported when needed, so that one format does not pay for the others
+_READERS = {
+    ".blf": ("blf_reader", "read_blf"),
+    ".asc": ("asc_reader", "read_asc"),
+    ".log": ("candump_reader", "read_candump"),
+    ".csv": ("csv_reader", "read_csv"),
+    ".trc": ("trc_reader", "read_trc"),
+    ".mf4": ("mf4_reader", "read_mf4"),
+}
+_TEXT = (".asc", ".log", ".csv", ".trc")
+SUFFIXES = (*_READERS, *(f"{suffix}.gz" for suffix in _TEXT))
+
+
+def log_suffix(path: str | os.PathLike[str]) -> str:
+    """The suffix that tells the format, in lower case, with ".gz" where it is compressed.
+
+    >>> log_suffix("drive.BLF"), log_suffix("drive.2.asc.gz")
+    ('.blf', '.asc.gz')
+    """
+    suffixes = [suffix.lower() for suffix in Path(path).suffixes]
+    return "".join(suffixes[-2:] if suffixes[-1:] == [".gz"] else suffixes[-1:])
+
+
+class Log:
+    """The frames of one file. Iterate as often as you like: each iteration reads the file again.
+
+    `damage` is known when an iteration is over; `progress` (0..1) tells how much of the file it has read.
+    """
+
+    def __init__(self, path: Path, read: Read):
+        self.path = path
+        self._read = read
+        self._state = self._new_state()
+        # the first frame, for the start
+        frames = read(path, self._state)
+        next(frames, None)
+        frames.close()  # type: ignore[attr-defined]  # it is a generator: close the file now
+        self.start_utc = stamps.epoch_seconds(self._state.start_ns)
+        self._state = self._new_state()
+
+    def _new_state(self) -> ReadState:
+        return ReadState(size=self.path.stat().st_size)
+
+    @property
+    def damage(self) -> Damage | None:
+        """What could not be read; None before the end of an iteration, or when all was well."""
+        return self._state.damage
+
+    @property
+    def progress(self) -> float:
+        """Share of the file that the latest iteration has read."""
+        return min(1.0, self._state.done / self._state.size) if self._state.size else 1.0
+
+    def __iter__(self) -> Iterator[Frame]:
+        state = self._state = self._new_state()
+        try:
+            yield from self._read(self.path, state)
+        except OSError as error:
+            raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
+
+
+def open_log(path: str | os.PathLike[str]) -> Log:
+    """Open a log; the suffix tells the format (see `SUFFIXES`).
+
+    Times are s since the first frame, exact to the nanosecond that the format has; `start_utc` is the epoch time
+    of the first frame, NaN where the log does not tell.
+
+    Raises ConfigError for a missing file, an unknown suffix or a missing optional package, LogError where nothing
+    can be read. A log that is damaged in part is read in part: see `Log.damage`.
+
+    >>> import tempfile
+    >>> from canid.frames.write import write_log
+    >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
+    >>> write_log(path, [Frame(0.0, 0, 0x123, b"abc"), Frame(0.5, 1, 0x7, b"")], start_utc=1533224087.0)
+    >>> log = open_log(path)
+    >>> [(frame.t, frame.bus, hex(frame.id), frame.data) for frame in log]
+    [(0.0, 0, '0x123', b'abc'), (0.5, 1, '0x7', b'')]
+    >>> log.start_utc, log.damage
+    (1533224087.0, None)
+    """
+    path = Path(path)
+    if not path.exists():
+        raise ConfigError(f"no such log: {path}")
+    if path.is_dir():
+        raise LogError(f"{path} is a folder: name a log file in it")
+    suffix = log_suffix(path)
+    if suffix not in SUFFIXES:
+        raise ConfigError(
+            f"{path}: unknown log format {suffix or '(no suffix)'!r}; known are {', '.join(SUFFIXES)}"
+        )
+    if path.stat().st_size == 0:
+        raise LogError(f"{path} is empty")
+    module, name = _READERS[suffix.removesuffix(".gz")]
+    read: Read = getattr(importlib.import_module(f"canid.frames.{module}"), name)
+    try:
+        return Log(path, read)
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror or error}") from None

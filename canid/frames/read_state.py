@@ -1,0 +1,23 @@
+"""What is known of a log while it is read: filled in by a reader, looked at by `Log`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from canid.types import Damage, Frame
+
+
+@dataclass
+class ReadState:
+    """One reading of one log."""
+
+    size: int = 0  # bytes of the file
+    done: int = 0  # bytes read so far
+    start_ns: int | None = None  # epoch ns of the first frame, known before it is yielded
+    damage: Damage | None = None  # known when the reading is over
+
+
+# A reader of one format. Raises LogError where nothing at all can be read.
+Read = Callable[[Path, ReadState], Iterator[Frame]]

@@ -1,0 +1,70 @@
+"""Reads PEAK's .trc through python-can, which knows its versions 1.0 to 2.1; a bad line is passed over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from canid.frames import messages, python_can, stamps
+from canid.frames.lines import Line, Tally, lines
+from canid.frames.read_state import ReadState
+from canid.types import Frame
+
+
+def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
+    """Frames in the order of the file; raises LogError where no line is one."""
+    tally = Tally()
+    first: int | None = None
+    for message in _messages(lines(path, state, tally), tally):
+        ns = stamps.from_float(message.timestamp)
+        if first is None:
+            first = ns
+            state.start_ns = ns
+        tally.read += 1
+        # PEAK counts buses from 1
+        yield messages.frame_of(message, max(int(message.channel) - 1, 0), first)
+    state.damage = tally.damage(path)
+
+
+def _messages(source: Iterator[Line], tally: Tally) -> Iterator[Any]:
+    feed = _Feed(source, tally)
+    while not feed.over:
+        try:
+            # A reader that has raised is spent: after a bad line a new one gets the header again, then the rest.
+            yield from python_can.load().TRCReader(feed)
+        except (ValueError, IndexError, KeyError, TypeError, NotImplementedError, OverflowError) as error:
+            if feed.last is None:
+                return
+            tally.miss(feed.last, str(error))
+            if feed.last.text.startswith(";"):
+                return  # the header itself is bad: no reader will get beyond it
+
+
+class _Feed:
+    """The file that python-can reads from: header, then the lines not given out yet."""
+
+    mode = "r"
+
+    def __init__(self, source: Iterator[Line], tally: Tally):
+        self._source = source
+        self._tally = tally
+        self._header: list[Line] = []
+        self.last: Line | None = None
+        self.over = False
+
+    def __iter__(self) -> Iterator[str]:
+        for line in chain(tuple(self._header), self._source):
+            if line.text.startswith(";"):
+                if line not in self._header[-64:]:
+                    self._header.append(line)
+            elif not line.whole:
+                self._tally.miss(line, "the file ends in it")
+                continue
+            self.last = line
+            yield line.text + "\n"
+        self.over = True
+
+    def close(self) -> None:
+        """Nothing: the file belongs to `lines`."""

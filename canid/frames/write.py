@@ -1,0 +1,84 @@
+"""`write_log`: a stream of frames as a log file; the suffix chooses the format."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Iterable
+from typing import Protocol
+
+from canid.errors import ConfigError
+from canid.frames import stamps
+from canid.frames.blf_writer import BlfWriter
+from canid.frames.log import log_suffix
+from canid.types import NAN, Frame
+
+
+class Writer(Protocol):
+    """What every format's writer can do; all but `abandon` raise OutputError where the disk fails."""
+
+    start_ns: int | None  # epoch ns of t = 0; may be assigned until the first `append`
+    frames: int
+
+    @property
+    def bytes(self) -> int:
+        """Bytes in the file so far."""
+
+    def append(self, frame: Frame) -> None:
+        """Take one frame."""
+
+    def checkpoint(self, *, sync: bool = True) -> None:
+        """Make the file complete as it stands."""
+
+    def close(self) -> None:
+        """Checkpoint and close."""
+
+    def abandon(self) -> None:
+        """Close without writing any more."""
+
+
+_TEXT = {".asc": "AscWriter", ".log": "CandumpWriter"}
+WRITTEN = (".blf", *_TEXT)
+
+
+def open_writer(
+    path: str | os.PathLike[str], start_ns: int | None = None, *, overwrite: bool = False
+) -> Writer:
+    """A writer for the path's suffix (one of `WRITTEN`).
+
+    Raises ConfigError for another suffix, OutputError where the file exists or cannot be created.
+    """
+    suffix = log_suffix(path)
+    if suffix == ".blf":
+        return BlfWriter(path, start_ns, overwrite=overwrite)
+    if suffix in _TEXT:
+        kind = getattr(importlib.import_module("canid.frames.text_writers"), _TEXT[suffix])
+        writer: Writer = kind(path, start_ns, overwrite=overwrite)
+        return writer
+    raise ConfigError(
+        f"{path}: cannot write the format {suffix or '(no suffix)'!r}; choose {', '.join(WRITTEN)}"
+    )
+
+
+def write_log(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    start_utc: float = NAN,
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write all frames. `start_utc`: epoch s of t = 0 (NaN: unknown), kept to the microsecond.
+
+    A .blf gives back every time bit for bit if it is a whole number of ns (`round(t * 1e9) * 1e-9 == t`) and the
+    first frame has t = 0; the text formats keep as many digits as their kind has.
+    Raises OutputError where the file exists already (unless `overwrite`) or cannot be written.
+
+    >>> import tempfile
+    >>> write_log(f"{tempfile.mkdtemp()}/drive.log", [Frame(0.0, 0, 0x123, b"abc")], 1533224087.0)
+    """
+    writer = open_writer(path, stamps.epoch_ns(start_utc), overwrite=overwrite)
+    try:
+        for frame in frames:
+            writer.append(frame)
+    finally:
+        writer.close()

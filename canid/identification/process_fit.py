@@ -1,0 +1,297 @@
+"""First order plus dead time for every input jointly, y = b + sum K_i x_i(tau_i, theta_i) + AR(p) noise.
+
+One window or a whole drive. The search is the posterior's own grid: it starts on the whole physical box (or where
+the last window's posterior lay), closes in, and refits the noise's colour each time; there is no descent that could
+stop in a side valley. K and the offset are linear inside (Golub & Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.identification import autoregression, first_order, posterior
+from canid.types import NAN, Array, Channel
+
+# s; an input that is missing for less than this is joined by a line: a driver's lag hardly sees the difference.
+# Beyond it the history is broken.
+BRIDGE = 0.5
+
+# Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), coloured plus white noise
+# ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
+NOISE_ORDER = 5
+
+# Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
+PASSES = 8
+
+
+class Point(NamedTuple):
+    """One value of every parameter, noise aside."""
+
+    K: Array  # (m,)
+    tau: Array  # (m,) s
+    dead_time: Array  # (m,) s
+    offset: float
+
+
+class Start(NamedTuple):
+    """What the next window takes over from this one: only where to look first."""
+
+    point: Point
+    regions: tuple[posterior.Region, ...]
+
+
+class ProcessFit(NamedTuple):
+    """The joint fit. NaN values and `Identifiable.NOT` where the data cannot tell."""
+
+    channels: tuple[Channel, ...]
+    point: Point  # the posterior's mean
+    noise: Array  # (p,) autoregression
+    sigma: float  # of the whitened residual
+    temper: float  # >= 1: how much the residual's left-over colour widens the intervals
+    fit_percent: float  # of the simulated answer
+    used: int  # samples
+    start: Start | None  # for the next window
+
+
+class Prepared(NamedTuple):
+    """Data made ready: finite inputs, where history starts, which samples count."""
+
+    y: Array  # (n,)
+    u: Array  # (m, n)
+    usable: npt.NDArray[np.bool_]  # (n,)
+    starts: tuple[int, ...]
+
+
+def prepare(
+    output: Array,
+    inputs: Array,
+    usable: npt.NDArray[np.bool_],
+    dt: float,
+    segment: npt.NDArray[np.int64] | None,
+    settle: float,
+) -> Prepared:
+    """Bridge short gaps of the inputs, find the breaks, drop `settle` seconds after each.
+
+    Args:
+        output: (n,), NaN where not measured.
+        inputs: (n, m), NaN where not measured.
+        usable: (n,) samples whose output may be learnt from.
+        dt: s.
+        segment: (n,), changes where the inputs' history breaks.
+        settle: s after a break in which the unknown history still speaks.
+    """
+    n = len(output)
+    known = np.isfinite(inputs).all(axis=1)
+    good = usable & known & np.isfinite(output)
+    starts = {0}
+    if segment is not None:
+        starts.update(int(i) + 1 for i in np.flatnonzero(np.diff(segment)))
+    if not known.all() and known.any():
+        at = np.flatnonzero(known)
+        starts.add(int(at[0]))
+        longer = np.flatnonzero(np.diff(at) > BRIDGE / dt + 1.0)
+        starts.update(int(at[i + 1]) for i in longer)
+        inputs = np.column_stack([np.interp(np.arange(n), at, column[at]) for column in inputs.T])
+    ordered = tuple(sorted(starts))
+    hold = round(settle / dt)
+    for k in ordered:
+        good[k : k + hold] = False
+    return Prepared(np.where(good, output, 0.0), np.ascontiguousarray(inputs.T, dtype=float), good, ordered)
+
+
+def fit_process(
+    output: Array,
+    inputs: Array,
+    usable: npt.NDArray[np.bool_],
+    dt: float,
+    *,
+    segment: npt.NDArray[np.int64] | None = None,
+    tau_max: float = 3.0,
+    dead_time_max: float = 1.5,
+    start: Start | None = None,
+) -> ProcessFit:
+    """Fit all channels jointly.
+
+    Args:
+        output: (n,) in its unit, NaN where not measured.
+        inputs: (n, m), one or two columns, each in its unit, NaN where not measured.
+        usable: (n,) whether the output may be learnt from; the inputs drive the lags all the same.
+        dt: s.
+        segment: (n,), changes where the inputs' history breaks.
+        tau_max: s, end of the box.
+        dead_time_max: s, end of the box.
+        start: of an overlapping window: saves passes, changes nothing else.
+
+    Raises:
+        ValueError: shapes that do not fit, or more than two inputs.
+
+    >>> rng = np.random.default_rng(0)
+    >>> u = first_order.response(rng.normal(size=600), 0.1, 0.5, 0.0).x
+    >>> y = 3.0 + 5.6 * first_order.response(u, 0.1, 0.4, 0.25).x + 0.05 * rng.normal(size=600)
+    >>> fit = fit_process(y, u[:, None], np.full(600, True), 0.1)
+    >>> fit.channels[0].K.low < 5.6 < fit.channels[0].K.high
+    True
+    """
+    inputs = np.asarray(inputs, float)
+    if inputs.ndim != 2 or inputs.shape[1] not in (1, 2) or len(output) != len(inputs) or len(usable) != len(inputs):
+        raise ValueError(f"output {np.shape(output)}, inputs {inputs.shape}: expected (n,) and (n, 1) or (n, 2)")
+    m = inputs.shape[1]
+    box = posterior.Box(dt / 5.0, tau_max, dead_time_max)
+    # the slowest lag in the box has then forgotten two thirds of an unknown history, usual ones 99 %
+    data = prepare(np.asarray(output, float), inputs, usable, dt, segment, dead_time_max + tau_max)
+    # a tenth of a window: below this the colour of the noise cannot be told from the answer
+    if int(data.usable.sum()) < 20 * (m + 1) or not float(np.ptp(data.y[data.usable])) > 0.0:
+        return nothing(m, int(data.usable.sum()))
+    known = start if start is not None else _cold(data, m, box)
+    colour = _colour(data, dt, known.point)
+    for _ in range(PASSES):
+        grid = _look(data, dt, box, known.regions, colour)
+        known = Start(_middle(data, dt, grid, colour), tuple(posterior.gather(grid, i, box) for i in range(m)))
+        before, colour = colour, _colour(data, dt, known.point)
+        if all(_fine(r, c) for r, c in zip(known.regions, grid.cells, strict=True)) and _same(before, colour):
+            break
+    residual, rows = colour.residual, data.usable
+    around = float(np.linalg.norm(data.y[rows] - data.y[rows].mean()))
+    return ProcessFit(
+        channels=tuple(posterior.channel(grid, i, box) for i in range(m)),
+        point=known.point,
+        noise=colour.noise,
+        sigma=(grid.residual / int(colour.rows.sum())) ** 0.5,
+        temper=colour.temper,
+        fit_percent=100.0 * (1.0 - float(np.linalg.norm(residual[rows])) / around),
+        used=int(rows.sum()),
+        start=known,
+    )
+
+
+class _Colour(NamedTuple):
+    """The noise as it looks from one point."""
+
+    noise: Array  # (p,)
+    rows: npt.NDArray[np.bool_]  # (n,) whose predecessors are usable too
+    residual: Array  # (n,) not whitened, zero where not usable
+    temper: float
+
+
+def nothing(m: int, used: int = 0) -> ProcessFit:
+    """The fit of m inputs that tells nothing."""
+    point = Point(*(np.full(m, NAN) for _ in range(3)), NAN)
+    return ProcessFit((Channel(),) * m, point, np.zeros(0), NAN, 1.0, NAN, used, None)
+
+
+def _cold(data: Prepared, m: int, box: posterior.Box) -> Start:
+    """Static gains, a usual lag, and the whole box to look in."""
+    X = np.column_stack([*data.u, np.ones(len(data.y))])
+    theta = np.linalg.lstsq(X[data.usable], data.y[data.usable], rcond=None)[0]
+    # 0.4 and 0.25 s: a driver as published (Grover 2021); it only colours the first look
+    point = Point(theta[:m], np.full(m, min(0.4, box.tau_max)), np.full(m, min(0.25, box.dead_time_max)), theta[m])
+    return Start(point, (posterior.whole_box(box),) * m)
+
+
+def _residual(data: Prepared, dt: float, at: Point) -> tuple[Array, list[first_order.Response]]:
+    answers = [
+        first_order.response(u, dt, float(tau), float(dead_time), data.starts)
+        for u, tau, dead_time in zip(data.u, at.tau, at.dead_time, strict=True)
+    ]
+    residual = data.y - at.offset
+    for K, answer in zip(at.K, answers, strict=True):
+        residual = residual - K * answer.x
+    return np.where(data.usable, residual, 0.0), answers
+
+
+def _colour(data: Prepared, dt: float, at: Point) -> _Colour:
+    residual, answers = _residual(data, dt, at)
+    noise = autoregression.fit(residual, data.usable, NOISE_ORDER)
+    rows = autoregression.whole(data.usable, len(noise))
+    e = autoregression.whiten(residual, noise)[rows]
+    score = np.array([column for answer in answers for column in answer])
+    score = autoregression.whiten(score, noise, data.starts)[:, rows]
+    return _Colour(noise, rows, residual, left_over(e, score - score.mean(axis=1, keepdims=True), dt))
+
+
+# s; correlation of the whitened residual is looked for up to here: a pedal movement takes a second or two.
+CORRELATED = 2.0
+
+
+def left_over(e: Array, score: Array, dt: float) -> float:
+    """How much the colour that whitening left widens variances: the mean ratio of sandwich to plain variance.
+
+    Ribatet, Cooley & Davison 2012 (magnitude adjustment of a composite likelihood), with the variance of the score
+    by Newey & West 1987. At least one: luck must not narrow an interval.
+
+    Args:
+        e: (n,) whitened residual.
+        score: (k, n) derivatives of the prediction.
+        dt: s.
+
+    >>> left_over(np.tile([1.0, -1.0], 50), np.ones((1, 100)), 0.1)
+    1.0
+    """
+    s = score * e
+    plain = np.einsum("kn,kn->k", score, score) * float(e @ e) / max(len(e), 1)
+    variance = np.einsum("kn,kn->k", s, s)
+    # no more lags than a quarter of the data carry
+    lags = min(round(CORRELATED / dt), len(e) // 4)
+    for i in range(1, lags + 1):
+        variance += 2.0 * (1.0 - i / (lags + 1)) * np.einsum("kn,kn->k", s[:, i:], s[:, :-i])
+    moving = plain > 1e-12 * max(float(np.max(plain)), 1e-300)
+    return max(1.0, float(np.mean(variance[moving] / plain[moving]))) if moving.any() else 1.0
+
+
+def _look(
+    data: Prepared, dt: float, box: posterior.Box, regions: Sequence[posterior.Region], colour: _Colour
+) -> posterior.Grid:
+    rows = colour.rows
+    y = autoregression.whiten(data.y, colour.noise)[rows]
+    past = autoregression.lagged(colour.residual, len(colour.noise))[rows]
+    Z = np.column_stack([np.ones(int(rows.sum())), past])
+    cells = [posterior.lay(region, box) for region in regions]
+    # whitening the input once is whitening every answer to it: both are linear and do not change with time
+    X = [
+        posterior.columns(autoregression.whiten(u, colour.noise, data.starts), dt, c, data.starts)[:, rows]
+        for u, c in zip(data.u, cells, strict=True)
+    ]
+    return posterior.evaluate(y, X, Z, cells, colour.temper)
+
+
+def _middle(data: Prepared, dt: float, grid: posterior.Grid, colour: _Colour) -> Point:
+    """The posterior's mean: where a lag cannot be told, the most likely cell is an accident."""
+    m = len(grid.cells)
+    weights = [posterior.marginal(grid, i) for i in range(m)]
+    at = Point(
+        np.array([float(np.sum(grid.weight * K)) for K in grid.K]),
+        np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)]),
+        np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)]),
+        0.0,
+    )
+    residual, _ = _residual(data, dt, at)
+    white = autoregression.whiten(residual, colour.noise)[colour.rows]
+    return at._replace(offset=float(white.mean()) / (1.0 - float(np.sum(colour.noise))))
+
+
+def _same(a: _Colour, b: _Colour) -> bool:
+    """Whether two looks at the noise agree, so that another pass would change nothing that counts.
+
+    Coefficients to 0.01 (an eighth of their sd in a minute at 10 Hz), the residual itself to 5 %: its colour
+    alone can agree by chance while the gains still move.
+    """
+    apart = float(np.linalg.norm(a.residual - b.residual))
+    return (
+        len(a.noise) == len(b.noise)
+        and bool(np.all(np.abs(a.noise - b.noise) < 0.01))
+        and apart <= 0.05 * float(np.linalg.norm(b.residual))
+    )
+
+
+def _fine(region: posterior.Region, cells: posterior.Cells) -> bool:
+    """Whether the grid resolved the posterior: cells below 1.4 sd, and as wide as the posterior asks for."""
+    low, high = 0.7, posterior.CELLS / 2.0
+    # a spacing of zero happens where the box is only touched
+    return all(
+        low * space <= sd <= high * space
+        for sd, space in ((region.tau_sd, cells.spacing[0]), (region.rest_sd, cells.spacing[1]))
+    )

@@ -1,0 +1,224 @@
+"""A recorded log through the pipeline: outputs one by one, or whole columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from canid import pipeline
+from canid.errors import ConfigError
+from canid.frames import Log, open_log
+from canid.types import (
+    TASK_INPUTS,
+    Damage,
+    Driver,
+    Estimate,
+    Event,
+    Frame,
+    Reading,
+    Sample,
+    Signal,
+    Trace,
+)
+from canid.vehicle import Vehicle, decoder, missing, read_vehicle
+
+
+class Health(NamedTuple):
+    """What a log's reading has shown beside its numbers; each entry is a sentence."""
+
+    frames: int
+    duration: float  # s
+    mapped: int  # readings that came from mapped signals
+    damage: Damage | None
+    back_in_time: str  # "" or what was left out
+    counters: dict[str, int]  # "gap: no target" -> n
+    missing: tuple[str, ...]
+    events: tuple[Event, ...]
+
+
+class Drive(NamedTuple):
+    """All that came out of one log."""
+
+    trace: Trace
+    estimates: tuple[Estimate, ...]
+    health: Health
+
+
+def window(frames: Iterable[Frame], start: float, stop: float) -> Iterator[Frame]:
+    """Frames of [start, stop] s; they keep their times.
+
+    Example:
+        >>> [f.t for f in window([Frame(t, 0, 1, b"") for t in (0.0, 1.0, 2.0)], 0.5, 1.5)]
+        [1.0]
+    """
+    return (frame for frame in frames if start <= frame.t <= stop)
+
+
+def as_vehicle(vehicle: Vehicle | str | Path) -> Vehicle:
+    """Read the vehicle file, unless it was read before."""
+    return vehicle if isinstance(vehicle, Vehicle) else read_vehicle(vehicle)
+
+
+def run(
+    log: Log,
+    vehicle: Vehicle,
+    *,
+    estimating: bool = True,
+    dt: float = pipeline.DT,
+    start: float = 0.0,
+    stop: float = float("inf"),
+) -> Iterator[tuple[pipeline.State, Frame, list[pipeline.Output]]]:
+    """Frame by frame: the state after it, the frame, and what came out."""
+    running = pipeline.build(vehicle, estimating=estimating, dt=dt)
+    state = running.init()
+    for frame in window(log, start, stop):
+        state, out = running.step(state, frame)
+        yield state, frame, out
+
+
+def health(
+    log: Log, vehicle: Vehicle, state: pipeline.State | None, frames: int, last: float, events: Iterable[Event]
+) -> Health:
+    """Sum up what reading a log has shown."""
+    if state is None:
+        return Health(frames, last, 0, log.damage, "", {}, (), tuple(events))
+    back = state.clock
+    says = (
+        f"{back.dropped} frames go back in time (by up to {back.worst:.3g} s) and were left out"
+        if back.dropped
+        else ""
+    )
+    never = tuple(missing(vehicle, state.decode))
+    mapped = sum(len(times) for times in state.sampling.times.values())
+    return Health(frames, last, mapped, log.damage, says, dict(state.decode.counters), never, tuple(events))
+
+
+def trace(samples: list[Sample], driver: Driver, dt: float) -> Trace:
+    """Samples as columns; rows that the log skips are NaN."""
+    names = TASK_INPUTS[driver.task]
+    roles = sorted({role for sample in samples for role in sample.signals})
+    return Trace(
+        dt=dt,
+        t=np.array([s.t for s in samples]),
+        output=np.array([s.output for s in samples]),
+        inputs=np.array([s.inputs for s in samples]).reshape(len(samples), len(names)),
+        input_names=names,
+        gate=tuple(s.gate for s in samples),
+        learn=np.array([s.learn for s in samples], dtype=bool),
+        segment=np.array([s.segment for s in samples], dtype=np.int64),
+        signals={role: np.array([s.signals.get(role, np.nan) for s in samples]) for role in roles},
+    )
+
+
+def read_drive(
+    path: str | Path,
+    vehicle: Vehicle | str | Path,
+    *,
+    dt: float = pipeline.DT,
+    estimating: bool = True,
+    start: float = 0.0,
+    stop: float = float("inf"),
+    log: Log | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Drive:
+    """Run a whole log through the pipeline.
+
+    Args:
+        path: the log.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        dt: step of the grid, s.
+        estimating: run the estimators as well.
+        start: s, leave out what is earlier.
+        stop: s, leave out what is later.
+        log: the opened log, where the caller has it.
+        progress: called now and then with the fraction that was read.
+
+    Raises:
+        ConfigError: the vehicle file is wrong, or nothing in the log is mapped by it.
+        LogError: the log cannot be read.
+    """
+    car = as_vehicle(vehicle)
+    log = open_log(path) if log is None else log
+    samples: list[Sample] = []
+    estimates: list[Estimate] = []
+    events: list[Event] = []
+    state, frames, last = None, 0, 0.0
+    for state, frame, out in run(log, car, estimating=estimating, dt=dt, start=start, stop=stop):
+        frames += 1
+        last = frame.t
+        if progress is not None and out:
+            progress(log.progress)
+        for item in out:
+            if isinstance(item, Sample):
+                samples.append(item)
+            elif isinstance(item, Estimate):
+                estimates.append(item)
+            else:
+                events.append(item)
+    shown = health(log, car, state, frames, last, events)
+    if frames and not shown.mapped:
+        raise nothing_mapped(path, car, frames)
+    return Drive(trace(samples, car.driver, dt), tuple(estimates), shown)
+
+
+def nothing_mapped(path: str | Path, vehicle: Vehicle, frames: int) -> ConfigError:
+    """The error for a log in which no mapped id occurs."""
+    return ConfigError(
+        f"{path}: none of its {frames} frames has an id that {vehicle.name} maps "
+        f"(is it this vehicle's log? `canid check --vehicle V.toml LOG` lists the ids)"
+    )
+
+
+def read_trace(path: str | Path, vehicle: Vehicle | str | Path, dt: float = pipeline.DT) -> Trace:
+    """Read a log as uniform columns: signals decoded, lead chosen and smoothed, gates judged.
+
+    Args:
+        path: .blf, .asc, candump .log, .csv, .trc or .mf4.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        dt: step of the grid, s.
+
+    Returns:
+        a `Trace`; NaN = not measured.
+    """
+    return read_drive(path, vehicle, dt=dt, estimating=False).trace
+
+
+def read_signals(path: str | Path, vehicle: Vehicle | str | Path) -> dict[str, Signal]:
+    """Read the mapped signals as they came, in SI, unsampled.
+
+    Args:
+        path: the log.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+
+    Returns:
+        role -> `Signal(t, value)`, t in s since the log's first frame. Radar tracks are left out: `read_trace` has the lead.
+    """
+    car = as_vehicle(vehicle)
+    init, step = decoder(car)
+    state = init()
+    times: dict[str, list[float]] = {}
+    values: dict[str, list[float]] = {}
+    for frame in open_log(path):
+        state, readings = step(state, frame)
+        for reading in readings:
+            if isinstance(reading, Reading):
+                times.setdefault(reading.role, []).append(reading.t)
+                values.setdefault(reading.role, []).append(reading.value)
+    return {role: Signal(np.array(times[role]), np.array(values[role])) for role in sorted(times)}
+
+
+def replay(path: str | Path, vehicle: Vehicle | str | Path) -> Iterator[Estimate]:
+    """Estimates from a log, one by one, as they would have come live.
+
+    Args:
+        path: the log.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+
+    Yields:
+        an `Estimate` of each estimator every half second of the log.
+    """
+    for _, _, out in run(open_log(path), as_vehicle(vehicle)):
+        yield from (item for item in out if isinstance(item, Estimate))

@@ -1,0 +1,272 @@
+"""Frames → readings. What a frame cannot mean becomes NaN and is counted; nothing here raises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from canid.types import NAN, Event, Flag, Frame, Reading, TrackReading
+from canid.vehicle.bits import number
+from canid.vehicle.mapping import Condition, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
+
+Decoded = Reading | TrackReading | Event
+
+# A counter that repeats once or twice is a frame sent twice by a gateway; five at 20 Hz are a quarter of a
+# second in which the sender's program did not run.
+FROZEN_AFTER = 5
+_NO_DATA = int(Flag.REMOTE | Flag.ERROR)
+
+
+class Life(NamedTuple):
+    """A message's rolling counter: its last number, whether it moved, and how long it stands still."""
+
+    last: float
+    moved: bool = False
+    still: int = 0
+
+
+class Decoding(NamedTuple):
+    """What decoding remembers."""
+
+    counters: Mapping[str, int] = {}  # what was not measured, and why -> how often
+    buses: Mapping[str, int] = {}  # message -> the bus that it is taken from
+    elsewhere: Mapping[str, int] = {}  # message -> another bus, on which it was seen too
+    lives: Mapping[str, Life] = {}
+    seen: frozenset[str] = frozenset()  # roles (and "lead", of tracks) that came at least once
+
+
+Init = Callable[[], Decoding]
+Step = Callable[[Decoding, Frame], tuple[Decoding, list[Decoded]]]
+
+
+class _Plan(NamedTuple):
+    """What to do with one message."""
+
+    message: MessageMap
+    roles: tuple[RoleMap, ...]
+    tracks: tuple[TrackMap, ...]
+    claimed: frozenset[int]  # buses of this id that another message claims by name
+
+
+def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
+    """Make the decoder of a vehicle.
+
+    Returns:
+        `init() -> state` and `step(state, frame) -> (state, what the frame says)`. A frame whose id is not
+        mapped costs one dictionary look-up. `state.counters` says what was left out, and how often.
+
+    Example:
+        >>> from canid.vehicle import decoder, read_vehicle
+        >>> init, step = decoder(read_vehicle("generic"))
+        >>> state, readings = step(init(), Frame(0.5, 0, 0x110, bytes([50, 0, 0, 0])))
+        >>> readings[0]
+        Reading(t=0.5, role='pedal', value=20.0)
+    """
+    table = _table(vehicle)
+
+    def step(state: Decoding, frame: Frame) -> tuple[Decoding, list[Decoded]]:
+        plans = table.get(frame.id)
+        if plans is None or frame.flags & _NO_DATA:
+            return state, []
+        out: list[Decoded] = []
+        for plan in plans:
+            if plan.message.extended == bool(frame.flags & 1):  # Flag.EXTENDED; the enum is slow
+                state = _step(plan, state, frame, out)
+        return state, out
+
+    return Decoding, step
+
+
+def _table(vehicle: Vehicle) -> dict[int, tuple[_Plan, ...]]:
+    """Tabulate message id -> what to do."""
+    table: dict[int, tuple[_Plan, ...]] = {}
+    for message in vehicle.messages:
+        key = (message.name, message.bus)
+        others = {m.bus for m in vehicle.messages if m.id == message.id and m.bus is not None}
+        plan = _Plan(
+            message,
+            tuple(role for role in vehicle.roles.values() if (role.message, role.bus) == key),
+            tuple(track for track in vehicle.lead.tracks or () if (track.message, track.bus) == key),
+            frozenset(others) if message.bus is None else frozenset(),
+        )
+        table[message.id] = (*table.get(message.id, ()), plan)
+    return table
+
+
+def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
+    message = plan.message
+    name = message.name
+    taken = message.bus if message.bus is not None else state.buses.get(name)
+    if taken is None and frame.bus not in plan.claimed:
+        taken = frame.bus
+        state = state._replace(buses={**state.buses, name: taken})
+    if taken != frame.bus:
+        return _other_bus(plan, taken, state, frame, out)
+
+    data = frame.data
+    bits = 8 * len(data)
+    little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
+    problems: list[str] = []
+    alive = True
+    if message.counter is not None:
+        raw = _raw(message.counter, little, big, bits)
+        if raw is not None:
+            life = _life(state.lives.get(name), raw)
+            alive = life.still < FROZEN_AFTER
+            state = state._replace(lives={**state.lives, name: life})
+    for selector, where, defined in message.selectors:
+        raw = _raw(where, little, big, bits)
+        if raw is not None and raw not in defined:
+            problems.append(f"{name}: {selector} = {raw:g} is not defined in the DBC")
+
+    for role in plan.roles:
+        value = _value(role.how, role.role, little, big, bits, problems)
+        if value is None:
+            continue
+        if not alive and value == value:
+            problems.append(f"{role.role}: stale, the counter of {name} stands still")
+            value = NAN
+        out.append(Reading(frame.t, role.role, value))
+        if role.role not in state.seen:
+            state = state._replace(seen=state.seen | {role.role})
+    for track in plan.tracks:
+        out.append(_track(track, frame.t, alive, little, big, bits, problems))
+        if "lead" not in state.seen:
+            state = state._replace(seen=state.seen | {"lead"})
+    return _count(state, problems) if problems else state
+
+
+def _other_bus(plan: _Plan, taken: int | None, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
+    """Count a frame with a mapped id on a bus that is not the message's."""
+    message = plan.message
+    if message.bus is None and frame.bus in plan.claimed:
+        return state  # another message's own frame
+    if message.name not in state.elsewhere:
+        state = state._replace(elsewhere={**state.elsewhere, message.name: frame.bus})
+        if message.bus is None:
+            says = (
+                f"{message.name} (0x{message.id:X}) comes on bus {taken} and on bus {frame.bus}; "
+                f"bus {taken} is used. To choose, write bus = {frame.bus} in the vehicle file"
+            )
+            out.append(Event(frame.t, "ambiguous_bus", says))
+    return _count(state, [f"{message.name}: frame on bus {frame.bus} ignored"])
+
+
+def _life(life: Life | None, raw: float) -> Life:
+    if life is None:
+        return Life(raw)
+    if raw != life.last:
+        return Life(raw, True)
+    return life._replace(still=life.still + 1) if life.moved else life
+
+
+def _count(state: Decoding, problems: list[str]) -> Decoding:
+    counters = dict(state.counters)
+    for problem in problems:
+        counters[problem] = counters.get(problem, 0) + 1
+    return state._replace(counters=counters)
+
+
+def _raw(where: tuple[int, int, bool, bool, bool], little: int, big: int, bits: int) -> float | None:
+    """As `bits.raw_of`, with the frame's two readings as an integer made once for all its signals."""
+    start, length, motorola, signed, floating = where
+    if motorola:
+        end = (start | 7) - start + (start & ~7) + length
+        if end > bits:
+            return None
+        raw = big >> (bits - end)
+    else:
+        if start + length > bits:
+            return None
+        raw = little >> start
+    raw &= (1 << length) - 1
+    if not signed and not floating:
+        return raw
+    return number(raw, where)  # type: ignore[arg-type]
+
+
+def _value(how: SignalMap, what: str, little: int, big: int, bits: int, problems: list[str]) -> float | None:
+    """Compute the value in the role's unit: NaN, there is none; None, the frame does not carry it."""
+    if how.when and not _present(how.when, little, big, bits):
+        return None
+    raw = _raw(how.bits, little, big, bits)
+    if raw is None:
+        problems.append(f"{what}: frame too short")
+        return NAN
+    if how.no_value and raw in how.no_value:
+        problems.append(f'{what}: "{how.no_value[int(raw)]}"')
+        return NAN
+    value = raw * how.factor + how.offset
+    if not how.low <= value <= how.high:
+        problems.append(f"{what}: out of range")
+        return NAN
+    if how.kind != "bool":
+        return value
+    true = value != 0.0 if how.on is None else value in how.on
+    return float(true != how.invert)
+
+
+def _present(when: Condition, little: int, big: int, bits: int) -> bool:
+    return all(_raw(where, little, big, bits) in values for where, values in when)
+
+
+def _track(
+    track: TrackMap, t: float, alive: bool, little: int, big: int, bits: int, problems: list[str]
+) -> TrackReading:
+    """Make one track's report. An invalid track's numbers mean nothing: NaN, and nothing to count."""
+    unknown: list[str] = []
+    valid = 1.0 if track.valid is None else _value(track.valid, "track", little, big, bits, unknown)
+    if valid != 1.0:
+        return TrackReading(t, track.track, NAN, NAN, NAN, False, False)
+    if not alive:
+        problems.append(f"track: stale, the counter of {track.message} stands still")
+        return TrackReading(t, track.track, NAN, NAN, NAN, False, False)
+
+    def value(how: SignalMap | None, what: str) -> float:
+        found = None if how is None else _value(how, what, little, big, bits, problems)
+        return NAN if found is None else found
+
+    distance, rate = value(track.distance, "track distance"), value(track.rate, "track rate")
+    new = value(track.new, "track new") == 1.0
+    there = distance == distance and rate == rate
+    return TrackReading(t, track.track, distance, rate, value(track.lateral, "track lateral"), there, new)
+
+
+def seen(state: Decoding) -> frozenset[str]:
+    """Name the roles that came at least once (with or without a value); "lead" stands for radar tracks."""
+    return state.seen
+
+
+def missing(vehicle: Vehicle, state: Decoding) -> list[str]:
+    """Say what is mapped and never came, one sentence each.
+
+    Example:
+        >>> from canid.vehicle import decoder, read_vehicle
+        >>> vehicle = read_vehicle("generic")
+        >>> missing(vehicle, decoder(vehicle)[0]())[0]
+        'pedal: message ENGINE_DATA (0x110) never seen'
+    """
+    lines = [
+        f"{role.role}: message {role.message} (0x{role.id:X}) {_where(role, state)}"
+        for role in vehicle.roles.values()
+        if role.role not in state.seen
+    ]
+    tracks = vehicle.lead.tracks or ()
+    if tracks and "lead" not in state.seen:
+        first = tracks[0]
+        lines.append(
+            f"lead: none of the {len(tracks)} track messages from {first.message} (0x{first.id:X}) on: "
+            f"{_where(first, state)}"
+        )
+    return lines
+
+
+def _where(item: RoleMap | TrackMap, state: Decoding) -> str:
+    if item.bus is not None:
+        other = state.elsewhere.get(item.message)
+        but = f", but on bus {other}" if other is not None else ""
+        return f"never seen on bus {item.bus}{but}"
+    if item.message in state.buses:
+        how = item.how.signal if isinstance(item, RoleMap) else "its signals"
+        return f"came, but never with {how} (a multiplexed signal)"
+    return "never seen"

@@ -1,0 +1,232 @@
+"""Reads a vehicle file and its DBC files into one value, or reports all their mistakes at once."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from canid.errors import ConfigError
+from canid.types import ArmaxSettings, Driver, FopdtSettings
+from canid.vehicle.database import Dbc, load, message_map
+from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, TrackMap, Vehicle
+from canid.vehicle.resolving import Mistakes, find_message, find_signal, signal_map
+from canid.vehicle.roles import DERIVED, NEEDS, OUTPUTS, ROLES
+from canid.vehicle.schema import (
+    SECTIONS,
+    ArmaxSection,
+    DbcFile,
+    DriverSection,
+    FopdtSection,
+    LeadSection,
+    SignalEntry,
+    did_you_mean,
+    parse,
+)
+from canid.vehicle.tracks import resolve_tracks
+
+
+def read_vehicle(path: str | Path) -> Vehicle:
+    """Read a vehicle file (TOML) and the DBC files that it names.
+
+    Args:
+        path: the file; or a bare name, such as "generic", of a vehicle that comes with canid.
+
+    Returns:
+        The vehicle. What is doubtful but no mistake is in its `warnings`.
+
+    Raises:
+        ConfigError: with all mistakes at once, one line each: file, key, what is wrong, did you mean.
+
+    Example:
+        >>> vehicle = read_vehicle("generic")
+        >>> vehicle.roles["speed"].message, vehicle.roles["speed"].unit
+        ('EGO_SPEED', 'm/s')
+    """
+    file = locate(path)
+    try:
+        table = tomllib.loads(file.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{file} is no valid TOML: {error}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{file} cannot be read: {error}") from error
+    mistakes = Mistakes([], [])
+    vehicle = _vehicle(file, table, mistakes)
+    if mistakes.errors or vehicle is None:
+        raise ConfigError("\n".join(f"{file.name}: {line}" for line in mistakes.errors))
+    return vehicle
+
+
+def shipped() -> Path:
+    """Find the folder of the vehicles that come with canid: in an installed wheel, or in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "_data" / "dbc"
+    return installed if installed.is_dir() else package.parent / "dbc"
+
+
+def locate(path: str | Path) -> Path:
+    """Find the vehicle file that a path or a bare name means.
+
+    Raises:
+        ConfigError: there is none; says which vehicles come with canid.
+    """
+    given = Path(path)
+    if given.is_file():
+        return given
+    known = {file.stem: file for file in sorted(shipped().glob("*.toml"))}
+    if given.name == str(path) and given.suffix in ("", ".toml") and given.stem in known:
+        return known[given.stem]
+    folder = given.parent if given.parent.is_dir() else Path()
+    near = difflib.get_close_matches(given.name, [p.name for p in folder.glob("*.toml")] + list(known), n=1)
+    hint = f' (did you mean "{near[0]}"?)' if near else ""
+    raise ConfigError(f"vehicle file {given} does not exist{hint}; canid brings: {', '.join(known)}")
+
+
+def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicle | None:
+    errors = mistakes.errors
+    errors += [f"{key}: unknown section{did_you_mean(key, SECTIONS)}" for key in table if key not in SECTIONS]
+    name = table.get("name", file.stem)
+    if not isinstance(name, str):
+        errors.append(f"name: must be a text, not {name!r}")
+
+    driver, wrong = parse(DriverSection, table.get("driver", {}), "driver")
+    errors += wrong
+    armax, wrong = parse(ArmaxSection, table.get("armax", {}), "armax")
+    errors += wrong
+    fopdt, wrong = parse(FopdtSection, table.get("fopdt", {}), "fopdt")
+    errors += wrong
+    lead, wrong = parse(LeadSection, table.get("lead", {}), "lead")
+    errors += wrong
+
+    entries = _entries(table.get("signals", {}), errors)
+    files = _files(file.parent, table.get("dbc"), mistakes)
+    roles: dict[str, RoleMap] = {}
+    tracks: tuple[TrackMap, ...] | None = None
+    if files:
+        resolved = {role: _role(role, entry, files, mistakes) for role, entry in entries.items()}
+        roles = {role: found for role, found in resolved.items() if found is not None}
+        tracks = resolve_tracks(lead, files, mistakes) if lead is not None else None
+    if driver is not None and lead is not None:
+        errors += _missing(driver, lead, table.get("signals", {}))
+    if errors or driver is None or armax is None or fopdt is None or lead is None:
+        return None
+    return Vehicle(
+        name=str(name),
+        path=str(file),
+        dbc=tuple(str(file.parent / dbc.file) for dbc in _dbc_entries(table.get("dbc"), [])),
+        roles=roles,
+        lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise),
+        messages=_messages(files, [*roles.values(), *(tracks or ())]),
+        driver=Driver(**driver.model_dump()),
+        armax=ArmaxSettings(**armax.model_dump()),
+        fopdt=FopdtSettings(**fopdt.model_dump()),
+        warnings=tuple(mistakes.warnings),
+    )
+
+
+def _entries(section: object, errors: list[str]) -> dict[str, SignalEntry]:
+    if not isinstance(section, dict):
+        errors.append(f"signals: must be a section, not {section!r}")
+        return {}
+    entries: dict[str, SignalEntry] = {}
+    for role, value in section.items():
+        key = f"signals.{role}"
+        if role in DERIVED:
+            errors.append(f"{key}: {DERIVED[role]}")
+            continue
+        if role not in ROLES:
+            errors.append(f"{key}: unknown role{did_you_mean(role, ROLES)}")
+        entry, wrong = parse(SignalEntry, value, key)
+        errors += wrong
+        if entry is not None and role in ROLES:
+            entries[role] = entry
+    return entries
+
+
+def _dbc_entries(section: object, errors: list[str]) -> list[DbcFile]:
+    listed = section if isinstance(section, list) else [] if section is None else [section]
+    if not listed:
+        errors.append('dbc: is missing; write dbc = ["<vehicle>.dbc"]')
+    entries = []
+    for index, value in enumerate(listed):
+        short = {"file": value} if isinstance(value, str) else value
+        entry, wrong = parse(DbcFile, short, f"dbc[{index}]")
+        errors += wrong
+        entries += [entry] if entry is not None else []
+    return entries
+
+
+def _files(folder: Path, section: object, mistakes: Mistakes) -> list[Dbc]:
+    files = []
+    for entry in _dbc_entries(section, mistakes.errors):
+        try:
+            dbc, warnings = load(folder / entry.file, entry.bus)
+        except ConfigError as error:
+            mistakes.errors.append(f"dbc: {error}")
+            continue
+        files.append(dbc)
+        mistakes.warnings.extend(warnings)
+    return files
+
+
+def _role(role: str, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistakes) -> RoleMap | None:
+    key = f"signals.{role}"
+    message_name, dot, signal_name = entry.signal.partition(".")
+    if not dot or not message_name or not signal_name:
+        mistakes.errors.append(f'{key}: must be "MESSAGE.SIGNAL", not "{entry.signal}"')
+        return None
+    found = find_message(message_name, entry.bus, files, key)
+    if isinstance(found, str):
+        mistakes.errors.append(found)
+        return None
+    dbc, message = found
+    signal = find_signal(signal_name, message, key)
+    if isinstance(signal, str):
+        mistakes.errors.append(signal)
+        return None
+    how = signal_map(entry, message, signal, ROLES[role], key, mistakes)
+    if how is None:
+        return None
+    return RoleMap(
+        role=role,
+        message=message.name,
+        id=message.frame_id,
+        extended=message.is_extended_frame,
+        bus=entry.bus if entry.bus is not None else dbc.bus,
+        unit=ROLES[role].unit,
+        stale=entry.stale if entry.stale is not None else ROLES[role].stale,
+        how=how,
+    )
+
+
+def _missing(driver: DriverSection, lead: LeadSection, signals: object) -> list[str]:
+    """List what the task needs and the file does not map; entries that are wrong are said elsewhere."""
+    mapped = set(signals) if isinstance(signals, dict) else set()
+    errors = []
+    if driver.output not in OUTPUTS:
+        hint = did_you_mean(driver.output, OUTPUTS)
+        errors.append(f'driver.output: "{driver.output}" is not one of {", ".join(OUTPUTS)}{hint}')
+    elif driver.output not in mapped:
+        errors.append(f"signals.{driver.output}: is missing; it is driver.output")
+    for role in NEEDS[driver.task]:
+        if lead.tracks is not None and role in ("gap", "range_rate"):
+            if role in mapped:
+                errors.append(f"signals.{role}: comes already from lead.tracks; give one of them")
+        elif role not in mapped:
+            also = ", or radar tracks in [lead]" if role in ("gap", "range_rate") else ""
+            errors.append(f"signals.{role}: is missing; {driver.task} needs it{also}")
+    return errors
+
+
+def _messages(files: Sequence[Dbc], mapped: Sequence[RoleMap | TrackMap]) -> tuple[MessageMap, ...]:
+    """List each message that carries something mapped, once per bus, in the order of the vehicle file."""
+    found: dict[tuple[str, int | None], MessageMap] = {}
+    for item in mapped:
+        key = (item.message, item.bus)
+        if key not in found:
+            dbc_and_message = find_message(item.message, item.bus, files, "")
+            assert not isinstance(dbc_and_message, str), "resolved before"
+            found[key] = message_map(dbc_and_message[1], item.bus)
+    return tuple(found.values())

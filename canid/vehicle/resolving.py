@@ -1,0 +1,133 @@
+"""Joins a vehicle file's entries with the DBC's signals: names, units, ranges, value tables."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from canid.vehicle.database import Dbc, bits_of, condition_of
+from canid.vehicle.mapping import SignalMap
+from canid.vehicle.roles import Role
+from canid.vehicle.schema import SignalEntry, did_you_mean
+from canid.vehicle.units import examples, factor_to, unit_of
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message, Signal
+
+# A value-table text that says "there is no value", for roles whose other texts are values (gear, switches).
+_NO_VALUE = re.compile(
+    r"not.?avail|invalid|error|fault|fail|unknown|undefined|reserved|no.?(value|target|data|object|lane)|init"
+    r"|(^|\W)(sna|n/?a)($|\W)",
+    re.IGNORECASE,
+)
+
+
+class Mistakes(NamedTuple):
+    """What is wrong, and what is only doubtful, collected while a vehicle file is read."""
+
+    errors: list[str]
+    warnings: list[str]
+
+
+def find_message(name: str, bus: int | None, files: Sequence[Dbc], key: str) -> tuple[Dbc, Message] | str:
+    """Find the message of that name; of several files that hold it, the one of that bus, else the first."""
+    holding = [file for file in files if name in file.messages]
+    if not holding:
+        known = [message for file in files for message in file.messages]
+        where = ", ".join(file.file for file in files)
+        return f'{key}: no message "{name}" in {where}{did_you_mean(name, known)}'
+    chosen = next((file for file in holding if bus is not None and file.bus == bus), holding[0])
+    return chosen, chosen.messages[name]
+
+
+def find_signal(name: str, message: Message, key: str) -> Signal | str:
+    """Find the signal of that name in a message."""
+    known = {signal.name: signal for signal in message.signals}
+    if name not in known:
+        return f'{key}: no signal "{name}" in message {message.name}{did_you_mean(name, known)}'
+    return known[name]
+
+
+def signal_map(
+    entry: SignalEntry, message: Message, signal: Signal, role: Role, key: str, mistakes: Mistakes
+) -> SignalMap | None:
+    """Tell how the signal's raw number becomes the role's value; None (and a mistake) if units differ."""
+    to_role = _unit_factor(entry, signal, role, key)
+    if isinstance(to_role, str):
+        mistakes.errors.append(to_role)
+        return None
+    if entry.invert and role.kind != "bool":
+        mistakes.errors.append(f"{key}.invert: is for yes/no roles; write scale = -1")
+        return None
+    if entry.on is not None and role.kind != "bool":
+        mistakes.errors.append(f"{key}.on: is for yes/no roles only")
+        return None
+    low, high = _range(entry, signal, key, mistakes)
+    texts = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
+    return SignalMap(
+        signal=signal.name,
+        bits=bits_of(signal),
+        factor=signal.scale * entry.scale * to_role,
+        offset=(signal.offset * entry.scale + entry.offset) * to_role,
+        low=low * to_role,
+        high=high * to_role,
+        kind=role.kind,
+        when=condition_of(message, signal),
+        no_value={raw: text for raw, text in texts.items() if _is_no_value(text, role)},
+        on=None if entry.on is None else frozenset(entry.on),
+        invert=entry.invert,
+    )
+
+
+def _is_no_value(text: str, role: Role) -> bool:
+    if role.kind == "number":
+        # A text that is itself a number ("0.5 m") only labels the value.
+        return re.match(r"[+-]?\d", text) is None
+    return _NO_VALUE.search(text) is not None
+
+
+def _unit_factor(entry: SignalEntry, signal: Signal, role: Role, key: str) -> float | str:
+    """Find what turns the signal's unit into the role's."""
+    if not role.unit:
+        return 1.0
+    source = entry.unit if entry.unit is not None else signal.unit or ""
+    factor = factor_to(source, role.unit)
+    if factor is not None:
+        return factor
+    if entry.unit is None and entry.scale != 1.0 and unit_of(source) is None:
+        return 1.0  # who gives a scale for a unit that nobody knows means the role's own unit
+    known = examples(role.unit)
+    if entry.unit is not None:
+        return f'{key}.unit: "{entry.unit}" cannot become {role.unit}; known are {known}'
+    has = f'has the unit "{source}", which is not {role.unit}' if source else "has no unit in the DBC"
+    return f'{key}: {signal.name} {has}; set unit = "..." ({known}), or scale = ... to {role.unit}'
+
+
+def _range(entry: SignalEntry, signal: Signal, key: str, mistakes: Mistakes) -> tuple[float, float]:
+    """Find the limits in the entry's unit: its own `valid`, else the DBC's where that can be meant."""
+    if entry.valid is not None:
+        return entry.valid[0], entry.valid[1]
+    low, high = signal.minimum, signal.maximum
+    # [0|0] is how a DBC says that nobody filled it in.
+    if low is None or high is None or not low < high:
+        return -math.inf, math.inf
+    # One LSB: the range is a decimal number that somebody rounded, as 102.3 for 1023 · 0.1.
+    lsb = 0.0 if signal.is_float else abs(signal.scale)
+    ends = sorted(raw * signal.scale + signal.offset for raw in bits_of(signal).reach)
+    cuts_low, cuts_high = low > ends[0] + lsb, high < ends[1] - lsb
+    beyond_low, beyond_high = low < ends[0] - lsb, high > ends[1] + lsb
+    if (cuts_low and beyond_high) or (cuts_high and beyond_low):
+        # The range forbids values that the signal can take and allows some that it cannot: it was written in
+        # raw numbers or in another unit. Believing it would throw good data away.
+        mistakes.warnings.append(
+            f"{key}: the DBC's range [{low:g}|{high:g}] of {signal.name} does not fit its bits "
+            f"({ends[0]:g} to {ends[1]:g}) and is ignored; set valid = [low, high]"
+        )
+        return -math.inf, math.inf
+    limits = sorted(
+        value * entry.scale + entry.offset
+        for value in (low - lsb if cuts_low else -math.inf, high + lsb if cuts_high else math.inf)
+    )
+    return limits[0], limits[1]

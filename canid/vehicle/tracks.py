@@ -1,0 +1,115 @@
+"""The [lead] section: which messages are radar tracks, and where in them the numbers lie."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from canid.vehicle.database import Dbc
+from canid.vehicle.mapping import SignalMap, TrackMap
+from canid.vehicle.resolving import Mistakes, find_message, find_signal, signal_map
+from canid.vehicle.roles import ROLES, Role
+from canid.vehicle.schema import LeadSection, SignalEntry
+
+# What the radar's signals are, in the words of roles.
+_TRACK_ROLES = {
+    "distance": ROLES["gap"],
+    "rate": ROLES["range_rate"],
+    "lateral": Role("m", "number", "from the own axis"),
+    "valid": ROLES["lead_valid"],
+    "new": Role("", "bool", "the track names another object"),
+}
+# A radar follows some ten to a hundred objects; a slip of the pen such as {0..1500000} shall not hang us.
+_MAX_TRACKS = 256
+
+
+def resolve_tracks(
+    lead: LeadSection, files: Sequence[Dbc], mistakes: Mistakes
+) -> tuple[TrackMap, ...] | None:
+    """Find the radar tracks that [lead] names.
+
+    Args:
+        lead: the section.
+        files: the DBC files.
+        mistakes: what is wrong is added here.
+
+    Returns:
+        One entry per track; None where the lead is given by plain signals.
+    """
+    entries = {part: getattr(lead, part) for part in _TRACK_ROLES}
+    if lead.tracks is None:
+        mistakes.errors.extend(
+            f"lead.{part}: is a radar track's signal, but lead.tracks is missing"
+            for part, entry in entries.items()
+            if entry is not None
+        )
+        return None
+    absent = [part for part in ("distance", "rate") if entries[part] is None]
+    mistakes.errors.extend(f"lead.{part}: is missing; radar tracks need it" for part in absent)
+    names = _track_names(lead.tracks)
+    if isinstance(names, str):
+        mistakes.errors.append(names)
+        return None
+    tracks, before = [], len(mistakes.errors)
+    for track, name in enumerate(names):
+        tracks.append(_track(track, name, lead, entries, files, mistakes))
+        if len(mistakes.errors) > before:
+            break  # the other tracks would only repeat it
+    return tuple(track for track in tracks if track is not None) if not absent else None
+
+
+def _track_names(pattern: str) -> list[str] | str:
+    """List the message names that "TRACK_A_{0..15}" stands for, or say what is wrong with it."""
+    match = re.fullmatch(r"([^{}]*)\{(\d+)\.\.(\d+)\}([^{}]*)", pattern)
+    if match is None:
+        if "{" in pattern or "}" in pattern:
+            return f'lead.tracks: write it as "TRACK_{{0..15}}", not "{pattern}"'
+        return [pattern]
+    before, first, last, after = match.groups()
+    if not int(first) <= int(last) < int(first) + _MAX_TRACKS:
+        return f'lead.tracks: "{pattern}" is no range of 1 to {_MAX_TRACKS} tracks'
+    # {01..16} keeps its leading zero, as a shell's braces do.
+    width = len(first) if first.startswith("0") else 0
+    return [f"{before}{number:0{width}d}{after}" for number in range(int(first), int(last) + 1)]
+
+
+def _track(
+    track: int,
+    name: str,
+    lead: LeadSection,
+    entries: Mapping[str, SignalEntry | None],
+    files: Sequence[Dbc],
+    mistakes: Mistakes,
+) -> TrackMap | None:
+    found = find_message(name, lead.bus, files, "lead.tracks")
+    if isinstance(found, str):
+        mistakes.errors.append(found)
+        return None
+    dbc, message = found
+    parts: dict[str, SignalMap | None] = {}
+    for part, entry in entries.items():
+        parts[part] = None
+        if entry is None:
+            continue
+        signal = find_signal(entry.signal, message, f"lead.{part}")
+        if isinstance(signal, str):
+            mistakes.errors.append(signal)
+            continue
+        parts[part] = signal_map(entry, message, signal, _TRACK_ROLES[part], f"lead.{part}", mistakes)
+    distance, rate = parts["distance"], parts["rate"]
+    if distance is None or rate is None:
+        return None
+    if lead.rate_sign < 0:
+        rate = rate._replace(factor=-rate.factor, offset=-rate.offset, low=-rate.high, high=-rate.low)
+    return TrackMap(
+        track,
+        message.name,
+        message.frame_id,
+        message.is_extended_frame,
+        lead.bus if lead.bus is not None else dbc.bus,
+        distance,
+        rate,
+        parts["lateral"],
+        parts["valid"],
+        parts["new"],
+    )
