@@ -48,13 +48,14 @@ class Estimating:
     """Owns the child process and the three threads that serve it."""
 
     def __init__(
-        self, vehicle: str, on_output: Callable[[Any], None], command: Sequence[str] | None = None
+        self, vehicle: str, on_output: Callable[[float, Any], None], command: Sequence[str] | None = None
     ) -> None:
         """Start the child.
 
         Args:
             vehicle: path of the vehicle file.
-            on_output: called, from a thread, with each Sample, Estimate and Event.
+            on_output: called, from a thread, with the time of the frame that completed it and each Sample,
+                Estimate and Event.
             command: of the child; the tests put faulty ones here.
         """
         self._command = list(command or (sys.executable, "-m", "canid.estimating", vehicle))
@@ -64,6 +65,7 @@ class Estimating:
         self._offered = self._sent = self._done = self._dropped = self._restarts = 0
         self._closing = self._finished = False
         self._ready = False
+        self._latest = 0.0  # s, session time of the newest frame
         self._answered = time.monotonic()
         self.counters: dict[str, int] = {}
         self.missing: list[str] = []
@@ -76,6 +78,7 @@ class Estimating:
         with self._wake:
             room = max(WAITING - len(self._waiting), 0)
             self._offered += len(frames)
+            self._latest = frames[-1].t if frames else self._latest
             self._dropped += max(len(frames) - room, 0)
             self._waiting.extend(frames[:room])
             self._wake.notify()
@@ -110,7 +113,7 @@ class Estimating:
             wait = BACK_OFF[min(self._restarts, len(BACK_OFF) - 1)]
             self._restarts += 1
             says = f"the estimator is restarted ({self._why}); {lost} frames are missing in the estimates"
-            self._on_output(Event(float("nan"), "estimator_restarted", says))
+            self._on_output(self._latest, Event(self._latest, "estimator_restarted", says))
             with self._wake:
                 self._wake.wait_for(lambda: self._closing, wait)
 
@@ -150,8 +153,8 @@ class Estimating:
             elif kind == "out":
                 done, outputs, self.counters, self.missing = payload
                 self._done += done
-                for item in outputs:
-                    self._on_output(item)
+                for t, item in outputs:
+                    self._on_output(t, item)
             elif kind == "failed":
                 self._why = payload
             elif kind == "end":
@@ -164,9 +167,7 @@ class Estimating:
                     self._wake.wait_for(
                         lambda: self._waiting or self._closing or child.poll() is not None, timeout=1.0
                     )
-                    batch = [
-                        tuple(self._waiting.popleft()) for _ in range(min(BATCH, len(self._waiting)))
-                    ]
+                    batch = [tuple(self._waiting.popleft()) for _ in range(min(BATCH, len(self._waiting)))]
                     end = self._closing and not batch
                 if batch:
                     if self._sent == self._done:
@@ -225,8 +226,9 @@ def main() -> int:
                 break
             outputs = []
             for item in batch:
-                state, out = running.step(state, Frame(*item))
-                outputs += out
+                frame = Frame(*item)
+                state, out = running.step(state, frame)
+                outputs += [(frame.t, result) for result in out]
             say("out", (len(batch), outputs, dict(state.decode.counters), missing(vehicle, state.decode)))
         say("end")
     except Exception as error:

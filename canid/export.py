@@ -18,9 +18,7 @@ def samples_table(trace: Trace) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {"t": [round(float(t), 6) for t in trace.t]}
     columns |= {role: values.tolist() for role, values in trace.signals.items()}
     columns["output"] = trace.output.tolist()
-    columns |= {
-        f"input_{name}": trace.inputs[:, k].tolist() for k, name in enumerate(trace.input_names)
-    }
+    columns |= {f"input_{name}": trace.inputs[:, k].tolist() for k, name in enumerate(trace.input_names)}
     columns["gate"] = [gate.name.lower() for gate in trace.gate]
     columns["learn"] = [int(x) for x in trace.learn]
     return columns

@@ -112,7 +112,12 @@ def step(
     cruise = values.get("cruise_active", NAN)
     changed = target == target and state.target == state.target and target != state.target
     # where the acceleration stands in for the driver, another one drives from here on
-    swapped = driver.output == "accel" and cruise == cruise and state.cruise == state.cruise and cruise != state.cruise
+    swapped = (
+        driver.output == "accel"
+        and cruise == cruise
+        and state.cruise == state.cruise
+        and cruise != state.cruise
+    )
     if changed or swapped or t - state.t > 1.5 * dt:
         segment += 1
     opens = state.opens
@@ -131,5 +136,3 @@ def step(
     )
     output = values.get(driver.output, NAN)
     return after, Sample(t, output, inputs(values, driver), gate, learn, segment, values)
-
-

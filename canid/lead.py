@@ -13,8 +13,9 @@ from canid import smoothing
 from canid.smoothing import Noise
 from canid.types import NAN, Event, Reading, TrackReading
 
-# s; a track counts only while it reports: radars report at 10 to 20 Hz, so five missed reports
-SILENT = 0.5
+# s; a track counts only while it reports: three missed reports at 10 Hz. Shorter than the bridge of the smoothing,
+# so that the same vehicle under another number is still recognised
+SILENT = 0.3
 # s; a track must have been in the path for this long before it is followed: reflections last a report or two
 PERSIST = 0.25
 # a followed target may wander this much further out than a new one may come in, before it is let go
@@ -176,8 +177,10 @@ def _track(state: State, reading: TrackReading, settings: Settings) -> tuple[Sta
 
     known = state.tracks.get(state.target)
     alive = known is not None and known.since == known.since and t - known.t <= SILENT
-    if followed and reading.new and not smoothing.fits(
-        state.smooth, t, reading.distance, reading.rate, settings.noise
+    if (
+        followed
+        and reading.new
+        and not smoothing.fits(state.smooth, t, reading.distance, reading.rate, settings.noise)
     ):
         alive = False
     limit = known.distance - NEARER if alive and known is not None else float("inf")
@@ -198,7 +201,7 @@ def _nearest(state: State, t: float, limit: float) -> int:
     candidates = [
         (track.distance, number)
         for number, track in state.tracks.items()
-        if t - track.t <= SILENT and t - track.since >= PERSIST and track.distance < limit
+        if t - track.t <= SILENT and track.t - track.since >= PERSIST and track.distance < limit
     ]
     return min(candidates)[1] if candidates else -1
 

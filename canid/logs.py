@@ -80,7 +80,12 @@ def run(
 
 
 def health(
-    log: Log, vehicle: Vehicle, state: pipeline.State | None, frames: int, last: float, events: Iterable[Event]
+    log: Log,
+    vehicle: Vehicle,
+    state: pipeline.State | None,
+    frames: int,
+    last: float,
+    events: Iterable[Event],
 ) -> Health:
     """Sum up what reading a log has shown."""
     if state is None:

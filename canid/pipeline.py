@@ -86,6 +86,9 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
         if timed is None:
             return state._replace(clock=now), out
         decoded, readings = decode(state.decode, timed)
+        if not readings and now.latest < state.sampling.next * dt + sampling.WAIT:
+            # most frames of a bus are not mapped: without a reading no grid point becomes complete
+            return State(now, decoded, *state[2:]), out
         follow, samples = state.lead, state.sampling
         for reading in readings:
             if isinstance(reading, Event):

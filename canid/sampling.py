@@ -98,7 +98,9 @@ def take(
 
 def _complete(state: State, t: float, roles: Mapping[str, Role]) -> bool:
     return all(
-        bool(state.times.get(role)) and state.times[role][-1] >= t for role, how in roles.items() if how.needed
+        bool(state.times.get(role)) and state.times[role][-1] >= t
+        for role, how in roles.items()
+        if how.needed
     )
 
 
@@ -114,6 +116,8 @@ def _at(state: State, role: str, t: float, how: Role) -> float:
     before_t, before = times[after - 1], values[after - 1]
     if before_t == t:
         return before
+    if how.needed and after == len(times) and how.stale <= WAIT:
+        return NAN  # waited for longer than it may be old: this is the edge of a hole
     if how.switch or after == len(times):
         return before if t - before_t <= how.stale else NAN
     span = times[after] - before_t

@@ -14,9 +14,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from canid.frames.bus import add_bus_arguments
 
-    parser.add_argument("log", metavar="LOG", nargs="?", help="a log; without one, a bus (-i, -c) or the file alone")
+    parser.add_argument(
+        "log", metavar="LOG", nargs="?", help="a log; without one, a bus (-i, -c) or the file alone"
+    )
     options.vehicle(parser, required=False)
-    parser.add_argument("--duration", type=options.seconds, default=5.0, metavar="S", help="how long to listen")
+    parser.add_argument(
+        "--duration", type=options.seconds, default=5.0, metavar="S", help="how long to listen"
+    )
     options.json_file(parser)
     add_bus_arguments(parser)
 

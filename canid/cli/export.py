@@ -15,7 +15,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.vehicle(parser)
     parser.add_argument("--to", choices=("csv", "parquet"), default="csv", help="default: csv")
     parser.add_argument(
-        "-o", "--output", metavar="NAME", help="NAME.samples.csv and NAME.estimates.csv; default: the log's name"
+        "-o",
+        "--output",
+        metavar="NAME",
+        help="NAME.samples.csv and NAME.estimates.csv; default: the log's name",
     )
     parser.add_argument("--dt", type=options.seconds, default=0.1, metavar="S", help="step of the grid")
     options.part(parser)

@@ -25,5 +25,7 @@ def run(args: argparse.Namespace) -> int:
         assert sink is not None
         sink.write(text)
     if args.output:
-        options.talk(f"{args.output} written: read its comments, then `canid check --vehicle {args.output} LOG`")
+        options.talk(
+            f"{args.output} written: read its comments, then `canid check --vehicle {args.output} LOG`"
+        )
     return DONE

@@ -15,7 +15,10 @@ from canid.errors import OutputError
 def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """--vehicle."""
     parser.add_argument(
-        "--vehicle", metavar="V.toml", required=required, help="vehicle file, or the name of one that is shipped"
+        "--vehicle",
+        metavar="V.toml",
+        required=required,
+        help="vehicle file, or the name of one that is shipped",
     )
 
 
@@ -32,7 +35,9 @@ def force(parser: argparse.ArgumentParser) -> None:
 def part(parser: argparse.ArgumentParser) -> None:
     """--start and --stop."""
     parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="leave out what is earlier")
-    parser.add_argument("--stop", type=seconds, default=float("inf"), metavar="S", help="leave out what is later")
+    parser.add_argument(
+        "--stop", type=seconds, default=float("inf"), metavar="S", help="leave out what is later"
+    )
 
 
 def seconds(text: str) -> float:
@@ -92,5 +97,3 @@ def sink(name: str | None, *, overwrite: bool = True) -> Iterator[TextIO | None]
 def talk(text: str) -> None:
     """Say something to the user, on standard error."""
     print(f"canid: {text}", file=sys.stderr, flush=True)
-
-

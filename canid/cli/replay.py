@@ -15,9 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", metavar="LOG", help=".blf, .asc, candump .log, .csv, .trc or .mf4")
     options.vehicle(parser, required=False)
-    parser.add_argument(
-        "--speed", type=options.speed, metavar="1|10|max", help="default: max; onto a bus: 1"
-    )
+    parser.add_argument("--speed", type=options.speed, metavar="1|10|max", help="default: max; onto a bus: 1")
     options.part(parser)
     options.json_file(parser)
     parser.add_argument("--onto", action="store_true", help="send the log to a virtual bus (-i, -c) instead")

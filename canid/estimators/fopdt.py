@@ -1,55 +1,157 @@
-"""First, simple fopdt estimator: static gains by least squares over the last 60 s (to be replaced)."""
+"""First order plus dead time over a sliding window, refitted every half second (identification/process_fit.py)."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from canid.estimators import status
+from canid.identification import process_fit
 from canid.types import (
     AnyEstimator,
-    FopdtSettings,
-    Channel,
+    Array,
     Estimate,
     Estimator,
+    FopdtSettings,
+    Gate,
     Identifiable,
-    Interval,
     Sample,
     Status,
 )
 
+NAME = "fopdt"
+
+# An input that moves less than this share of what it usually does (status.usual) is not worth a fit.
+STILL = 0.01
+
 
 class State(NamedTuple):
-    closed: status.Closed = status.Closed()
-    rows: tuple[tuple[float, ...], ...] = ()
+    """What the next step needs. Rows are (output, usable, segment, inputs...)."""
+
+    closed: status.Closed
+    t: float  # s, of the last sample
+    window: Array  # (n, 3 + m), read only, up to the last refit
+    recent: tuple[tuple[float, ...], ...]  # since then
+    start: process_fit.Start | None  # where the last fit lay
 
 
 def make(input_names: tuple[str, ...], dt: float, settings: FopdtSettings = FopdtSettings()) -> AnyEstimator:
-    """An estimator."""
+    """The FOPDT estimator.
+
+    Args:
+        input_names: one or two, in the order of `Sample.inputs`.
+        dt: s, the grid of the samples.
+        settings: window, pace and box.
+
+    Raises:
+        ValueError: settings that make no sense.
+
+    >>> estimator = make(("range_rate",), 0.1)
+    >>> state, estimate = estimator.step(estimator.init(), Sample(0.0, 20.0, (0.1,), Gate.OPEN, True, 0, {}))
+    >>> estimate.says
+    '0 s of 20 s of data: keep following'
+    """
+    m = len(input_names)
+    if m not in (1, 2) or not dt > 0.0 or not settings.window >= 10 * dt or not settings.tau_max > dt:
+        raise ValueError(
+            f"inputs {input_names}, dt = {dt} s, {settings}: one or two inputs, dt > 0, window >= 10 dt"
+        )
+    # the settle-in time of the fit is kept in front of the window, so that the window itself is used whole
+    settle = settings.tau_max + settings.dead_time_max
+    keep = round((settings.window + settle) / dt)
+    # never more than half of a short window, or a window with one brake dab would never speak
+    enough = min(status.ENOUGH, 0.5 * settings.window)
+    empty = np.zeros((0, 3 + m))
+    nothing_measured = (math.nan, 0.0, math.nan, *([math.nan] * m))
+
+    def init() -> State:
+        return State(status.Closed(), math.nan, empty, (), None)
 
     def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
+        if not math.isfinite(sample.t) or sample.t <= state.t:
+            return state, None
+        recent = (*state.recent, *_missing(state, sample), _row(sample))
         closed, forced = status.step(state.closed, sample)
-        row = (sample.output, *sample.inputs)
-        rows = state.rows
-        if sample.learn and all(np.isfinite(row)):
-            rows = (*rows, row)[-int(60 / dt) :]
-        kind = forced or (Status.CONVERGING if len(rows) * dt < status.ENOUGH else Status.OK)
-        if not status.due(closed, sample.t, kind):
-            return State(closed, rows), None
-        state = State(status.said(closed, sample.t, kind), rows)
-        if forced:
-            return state, status.silent(sample.t, "fopdt", kind, sample.gate.value, input_names)
-        if kind is Status.CONVERGING:
-            says = f"{len(rows) * dt:.0f} s of {status.ENOUGH:.0f} s of data"
-            return state, status.silent(sample.t, "fopdt", kind, says, input_names)
-        a = np.array(rows)
-        X = np.c_[a[:, 1:], np.ones(len(a))]
-        k = np.linalg.lstsq(X, a[:, 0], rcond=None)[0]
-        channels = {
-            n: Channel(Interval(float(v), float(v) - 1, float(v) + 1), status=Identifiable.GAIN_ONLY)
-            for n, v in zip(input_names, k[:-1], strict=True)
-        }
-        return state, Estimate(sample.t, "fopdt", kind, "gains only", channels)
+        state = State(closed, sample.t, state.window, recent, state.start)
+        if forced is not None:
+            if not status.due(closed, sample.t, forced, settings.refit):
+                return state, None
+            state = _fold(state)._replace(closed=status.said(closed, sample.t, forced))
+            return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
+        # a kind that is new because the gate has just opened is emitted at once, with a fit of its own
+        gate_spoke = closed.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
+        if not gate_spoke and sample.t - closed.emitted < settings.refit - 5e-4:
+            return state, None
+        state, estimate = _refit(_fold(state), sample)
+        return state._replace(closed=status.said(closed, sample.t, estimate.status)), estimate
 
-    return Estimator("fopdt", State, step)
+    def _missing(state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:
+        """Rows for grid times that never came."""
+        if not math.isfinite(state.t):
+            return ()
+        return (nothing_measured,) * min(round((sample.t - state.t) / dt) - 1, keep)
+
+    def _row(sample: Sample) -> tuple[float, ...]:
+        return (sample.output, float(sample.learn), float(sample.segment), *sample.inputs)
+
+    def _fold(state: State) -> State:
+        window = np.concatenate([state.window, np.array(state.recent).reshape(-1, 3 + m)])[-keep:]
+        window.setflags(write=False)
+        return state._replace(window=window, recent=())
+
+    def _refit(state: State, sample: Sample) -> tuple[State, Estimate]:
+        w = state.window
+        output, inputs = w[:, 0], w[:, 3:]
+        usable = (w[:, 1] > 0.0) & np.isfinite(output) & np.isfinite(inputs).all(axis=1)
+        used = float(usable.sum()) * dt
+        if used < enough:
+            says = f"{used:.0f} s of {enough:.0f} s of data: keep following"
+            return _told(state, sample, Status.CONVERGING, says, used)
+        spread = inputs[usable].std(axis=0)
+        excitation = {name: float(s) for name, s in zip(input_names, spread, strict=True)}
+        if all(s < STILL * status.usual(name) for name, s in excitation.items()):
+            return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
+        fit = process_fit.fit_process(
+            output,
+            inputs,
+            usable,
+            dt,
+            segment=_segments(w[:, 2]),
+            tau_max=settings.tau_max,
+            dead_time_max=settings.dead_time_max,
+            start=state.start,
+        )
+        state = state._replace(start=fit.start)
+        used = fit.used * dt
+        if used < enough:
+            says = f"{used:.0f} s of {enough:.0f} s of data since the inputs were complete: keep following"
+            return _told(state, sample, Status.CONVERGING, says, used, excitation)
+        channels = dict(zip(input_names, fit.channels, strict=True))
+        if all(c.status is Identifiable.NOT for c in fit.channels):
+            return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
+        says = status.what_is_told(channels)
+        return state, Estimate(sample.t, NAME, Status.OK, says, channels, fit.fit_percent, excitation, used)
+
+    def _told(
+        state: State,
+        sample: Sample,
+        kind: Status,
+        says: str,
+        used: float,
+        excitation: dict[str, float] | None = None,
+    ) -> tuple[State, Estimate]:
+        # brief gates: say why no more data come
+        why = sample.gate.value if sample.gate is not Gate.OPEN else says
+        estimate = status.silent(sample.t, NAME, kind, why, input_names)
+        return state, estimate._replace(used=used, excitation=excitation or {})
+
+    return Estimator(NAME, init, step)
+
+
+def _segments(column: Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Segment numbers; rows that never came belong to the one before."""
+    known = np.isfinite(column)
+    at = np.maximum.accumulate(np.where(known, np.arange(len(column)), 0))
+    return np.nan_to_num(column[at], nan=-1.0).astype(np.int64)

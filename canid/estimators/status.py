@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from canid.types import NAN, Channel, Estimate, Gate, Sample, Status
+from canid.types import NAN, Channel, Estimate, Gate, Identifiable, Sample, Status
 
 # s; a brake dab or a lifted foot is part of following a vehicle: the window's estimate stays true meanwhile.
 # Beyond this the sentence "K is ..." would be about somebody who no longer drives with the pedal.
@@ -92,6 +92,23 @@ def usual(name: str) -> float:
     return _USUAL.get(name, (1.0, ""))[0]
 
 
+_TOLD = {
+    Identifiable.OK: "K, tau and dead time",
+    Identifiable.SUM_ONLY: "K, and tau and dead time only as a sum",
+    Identifiable.GAIN_ONLY: "K only",
+    Identifiable.NOT: "nothing yet",
+}
+
+
+def what_is_told(channels: Mapping[str, Channel]) -> str:
+    """The sentence for `ok`: what these data tell of each input.
+
+    >>> what_is_told({"range_rate": Channel(status=Identifiable.GAIN_ONLY)})
+    'range rate: K only'
+    """
+    return "; ".join(f"{name.replace('_', ' ')}: {_TOLD[c.status]}" for name, c in channels.items())
+
+
 def hardly_moved(excitation: Mapping[str, float]) -> str:
     """The sentence for `not_excited`: which input moved least, how much, and what to do.
 
@@ -99,6 +116,8 @@ def hardly_moved(excitation: Mapping[str, float]) -> str:
     'range rate hardly moved (sd 0.10 m/s) in these data: drive with varying speed'
     """
     name = min(excitation, key=lambda n: excitation[n] / usual(n))
+    if excitation[name] > usual(name):
+        return "the inputs move, but what else moves the output hides the answer: keep driving with varying speed"
     unit = _USUAL.get(name, (1.0, ""))[1]
     remedy = "move within the lane" if name == "lateral_offset" else "drive with varying speed"
     amount = f"{excitation[name]:.2f} {unit}".strip()

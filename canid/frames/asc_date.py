@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import re
 
-# The first three letters of the months, lower case, without accents: English, German, French, Spanish, Italian,
-# Portuguese, Dutch, Swedish. Full French names too, where three letters do not tell (jui-n, jui-llet).
+# The first three letters of the months, lower case, without accents: English, German, French,
+# Spanish, Italian, Portuguese, Dutch, Swedish. Full French names too, where three letters do not tell (jui-n, jui-llet).
 _MONTHS = {
     name: number
     for number, names in enumerate(
@@ -47,10 +48,9 @@ def local_ns(text: str) -> int | None:
     True
     """
     text = text.lower()
-    try:
-        text = text.encode("latin-1").decode("utf-8")  # lines come byte by byte; this one may hold letters
-    except (UnicodeEncodeError, UnicodeDecodeError):
-        pass
+    # lines come byte by byte, and this one may hold letters of more than one byte
+    with contextlib.suppress(UnicodeEncodeError, UnicodeDecodeError):
+        text = text.encode("latin-1").decode("utf-8")
     text = text.translate(_ACCENTS)
     clock = _TIME.search(text)
     if clock is None:
@@ -70,7 +70,7 @@ def local_ns(text: str) -> int | None:
         at = datetime.datetime(*date, hour, minute, second, micro).astimezone()
     except (ValueError, OverflowError, OSError):
         return None
-    epoch = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+    epoch = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
     return (at - epoch) // datetime.timedelta(microseconds=1) * 1000
 
 

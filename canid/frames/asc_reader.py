@@ -1,7 +1,7 @@
 """Reads Vector's .asc: hex or dec, absolute or relative times, classic and CAN FD lines, any locale's date.
 
-Lines that hold no frame (comments, statistics, status, J1939 and LIN events) are passed over; a line that should
-be a frame and is not is counted. A frame needs as many data bytes as it announces.
+Lines that hold no frame (comments, statistics, status, J1939 and LIN events) are passed over; a line that
+should be a frame and is not is counted. A frame needs as many data bytes as it announces.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def read_asc(path: Path, state: ReadState) -> Iterator[Frame]:
 
 
 def _parse(words: list[str], base: int, line: Line) -> _Parsed | None:
-    """A frame, None where the line is about something else. Raises ValueError."""
+    """Parse a frame; None where the line is about something else. Raises ValueError."""
     if len(words) < 3:
         if not line.whole:
             raise Bad("the file ends in it")

@@ -1,7 +1,7 @@
 """The outer layer of a .blf: from the file to whole, verified payloads, and gaps where there was damage.
 
-A container is given on only if all of it inflates and its checksum holds; after damage the search goes on at the
-next container. Memory is bounded by `LIMIT`, whatever the file claims.
+A container is given on only if all of it inflates and its checksum holds; after damage the search goes on at
+the next container. Memory is bounded by `LIMIT`, whatever the file claims.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Gap(NamedTuple):
 def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]:
     """Payloads and gaps in the order of the file, from byte `start` to byte `size`.
 
-    Objects that stand in the file without a container (written with compression off) come as one payload each.
+    Objects that stand in the file without a container (written with compression off) come one payload each.
     """
     position = start
     bare: bool | None = None  # no containers in this file; None: not known yet
@@ -82,7 +82,7 @@ def _bare(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[b
 
 
 def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[bytes, int] | str:
-    """The container's data and the byte where it ends, or what is wrong with it."""
+    """Return the container's data and the byte where it ends, or what is wrong with it."""
     file.seek(position + blf.OBJECT.size)
     head = file.read(blf.CONTAINER.size)
     if len(head) < blf.CONTAINER.size:
@@ -94,7 +94,7 @@ def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple
         if isinstance(inflated, str):
             return inflated
         data, used = inflated
-        # The stream knows its own end and has a checksum: the sizes beside it may be damaged, the data are not.
+        # The stream knows its own end and has a checksum: sizes beside it may be damaged, the data are not.
         announced = object_size - blf.CONTAINER_HEAD_SIZE
         return data, begin + (announced if used <= announced <= used + PADDING else used)
     if method == blf.STORED:

@@ -73,7 +73,7 @@ class FileHeader(NamedTuple):
 
 
 def dlc_of(length: int) -> int:
-    """The smallest DLC code that announces at least `length` bytes.
+    """Find the smallest DLC code that announces at least `length` bytes.
 
     >>> dlc_of(8), dlc_of(9), dlc_of(64)
     (8, 9, 15)
@@ -108,6 +108,6 @@ def epoch_ms(words: tuple[int, ...]) -> int | None:
 
 
 def parse_file_header(data: bytes) -> FileHeader:
-    """The header from the file's first 72 bytes; the signature is the caller's question."""
+    """Parse the header from the file's first 72 bytes; the signature is the caller's question."""
     words = FILE_HEADER.unpack_from(data)
     return FileHeader(words[1], words[10], words[11], words[12], epoch_ms(words[14:22]))

@@ -1,7 +1,8 @@
 """The inner layer of a .blf: from a payload to frames.
 
 Every size is checked before it is believed. An object of an unknown type is counted and passed over.
-A time of 2^63 ns or more is a negative one: so `blf_writer` keeps frames that a clock set back put before the first.
+A time of 2^63 ns or more is a negative one: so `blf_writer` keeps frames that a clock set back put before
+the first.
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ def walk(data: bytes, position: int, first: int | None) -> Walked:
 
 
 def _seldom(data: bytes, at: int, begin: int, size: int, kind: int, t: float) -> Frame:
-    """A CAN FD or an error frame; `begin`, `size`: of its object, `at`: where its body begins."""
+    """Decode a CAN FD or an error frame; `begin`, `size`: of its object, `at`: where its body begins."""
     if kind == blf.CAN_ERROR_EXT:
         channel, _, _, _, _, dlc, _, word, _, payload = _ERROR.unpack_from(data, at)
         return _frame(t, channel, word, payload[:dlc], _ERROR_FLAG)

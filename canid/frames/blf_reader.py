@@ -1,4 +1,4 @@
-"""Reads a .blf as a stream of frames, and survives what is damaged in it: at most the bad container is lost."""
+"""Reads a .blf as a stream of frames; where the file is damaged, at most the bad container is lost."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def read_blf(path: Path, state: ReadState) -> Iterator[Frame]:
 
 
 def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader, int]:
-    """The header, and the byte where the first object should be."""
+    """Return the header, and the byte where the first object should be."""
     head = file.read(blf.FILE_HEADER_SIZE + len(blf.SIGNATURE))
     usual = head.endswith(blf.SIGNATURE)
     if not head.startswith(blf.FILE_SIGNATURE) and not usual:
@@ -64,7 +64,7 @@ def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader,
     if len(head) < blf.FILE_HEADER.size:
         raise LogError(f"{path} is cut off in its header: {size} bytes")
     header = blf.parse_file_header(head)
-    # Every known writer's header has 144 bytes. Believe others only within reason: `containers` finds its way.
+    # Every known writer's header has 144 bytes. Believe others within reason: `containers` finds its way.
     believable = blf.FILE_HEADER.size <= header.size <= 4096 and not usual
     return header, header.size if believable else blf.FILE_HEADER_SIZE
 

@@ -1,20 +1,19 @@
 """A .blf that can be killed at any time: `checkpoint()` makes everything appended so far a complete file.
 
-The header's start has milliseconds only. The rest of the start goes into every object's time, so the UTC start
-is kept to the nanosecond and the times between frames are kept exactly.
+The header's start has milliseconds only. The rest of the start goes into every object's time, so the UTC
+start is kept to the nanosecond and the times between frames are kept exactly.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import zlib
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
 from canid.errors import OutputError
 from canid.frames import blf_layout as blf
+from canid.frames.disk import Disk
 from canid.types import Flag, Frame
 
 # Vector's and python-can's container size; bigger gains nothing, and a damaged container is lost whole.
@@ -23,15 +22,13 @@ CONTAINER_SIZE = 128 * 1024
 _LEVEL = 6
 # Application id of python-can and API version 2.6.8.1: what other tools have seen most.
 _APPLICATION = (5, 0, 0, 0, 2, 6, 8, 1)
-# macOS and Windows have no fdatasync.
-to_disk = getattr(os, "fdatasync", os.fsync)
 
 _ERROR, _FD, _EXTENDED = int(Flag.ERROR), int(Flag.FD), int(Flag.EXTENDED)
 _REMOTE, _TX, _BRS, _ESI = int(Flag.REMOTE), int(Flag.TX), int(Flag.BRS), int(Flag.ESI)
 
 
 def encode(frame: Frame, stamp: int) -> bytes:
-    """One object. `stamp`: ns since the file's start (a negative one wraps, as 64 bits do; see `blf_objects`).
+    """Encode one object. `stamp`: ns since the file's start (a negative one wraps; see `blf_objects`).
 
     Of an error frame the id, the extended flag and eight data bytes are kept.
     Raises ValueError for more data than such a frame can carry.
@@ -39,7 +36,7 @@ def encode(frame: Frame, stamp: int) -> bytes:
     >>> len(encode(Frame(0.0, 0, 0x123, b"abc"), 0)), len(encode(Frame(0.0, 0, 0x123, b"abc", Flag.FD), 0))
     (48, 116)
     """
-    t, bus, id_, data, flags, length = frame
+    _, bus, id_, data, flags, length = frame
     word = id_ | blf.ID_EXTENDED if flags & _EXTENDED else id_
     how = (blf.TX if flags & _TX else 0) | (blf.REMOTE if flags & _REMOTE else 0)
     if len(data) > (64 if flags & _FD else 8):
@@ -60,6 +57,10 @@ def encode(frame: Frame, stamp: int) -> bytes:
     return head + blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, stamp & 0xFFFF_FFFF_FFFF_FFFF) + body
 
 
+# inside the class the name means the property
+_Bytes = bytes
+
+
 class BlfWriter:
     """Appends frames to a new .blf.
 
@@ -78,26 +79,17 @@ class BlfWriter:
         self._buffered = 0
         self._uncompressed = blf.FILE_HEADER_SIZE
         self._last = 0  # ns, the latest frame's
-        self._size = blf.FILE_HEADER_SIZE
+        self._disk = Disk(self.path, overwrite=overwrite)
         try:
-            # unbuffered: every write reaches the kernel, so a kill loses nothing that was written
-            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)
-        except FileExistsError:
-            raise OutputError(
-                f"{path} exists already: choose another name, or overwrite it explicitly"
-            ) from None
-        except OSError as error:
-            raise OutputError(f"cannot create {path}: {error.strerror}") from None
-        try:
-            self._write_header()
+            self._disk.append(self._header())
         except OutputError:
-            self._file.close()
+            self._disk.close()
             raise
 
     @property
     def bytes(self) -> int:
         """Bytes in the file so far, without what waits for its container."""
-        return self._size
+        return self._disk.size
 
     def append(self, frame: Frame) -> None:
         """Take one frame; a full container is written at once, the rest at the next `checkpoint()`."""
@@ -115,28 +107,22 @@ class BlfWriter:
     def checkpoint(self, *, sync: bool = True) -> None:
         """Make the file complete as it stands: container, header, and (`sync`) down to the disk."""
         self._write_container()
-        self._write_header()
+        self._disk.put(0, self._header())
         if sync:
-            try:
-                to_disk(self._file.fileno())
-            except OSError as error:
-                raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+            self._disk.sync()
 
     def close(self) -> None:
         """Checkpoint and close; a second call does nothing."""
-        if self._file.closed:
+        if self._disk.closed:
             return
         try:
             self.checkpoint()
         finally:
-            self._file.close()
+            self._disk.close()
 
     def abandon(self) -> None:
         """Close without writing any more: the disk has failed, what was written whole stands."""
-        # a container that the full disk took in part would read as damage; where even this fails, so be it
-        with contextlib.suppress(OSError):
-            os.ftruncate(self._file.fileno(), self._size)
-        self._file.close()
+        self._disk.close()
 
     def __enter__(self) -> BlfWriter:
         return self
@@ -154,32 +140,22 @@ class BlfWriter:
         size = blf.CONTAINER_HEAD_SIZE + len(packed)
         head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT.size, 1, size, blf.LOG_CONTAINER)
         # size % 4 zeros, not up to the next multiple of 4: this is the format's own habit
-        self._write(self._size, head + blf.CONTAINER.pack(blf.DEFLATED, len(data)) + packed + bytes(size % 4))
-        self._size += size + size % 4
+        self._disk.append(head + blf.CONTAINER.pack(blf.DEFLATED, len(data)) + packed + b"\0" * (size % 4))
         self._uncompressed += blf.CONTAINER_HEAD_SIZE + len(data)
         self._buffer.clear()
         self._buffered = 0
 
-    def _write_header(self) -> None:
+    def _header(self) -> _Bytes:
         stop = None if self.start_ns is None else self.start_ns + self._last
         header = blf.FILE_HEADER.pack(
             blf.FILE_SIGNATURE,
             blf.FILE_HEADER_SIZE,
             *_APPLICATION,
-            self._size,
+            max(self._disk.size, blf.FILE_HEADER_SIZE),
             self._uncompressed,
             self.frames - len(self._buffer),
             0,
             *blf.system_time(self.start_ns),
             *blf.system_time(stop),
         )
-        self._write(0, header.ljust(blf.FILE_HEADER_SIZE, b"\0"))
-
-    def _write(self, at: int, data: bytes) -> None:
-        try:
-            self._file.seek(at)
-            done = 0
-            while done < len(data):  # a nearly full disk takes a part
-                done += self._file.write(data[done:])
-        except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+        return header.ljust(blf.FILE_HEADER_SIZE, b"\0")

@@ -1,4 +1,4 @@
-"""Reads the .csv that python-can's CSVWriter writes; it has no channel and no direction: all frames are bus 0."""
+"""Reads the .csv that python-can's CSVWriter writes; it knows no channel and no direction: all is bus 0."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ SUFFIXES = (*_READERS, *(f"{suffix}.gz" for suffix in _TEXT))
 
 
 def log_suffix(path: str | os.PathLike[str]) -> str:
-    """The suffix that tells the format, in lower case, with ".gz" where it is compressed.
+    """Return the suffix that tells the format, in lower case, with ".gz" where it is compressed.
 
     >>> log_suffix("drive.BLF"), log_suffix("drive.2.asc.gz")
     ('.blf', '.asc.gz')
@@ -76,11 +76,11 @@ class Log:
 def open_log(path: str | os.PathLike[str]) -> Log:
     """Open a log; the suffix tells the format (see `SUFFIXES`).
 
-    Times are s since the first frame, exact to the nanosecond that the format has; `start_utc` is the epoch time
-    of the first frame, NaN where the log does not tell.
+    Times are s since the first frame, exact to the nanosecond that the format has; `start_utc` is the epoch
+    time of the first frame, NaN where the log does not tell.
 
-    Raises ConfigError for a missing file, an unknown suffix or a missing optional package, LogError where nothing
-    can be read. A log that is damaged in part is read in part: see `Log.damage`.
+    Raises ConfigError for a missing file, an unknown suffix or a missing optional package, LogError where
+    nothing can be read. A log that is damaged in part is read in part: see `Log.damage`.
 
     >>> import tempfile
     >>> from canid.frames.write import write_log

@@ -9,12 +9,12 @@ from canid.types import Flag, Frame
 
 
 def flags_of(message: Any) -> int:
-    """`Flag`s of a python-can Message.
+    """Collect the `Flag`s of a python-can Message.
 
     >>> flags_of(python_can.load().Message(is_extended_id=True, is_rx=False))
     65
     """
-    return (
+    return int(
         (message.is_extended_id and Flag.EXTENDED.value)
         | (message.is_remote_frame and Flag.REMOTE.value)
         | (message.is_error_frame and Flag.ERROR.value)
@@ -26,9 +26,9 @@ def flags_of(message: Any) -> int:
 
 
 def frame_of(message: Any, bus: int, first_ns: int = 0) -> Frame:
-    """A Frame of a Message, its time relative to `first_ns`.
+    """Make a Frame of a Message, its time relative to `first_ns`.
 
-    >>> frame_of(python_can.load().Message(timestamp=1.5, arbitration_id=7, is_extended_id=False, data=b"a"), 0)
+    >>> frame_of(python_can.load().Message(1.5, 7, is_extended_id=False, data=b"a"), 0)
     Frame(t=1.5, bus=0, id=7, data=b'a', flags=0, length=-1)
     """
     length = message.dlc if message.is_remote_frame else -1
@@ -37,7 +37,7 @@ def frame_of(message: Any, bus: int, first_ns: int = 0) -> Frame:
 
 
 def message_of(frame: Frame, start_utc: float = 0.0) -> Any:
-    """A Message of a Frame; its channel is the bus number.
+    """Make a Message of a Frame; its channel is the bus number.
 
     >>> message_of(Frame(0.5, 1, 0x123, b"ab")).dlc
     2

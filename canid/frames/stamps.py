@@ -54,7 +54,7 @@ def epoch_seconds(ns: int | None) -> float:
 
 
 def epoch_ns(seconds: float) -> int | None:
-    """A UTC start as epoch ns, rounded to whole microseconds; None where it is NaN.
+    """Make a UTC start epoch ns, rounded to whole microseconds; None where it is NaN.
 
     >>> epoch_ns(1533224087.5), epoch_ns(float("nan"))
     (1533224087500000000, None)

@@ -1,18 +1,15 @@
-"""Writes .asc and candump .log: microseconds, whole lines at a time. A time before the start is written as 0."""
+"""Writes .asc and candump .log: microseconds, whole lines. A time before the start is written as 0."""
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import os
 from pathlib import Path
-from typing import BinaryIO
 
-from canid.errors import OutputError
 from canid.frames.asc_reader import EXACT_START
 from canid.frames.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, dlc_of
-from canid.frames.blf_writer import to_disk
 from canid.frames.candump_reader import ERROR_BIT
+from canid.frames.disk import Disk
 from canid.types import Flag, Frame
 
 # Lines wait in memory up to this size: few system calls, and never half a line in the file.
@@ -28,18 +25,14 @@ class _TextWriter:
         self.path = Path(path)
         self.start_ns = start_ns
         self.frames = 0
-        self.bytes = 0
         self._waiting: list[str] = []
         self._length = 0
-        try:
-            # unbuffered: every write reaches the kernel, so a kill loses nothing that was written
-            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)
-        except FileExistsError:
-            raise OutputError(
-                f"{path} exists already: choose another name, or overwrite it explicitly"
-            ) from None
-        except OSError as error:
-            raise OutputError(f"cannot create {path}: {error.strerror}") from None
+        self._disk = Disk(self.path, overwrite=overwrite)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes in the file so far."""
+        return self._disk.size
 
     def append(self, frame: Frame) -> None:
         """Take one frame."""
@@ -54,11 +47,11 @@ class _TextWriter:
         """Write the lines that wait; `sync`: down to the disk."""
         self._write()
         if sync:
-            self._sync()
+            self._disk.sync()
 
     def close(self) -> None:
         """Write the end and close; a second call does nothing."""
-        if self._file.closed:
+        if self._disk.closed:
             return
         try:
             if not self.frames:
@@ -66,13 +59,11 @@ class _TextWriter:
             self._add(self._tail())
             self.checkpoint()
         finally:
-            self._file.close()
+            self._disk.close()
 
     def abandon(self) -> None:
         """Close without writing any more."""
-        with contextlib.suppress(OSError):
-            os.ftruncate(self._file.fileno(), self.bytes)
-        self._file.close()
+        self._disk.close()
 
     def _head(self) -> str:
         return ""
@@ -87,22 +78,8 @@ class _TextWriter:
         self._waiting.append(text)
         self._length += len(text)
 
-    def _sync(self) -> None:
-        try:
-            to_disk(self._file.fileno())
-        except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
-
     def _write(self) -> None:
-        data = "".join(self._waiting).encode("ascii")
-        try:
-            self._file.seek(self.bytes)
-            done = 0
-            while done < len(data):
-                done += self._file.write(data[done:])
-        except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
-        self.bytes += len(data)
+        self._disk.append("".join(self._waiting).encode("ascii"))
         self._waiting.clear()
         self._length = 0
 

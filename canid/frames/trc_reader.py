@@ -32,7 +32,7 @@ def _messages(source: Iterator[Line], tally: Tally) -> Iterator[Any]:
     feed = _Feed(source, tally)
     while not feed.over:
         try:
-            # A reader that has raised is spent: after a bad line a new one gets the header again, then the rest.
+            # A reader that has raised is spent: a new one gets the header again, then the remaining lines.
             yield from python_can.load().TRCReader(feed)
         except (ValueError, IndexError, KeyError, TypeError, NotImplementedError, OverflowError) as error:
             if feed.last is None:

@@ -44,7 +44,7 @@ WRITTEN = (".blf", *_TEXT)
 def open_writer(
     path: str | os.PathLike[str], start_ns: int | None = None, *, overwrite: bool = False
 ) -> Writer:
-    """A writer for the path's suffix (one of `WRITTEN`).
+    """Open a writer for the path's suffix (one of `WRITTEN`).
 
     Raises ConfigError for another suffix, OutputError where the file exists or cannot be created.
     """
@@ -69,8 +69,8 @@ def write_log(
 ) -> None:
     """Write all frames. `start_utc`: epoch s of t = 0 (NaN: unknown), kept to the microsecond.
 
-    A .blf gives back every time bit for bit if it is a whole number of ns (`round(t * 1e9) * 1e-9 == t`) and the
-    first frame has t = 0; the text formats keep as many digits as their kind has.
+    A .blf gives back every time bit for bit if it is a whole number of ns (`round(t * 1e9) * 1e-9 == t`) and
+    the first frame has t = 0; the text formats keep as many digits as their kind has.
     Raises OutputError where the file exists already (unless `overwrite`) or cannot be written.
 
     >>> import tempfile

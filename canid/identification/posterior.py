@@ -13,29 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.identification import first_order
-from canid.types import Array, Channel, Identifiable, Interval
+from canid.identification import first_order, verdict
+from canid.types import Array, Channel, Interval
 
 # Cells per axis: with a half-width of 4 sd a cell is 0.9 sd wide, where the midpoint rule is still exact to 1e-4.
 CELLS = 9
 REACH = 4.0
 
-# Verdict limits, standard deviations in s. 0.15 s of tau and 0.10 s of dead time give 95 % intervals of ±0.3 and
-# ±0.2 s: about half of what drivers have (tau 0.4-0.7 s, dead time 0.2-0.4 s; Grover 2021), the most with
-# which one driver can still be told from another. A sum is asked for to 0.2 s for the same reason. Outside, the
-# box itself (sd 0.87 and 0.43 s) would be reported as if it were knowledge.
-TAU_SD = 0.15
-DEAD_TIME_SD = 0.10
-SUM_SD = 0.20
-
-# A gain is told where its sd is at most a third of it: three sd from zero.
-GAIN_RATIO = 3.0
-
 # A marginal whose last cell at the upper end of the box holds this share of the fullest cell's is pressed
 # to the box: its width then says where we stopped looking. (The lower ends are physics, not convention.)
 PRESSED = 0.05
 
-_Z = np.array([NormalDist().inv_cdf((i + 0.5) / 41) for i in range(41)])  # quantile points that stand for a Gaussian
+_Z = np.array(
+    [NormalDist().inv_cdf((i + 0.5) / 41) for i in range(41)]
+)  # quantile points that stand for a Gaussian
 
 
 class Box(NamedTuple):
@@ -215,7 +206,7 @@ def quantiles(x: Array, w: Array) -> Interval:
     """Median and 95 % interval of weighted points, the cumulated weight joined by lines.
 
     >>> quantiles(np.linspace(0.0, 1.0, 101), np.full(101, 1 / 101))
-    Interval(value=0.5, low=0.0202, high=0.9798)
+    Interval(value=0.5, low=0.02025, high=0.97975)
     """
     order = np.argsort(x, kind="stable")
     x, w = x[order], w[order]
@@ -248,26 +239,25 @@ def _gain(grid: Grid, channel: int) -> tuple[Interval, float]:
 def channel(grid: Grid, index: int, box: Box) -> Channel:
     """What can be told of one channel: intervals, with NaN for what cannot."""
     K, K_sd = _gain(grid, index)
-    if not abs(K.value) >= GAIN_RATIO * K_sd or K.low * K.high <= 0.0:
-        return Channel()
     w, c = marginal(grid, index), grid.cells[index]
     total = c.tau + c.dead_time
 
     def sd(x: Array) -> float:
         return float(w @ (x - float(w @ x)) ** 2) ** 0.5
 
-    sum_interval = quantiles(total, w)
-    if sd(c.tau) <= TAU_SD and sd(c.dead_time) <= DEAD_TIME_SD and not pressed(grid, index, box):
-        return Channel(K, quantiles(c.tau, w), quantiles(c.dead_time, w), sum_interval, Identifiable.OK)
-    if sd(total) <= SUM_SD:
-        return Channel(K, tau_plus_dead_time=sum_interval, status=Identifiable.SUM_ONLY)
-    return Channel(K, status=Identifiable.GAIN_ONLY)
+    # pressed to the box: tau and dead time end where we stopped looking, and so does their sum
+    free = not pressed(grid, index, box)
+    status = verdict.judge(K, K_sd, sd(c.tau), sd(c.dead_time), sd(total), free)
+    return verdict.told(status, K, quantiles(c.tau, w), quantiles(c.dead_time, w), quantiles(total, w))
 
 
 def pressed(grid: Grid, index: int, box: Box) -> bool:
     """Whether the posterior leans on the upper end of the box, in tau or in dead time."""
     w, c = marginal(grid, index), grid.cells[index]
-    for x, end, spacing in ((c.tau, box.tau_max, c.spacing[0]), (c.dead_time, box.dead_time_max, c.spacing[1])):
+    for x, end, spacing in (
+        (c.tau, box.tau_max, c.spacing[0]),
+        (c.dead_time, box.dead_time_max, c.spacing[1]),
+    ):
         mass = np.bincount(np.floor((end - x) / spacing).astype(np.int64), w)
         if mass[0] > PRESSED * mass.max():
             return True

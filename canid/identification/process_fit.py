@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import autoregression, first_order, posterior
+from canid.identification import autoregression, first_order, posterior, residuals
 from canid.types import NAN, Array, Channel
 
 # s; an input that is missing for less than this is joined by a line: a driver's lag hardly sees the difference.
@@ -137,8 +137,15 @@ def fit_process(
     True
     """
     inputs = np.asarray(inputs, float)
-    if inputs.ndim != 2 or inputs.shape[1] not in (1, 2) or len(output) != len(inputs) or len(usable) != len(inputs):
-        raise ValueError(f"output {np.shape(output)}, inputs {inputs.shape}: expected (n,) and (n, 1) or (n, 2)")
+    if (
+        inputs.ndim != 2
+        or inputs.shape[1] not in (1, 2)
+        or len(output) != len(inputs)
+        or len(usable) != len(inputs)
+    ):
+        raise ValueError(
+            f"output {np.shape(output)}, inputs {inputs.shape}: expected (n,) and (n, 1) or (n, 2)"
+        )
     m = inputs.shape[1]
     box = posterior.Box(dt / 5.0, tau_max, dead_time_max)
     # the slowest lag in the box has then forgotten two thirds of an unknown history, usual ones 99 %
@@ -150,7 +157,9 @@ def fit_process(
     colour = _colour(data, dt, known.point)
     for _ in range(PASSES):
         grid = _look(data, dt, box, known.regions, colour)
-        known = Start(_middle(data, dt, grid, colour), tuple(posterior.gather(grid, i, box) for i in range(m)))
+        known = Start(
+            _middle(data, dt, grid, colour), tuple(posterior.gather(grid, i, box) for i in range(m))
+        )
         before, colour = colour, _colour(data, dt, known.point)
         if all(_fine(r, c) for r, c in zip(known.regions, grid.cells, strict=True)) and _same(before, colour):
             break
@@ -179,7 +188,7 @@ class _Colour(NamedTuple):
 
 def nothing(m: int, used: int = 0) -> ProcessFit:
     """The fit of m inputs that tells nothing."""
-    point = Point(*(np.full(m, NAN) for _ in range(3)), NAN)
+    point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN)
     return ProcessFit((Channel(),) * m, point, np.zeros(0), NAN, 1.0, NAN, used, None)
 
 
@@ -188,7 +197,9 @@ def _cold(data: Prepared, m: int, box: posterior.Box) -> Start:
     X = np.column_stack([*data.u, np.ones(len(data.y))])
     theta = np.linalg.lstsq(X[data.usable], data.y[data.usable], rcond=None)[0]
     # 0.4 and 0.25 s: a driver as published (Grover 2021); it only colours the first look
-    point = Point(theta[:m], np.full(m, min(0.4, box.tau_max)), np.full(m, min(0.25, box.dead_time_max)), theta[m])
+    point = Point(
+        theta[:m], np.full(m, min(0.4, box.tau_max)), np.full(m, min(0.25, box.dead_time_max)), theta[m]
+    )
     return Start(point, (posterior.whole_box(box),) * m)
 
 
@@ -210,36 +221,10 @@ def _colour(data: Prepared, dt: float, at: Point) -> _Colour:
     e = autoregression.whiten(residual, noise)[rows]
     score = np.array([column for answer in answers for column in answer])
     score = autoregression.whiten(score, noise, data.starts)[:, rows]
-    return _Colour(noise, rows, residual, left_over(e, score - score.mean(axis=1, keepdims=True), dt))
-
-
-# s; correlation of the whitened residual is looked for up to here: a pedal movement takes a second or two.
-CORRELATED = 2.0
-
-
-def left_over(e: Array, score: Array, dt: float) -> float:
-    """How much the colour that whitening left widens variances: the mean ratio of sandwich to plain variance.
-
-    Ribatet, Cooley & Davison 2012 (magnitude adjustment of a composite likelihood), with the variance of the score
-    by Newey & West 1987. At least one: luck must not narrow an interval.
-
-    Args:
-        e: (n,) whitened residual.
-        score: (k, n) derivatives of the prediction.
-        dt: s.
-
-    >>> left_over(np.tile([1.0, -1.0], 50), np.ones((1, 100)), 0.1)
-    1.0
-    """
-    s = score * e
-    plain = np.einsum("kn,kn->k", score, score) * float(e @ e) / max(len(e), 1)
-    variance = np.einsum("kn,kn->k", s, s)
-    # no more lags than a quarter of the data carry
-    lags = min(round(CORRELATED / dt), len(e) // 4)
-    for i in range(1, lags + 1):
-        variance += 2.0 * (1.0 - i / (lags + 1)) * np.einsum("kn,kn->k", s[:, i:], s[:, :-i])
-    moving = plain > 1e-12 * max(float(np.max(plain)), 1e-300)
-    return max(1.0, float(np.mean(variance[moving] / plain[moving]))) if moving.any() else 1.0
+    score -= score.mean(axis=1, keepdims=True)
+    sd = float(e @ e / max(len(e), 1)) ** 0.5
+    temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / dt))
+    return _Colour(noise, rows, residual, temper)
 
 
 def _look(

@@ -14,10 +14,19 @@ Encode = Callable[..., list[Frame]]
 
 
 class _Slot(NamedTuple):
-    """One signal to fill, from the value of one role."""
+    """One signal to fill, from the value of one role; its place in the frame worked out beforehand."""
 
     role: str
     how: SignalMap
+    low: float  # smallest and largest raw number
+    high: float
+    shift: int  # of the raw number in the frame as one integer, read in the signal's own byte order
+    mask: int
+
+
+def _slot(role: str, how: SignalMap, length: int) -> _Slot:
+    shift = 8 * length - how.bits.end if how.bits.motorola else how.bits.start
+    return _Slot(role, how, *how.bits.reach, shift, (1 << how.bits.length) - 1)
 
 
 class _Plan(NamedTuple):
@@ -41,7 +50,7 @@ def encoder(vehicle: Vehicle) -> Encode:
         >>> from canid.vehicle import read_vehicle
         >>> encode = encoder(read_vehicle("generic"))
         >>> encode(1.5, {"pedal": 20.0}, {"ENGINE_DATA": 3})[0].data.hex()
-        '3200003f'
+        '32ff3f3f'
     """
     plans = {message.name: _plan(vehicle, message) for message in vehicle.messages}
 
@@ -54,13 +63,13 @@ def encoder(vehicle: Vehicle) -> Encode:
 
 def _plan(vehicle: Vehicle, message: MessageMap) -> _Plan:
     slots = [
-        _Slot(role.role, role.how)
+        _slot(role.role, role.how, message.length)
         for role in vehicle.roles.values()
         if (role.message, role.bus) == (message.name, message.bus)
     ]
     for track in vehicle.lead.tracks or ():
         if (track.message, track.bus) == (message.name, message.bus):
-            slots += _track_slots(track)
+            slots += _track_slots(track, message.length)
     # A page is one choice of the selectors; each signal's own condition is the choice that shows it.
     choices = {tuple((where, min(values)) for where, values in slot.how.when) for slot in slots}
     # Signals outside every page are in all of them; they need a page of their own only if there is no other.
@@ -79,11 +88,16 @@ def _page(
     return word, tuple(shown)
 
 
-def _track_slots(track: TrackMap) -> list[_Slot]:
+def _track_slots(track: TrackMap, length: int) -> list[_Slot]:
     first = track.track == 0
-    parts = {"gap": track.distance, "range_rate": track.rate, "lead_valid": track.valid, "zero": track.lateral}
+    parts = {
+        "gap": track.distance,
+        "range_rate": track.rate,
+        "lead_valid": track.valid,
+        "zero": track.lateral,
+    }
     # "none" is never in the values: it is written as "no value", 0 for a yes/no signal.
-    return [_Slot(role if first else "none", how) for role, how in parts.items() if how is not None]
+    return [_slot(role if first else "none", how, length) for role, how in parts.items() if how is not None]
 
 
 def _frame(t: float, plan: _Plan, values: Mapping[str, float], tick: int) -> Frame:
@@ -91,16 +105,25 @@ def _frame(t: float, plan: _Plan, values: Mapping[str, float], tick: int) -> Fra
     word, slots = plan.pages[tick % len(plan.pages)]
     if message.counter is not None:
         word |= put(message.counter, tick % (1 << message.counter.length), message.length)
-    for role, how in slots:
-        word |= put(how.bits, _raw(how, 0.0 if role == "zero" else values.get(role, NAN)), message.length)
+    little = big = 0
+    for slot in slots:
+        raw = _raw(slot, 0.0 if slot.role == "zero" else values.get(slot.role, NAN))
+        if slot.how.bits.floating:
+            word |= put(slot.how.bits, raw, message.length)
+        elif slot.how.bits.motorola:
+            big |= (int(raw) & slot.mask) << slot.shift
+        else:
+            little |= (int(raw) & slot.mask) << slot.shift
+    word |= little | int.from_bytes(big.to_bytes(message.length, "big"), "little")
     flags = int(Flag.EXTENDED) if message.extended else 0
     if message.length > 8:
         flags |= int(Flag.FD)  # classic CAN carries 8 bytes at most
     return Frame(t, message.bus or 0, message.id, word.to_bytes(message.length, "little"), flags)
 
 
-def _raw(how: SignalMap, value: float) -> float:
+def _raw(slot: _Slot, value: float) -> float:
     """Find the raw number that decodes to the value, as near as its resolution lets it."""
+    how = slot.how
     if how.kind == "bool":
         return _raw_bool(how, value)
     if math.isnan(value):
@@ -108,8 +131,9 @@ def _raw(how: SignalMap, value: float) -> float:
     raw = (min(max(value, how.low), how.high) - how.offset) / how.factor
     if how.bits.floating:
         return raw
-    low, high = how.bits.reach
-    whole = min(max(round(raw), low), high)
+    whole = min(max(round(raw), slot.low), slot.high)
+    if not how.no_value:
+        return whole
     # The range is one LSB wider than the DBC's, and next to its end lie the numbers that mean "no value".
     return next((w for w in (whole, whole - 1, whole + 1) if int(w) not in how.no_value), whole)
 

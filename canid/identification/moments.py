@@ -1,0 +1,131 @@
+"""From polynomials to the driver's words: K, tau and dead time of one channel B/A by moments.
+
+The moments of an impulse response follow from those of the polynomials: the mean delay of B/A is that of B minus
+that of A, and so is the variance (cumulants of a quotient subtract). A lag tau with dead time theta has mean
+delay tau + theta and variance tau^2, so tau is the square root of the second and theta the rest of the first.
+Intervals by the delta method.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from canid.identification import verdict
+from canid.types import Array, Channel, Interval
+
+# Two-sided 95 % of a Gaussian.
+Z = 1.959964
+
+
+def _mean_and_variance(p: Array, at: Array) -> tuple[float, float, Array, Array]:
+    """Mean and variance of lags `at` weighted by p, and their gradients by p."""
+    total = float(p.sum())
+    mean = float(p @ at) / total
+    second = float(p @ at**2) / total
+    d_mean = (at - mean) / total
+    d_variance = (at**2 - second) / total - 2.0 * mean * d_mean
+    return mean, second - mean**2, d_mean, d_variance
+
+
+def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channel:
+    """What the polynomials tell of one input.
+
+    Args:
+        A: (na + 1,) with the leading one.
+        B: (nb,) first coefficient at lag nk.
+        nk: samples.
+        covariance: (na + nb, na + nb) of a1..., b1....
+        dt: s.
+
+    >>> a = np.exp(-0.1 / 0.5)  # a lag of 0.5 s behind a dead time of 0.2 s, input joined by lines
+    >>> g = 1 - 0.5 / 0.1 * (1 - a)
+    >>> B = 5.0 * np.array([g, 1 - a - g])
+    >>> told = channel(np.array([1.0, -a]), B, 2, 1e-8 * np.eye(3), 0.1)
+    >>> round(told.K.value, 2), round(told.tau_plus_dead_time.value, 2)
+    (5.0, 0.7)
+    """
+    na = len(A) - 1
+    a1, b1 = float(A.sum()), float(B.sum())
+    if not np.isfinite(covariance).all() or a1 == 0.0 or b1 == 0.0 or np.abs(np.roots(A)).max(initial=0.0) >= 1.0:
+        return Channel()  # an unstable or integrating answer has no gain
+    ma, va, d_ma, d_va = _mean_and_variance(A, np.arange(na + 1.0))
+    mb, vb, d_mb, d_vb = _mean_and_variance(B, nk + np.arange(float(len(B))))
+    J_mean = dt * np.concatenate([-d_ma[1:], d_mb])
+    J_var = dt**2 * np.concatenate([-d_va[1:], d_vb])
+    total = dt * (mb - ma)
+    # the input was joined by lines: on average over where the dead time falls between samples, that adds
+    # dt^2/6 to the variance of the sampled response, and nothing to its mean
+    variance = dt**2 * (vb - va) - dt**2 / 6.0
+
+    def sd(J: Array) -> float:
+        return float(max(J @ covariance @ J, 0.0)) ** 0.5
+
+    sum_sd, sum_interval = sd(J_mean), around(total, sd(J_mean), 0.0)
+    K_interval = ratio(b1, a1, *_sums(covariance, na))
+    K_sd = (K_interval.high - K_interval.low) / (2.0 * Z)
+    tau, tau_sd, rest, rest_sd = Interval(), np.nan, Interval(), np.nan
+    # a variance within two sd of zero has no square root worth the name
+    if variance > 2.0 * sd(J_var):
+        lag = variance**0.5
+        J_tau = J_var / (2.0 * lag)
+        tau_sd, rest_sd = sd(J_tau), sd(J_mean - J_tau)
+        # a dead time below zero is a lead, which a lag with dead time cannot be
+        if total - lag > -2.0 * rest_sd:
+            tau, rest = around(lag, tau_sd, 0.0), around(total - lag, rest_sd, 0.0)
+        else:
+            tau_sd = np.nan
+    status = verdict.judge(K_interval, K_sd, tau_sd, rest_sd, sum_sd)
+    # a response that begins before its cause is no answer at all
+    if total < -2.0 * sum_sd:
+        status = verdict.judge(K_interval, K_sd, np.nan, np.nan, np.nan)
+    return verdict.told(status, K_interval, tau, rest, sum_interval)
+
+
+def _sums(covariance: Array, na: int) -> tuple[float, float, float]:
+    """Variances of B(1) and A(1), and their covariance."""
+    return (
+        float(covariance[na:, na:].sum()),
+        float(covariance[:na, :na].sum()),
+        float(covariance[na:, :na].sum()),
+    )
+
+
+def ratio(b: float, a: float, vb: float, va: float, vab: float) -> Interval:
+    """The 95 % interval of b / a by Fieller (1954): all K with |b - K a| within its own 1.96 sd.
+
+    A(1) of a driver at 10 Hz is small, hence its reciprocal skewed: the delta method's symmetric interval covered
+    0.85 of K in 60 s of simulated car following, this one 0.92 to 0.95.
+
+    Args:
+        b: numerator.
+        a: denominator.
+        vb: variance of b.
+        va: variance of a.
+        vab: covariance.
+
+    Returns:
+        The interval; NaN where the denominator may be zero, as every K is then possible.
+
+    >>> round(ratio(2.0, 1.0, 1e-6, 0.0, 0.0).high, 5)
+    2.00196
+    >>> ratio(2.0, 1.0, 0.0, 1.0, 0.0).low
+    nan
+    """
+    square = a * a - Z * Z * va
+    half = a * b - Z * Z * vab
+    root = half * half - square * (b * b - Z * Z * vb)
+    if not square > 0.0 or not root >= 0.0:
+        return Interval()
+    # nine digits: the last bits of a quadratic's roots mean nothing
+    return Interval(
+        round(b / a, 9), round((half - root**0.5) / square, 9), round((half + root**0.5) / square, 9)
+    )
+
+
+def around(value: float, sd: float, least: float = -np.inf) -> Interval:
+    """Return the 95 % interval of a Gaussian, cut off at `least`.
+
+    >>> around(1.0, 0.5, 0.5)._replace(high=0.0)
+    Interval(value=1.0, low=0.5, high=0.0)
+    """
+    return Interval(max(value, least), max(value - Z * sd, least), max(value + Z * sd, least))

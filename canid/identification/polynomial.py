@@ -1,0 +1,73 @@
+"""Polynomials in the delay operator, 1 + c1 q^-1 + ...: stability, projection into it, and their inverse filter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from canid.identification.first_order import scan
+from canid.types import Array
+
+
+def is_stable(c: Sequence[float], radius: float = 1.0) -> bool:
+    """Whether all zeros of z^n + c1 z^(n-1) + ... + cn lie inside |z| < radius.
+
+    Schur-Cohn step-down (Ljung & Söderström 1983, sec. 6.6): plain arithmetic, so that a recursion can afford it.
+
+    Args:
+        c: coefficients without the leading one.
+        radius: of the circle.
+
+    >>> is_stable([-0.9]), is_stable([-1.1]), is_stable([-1.8, 0.81]), is_stable([0.5, 1.2])
+    (True, False, True, False)
+    """
+    a, scale = [], 1.0
+    for value in c:
+        scale /= radius
+        a.append(value * scale)
+    while a:
+        k = a[-1]
+        if not -1.0 < k < 1.0:
+            return False
+        rest = 1.0 - k * k
+        n = len(a) - 1
+        a = [(a[i] - k * a[n - 1 - i]) / rest for i in range(n)]
+    return True
+
+
+def project(c: Array, radius: float) -> Array:
+    """Pull zeros outside the circle of `radius` back onto it, along their ray; the others stay.
+
+    >>> project(np.array([-2.0]), 0.98)
+    array([-0.98])
+    """
+    zeros = np.roots(np.concatenate([[1.0], c]))
+    size = np.abs(zeros)
+    if not (size > radius).any():
+        return c
+    moved = np.where(size > radius, radius * zeros / np.maximum(size, 1e-300), zeros)
+    out = np.zeros(len(c))
+    found = np.real(np.poly(moved))[1:]
+    out[: len(found)] = found
+    return out
+
+
+def divide(x: Array, c: Array) -> Array:
+    """Solve y_t = x_t - sum c_i y_(t-i), at rest before, along the last axis: x filtered by 1/C.
+
+    One first-order recursion per zero of C (complex where they are), each a scan: no loop over time.
+
+    >>> divide(np.array([1.0, 0.0, 0.0]), np.array([-0.5]))
+    array([1.  , 0.5 , 0.25])
+    """
+    if len(c) == 0:
+        return x
+    if len(c) == 1:
+        return scan(x, np.array([-c[0]]))
+    zeros = np.roots(np.concatenate([[1.0], c]))
+    y = x.astype(np.complex128)
+    for zero in zeros:
+        y = scan(y, np.array([zero]))
+    out: Array = np.ascontiguousarray(y.real)
+    return out

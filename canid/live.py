@@ -1,0 +1,112 @@
+"""Recording and estimating side by side: the recorder's threads here, the estimators in their own process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import NamedTuple
+
+from canid.estimating import Counts, Estimating
+from canid.frames.bus import ReceiveOnlyBus
+from canid.frames.recorder import Recorder, Stats
+from canid.pipeline import Output
+from canid.types import Event
+from canid.vehicle import Vehicle, read_vehicle
+
+# s between two reports on recorder and buses
+REPORT = 0.25
+# s; a bus from which nothing comes for this long is told
+SILENT = 2.0
+
+
+class World(NamedTuple):
+    """How recorder, buses and estimators are."""
+
+    elapsed: float  # s since the start
+    recorder: Stats
+    estimator: Counts | None  # None: not estimating
+    counters: dict[str, int]  # what the decoder could not use
+    missing: tuple[str, ...]  # mapped signals that never came
+
+
+class Result(NamedTuple):
+    """One output of the pipeline, and when the frame that completed it was received."""
+
+    frame_t: float  # s, session time
+    item: Output
+
+
+def session(
+    buses: Sequence[ReceiveOnlyBus],
+    vehicle: Vehicle | str | Path | None,
+    *,
+    record: str | Path | None = None,
+    duration: float | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    command: Sequence[str] | None = None,
+) -> Iterator[Result | World]:
+    """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
+
+    Frames are on their way to the disk before anything else is even imported; whatever the estimators do, the
+    recording goes on. When it ends, all that was received is written, the file is closed, and the estimates that
+    were still due are given out before the last `World`.
+
+    Args:
+        buses: from `open_buses`; they are shut down at the end.
+        vehicle: vehicle file, its name or its value; None records only.
+        record: path of the log; None does not record. An existing file is never overwritten: see `Stats.path`.
+        duration: s; None: until stopped.
+        stopped: asked ten times a second.
+        command: of the estimator's process; tests put faulty ones here.
+    """
+    results: SimpleQueue[Result] = SimpleQueue()
+    began = time.monotonic()
+    estimating = None
+    if vehicle is not None:
+        name = str(vehicle.path if isinstance(vehicle, Vehicle) else vehicle)
+        estimating = Estimating(name, lambda t, item: results.put(Result(t, item)), command)
+    # the estimator takes seconds to import its mathematics; its frames wait for it
+    recorder = Recorder(buses, record, estimating.put if estimating else None)
+
+    def report() -> World:
+        elapsed = time.monotonic() - began
+        if estimating is None:
+            return World(elapsed, recorder.stats(), None, {}, ())
+        told = dict(estimating.counters), tuple(estimating.missing)
+        return World(elapsed, recorder.stats(), estimating.counts(), *told)
+
+    recorder.start()
+    try:
+        if vehicle is not None and not isinstance(vehicle, Vehicle):
+            read_vehicle(vehicle)  # a mistake in it is told by us, not by the child; recording has begun meanwhile
+        told = began
+        while not stopped() and recorder.alive():
+            now = time.monotonic()
+            if duration is not None and now - began >= duration:
+                break
+            if now - told >= REPORT:
+                told = now
+                yield report()
+            try:
+                result = results.get(timeout=0.05)
+            except Empty:
+                continue
+            _note(recorder, result)
+            yield result
+    finally:
+        recorder.stop()
+        if estimating is not None:
+            estimating.close()
+    while not results.empty():
+        result = results.get()
+        _note(recorder, result)
+        yield result
+    yield report()
+
+
+def _note(recorder: Recorder, result: Result) -> None:
+    """Events stand in the journal beside the log."""
+    if isinstance(result.item, Event):
+        recorder.journal(result.item)

@@ -1,0 +1,72 @@
+"""Drives with known truth: a lead, a driver whose parameters are known, and a car, in closed loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from canid.simulate.car import Car
+from canid.simulate.driver import DriverTruth, draw_driver
+from canid.simulate.following import Simulation, follow
+from canid.simulate.leads import PROFILES
+from canid.simulate.noise import KINDS
+from canid.simulate.sensing import frames, truth_text
+
+__all__ = [
+    "KINDS",
+    "PROFILES",
+    "Car",
+    "DriverTruth",
+    "Simulation",
+    "draw_driver",
+    "frames",
+    "simulate",
+    "truth_text",
+]
+
+
+def simulate(
+    minutes: float = 3.0,
+    seed: int = 1,
+    profile: str = "mixed",
+    noise: str = "ar1",
+    *,
+    driver: DriverTruth | None = None,
+    lost: Sequence[tuple[float, float]] = (),
+    cut_in: float | None = None,
+    grade_sd: float = 0.8,
+    car: Car | None = None,
+) -> Simulation:
+    """Simulate a drive behind another vehicle, in closed loop at 100 Hz.
+
+    Driver: u = offset + K1·L1[headway − headway_desired] + K2·L2[range_rate] + noise with
+    L = e^(−θs)/(1+τs) (Grover eq. 2.1, 2.6–2.9); the pedal is u between 0 and 100 %, below 0 the brake works.
+
+    Args:
+        minutes: duration.
+        seed: the same seed gives the same drive.
+        profile: "mixed", "urban" or "motorway": how the lead drives.
+        noise: kind of the driver's noise, one of `KINDS`.
+        driver: the driver; None draws a plausible one by the seed.
+        lost: (start, stop) in s: the radar loses the lead, the driver does not.
+        cut_in: s; another vehicle cuts in between the two.
+        grade_sd: standard deviation of the road's slope, %.
+        car: the car that is driven.
+
+    Returns:
+        Columns of what truly happened, and the truth.
+
+    Raises:
+        ValueError: unknown profile or noise, or too short.
+
+    Example:
+        >>> drive = simulate(minutes=1, seed=3)
+        >>> drive.columns["pedal"].shape, sorted(drive.truth["channels"])
+        ((6000,), ['headway_error', 'range_rate'])
+    """
+    if profile not in PROFILES:
+        raise ValueError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
+    if noise not in KINDS:
+        raise ValueError(f"noise {noise!r} is not one of {', '.join(KINDS)}")
+    if not 0 < minutes < 24 * 60:
+        raise ValueError(f"minutes must be above 0 and below a day, not {minutes}")
+    return follow(minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car())

@@ -1,0 +1,176 @@
+"""Car following in closed loop: lead, driver with known truth, car."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from canid.simulate.car import GRAVITY, Car, gearbox, road_grade
+from canid.simulate.driver import DriverTruth, answer, draw_driver
+from canid.simulate.leads import PROFILES, speed_profile
+from canid.simulate.noise import unit_noise
+from canid.types import Array
+
+# s; 100 Hz: ten times finer than the estimators' grid, so that no result rests on the simulator's own steps
+DT = 0.01
+# m/s; below this a headway means nothing (gap / 0), and the driver holds the gap as if driving at it
+_CRAWL = 2.0
+# m; bumpers do not pass through each other
+_TOUCH = 1.0
+
+
+class Simulation(NamedTuple):
+    """A simulated drive: every quantity as it truly was, without any sensor's noise, and the truth."""
+
+    dt: float  # s
+    columns: dict[str, Array]  # "t" and role -> (n,), also "headway", "noise", "demand"
+    truth: dict[str, Any]  # can be written as JSON
+    seed: int
+
+
+def follow(
+    minutes: float,
+    seed: int,
+    profile: str,
+    noise: str,
+    driver: DriverTruth | None,
+    lost: Sequence[tuple[float, float]],
+    cut_in: float | None,
+    grade_sd: float,
+    car: Car,
+) -> Simulation:
+    """Simulate car following; see `simulate`."""
+    n = round(minutes * 60 / DT)
+    # One stream of chance for each purpose: another kind of noise does not change the road.
+    rng = {
+        purpose: np.random.default_rng([seed, i])
+        for i, purpose in enumerate(("driver", "lead", "foot", "road"))
+    }
+    truth = draw_driver(rng["driver"]) if driver is None else driver
+    road = PROFILES[profile]
+    lead = speed_profile(road, n, DT, rng["lead"])
+    if math.isnan(truth.offset):
+        truth = truth._replace(offset=round(car.hold(float(lead.mean())), 3))
+    grade = road_grade(n, DT, lead, grade_sd, rng["road"])
+    foot = unit_noise(noise, n, DT, rng["foot"])
+    if cut_in is not None:
+        after = np.arange(n) * DT - cut_in
+        # Who cuts in comes from a slower lane: 1.5 m/s slower, and has the lead's speed some 5 s later.
+        lead = np.where(after >= 0, lead - 1.5 * np.exp(-np.maximum(after, 0) / 5.0), lead)
+    columns = _loop(lead, foot, grade, truth, car, noise == "state", cut_in)
+    columns |= _beside(columns, grade, rng["road"])
+    t = columns["t"]
+    valid = np.ones(n)
+    for start, stop in lost:
+        valid[(t >= start) & (t < stop)] = 0.0
+    columns["lead_valid"] = valid
+    facts: dict[str, Any] = {
+        "task": "car_following",
+        "channels": {
+            "headway_error": {"K": truth.K1, "tau": truth.tau1, "dead_time": truth.dead_time1},
+            "range_rate": {"K": truth.K2, "tau": truth.tau2, "dead_time": truth.dead_time2},
+        },
+        "headway_desired": truth.headway_desired,
+        "offset": truth.offset,
+        "noise": {"kind": noise, "sd": truth.noise_sd},
+        "profile": profile,
+        "seed": seed,
+        "minutes": minutes,
+        "lost": [list(pair) for pair in lost],
+        "cut_in": cut_in,
+        "grade_sd": grade_sd,
+        "car": car._asdict(),
+        "hidden": None,
+    }
+    return Simulation(DT, columns, facts, seed)
+
+
+def _loop(
+    lead: Array,
+    foot: Array,
+    grade: Array,
+    truth: DriverTruth,
+    car: Car,
+    grows: bool,
+    cut_in: float | None,
+) -> dict[str, Array]:
+    """Close the loop. Plain floats: numpy scalars would make it ten times slower."""
+    n = len(lead)
+    first = answer(truth.K1, truth.tau1, truth.dead_time1, DT)
+    second = answer(truth.K2, truth.tau2, truth.dead_time2, DT)
+    vl, e, slope = lead.tolist(), (foot * truth.noise_sd).tolist(), (grade * GRAVITY / 100).tolist()
+    decay = math.exp(-DT / car.lag)
+    v = vl[0]
+    gap = truth.headway_desired * v
+    error: list[float] = []
+    rate: list[float] = []
+    demand, speed, gaps, accel, noise = (np.empty(n) for _ in range(5))
+    y1 = y2 = 0.0
+    drive, brake = max(truth.offset, 0.0), 0.0
+    a = 0.0
+    cut = -1 if cut_in is None else round(cut_in / DT)
+    for k in range(n):
+        if k == cut:
+            gap *= 0.55  # a gap of 2 s becomes one of 1.1 s: uncomfortable, not dangerous
+        error.append(gap / max(v, _CRAWL) - truth.headway_desired)
+        rate.append(vl[k] - v)
+        y1, y2 = first.step(y1, error, k), second.step(y2, rate, k)
+        answered = truth.K1 * y1 + truth.K2 * y2
+        # State-dependent noise: a foot that moves more errs more; of the same size at an answer of 6 %.
+        n_k = e[k] * (0.25 + abs(answered) / 8.0) if grows else e[k]
+        u = truth.offset + answered + n_k
+        demand[k], speed[k], gaps[k], noise[k] = u, v, gap, n_k
+        drive = decay * drive + (1 - decay) * min(max(u, 0.0), 100.0)
+        brake = decay * brake + (1 - decay) * max(-u, 0.0)
+        a = car.power * drive - car.brake * brake - car.rolling - car.drag * v * v - slope[k]
+        accel[k] = a
+        v_next = max(v + a * DT, 0.0)
+        gap = max(gap + 0.5 * DT * (vl[k] - v + vl[min(k + 1, n - 1)] - v_next), _TOUCH)
+        v = v_next
+    return {
+        "t": np.arange(n) * DT,
+        "demand": demand,
+        "pedal": np.clip(demand, 0.0, 100.0),
+        "brake": (demand < -1.0).astype(float),  # the switch closes after a little way, 1 % of the pedal's
+        "speed": speed,
+        "accel": accel,
+        "gap": gaps,
+        "range_rate": np.array(rate),
+        "lead_speed": lead,
+        "headway": gaps / np.maximum(speed, _CRAWL),
+        "noise": noise,
+    }
+
+
+def _beside(columns: dict[str, Array], grade: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Compute what else the car measures: the road under it, its course, its gears. Nothing feeds back."""
+    v, t = columns["speed"], columns["t"]
+    zero = np.zeros(len(v))
+    # Curves of a country road: up to 3°/s, some 20 s long.
+    yaw_rate = (
+        math.radians(2.0) * np.sin(2 * math.pi * t / 37.0 + rng.uniform(0, 6.0)) * np.minimum(v / 15.0, 1.0)
+    )
+    course = np.cumsum(yaw_rate) * DT
+    east, north = np.cumsum(v * np.cos(course)) * DT, np.cumsum(v * np.sin(course)) * DT
+    gear, engine_speed = gearbox(v)
+    return {
+        "grade": grade,
+        "altitude": 150.0 + np.cumsum(v * grade / 100) * DT,
+        "yaw_rate": yaw_rate,
+        # One-track model without slip: steering ratio 15, wheelbase 2.7 m.
+        "steering_angle": np.degrees(15 * 2.7 * yaw_rate / np.maximum(v, _CRAWL)),
+        "lateral_offset": 0.15 * np.sin(2 * math.pi * t / 23.0),
+        "east": east,
+        "north": north,
+        "lat": 46.87 + north / 111_200,
+        "lon": 16.85 + east / (111_200 * math.cos(math.radians(46.87))),
+        "gnss_speed": v,
+        "gear": gear,
+        "engine_speed": engine_speed,
+        "cruise_active": zero,
+        "clutch": zero,
+        "accel_command": columns["accel"],
+    }

@@ -1,0 +1,37 @@
+"""Makes the logs in this folder, byte for byte: python replay_logs/make.py [FOLDER]."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from canid.frames import write_log
+from canid.simulate import Simulation, frames, simulate, truth_text
+from canid.vehicle import read_vehicle
+
+# Monday, 5 January 2026, 08:00 UTC: any fixed moment, so that the bytes do not depend on when they are made.
+START = 1767600000.0
+
+
+def drives() -> dict[str, Simulation]:
+    """Return log name -> drive."""
+    return {
+        "following_mixed.blf": simulate(3, seed=1, profile="mixed"),
+        "following_urban.blf": simulate(3, seed=6, profile="urban", noise="mix"),
+        "following_motorway.asc": simulate(1.5, seed=4, profile="motorway"),
+        # The radar loses the lead twice (3 s and 12 s), and another vehicle cuts in after 100 s.
+        "following_lost_lead.blf": simulate(3, seed=3, lost=[(40.0, 43.0), (130.0, 142.0)], cut_in=100.0),
+    }
+
+
+def main(folder: Path) -> None:
+    """Write all logs, each with its truth beside it."""
+    vehicle = read_vehicle("generic")
+    for name, drive in drives().items():
+        path = folder / name
+        write_log(path, frames(drive, vehicle), START, overwrite=True)
+        path.with_suffix(".truth.json").write_text(truth_text(drive, vehicle), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
