@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from canid.estimating import Counts, Estimating
-from canid.frames.bus import ReceiveOnlyBus
+from canid.frames.bus import ReceiveOnlyBus, open_buses
 from canid.frames.recorder import Recorder, Stats
 from canid.pipeline import Output
-from canid.types import Event
+from canid.types import Estimate, Event
 from canid.vehicle import Vehicle, read_vehicle
 
 # s between two reports on recorder and buses
@@ -29,6 +29,8 @@ class World(NamedTuple):
     estimator: Counts | None  # None: not estimating
     counters: dict[str, int]  # what the decoder could not use
     missing: tuple[str, ...]  # mapped signals that never came
+    events: tuple[Event, ...]  # the recorder's own, since the last report
+    lost: bool  # every bus is gone
 
 
 class Result(NamedTuple):
@@ -70,17 +72,20 @@ def session(
     # the estimator takes seconds to import its mathematics; its frames wait for it
     recorder = Recorder(buses, record, estimating.put if estimating else None)
 
-    def report() -> World:
-        elapsed = time.monotonic() - began
+    def report(*, lost: bool = False) -> World:
+        elapsed, events = time.monotonic() - began, tuple(recorder.events())
         if estimating is None:
-            return World(elapsed, recorder.stats(), None, {}, ())
+            return World(elapsed, recorder.stats(), None, {}, (), events, lost)
         told = dict(estimating.counters), tuple(estimating.missing)
-        return World(elapsed, recorder.stats(), estimating.counts(), *told)
+        return World(elapsed, recorder.stats(), estimating.counts(), *told, events, lost)
 
     recorder.start()
+    lost = False
     try:
         if vehicle is not None and not isinstance(vehicle, Vehicle):
-            read_vehicle(vehicle)  # a mistake in it is told by us, not by the child; recording has begun meanwhile
+            read_vehicle(
+                vehicle
+            )  # a mistake in it is told by us, not by the child; recording has begun meanwhile
         told = began
         while not stopped() and recorder.alive():
             now = time.monotonic()
@@ -95,6 +100,7 @@ def session(
                 continue
             _note(recorder, result)
             yield result
+        lost = not recorder.alive()
     finally:
         recorder.stop()
         if estimating is not None:
@@ -103,10 +109,43 @@ def session(
         result = results.get()
         _note(recorder, result)
         yield result
-    yield report()
+    yield report(lost=lost)
 
 
 def _note(recorder: Recorder, result: Result) -> None:
     """Events stand in the journal beside the log."""
     if isinstance(result.item, Event):
         recorder.journal(result.item)
+
+
+def live(
+    channel: str = "",
+    interface: str = "",
+    *,
+    vehicle: Vehicle | str | Path,
+    record: str | Path | None = None,
+    duration: float | None = None,
+    **bus: Any,
+) -> Iterator[Estimate]:
+    """Estimates from a bus, as they come; nothing is ever sent.
+
+    Args:
+        channel: of python-can, such as "can0"; empty: from can.conf or CAN_CHANNEL.
+        interface: of python-can, such as "socketcan"; empty: from can.conf or CAN_INTERFACE.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        record: record to this file as well; an existing one is never overwritten.
+        duration: s; None: until the bus is lost or the generator is closed.
+        bus: python-can's other arguments, such as bitrate.
+
+    Yields:
+        an `Estimate` of each estimator every half second.
+
+    Raises:
+        BusError: no such bus.
+        ConfigError: the vehicle file is wrong.
+    """
+    given = {"channel": channel, "interface": interface}
+    config = {name: value for name, value in given.items() if value} | bus
+    for result in session(open_buses([config]), vehicle, record=record, duration=duration):
+        if isinstance(result, Result) and isinstance(result.item, Estimate):
+            yield result.item

@@ -16,6 +16,9 @@ from canid.types import NAN, Reading
 WAIT = 0.6
 # readings kept per role: WAIT at 200 Hz
 KEPT = 120
+# s; grid points before the first reading of every needed role are left out, but for no longer than this: a
+# signal that is still missing then is missing
+BEGIN = 1.0
 # s; after a pause longer than this the grid goes on behind the pause: nothing is known inside it
 PAUSE = 10.0
 
@@ -91,8 +94,9 @@ def take(
         t = index * dt
         if now < t or (now < t + WAIT and not _complete(state, t, roles)):
             break
-        points.append((t, {role: _at(state, role, t, how) for role, how in roles.items()}))
         index += 1
+        if t >= BEGIN or _begun(state, t, roles):
+            points.append((t, {role: _at(state, role, t, how) for role, how in roles.items()}))
     return (state if index == state.next else state._replace(next=index)), points
 
 
@@ -101,6 +105,12 @@ def _complete(state: State, t: float, roles: Mapping[str, Role]) -> bool:
         bool(state.times.get(role)) and state.times[role][-1] >= t
         for role, how in roles.items()
         if how.needed
+    )
+
+
+def _begun(state: State, t: float, roles: Mapping[str, Role]) -> bool:
+    return all(
+        bool(state.times.get(role)) and state.times[role][0] <= t for role, how in roles.items() if how.needed
     )
 
 

@@ -12,7 +12,7 @@ from canid.types import Frame
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    from canid.frames.bus import add_bus_arguments
+    from canid.frames.command_line import add_bus_arguments
 
     parser.add_argument(
         "log", metavar="LOG", nargs="?", help="a log; without one, a bus (-i, -c) or the file alone"
@@ -28,6 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check."""
     from canid.check import check
+    from canid.frames.command_line import named
     from canid.frames import open_log
     from canid.vehicle import read_vehicle
     from canid.views import table
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         finally:
             bar.close()
         damage = log.damage
-    elif "interface" in args or "channel" in args:
+    elif named(args):
         if vehicle is None:
             for text in table.contents(listen(args)):
                 tell(text)
@@ -78,6 +79,6 @@ def run(args: argparse.Namespace) -> int:
 
 def listen(args: argparse.Namespace) -> Iterator[Frame]:
     """Frames of the bus for --duration."""
-    from canid.frames.bus import listen as listen_to
+    from canid.frames.command_line import listen as listen_to
 
     return listen_to(args, args.duration)

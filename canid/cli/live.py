@@ -10,7 +10,9 @@ from canid.cli import options, sessions
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     options.vehicle(parser)
-    parser.add_argument("--record", metavar="F.blf", help="record to this file; an existing one is never overwritten")
+    parser.add_argument(
+        "--record", metavar="F.blf", help="record to this file; an existing one is never overwritten"
+    )
     sessions.arguments(parser)
 
 

@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.json_file(parser)
     parser.add_argument("--onto", action="store_true", help="send the log to a virtual bus (-i, -c) instead")
     parser.add_argument("--arm", metavar="CHANNEL", help="with --onto: this physical channel may be sent to")
-    from canid.frames.bus import add_bus_arguments
+    from canid.frames.command_line import add_bus_arguments
 
     add_bus_arguments(parser)
 

@@ -146,7 +146,7 @@ def make(
         model, _ = armax_recursive.step(
             state.model, o, sample.output, sample.inputs, settings.forgetting, learn
         )
-        quality = _simulated(state.quality, model, sample.output) if learn else state.quality
+        quality = _simulated(state.quality, state.model, sample) if learn else state.quality
         used = state.used + dt if learn else state.used
         return state._replace(model=model, movement=movement, quality=quality, used=used)
 
@@ -167,16 +167,16 @@ def make(
             for name, v in zip(input_names, movement.variance, strict=True)
         )
 
-    def _simulated(quality: Quality, model: armax_recursive.State, output: float) -> Quality:
-        """Run the model on its own past outputs, beside the measured one."""
-        past = quality.simulated
-        if len(past) < o.na or len(model.u[0]) < o.nb + o.nk - 1 or o.nk < 1:
+    def _simulated(quality: Quality, model: armax_recursive.State, sample: Sample) -> Quality:
+        """Run the model, as it was before this sample, on its own past outputs beside the measured one."""
+        past, output = quality.simulated, sample.output
+        if len(past) < o.na or not model.u or len(model.u[0]) < o.nb + o.nk - 1:
             return quality._replace(simulated=(output, *past)[: o.na])
         theta = model.theta
         y = -sum(a * x for a, x in zip(theta, past, strict=False)) + theta[o.na + m * o.nb]
-        # model.u has taken in this sample: lag nk is at nk, of which the newest is lag 0
-        for i, inputs in enumerate(model.u):
-            for b, x in zip(theta[o.na + i * o.nb :][: o.nb], inputs[o.nk :], strict=False):
+        for i, (now, before) in enumerate(zip(sample.inputs, model.u, strict=True)):
+            lagged = (now, *before)[o.nk :]
+            for b, x in zip(theta[o.na + i * o.nb :][: o.nb], lagged, strict=False):
                 y += b * x
         away = output - (quality.mean if math.isfinite(quality.mean) else output)
         return Quality(

@@ -7,7 +7,7 @@ import datetime
 import re
 
 # The first three letters of the months, lower case, without accents: English, German, French,
-# Spanish, Italian, Portuguese, Dutch, Swedish. Full French names too, where three letters do not tell (jui-n, jui-llet).
+# Spanish, Italian, Portuguese, Dutch, Swedish. Four letters where three do not tell (juin, juillet).
 _MONTHS = {
     name: number
     for number, names in enumerate(
@@ -47,11 +47,10 @@ def local_ns(text: str) -> int | None:
     >>> local_ns("quinta-feira, dois") is None
     True
     """
-    text = text.lower()
     # lines come byte by byte, and this one may hold letters of more than one byte
     with contextlib.suppress(UnicodeEncodeError, UnicodeDecodeError):
         text = text.encode("latin-1").decode("utf-8")
-    text = text.translate(_ACCENTS)
+    text = text.lower().translate(_ACCENTS)
     clock = _TIME.search(text)
     if clock is None:
         return None

@@ -74,6 +74,7 @@ class BlfWriter:
         """
         self.path = Path(path)
         self.start_ns = start_ns
+        self.lead_ns = 0
         self.frames = 0
         self._buffer: list[bytes] = []
         self._buffered = 0
@@ -87,6 +88,11 @@ class BlfWriter:
             raise
 
     @property
+    def kept(self) -> int:
+        """Frames that are in the file, not waiting for their container."""
+        return self.frames - len(self._buffer)
+
+    @property
     def bytes(self) -> int:
         """Bytes in the file so far, without what waits for its container."""
         return self._disk.size
@@ -94,8 +100,8 @@ class BlfWriter:
     def append(self, frame: Frame) -> None:
         """Take one frame; a full container is written at once, the rest at the next `checkpoint()`."""
         ns = round(frame.t * 1e9)
-        # the start's part below the header's millisecond
-        rest = self.start_ns % 1_000_000 if self.start_ns is not None else 0
+        # the header keeps whole milliseconds: the rest of the start goes here
+        rest = 0 if self.start_ns is None else (self.start_ns - self.lead_ns) % 1_000_000 + self.lead_ns
         item = encode(frame, ns + rest)
         if self._buffered + len(item) > CONTAINER_SIZE:
             self._write_container()
@@ -105,11 +111,15 @@ class BlfWriter:
         self._last = max(self._last, ns)
 
     def checkpoint(self, *, sync: bool = True) -> None:
-        """Make the file complete as it stands: container, header, and (`sync`) down to the disk."""
+        """Make the file complete as it stands: container, header, and (`sync`) down to the disk itself."""
         self._write_container()
         self._disk.put(0, self._header())
         if sync:
-            self._disk.sync()
+            self.sync()
+
+    def sync(self) -> None:
+        """Have what was written on the disk itself; another thread may call this meanwhile."""
+        self._disk.sync()
 
     def close(self) -> None:
         """Checkpoint and close; a second call does nothing."""
@@ -153,9 +163,9 @@ class BlfWriter:
             *_APPLICATION,
             max(self._disk.size, blf.FILE_HEADER_SIZE),
             self._uncompressed,
-            self.frames - len(self._buffer),
+            self.kept,
             0,
-            *blf.system_time(self.start_ns),
+            *blf.system_time(None if self.start_ns is None else self.start_ns - self.lead_ns),
             *blf.system_time(stop),
         )
         return header.ljust(blf.FILE_HEADER_SIZE, b"\0")

@@ -13,6 +13,10 @@ from canid.errors import OutputError
 _to_disk = getattr(os, "fdatasync", os.fsync)
 
 
+class TakenError(OutputError):
+    """A file of that name is there already."""
+
+
 class Disk:
     """A new file. `size` bytes of it are whole; a write that fails leaves `size` as it was."""
 
@@ -24,7 +28,7 @@ class Disk:
             self._file: BinaryIO = open(path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
         except FileExistsError:
             message = f"{path} exists already: choose another name, or overwrite it explicitly"
-            raise OutputError(message) from None
+            raise TakenError(message) from None
         except OSError as error:
             raise OutputError(f"cannot create {path}: {error.strerror}") from None
 

@@ -6,6 +6,7 @@ bus and no log format but .mf4 needs, and .mf4 is read in a child process (`mf4_
 
 from __future__ import annotations
 
+import logging
 import sys
 from functools import cache
 from types import ModuleType
@@ -21,6 +22,8 @@ def load() -> ModuleType:
     >>> load().Message(arbitration_id=0x123).arbitration_id
     291
     """
+    # python-can logs what it also raises; without a handler Python would print it beside our one line
+    logging.getLogger("can").addHandler(logging.NullHandler())
     if _KEPT_OUT in sys.modules:
         import can
 

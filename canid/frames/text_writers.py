@@ -24,7 +24,9 @@ class _TextWriter:
     def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None, *, overwrite: bool = False):
         self.path = Path(path)
         self.start_ns = start_ns
+        self.lead_ns = 0
         self.frames = 0
+        self.kept = 0
         self._waiting: list[str] = []
         self._length = 0
         self._disk = Disk(self.path, overwrite=overwrite)
@@ -47,7 +49,11 @@ class _TextWriter:
         """Write the lines that wait; `sync`: down to the disk."""
         self._write()
         if sync:
-            self._disk.sync()
+            self.sync()
+
+    def sync(self) -> None:
+        """Have what was written on the disk itself; another thread may call this meanwhile."""
+        self._disk.sync()
 
     def close(self) -> None:
         """Write the end and close; a second call does nothing."""
@@ -82,6 +88,7 @@ class _TextWriter:
         self._disk.append("".join(self._waiting).encode("ascii"))
         self._waiting.clear()
         self._length = 0
+        self.kept = self.frames
 
 
 class CandumpWriter(_TextWriter):
@@ -109,10 +116,12 @@ class AscWriter(_TextWriter):
     """Vector's .asc, hex, absolute times, the date in local time as Vector's tools read it."""
 
     def _head(self) -> str:
-        at = datetime.datetime.fromtimestamp((self.start_ns or 0) // 1_000_000_000)
-        ms = (self.start_ns or 0) // 1_000_000 % 1000
+        # whole microseconds, as the times of the frames
+        zero = ((self.start_ns or 0) - self.lead_ns) // 1000 * 1000
+        at = datetime.datetime.fromtimestamp(zero // 1_000_000_000)
+        ms = zero // 1_000_000 % 1000
         date = f"{_DAYS[at.weekday()]} {_MONTHS[at.month - 1]} {at.day:02d} {at:%H:%M:%S}.{ms:03d} {at.year}"
-        exact = f"{EXACT_START}{self.start_ns}\n" if self.start_ns is not None else ""
+        exact = f"{EXACT_START}{zero}\n" if self.start_ns is not None else ""
         return (
             f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n{exact}"
             f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
@@ -123,7 +132,7 @@ class AscWriter(_TextWriter):
 
     def _line(self, frame: Frame) -> str:
         t, bus, id_, data, flags, length = frame
-        us = max(round(t * 1e6), 0)
+        us = max(round(t * 1e6) + self.lead_ns // 1000, 0)
         stamp = f"{us // 1_000_000:4d}.{us % 1_000_000:06d}"
         if flags & Flag.ERROR:
             return f"{stamp} {bus + 1}  ErrorFrame\n"

@@ -5,11 +5,14 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterable
+from itertools import count
+from pathlib import Path
 from typing import Protocol
 
 from canid.errors import ConfigError
 from canid.frames import stamps
 from canid.frames.blf_writer import BlfWriter
+from canid.frames.disk import TakenError
 from canid.frames.log import log_suffix
 from canid.types import NAN, Frame
 
@@ -18,7 +21,16 @@ class Writer(Protocol):
     """What every format's writer can do; all but `abandon` raise OutputError where the disk fails."""
 
     start_ns: int | None  # epoch ns of t = 0; may be assigned until the first `append`
-    frames: int
+    lead_ns: int  # how far the file's own zero lies before t = 0: room for frames stamped before the first
+    frames: int  # appended
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+
+    @property
+    def kept(self) -> int:
+        """Frames that are in the file already."""
 
     @property
     def bytes(self) -> int:
@@ -29,6 +41,9 @@ class Writer(Protocol):
 
     def checkpoint(self, *, sync: bool = True) -> None:
         """Make the file complete as it stands."""
+
+    def sync(self) -> None:
+        """Have what was written on the disk itself; another thread may call this meanwhile."""
 
     def close(self) -> None:
         """Checkpoint and close."""
@@ -58,6 +73,23 @@ def open_writer(
     raise ConfigError(
         f"{path}: cannot write the format {suffix or '(no suffix)'!r}; choose {', '.join(WRITTEN)}"
     )
+
+
+def open_new(path: str | os.PathLike[str]) -> Writer:
+    """Open a writer for a file of this name or, where it is taken, the next free one: name-2.blf, ...
+
+    `writer.path` tells which. No other process can get the same one. Raises as `open_writer`.
+    """
+    path = Path(path)
+    suffix = log_suffix(path)
+    stem = path.name[: len(path.name) - len(suffix)]
+    for number in count(1):
+        name = path if number == 1 else path.with_name(f"{stem}-{number}{path.suffix}")
+        try:
+            return open_writer(name)
+        except TakenError:
+            continue
+    raise AssertionError("unreachable")
 
 
 def write_log(

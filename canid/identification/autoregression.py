@@ -98,4 +98,24 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
         score = count * np.log(max(yy - float(phi @ h[:p]), 1e-12 * yy)) + 2 * p
         if score < best_score:
             best, best_score = phi, score
-    return best
+    return _less_biased(best, count)
+
+
+# Sum of coefficients up to which the bias correction may go: noise that remembers for 200 samples cannot be told
+# from a wandering offset in a minute at 10 Hz.
+SLOWEST = 0.995
+
+
+def _less_biased(phi: Array, count: int) -> Array:
+    """Add back the bias -(1 + 3 phi) / n of a fit with estimated mean (Marriott & Pope 1954).
+
+    Small as it is, without it the noise looks too fast and slow gains too certain: K1 in a minute is covered 2 to
+    5 % less often.
+    """
+    total = float(np.sum(phi))
+    if len(phi) == 0 or not 0.0 < total < SLOWEST:
+        return phi
+    wanted = min(total + (1.0 + 3.0 * total) / count, SLOWEST)
+    out = phi.copy()
+    out[0] += wanted - total
+    return out

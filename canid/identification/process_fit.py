@@ -25,7 +25,7 @@ BRIDGE = 0.5
 NOISE_ORDER = 5
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
-PASSES = 8
+PASSES = 12
 
 
 class Point(NamedTuple):
@@ -273,8 +273,8 @@ def _same(a: _Colour, b: _Colour) -> bool:
 
 
 def _fine(region: posterior.Region, cells: posterior.Cells) -> bool:
-    """Whether the grid resolved the posterior: cells below 1.4 sd, and as wide as the posterior asks for."""
-    low, high = 0.7, posterior.CELLS / 2.0
+    """Whether the grid resolved the posterior: cells no wider than about one sd, and as wide as the posterior asks for."""
+    low, high = 0.95, posterior.CELLS / 2.0
     # a spacing of zero happens where the box is only touched
     return all(
         low * space <= sd <= high * space

@@ -80,43 +80,29 @@ def update(ud: UD, psi: Sequence[float], forgetting: float, most: float = np.inf
     ([0.5, 0.0], (0.5, 1.0))
     """
     columns, d = ud
-    n = len(d)
     f = []
-    for j in range(n):
-        total = psi[j]
-        for x, p in zip(columns[j], psi, strict=False):
-            total += x * p
-        f.append(total)
+    for column, last in zip(columns, psi, strict=True):
+        for x, p in zip(column, psi, strict=False):
+            last += x * p
+        f.append(last)
     g = [x * y for x, y in zip(d, f, strict=True)]
     r = 0.0
     for x, y in zip(f, g, strict=True):
         r += x * y
-    # P psi = U g
-    b = g[:]
-    for j in range(1, n):
-        gj = g[j]
-        for i, x in enumerate(columns[j]):
-            b[i] += x * gj
-    one = 1.0 / (1.0 + r)
-    gain = [x * one for x in b]
     # below 1e-12 there is no direction in which to learn or forget
-    if not r > 1e-12:
-        return ud, gain
-    weight = forgetting - (1.0 - forgetting) / r
-    if weight <= 0.0 and max(d) > most:
-        return ud, gain
+    weight = forgetting - (1.0 - forgetting) / r if r > 1e-12 else 0.0
     # at the balance R is infinite: comes as much as goes
-    if -1e-12 < weight < 1e-12:
-        return ud, gain
-    alpha = 1.0 / weight
+    still = -1e-12 < weight < 1e-12 or (weight < 0.0 and max(d) > most)
+    alpha = 1.0 if still else 1.0 / weight
     new_u, new_d = [], []
-    k: list[float] = []
-    for j in range(n):
-        beta, alpha = alpha, alpha + f[j] * g[j]
-        new_d.append(d[j] * beta / alpha)
-        mu, gj = -f[j] / beta, g[j]
-        column = columns[j]
-        new_u.append(tuple([x + mu * y for x, y in zip(column, k, strict=True)]))
-        k = [y + gj * x for x, y in zip(column, k, strict=True)]
+    k: list[float] = []  # grows into P psi
+    for column, dj, fj, gj in zip(columns, d, f, g, strict=True):
+        beta = alpha
+        alpha += fj * gj
+        new_d.append(dj * beta / alpha)
+        mu = -fj / beta
+        new_u.append(tuple([x + mu * y for x, y in zip(column, k)]))  # noqa: B905  (the hot loop)
+        k = [y + gj * x for x, y in zip(column, k)]  # noqa: B905
         k.append(gj)
-    return UD(tuple(new_u), tuple(new_d)), gain
+    gain = [x / (1.0 + r) for x in k]
+    return (ud if still else UD(tuple(new_u), tuple(new_d))), gain

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from canid.simulate.car import Car
 from canid.simulate.driver import DriverTruth, draw_driver
 from canid.simulate.following import Simulation, follow
+from canid.simulate.lane import Steering, keep_lane
 from canid.simulate.leads import PROFILES
 from canid.simulate.noise import KINDS
 from canid.simulate.sensing import frames, truth_text
@@ -14,14 +15,19 @@ from canid.simulate.sensing import frames, truth_text
 __all__ = [
     "KINDS",
     "PROFILES",
+    "ROADS",
     "Car",
     "DriverTruth",
     "Simulation",
+    "Steering",
     "draw_driver",
     "frames",
     "simulate",
     "truth_text",
 ]
+
+# What `profile` may be: behind a lead on three kinds of road, or alone, keeping the lane.
+ROADS = (*PROFILES, "lane")
 
 
 def simulate(
@@ -30,13 +36,13 @@ def simulate(
     profile: str = "mixed",
     noise: str = "ar1",
     *,
-    driver: DriverTruth | None = None,
+    driver: DriverTruth | Steering | None = None,
     lost: Sequence[tuple[float, float]] = (),
     cut_in: float | None = None,
     grade_sd: float = 0.8,
     car: Car | None = None,
 ) -> Simulation:
-    """Simulate a drive behind another vehicle, in closed loop at 100 Hz.
+    """Simulate a drive in closed loop at 100 Hz: behind another vehicle, or keeping the lane.
 
     Driver: u = offset + K1·L1[headway − headway_desired] + K2·L2[range_rate] + noise with
     L = e^(−θs)/(1+τs) (Grover eq. 2.1, 2.6–2.9); the pedal is u between 0 and 100 %, below 0 the brake works.
@@ -44,9 +50,10 @@ def simulate(
     Args:
         minutes: duration.
         seed: the same seed gives the same drive.
-        profile: "mixed", "urban" or "motorway": how the lead drives.
+        profile: "mixed", "urban" or "motorway": how the lead drives; "lane": no lead, the driver of Chen &
+            Ulsoy 2001 keeps the lane, and only `driver` and `car` of the following apply.
         noise: kind of the driver's noise, one of `KINDS`.
-        driver: the driver; None draws a plausible one by the seed.
+        driver: the driver; None draws a plausible one by the seed (of "lane": takes the paper's).
         lost: (start, stop) in s: the radar loses the lead, the driver does not.
         cut_in: s; another vehicle cuts in between the two.
         grade_sd: standard deviation of the road's slope, %.
@@ -63,10 +70,16 @@ def simulate(
         >>> drive.columns["pedal"].shape, sorted(drive.truth["channels"])
         ((6000,), ['headway_error', 'range_rate'])
     """
-    if profile not in PROFILES:
-        raise ValueError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
+    if profile not in ROADS:
+        raise ValueError(f"profile {profile!r} is not one of {', '.join(ROADS)}")
     if noise not in KINDS:
         raise ValueError(f"noise {noise!r} is not one of {', '.join(KINDS)}")
     if not 0 < minutes < 24 * 60:
         raise ValueError(f"minutes must be above 0 and below a day, not {minutes}")
+    if profile == "lane":
+        if isinstance(driver, DriverTruth):
+            raise ValueError("profile 'lane' takes a driver of type Steering")
+        return keep_lane(minutes, seed, driver or Steering(), car or Car())
+    if isinstance(driver, Steering):
+        raise ValueError(f"profile {profile!r} takes a driver of type DriverTruth")
     return follow(minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car())

@@ -3,6 +3,7 @@
 from canid.vehicle.decoding import Decoding, decoder, missing, seen
 from canid.vehicle.encoding import encoder
 from canid.vehicle.mapping import LeadConfig, RoleMap, SignalMap, TrackMap, Vehicle
+from canid.vehicle.proposing import propose
 from canid.vehicle.reading import locate, read_vehicle
 from canid.vehicle.roles import ROLES
 
@@ -18,6 +19,7 @@ __all__ = [
     "encoder",
     "locate",
     "missing",
+    "propose",
     "read_vehicle",
     "seen",
 ]

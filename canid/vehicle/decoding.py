@@ -45,7 +45,7 @@ class _Plan(NamedTuple):
     message: MessageMap
     roles: tuple[RoleMap, ...]
     tracks: tuple[TrackMap, ...]
-    claimed: frozenset[int]  # buses of this id that another message claims by name
+    claimed: frozenset[int]  # buses on which this id is another message
 
 
 def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
@@ -82,12 +82,13 @@ def _table(vehicle: Vehicle) -> dict[int, tuple[_Plan, ...]]:
     table: dict[int, tuple[_Plan, ...]] = {}
     for message in vehicle.messages:
         key = (message.name, message.bus)
-        others = {m.bus for m in vehicle.messages if m.id == message.id and m.bus is not None}
+        same = (message.id, message.extended)
+        others = {m.bus for m in vehicle.messages if (m.id, m.extended) == same and m != message}
         plan = _Plan(
             message,
             tuple(role for role in vehicle.roles.values() if (role.message, role.bus) == key),
             tuple(track for track in vehicle.lead.tracks or () if (track.message, track.bus) == key),
-            frozenset(others) if message.bus is None else frozenset(),
+            frozenset(bus for bus in others if bus is not None),
         )
         table[message.id] = (*table.get(message.id, ()), plan)
     return table
@@ -139,7 +140,7 @@ def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Dec
 def _other_bus(plan: _Plan, taken: int | None, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
     """Count a frame with a mapped id on a bus that is not the message's."""
     message = plan.message
-    if message.bus is None and frame.bus in plan.claimed:
+    if frame.bus in plan.claimed:
         return state  # another message's own frame
     if message.name not in state.elsewhere:
         state = state._replace(elsewhere={**state.elsewhere, message.name: frame.bus})

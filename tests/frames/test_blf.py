@@ -85,9 +85,12 @@ def test_python_can_reads_the_same_frames(
         theirs = list(reader)
     assert len(theirs) == len(frames)
     for message, frame in zip(theirs, frames, strict=True):
-        # error frames carry no direction in python-can
         assert messages.flags_of(message) == frame.flags
-        assert (message.channel, message.arbitration_id, bytes(message.data)) == (frame.bus, frame.id, frame.data)
+        assert (message.channel, message.arbitration_id, bytes(message.data)) == (
+            frame.bus,
+            frame.id,
+            frame.data,
+        )
         # float epoch seconds resolve 0.24 µs
         assert abs(message.timestamp - 1533224087.123456 - frame.t) < 5e-7
         if frame.flags & Flag.REMOTE:

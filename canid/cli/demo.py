@@ -1,0 +1,104 @@
+"""`canid demo`: no hardware, no files: a simulated drive with known truth on a virtual bus, through the whole of canid."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import threading
+from pathlib import Path
+
+from canid.cli import options, sessions
+from canid.cli.interrupt import Interrupt
+from canid.errors import CHECK_FAILED, DONE
+from canid.types import Channel, Identifiable, Interval
+from canid.views import words
+from canid.views.screen import View
+
+# times as fast as the drive was: three minutes in half a minute
+SPEED = 6.0
+LOG = "following_mixed"
+CHANNEL = "canid-demo"
+# s to let the last frames arrive
+SETTLE = 1.0
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("-o", "--output", metavar="DIR", default="demo_out", help="where the recording goes")
+    parser.add_argument("--speed", type=options.speed, default=SPEED, metavar="X", help=f"default: {SPEED:g}")
+    options.json_file(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the drive onto a virtual bus, and run a live session on it."""
+    from canid.frames import open_log
+    from canid.frames.bus import open_buses
+    from canid.frames.send import onto
+    from canid.vehicle.reading import shipped
+
+    log = shipped().parent / "replay_logs" / f"{LOG}.blf"
+    truth = json.loads(log.with_name(f"{LOG}.truth.json").read_text(encoding="utf-8"))["channels"]
+    out = Path(args.output)
+    out.mkdir(parents=True, exist_ok=True)
+    bus = {"interface": "virtual", "channel": CHANNEL}
+    known = tuple((words.INPUT_WORDS[name], _truth(of)) for name, of in truth.items())
+    options.talk(
+        f"{log.name}, a simulated drive of 3 minutes, on a virtual bus, {args.speed:g} times as fast"
+    )
+    for name, values in known:
+        options.talk(f"truth: {name}: {values}")
+    with Interrupt() as stop:
+        buses = open_buses([{**bus, "preserve_timestamps": True}])
+        ended = threading.Event()
+
+        def play() -> None:
+            onto(bus, open_log(log), speed=args.speed)
+            ended.wait(SETTLE)
+            ended.set()
+
+        threading.Thread(target=play, daemon=True).start()
+        view = View(f"canid demo · {log.name}", truth=known)
+        code, tally = sessions.watch(
+            buses,
+            "generic",
+            view,
+            record=str(out / "demo.blf"),
+            duration=None,
+            json=args.json,
+            stop=lambda: stop() or ended.is_set(),
+        )
+    if stop():
+        return stop.code
+    told = {name: e.channels for name, e in tally.last_ok.items()}
+    tell = options.talk if args.json == "-" else print
+    hits = [line for name, channels in told.items() for line in compare(name, channels, truth)]
+    for line in hits:
+        tell(line)
+    tell("next: canid replay replay_logs/following_urban.blf --vehicle generic")
+    tell("      canid check YOUR.blf            what is in your own log")
+    tell("      canid init YOUR.dbc             a vehicle file for your own car")
+    return code or (DONE if told else CHECK_FAILED)
+
+
+def _truth(of: dict[str, float]) -> str:
+    return f"K {of['K']:.2f}, τ {of['tau']:.2f} s, θ {of['dead_time']:.2f} s"
+
+
+def compare(name: str, channels: dict[str, Channel], truth: dict[str, dict[str, float]]) -> list[str]:
+    """Each estimated number beside its truth."""
+    lines = []
+    for channel, ch in channels.items():
+        of = truth[channel] | {"tau_plus_dead_time": truth[channel]["tau"] + truth[channel]["dead_time"]}
+        shown = {
+            Identifiable.OK: ("K", "tau", "dead_time"),
+            Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
+        }
+        for what in shown.get(ch.status, ("K",) if ch.status is Identifiable.GAIN_ONLY else ()):
+            iv: Interval = getattr(ch, what)
+            inside = "inside" if iv.low <= of[what] <= iv.high else "OUTSIDE"
+            symbol = {"K": "K", "tau": "τ", "dead_time": "θ"}.get(what, "τ+θ")
+            lines.append(
+                f"{name:6} {words.INPUT_WORDS[channel]:14} {symbol:4} {words.interval(iv):20} "
+                f"truth {of[what]:.2f}: {inside}"
+            )
+    return lines

@@ -1,0 +1,121 @@
+"""What `live`, `record` and `demo` share: a session on a bus, shown, until it ends; and its exit code."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+
+from canid.cli import options, show
+from canid.cli.interrupt import Interrupt
+from canid.errors import DONE, NO_BUS, NOT_WRITTEN
+from canid.frames.bus import ReceiveOnlyBus
+from canid.live import Result, World, session
+from canid.types import Estimate
+from canid.views import summary, world
+from canid.views.screen import BusLine, View
+
+# s after which a mapped signal that never came is told: slow messages come once a second
+MISSED = 5.0
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    from canid.frames.command_line import add_bus_arguments
+
+    parser.add_argument("--duration", type=options.seconds, metavar="S", help="end by itself after S seconds")
+    options.json_file(parser)
+    add_bus_arguments(parser)
+
+
+def run(args: argparse.Namespace, *, vehicle: str | None, record: str | None) -> int:
+    """Open the bus and run a session on it."""
+    from canid.frames.bus import config_of, open_buses
+
+    # python-can's drivers open one channel each: "-c can0,can1" is two buses in one log
+    config = config_of(args)
+    channels = str(config.get("channel", "")).split(",")
+    several = len(channels) > 1
+    buses = open_buses([{**config, "channel": channel} for channel in channels] if several else [config])
+    for bus in buses:
+        options.talk(bus.listen_only.says)
+    title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])
+    view = View(title)
+    with Interrupt() as stop:
+        code, _ = watch(
+            buses, vehicle, view, record=record, duration=args.duration, json=args.json, stop=stop
+        )
+    return stop.code if stop() and code == DONE else code
+
+
+def watch(
+    buses: Sequence[ReceiveOnlyBus],
+    vehicle: str | None,
+    view: View,
+    *,
+    record: str | None,
+    duration: float | None,
+    json: str | None,
+    stop: Callable[[], bool],
+) -> tuple[int, summary.Tally]:
+    """Show a session until it ends; returns the exit code and what was estimated."""
+    tally = summary.Tally()
+    last: World | None = None
+    with options.sink(json) as sink:
+        screen = show.display(view, json=json)
+        try:
+            running = session(buses, vehicle, record=record, duration=duration, stopped=stop)
+            for item in running:
+                if isinstance(item, World):
+                    last = item
+                    for event in item.events:
+                        screen.put(event)
+                    screen.lines(lines(item))
+                    continue
+                assert isinstance(item, Result)
+                screen.put(item.item)
+                if isinstance(item.item, Estimate):
+                    tally.put(item.item)
+                    show.write_json(sink, item.item)
+                    if sink is not None:
+                        sink.flush()
+        finally:
+            screen.close()
+    assert last is not None
+    tell = options.talk if json == "-" else print
+    tell("")
+    for line in lines(last):
+        tell(line.says)
+    for text in summary.estimates(tally):
+        tell(text)
+    for text in summary.health(None, "", last.counters, ()):
+        options.talk(text)
+    return code_of(last, lost=not stop() and last.lost), tally
+
+
+def lines(now: World) -> list[BusLine]:
+    """Recorder, buses and estimator, a line each; then what is missing."""
+    r = now.recorder
+    out = [world.recorder(r.state, str(r.path or ""), r.frames, r.written, r.bytes, r.lag)]
+    total = sum(b.frames for b in r.buses) or 1
+    out += [
+        world.bus(
+            b.name, b.state, b.frames, r.rate * b.frames / total, b.load, b.drops, b.errors, b.controller
+        )
+        for b in r.buses
+    ]
+    if now.estimator is not None:
+        e = now.estimator
+        out.append(world.estimator(e.ready, e.offered, e.done, e.dropped, e.restarts))
+    if now.elapsed > MISSED:
+        if not r.frames:
+            out.append(BusLine("no frame has come: bit rate? termination? is another node on?", wrong=True))
+        else:
+            out += [BusLine(sentence, wrong=True) for sentence in now.missing]
+    return out
+
+
+def code_of(now: World, *, lost: bool) -> int:
+    """The exit code that the end of a session deserves."""
+    if now.recorder.state.startswith("failed"):
+        return NOT_WRITTEN
+    return NO_BUS if lost else DONE

@@ -1,0 +1,229 @@
+"""Opening buses through python-can, wrapped so that nothing but receiving is left."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from canid.errors import BusError
+from canid.frames import devices, listen_only, messages, python_can, stamps
+from canid.frames.listen_only import ListenOnly
+from canid.frames.received import Received, Receiver
+from canid.types import NAN
+
+
+class _PythonCanReceiver:
+    """Receives from any python-can bus; its drops nobody counts."""
+
+    drops = 0
+
+    def __init__(self, bus: Any, name: str):
+        # the methods, not the bus: what is not here cannot be called
+        self._recv = bus.recv
+        self._shutdown = bus.shutdown
+        self._name = name
+
+    def recv(self, timeout: float) -> Received | None:
+        end = time.monotonic() + timeout
+        while True:
+            try:
+                message = self._recv(max(end - time.monotonic(), 0.0))
+            except Exception as error:  # back ends raise errors of their own kinds
+                raise BusError(f"{self._name} is lost: {_one_line(error)}") from None
+            if message is None:
+                return None
+            # an interface that gives no time stamp: the host's clock is the next best
+            ns = stamps.from_float(message.timestamp) if message.timestamp else time.time_ns()
+            length = message.dlc if message.is_remote_frame else -1
+            return Received(
+                ns, message.arbitration_id, bytes(message.data), messages.flags_of(message), length
+            )
+
+    def close(self) -> None:
+        self._shutdown()
+
+
+class ReceiveOnlyBus:
+    """A bus that can be listened to. It has no way to send."""
+
+    def __init__(
+        self,
+        opener: Callable[[], Receiver],
+        *,
+        interface: str,
+        channel: str,
+        bitrate: float = NAN,
+        data_bitrate: float = NAN,
+        listen: ListenOnly | None = None,
+        filtered: bool = False,
+    ):
+        self.interface = interface
+        self.channel = channel
+        self.name = f"{interface} {channel}".strip()
+        self.bitrate = bitrate  # bit/s, NaN: unknown
+        self.data_bitrate = data_bitrate
+        self.listen_only = listen or ListenOnly(None, "listen-only: unknown")
+        self.filtered = filtered  # software filters may make recv(0) return None with frames left
+        self._opener = opener
+        self._receiver: Receiver | None = opener()
+        self._offset: int | None = None
+        self._lost_drops = 0
+
+    def recv(self, timeout: float) -> Received | None:
+        """Wait up to `timeout` s for a frame, its time in ns since 1970; None: none came. Raises BusError.
+
+        Stamps of an interface that counts from a zero of its own (since boot, say) are set against the host's
+        clock once, at the first frame.
+        """
+        if self._receiver is None:
+            raise BusError(f"{self.name} is closed")
+        got = self._receiver.recv(timeout)
+        if got is None:
+            return None
+        if self._offset is None:
+            epoch = got.ns >= stamps.EPOCH_FLOOR * stamps.SECOND
+            self._offset = 0 if epoch else time.time_ns() - got.ns
+        return got._replace(ns=got.ns + self._offset) if self._offset else got
+
+    @property
+    def state(self) -> str:
+        """Tell whether it is "open" or "closed"."""
+        return "closed" if self._receiver is None else "open"
+
+    @property
+    def drops(self) -> int:
+        """Frames that the kernel dropped because we were late; 0 where the interface cannot tell."""
+        return self._lost_drops + (self._receiver.drops if self._receiver else 0)
+
+    def shutdown(self) -> None:
+        """Close; a second call does nothing."""
+        receiver, self._receiver = self._receiver, None
+        if receiver is not None:
+            self._lost_drops += receiver.drops
+            try:
+                receiver.close()
+            except Exception as error:
+                raise BusError(f"{self.name} could not be closed: {_one_line(error)}") from None
+
+    def reopen(self) -> None:
+        """Open again after the bus was lost. Raises BusError."""
+        with contextlib.suppress(BusError):  # it is lost: what closing says of it is not news
+            self.shutdown()
+        self._offset = None
+        self._receiver = self._opener()
+
+
+def resolve(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Fill in python-can's configuration (can.conf, CAN_*). Raises BusError where no interface comes out.
+
+    >>> resolve({"interface": "virtual", "channel": "a"})["channel"]
+    'a'
+    """
+    given = dict(config)
+    try:
+        found = python_can.load().util.load_config(config=given, context=given.pop("config_context", None))
+    except Exception as error:  # of any kind, from files that the user wrote
+        raise BusError(
+            f"no bus: {_one_line(error)}; name one with -i INTERFACE -c CHANNEL, in can.conf or CAN_INTERFACE"
+        ) from None
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
+    """Open one bus with python-can's keyword arguments; can.conf and CAN_* fill in what is missing.
+
+    Listen-only is asked for where the interface has it. Raises BusError with one line.
+
+    >>> bus = open_bus({"interface": "virtual", "channel": "doctest"})
+    >>> bus.name, bus.recv(0.0), hasattr(bus, "send")
+    ('virtual doctest', None, False)
+    >>> bus.shutdown()
+    """
+    can = python_can.load()
+    resolved = resolve(config)
+    interface = str(resolved.get("interface", ""))
+    channel = str(resolved.get("channel", ""))
+    name = f"{interface} {channel}".strip()
+    for key, value in listen_only.arguments(interface).items():
+        resolved.setdefault(key, value)
+
+    def opener() -> Receiver:
+        try:
+            bus = can.Bus(ignore_config=True, **resolved)
+        except Exception as error:  # each back end has its own kinds
+            raise BusError(
+                f"cannot open {name}: {_one_line(error)}; {_advice(interface, channel, error)}"
+            ) from None
+        if interface == "socketcan":
+            from canid.frames.socketcan import SocketcanReceiver
+
+            return SocketcanReceiver(bus)
+        return _PythonCanReceiver(bus, name)
+
+    bitrate = float(resolved.get("bitrate", NAN))
+    if interface == "socketcan":
+        device = devices.link(channel)
+        bitrate = device.bitrate if device else NAN  # the device's own; the argument sets nothing
+    bus = ReceiveOnlyBus(
+        opener,
+        interface=interface,
+        channel=channel,
+        bitrate=bitrate,
+        data_bitrate=float(resolved.get("data_bitrate", NAN)),
+        filtered=bool(resolved.get("can_filters")),
+    )
+    bus.listen_only = listen_only.statement(interface, channel)
+    return bus
+
+
+def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:
+    """Open all, or none: where one fails the others are closed again. Raises BusError."""
+    buses: list[ReceiveOnlyBus] = []
+    try:
+        for config in configs:
+            buses.append(open_bus(config))  # noqa: PERF401  (those open already must be closed)
+    except BusError:
+        for bus in buses:
+            bus.shutdown()
+        raise
+    return buses
+
+
+def wrap(bus: Any, name: str = "") -> ReceiveOnlyBus:
+    """Make a python-can bus that is open already receive-only; it cannot be opened again once it is lost.
+
+    >>> bus = wrap(python_can.load().Bus("doctest", interface="virtual"), "virtual doctest")
+    >>> bus.name, hasattr(bus, "send")
+    ('virtual doctest', False)
+    >>> bus.shutdown()
+    """
+    interface, _, channel = (name or str(bus.channel_info)).partition(" ")
+    receivers: list[Receiver] = [_PythonCanReceiver(bus, f"{interface} {channel}".strip())]
+
+    def opener() -> Receiver:
+        if not receivers:
+            raise BusError(f"{interface} {channel} cannot be opened again")
+        return receivers.pop()
+
+    return ReceiveOnlyBus(opener, interface=interface, channel=channel)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _advice(interface: str, channel: str, error: BaseException) -> str:
+    """Say what to try next."""
+    code = getattr(error, "errno", None) or getattr(error, "error_code", None)
+    if interface == "socketcan":
+        if code == errno.EAFNOSUPPORT:
+            return "this kernel has no CAN: sudo modprobe can can_raw"
+        if code == errno.ENODEV:
+            return f"is it plugged in? see `ip link`; for a virtual one: sudo ip link add {channel} type vcan"
+        return f"try: sudo ip link set {channel} up type can bitrate 500000"
+    if isinstance(error, ImportError | NotImplementedError) or "install" in str(error):
+        return f"the package or driver for {interface} is missing: pip install 'python-can[{interface}]'"
+    return f"check the {interface} driver, the channel name and that no other program holds it"

@@ -1,0 +1,100 @@
+"""The thread that reads one bus into a queue, through its loss and return, to the last frame at the end."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from canid.frames.bus import ReceiveOnlyBus
+from canid.frames.received import Received
+from canid.types import NAN
+
+# s that a reader waits for a frame before it looks whether it should stop
+POLL = 0.1
+# s between attempts to open a lost bus again: within 2 s it is back
+RETRY = 1.0
+# s that emptying a bus may take at the end: 60,000 frames take one
+DRAIN = 10.0
+
+
+class Arrival(NamedTuple):
+    """A frame in the queue."""
+
+    bus: int
+    at: float  # s, monotonic clock
+    frame: Received
+
+
+class BusReader:
+    """Reads one bus until told to stop, and keeps what is known of it."""
+
+    def __init__(
+        self,
+        bus: ReceiveOnlyBus,
+        index: int,
+        put: Callable[[Arrival], object],
+        stopping: threading.Event,
+        tell: Callable[[str, str], object],
+    ):
+        """`put` takes each frame, `tell(what, says)` each event."""
+        self.bus = bus
+        self.index = index
+        self._put = put
+        self._stopping = stopping
+        self._tell = tell
+        self.state = "open"
+        self.lost_at: float | None = None  # s, monotonic clock
+        # kept by the writing thread
+        self.frames = self.errors = 0
+        self.busy = 0.0  # s on the bus since the window began
+        self.load = NAN
+        self.controller = ""
+
+    def run(self) -> None:
+        """Read; the body of the thread."""
+        while not self._stopping.is_set():
+            try:
+                got = self.bus.recv(POLL)
+            except Exception as error:  # a reader must never die in silence
+                self._lose(error)
+                continue
+            if got is not None:
+                self._put(Arrival(self.index, time.monotonic(), got))
+        if self.lost_at is None:
+            self._drain()
+
+    def _lose(self, error: Exception) -> None:
+        """Say so, and try to open it again until it is back or the recorder stops."""
+        why = str(error) or type(error).__name__
+        self.state, self.lost_at = f"lost: {why}", time.monotonic()
+        self._tell("bus_lost", why)
+        while not self._stopping.wait(RETRY):
+            try:
+                self.bus.reopen()
+            except Exception as again:
+                self.state = f"lost: {again}"
+                continue
+            self.state, self.lost_at = "open", None
+            self._tell("bus_back", f"{self.bus.name} is back")
+            return
+
+    def _drain(self) -> None:
+        until_ns, until = time.time_ns(), time.monotonic() + DRAIN
+        # software filters answer None for a frame that they hide: ask again, with time to look further
+        wait = 0.01 if self.bus.filtered else 0.0
+        empty = 0
+        while empty < 3 and time.monotonic() < until:
+            try:
+                got = self.bus.recv(wait)
+            except Exception as error:
+                self._tell("bus_lost", str(error))
+                return
+            if got is None:
+                empty += 1
+                continue
+            empty = 0
+            self._put(Arrival(self.index, time.monotonic(), got))
+            if got.ns > until_ns:
+                return  # it came after the stop

@@ -1,0 +1,36 @@
+"""How the recorder is, for views and exit codes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+
+class BusStats(NamedTuple):
+    """One bus."""
+
+    name: str
+    state: str  # "open", or "lost: why"
+    frames: int
+    errors: int  # error frames
+    drops: int  # dropped by the kernel before we could read them; 0 where it cannot be told
+    load: float  # share of the bus's time in the last second; NaN: bit rate unknown
+    controller: str  # "error_active", "error_passive", "bus_off", "rx_overflow"; "" not told
+
+
+class Stats(NamedTuple):
+    """The recorder at one moment."""
+
+    state: str  # "waiting", "recording", "listening" (no file), "failed: why", "stopped"
+    path: Path | None  # the log; the name may differ from the one asked for
+    frames: int  # received
+    written: int  # appended to the log
+    bytes: int  # in the file
+    rate: float  # frames/s over the last second
+    errors: int  # error frames
+    drops_bus: int
+    drops_estimator: int  # frames that the consumer did not get because it raised
+    lag: float  # s from a frame's arrival until it was appended, the latest batch's first
+    waiting: int  # frames received and not yet appended
+    start_ns: int | None  # epoch ns of the first frame
+    buses: tuple[BusStats, ...]

@@ -1,0 +1,156 @@
+"""Receiving from SocketCAN: kernel time stamps in whole ns, the kernel's count of drops, a large buffer.
+
+python-can opens and configures the socket (`SocketcanBus.socket`); its own receive loop rounds the time to a
+float and never asks for drops. Structures and numbers from linux/can.h, linux/can/error.h and
+asm-generic/socket.h.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import time
+from struct import Struct
+from typing import Any, NamedTuple
+
+from canid.errors import BusError
+from canid.frames.received import Received
+from canid.types import Flag
+
+# id, length (of a classic frame with raw DLC the data have 8 bytes), flags, two bytes unused; the data follow
+_HEAD = Struct("=IBB2x")
+CAN_MTU, CANFD_MTU = 16, 72
+_EFF, _RTR, _ERR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_BRS, _ESI = 1, 2
+
+# asm-generic/socket.h; Python's socket module has none of them
+SO_RXQ_OVFL, SO_RCVBUFFORCE = 40, 33
+SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW = 35, 64
+_TIMESPEC_64, _TIMESPEC_32 = Struct("=qq"), Struct("=ll")
+_COUNT = Struct("=I")
+_ANCILLARY = socket.CMSG_SPACE(_TIMESPEC_64.size) + socket.CMSG_SPACE(_COUNT.size)
+
+# 2 s of a full 1 Mbit/s bus (8,000 frames/s), each some 900 bytes of kernel memory, and as much again.
+RECEIVE_BUFFER = 32 * 1024 * 1024
+
+# linux/can/error.h: classes in the id of an error frame, and the details in data[1]
+_ERROR_CONTROLLER, _ERROR_BUS_OFF, _ERROR_RESTARTED = 0x04, 0x40, 0x100
+_CONTROLLER = {0x01: "rx_overflow", 0x10: "error_passive", 0x20: "error_passive", 0x40: "error_active"}
+
+
+class Parsed(NamedTuple):
+    """A message of the socket: the frame, and the kernel's count of drops if it was told."""
+
+    frame: Received
+    drops: int | None
+
+
+def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: int) -> Parsed:
+    """One result of `recvmsg` as a frame. Raises ValueError where it is none.
+
+    >>> data = _HEAD.pack(0x123, 2, 0) + b"ab" + bytes(6)
+    >>> stamp = (socket.SOL_SOCKET, SO_TIMESTAMPNS, _TIMESPEC_64.pack(1_600_000_000, 5))
+    >>> parse(data, [stamp], 0).frame
+    Received(ns=1600000000000000005, id=291, data=b'ab', flags=0, length=-1)
+    """
+    if len(data) not in (CAN_MTU, CANFD_MTU):
+        raise ValueError(f"{len(data)} bytes are no CAN frame")
+    word, length, bits = _HEAD.unpack_from(data)
+    ns, drops = 0, None
+    for level, kind, value in ancillary:
+        if level != socket.SOL_SOCKET:
+            continue
+        if kind in (SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW):
+            timespec = _TIMESPEC_64 if len(value) >= _TIMESPEC_64.size else _TIMESPEC_32
+            seconds, rest = timespec.unpack_from(value)
+            ns = seconds * 1_000_000_000 + rest
+        elif kind == SO_RXQ_OVFL:
+            (drops,) = _COUNT.unpack_from(value)
+    payload = data[_HEAD.size : _HEAD.size + length]
+    asked = -1
+    # the kernel marks frames that this machine sent
+    flags = int(Flag.TX) if message_flags & socket.MSG_DONTROUTE else 0
+    if word & _ERR:
+        return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.ERROR)), drops)
+    if len(data) == CANFD_MTU:
+        flags |= int(Flag.FD)
+        flags |= int(Flag.BRS) if bits & _BRS else 0
+        flags |= int(Flag.ESI) if bits & _ESI else 0
+    if word & _RTR:
+        flags |= int(Flag.REMOTE)
+        payload, asked = b"", length
+    if word & _EFF:
+        return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.EXTENDED), asked), drops)
+    return Parsed(Received(ns, word & 0x7FF, payload, flags, asked), drops)
+
+
+def meaning(error_id: int, data: bytes) -> str | None:
+    """Tell what an error frame says of the controller's state, None where it is about one frame only.
+
+    >>> meaning(0x40, bytes(8)), meaning(0x04, bytes([0, 0x20])), meaning(0x08, bytes(8))
+    ('bus_off', 'error_passive', None)
+    """
+    if error_id & _ERROR_BUS_OFF:
+        return "bus_off"
+    if error_id & _ERROR_RESTARTED:
+        return "error_active"
+    if error_id & _ERROR_CONTROLLER and len(data) > 1:
+        return next((name for bit, name in _CONTROLLER.items() if data[1] & bit), None)
+    return None
+
+
+class SocketcanReceiver:
+    """Receives from the socket of python-can's SocketcanBus."""
+
+    def __init__(self, bus: Any):
+        self._close = bus.shutdown
+        self._socket: socket.socket = bus.socket
+        self._name = f"socketcan {bus.channel}"
+        self.drops = 0
+        self._drops_seen = 0
+        configure(self._socket)
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+
+    def recv(self, timeout: float) -> Received | None:
+        """Wait up to `timeout` s; raises BusError where the device is down or gone."""
+        end = time.monotonic() + timeout
+        while True:
+            try:
+                # a busy bus has a frame waiting: one system call each
+                data, ancillary, flags, _ = self._socket.recvmsg(CANFD_MTU, _ANCILLARY, socket.MSG_DONTWAIT)
+            except (BlockingIOError, InterruptedError):
+                left = end - time.monotonic()
+                if left <= 0:
+                    return None
+                self._poll.poll(left * 1000)
+                continue
+            except OSError as error:
+                raise BusError(
+                    f"{self._name} is lost ({error.strerror}): is the device up and plugged in?"
+                ) from None
+            try:
+                parsed = parse(data, ancillary, flags)
+            except ValueError:
+                continue  # CAN XL: not asked for, not understood
+            if parsed.drops is not None:
+                # the kernel counts in 32 bits
+                self.drops += (parsed.drops - self._drops_seen) & 0xFFFF_FFFF
+                self._drops_seen = parsed.drops
+            return parsed.frame
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._close()
+
+
+def configure(sock: socket.socket) -> None:
+    """Ask for the drop count and a large buffer; what the system refuses is gone without."""
+    with contextlib.suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+    try:
+        sock.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, RECEIVE_BUFFER)  # needs CAP_NET_ADMIN
+    except OSError:
+        with contextlib.suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)

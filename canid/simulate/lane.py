@@ -1,0 +1,122 @@
+"""Lane keeping in closed loop: the ARMAX steering driver of Chen & Ulsoy 2001 and a one-track car."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from canid.simulate.car import Car, gearbox
+from canid.simulate.following import DT, Simulation
+from canid.types import Array
+
+
+class Steering(NamedTuple):
+    """A(q) angle = B(q) offset + C(q) e at 10 Hz (Chen & Ulsoy 2001, eq. 1 and 3).
+
+    Defaults: the means of their Table 1, one driver. Their input is the error, canid's is the offset from
+    the lane's middle, positive to the left as the angle is: a driver who keeps the lane has the other sign.
+    """
+
+    a: tuple[float, float] = (-1.2623, 0.3697)
+    b: tuple[float, float] = (-4.1340, 4.0337)  # ° per m
+    c: float = 0.3  # the paper does not state it; 0.3 makes residuals as smooth as its figure 8
+    noise_sd: float = 0.25  # °, of e
+
+
+# Samples of the driver's 0.1 s that the loop makes in one.
+_STEPS = 10
+_SPEED = 25.0  # m/s, where Table 1's driver keeps the lane with a phase margin of some 40°
+_RATIO, _WHEELBASE = 15.0, 2.7  # steering ratio and m, a middle-class car
+_YAW_LAG = 0.15  # s, how a car's yaw rate follows its wheels at that speed
+# m/s² and s: what wind and road push to the side; moves the car by some 0.4 m
+_PUSH, _PUSH_TIME = 0.25, 0.5
+
+
+def keep_lane(minutes: float, seed: int, steering: Steering, car: Car) -> Simulation:
+    """Simulate lane keeping on a straight road at 25 m/s.
+
+    The wheel turns evenly between the driver's decisions, so that the angle at each 0.1 s is exactly the
+    model's output.
+
+    Example:
+        >>> drive = keep_lane(1.0, 1, Steering(), Car())
+        >>> bool(abs(drive.columns["lateral_offset"]).max() < 1.5)
+        True
+    """
+    n = round(minutes * 60 / DT)
+    foot, road = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
+    e = (steering.noise_sd * foot.standard_normal(n // _STEPS + 2)).tolist()
+    decay = math.exp(-DT / _PUSH_TIME)
+    shocks = (_PUSH * math.sqrt(1 - decay * decay) * road.standard_normal(n)).tolist()
+    offset, angle, yaw_rate = np.empty(n), np.empty(n), np.empty(n)
+    y = heading = drift = r = push = 0.0
+    seen = [0.0, 0.0]  # offset at the driver's last two decisions
+    turned = [0.0, 0.0]  # its last two angles
+    now = next_angle = 0.0
+    for k in range(n):
+        j, part = divmod(k, _STEPS)
+        if part == 0:
+            now = next_angle
+            seen = [y, seen[0]]
+            turned = [now, turned[0]]
+            # nk = 1: the angle at the next decision rests on the offsets of this one and the one before.
+            next_angle = (
+                -steering.a[0] * turned[0]
+                - steering.a[1] * turned[1]
+                + steering.b[0] * seen[0]
+                + steering.b[1] * seen[1]
+                + e[j + 1]
+                + steering.c * e[j]
+            )
+        offset[k], yaw_rate[k] = y, r
+        angle[k] = now + (next_angle - now) * part / _STEPS
+        wanted = _SPEED * math.radians(angle[k]) / (_RATIO * _WHEELBASE)
+        r += (wanted - r) * DT / _YAW_LAG
+        heading += r * DT
+        push = decay * push + shocks[k]
+        drift += push * DT
+        # Tyres do not let a car slide sideways for long: what pushed it has gone after half a second.
+        drift -= drift * DT / _PUSH_TIME
+        y += (_SPEED * heading + drift) * DT
+    return Simulation(DT, _columns(n, offset, angle, yaw_rate, car), _truth(minutes, seed, steering), seed)
+
+
+def _columns(n: int, offset: Array, angle: Array, yaw_rate: Array, car: Car) -> dict[str, Array]:
+    speed, zero = np.full(n, _SPEED), np.zeros(n)
+    gear, engine_speed = gearbox(speed)
+    switches = dict.fromkeys(("lead_valid", "brake", "cruise_active", "clutch"), zero)
+    return {
+        "t": np.arange(n) * DT,
+        "lateral_offset": offset,
+        "steering_angle": angle,
+        "yaw_rate": yaw_rate,
+        "speed": speed,
+        "gnss_speed": speed,
+        "accel": zero,
+        "pedal": np.full(n, car.hold(_SPEED)),
+        "gear": gear,
+        "engine_speed": engine_speed,
+        **switches,
+    }
+
+
+def _truth(minutes: float, seed: int, steering: Steering) -> dict[str, Any]:
+    gain = sum(steering.b) / (1 + sum(steering.a))
+    return {
+        "task": "lane_keeping",
+        "channels": {"lateral_offset": {"K": gain}},  # of second order: no one lag, no one dead time
+        "armax": {
+            "dt": _STEPS * DT,
+            "A": [1.0, *steering.a],
+            "B": {"lateral_offset": list(steering.b)},
+            "C": [1.0, steering.c],
+            "nk": 1,
+        },
+        "noise": {"kind": "armax", "sd": steering.noise_sd},
+        "profile": "lane",
+        "seed": seed,
+        "minutes": minutes,
+        "hidden": None,
+    }

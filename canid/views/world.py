@@ -1,0 +1,53 @@
+"""Recorder, buses and estimator in words: what a user must see of them, and what is wrong."""
+
+from __future__ import annotations
+
+from canid.views.screen import BusLine
+
+# s between a frame's arrival and its writing that deserve red
+LATE = 1.0
+
+
+def recorder(state: str, path: str, frames: int, written: int, size: int, lag: float) -> BusLine:
+    """The recorder in one line.
+
+    Example:
+        >>> recorder("recording", "a.blf", 1200, 1200, 2_500_000, 0.01).says
+        'recording a.blf   1,200 frames, 2.5 MB'
+    """
+    if state.startswith("failed"):
+        return BusLine(f"RECORDING {state}   {written:,} of {frames:,} frames are in {path}", wrong=True)
+    if not path:
+        return BusLine(f"not recording   {frames:,} frames seen")
+    late = f"   {lag:.1f} s behind" if lag > LATE else ""
+    return BusLine(f"{state} {path}   {written:,} frames, {size / 1e6:.1f} MB{late}", lag > LATE)
+
+
+def bus(
+    name: str, state: str, frames: int, rate: float, load: float, drops: int, errors: int, controller: str
+) -> BusLine:
+    """One bus in one line.
+
+    Example:
+        >>> bus("socketcan can0", "open", 1200, 410.0, 0.12, 0, 0, "error_active").says
+        'socketcan can0: open   1,200 frames   410/s   load 12 %   0 dropped   0 error frames'
+    """
+    share = f"   load {100 * load:.0f} %" if load == load else ""
+    sick = controller if controller not in ("", "error_active") else ""
+    says = f"{name}: {state}   {frames:,} frames   {rate:,.0f}/s{share}   {drops:,} dropped   {errors:,} error frames"
+    told = says + (f"   controller {sick.replace('_', ' ')}" if sick else "")
+    return BusLine(told, bool(drops or errors or sick) or state.startswith("lost"))
+
+
+def estimator(ready: bool, offered: int, done: int, dropped: int, restarts: int) -> BusLine:
+    """The estimator's process in one line.
+
+    Example:
+        >>> estimator(True, 1000, 990, 0, 0).says
+        'estimating   10 frames behind'
+    """
+    trouble = f"   {dropped:,} frames not estimated, {restarts} restarts" if dropped or restarts else ""
+    behind = max(offered - done - dropped, 0)
+    if not ready:
+        return BusLine(f"the estimator is starting   {behind:,} frames wait for it{trouble}", bool(trouble))
+    return BusLine(f"estimating   {behind:,} frames behind{trouble}", bool(trouble))

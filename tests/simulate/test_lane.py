@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from canid.simulate import DriverTruth, Steering, frames, simulate
+from canid.types import Reading
+from canid.vehicle import decoder, read_vehicle
+
+
+def test_the_driver_obeys_its_armax_equation():
+    """At each 0.1 s the angle is the ARMAX model's output: what is left is C(q) e with the stated noise."""
+    drive = simulate(20, 3, "lane")
+    model = drive.truth["armax"]
+    y = drive.columns["steering_angle"][::10]
+    u = drive.columns["lateral_offset"][::10]
+    left = y[2:] + model["A"][1] * y[1:-1] + model["A"][2] * y[:-2]
+    left = left - model["B"]["lateral_offset"][0] * u[1:-1] - model["B"]["lateral_offset"][1] * u[:-2]
+    c, sd = model["C"][1], drive.truth["noise"]["sd"]
+    n = len(left)
+    assert left.std() == pytest.approx(sd * np.hypot(1, c), rel=4 / np.sqrt(2 * n))
+    correlation = [np.corrcoef(left[:-lag], left[lag:])[0, 1] for lag in (1, 2, 3)]
+    np.testing.assert_allclose(correlation, [c / (1 + c * c), 0, 0], atol=4 / np.sqrt(n))
+
+
+def test_the_car_stays_in_its_lane():
+    """The loop is stable: the offset stays within a lane for many seeds, and moves enough to identify."""
+    for seed in range(6):
+        columns = simulate(5, seed, "lane").columns
+        assert np.abs(columns["lateral_offset"]).max() < 2.0
+        assert columns["lateral_offset"].std() > 0.2
+        assert np.abs(columns["steering_angle"]).max() < 15.0
+
+
+def test_its_log_decodes_to_offset_and_angle():
+    """On the bus, offset and angle are there at the DBC's resolution, and the radar sees nobody."""
+    vehicle, drive = read_vehicle("generic_lane"), simulate(0.5, 1, "lane")
+    assert (vehicle.driver.task, vehicle.driver.output) == ("lane_keeping", "steering_angle")
+    init, step = decoder(vehicle)
+    state, worst = init(), {"lateral_offset": 0.0, "steering_angle": 0.0}
+    for frame in frames(drive, vehicle):
+        state, out = step(state, frame)
+        for item in out:
+            if isinstance(item, Reading) and item.role in worst:
+                true = np.interp(item.t, drive.columns["t"], drive.columns[item.role])
+                worst[item.role] = max(worst[item.role], abs(item.value - true))
+            elif isinstance(item, Reading) and item.role in ("gap", "range_rate"):
+                assert np.isnan(item.value)
+    assert 0 < worst["lateral_offset"] < 0.0026
+    assert 0 < worst["steering_angle"] < 0.051
+
+
+def test_drivers_of_another_task_are_refused():
+    """A driver that follows cannot keep the lane, and the other way round."""
+    with pytest.raises(ValueError, match="type Steering"):
+        simulate(0.1, 1, "lane", driver=DriverTruth(5, 0.5, 0.3, 5, 0.5, 0.3))
+    with pytest.raises(ValueError, match="type DriverTruth"):
+        simulate(0.1, 1, "mixed", driver=Steering())

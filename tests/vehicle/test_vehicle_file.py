@@ -1,0 +1,245 @@
+import pickle
+import random
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from canid.errors import ConfigError
+from canid.types import ArmaxSettings, FopdtSettings
+from canid.vehicle import propose, read_vehicle
+
+ROOT = Path(__file__).parents[2]
+GENERIC = ROOT / "dbc" / "generic.dbc"
+
+
+def write(folder: Path, text: str) -> Path:
+    shutil.copy(GENERIC, folder / "generic.dbc")
+    file = folder / "car.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+GOOD = """
+dbc = ["generic.dbc"]
+[signals]
+pedal = "ENGINE_DATA.PedalPosition"
+speed = "EGO_SPEED.VehicleSpeed"
+gap = "RADAR_LEAD.LeadDistance"
+range_rate = "RADAR_LEAD.LeadRelSpeed"
+"""
+
+
+def mistakes(file: Path) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        read_vehicle(file)
+    assert caught.value.exit_code == 2
+    return str(caught.value).splitlines()
+
+
+def test_all_mistakes_are_told_at_once(tmp_path):
+    """One reading names every mistake of a file, each with its key, and what was probably meant."""
+    file = write(
+        tmp_path,
+        """
+dbc = ["generic.dbc", "nowhere.dbc"]
+[signals]
+pedl = "ENGINE_DATA.PedalPosition"
+pedal = "ENGINE_DATA.PedalPos"
+speed = { signal = "EGO_SPED.VehicleSpeed" }
+gap = { signal = "RADAR_LEAD.LeadDistance", unit = "bananas" }
+range_rate = { signal = "RADAR_LEAD.LeadRelSpeed", scal = 2 }
+brake = 7
+accel = "LongAccel"
+yaw_rate = { signal = "CHASSIS_DATA.YawRate", valid = [3, -3] }
+headway = "RADAR_LEAD.LeadDistance"
+grade = { signal = "GNSS_DATA.Altitude" }
+[drivr]
+x = 1
+[driver]
+task = "car_folowing"
+headway_desired = "2"
+[armax]
+na = 2.5
+forgeting = 0.9
+[fopdt]
+window = -60
+[lead]
+distance = "LONG_DIST"
+rate_sign = 2
+""",
+    )
+    lines = mistakes(file)
+    assert all(line.startswith("car.toml: ") for line in lines)
+    text = "\n".join(lines)
+    for part in (
+        'drivr: unknown section (did you mean "driver"?)',
+        "nowhere.dbc does not exist",
+        'signals.pedl: unknown role (did you mean "pedal"?)',
+        'signals.pedal: no signal "PedalPos" in message ENGINE_DATA (did you mean "PedalPosition"?)',
+        'signals.speed: no message "EGO_SPED" in generic.dbc (did you mean "EGO_SPEED"?)',
+        'signals.gap.unit: "bananas" cannot become m',
+        'signals.range_rate.scal: unknown key (did you mean "scale"?)',
+        "signals.brake: must be a table or a text, not 7",
+        'signals.accel: must be "MESSAGE.SIGNAL", not "LongAccel"',
+        "signals.yaw_rate.valid: the lower limit must come first",
+        "signals.headway: is computed",
+        'signals.grade: Altitude has the unit "m", which is not %',
+        "driver.task: must be 'car_following' or 'lane_keeping', not 'car_folowing'",
+        '(did you mean "car_following"?)',
+        "driver.headway_desired: ",
+        "armax.na: ",
+        'armax.forgeting: unknown key (did you mean "forgetting"?)',
+        "fopdt.window: must be greater than 0",
+        "lead.rate_sign: must be 1 or -1",
+    ):
+        assert part in text, f"{part!r} not in\n{text}"
+    assert "pydantic" not in text
+
+
+def test_what_the_task_needs_is_asked_for(tmp_path):
+    """A file without the signals that car following needs says which, and that radar tracks would do."""
+    lines = mistakes(write(tmp_path, 'dbc = "generic.dbc"\n[signals]\n[driver]\noutput = "pedall"\n'))
+    text = "\n".join(lines)
+    assert 'driver.output: "pedall" is not one of' in text
+    assert 'did you mean "pedal"?' in text
+    assert "signals.speed: is missing; car_following needs it" in text
+    assert "signals.gap: is missing; car_following needs it, or radar tracks in [lead]" in text
+    lines = mistakes(
+        write(tmp_path, 'dbc = "generic.dbc"\n[driver]\ntask = "lane_keeping"\noutput = "steering_angle"\n')
+    )
+    assert [line.split(": ", 1)[1].split(";")[0] for line in lines] == [
+        "signals.steering_angle: is missing",
+        "signals.lateral_offset: is missing",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda d: (d / "generic.dbc").unlink(), r"car.toml: dbc: .*generic.dbc does not exist"),
+        (
+            lambda d: (d / "generic.dbc").write_text("this is a letter"),
+            r"generic.dbc is no DBC that can be read: ",
+        ),
+        (lambda d: (d / "generic.dbc").write_bytes(b""), r"generic.dbc is no DBC|holds no messages"),
+        (lambda d: (d / "generic.dbc").write_bytes(bytes(range(256)) * 40), r"generic.dbc is no DBC"),
+        (lambda d: (d / "generic.dbc").write_text('VERSION ""\nBU_: A\n'), r"generic.dbc holds no messages"),
+        (lambda d: (d / "car.toml").write_text("dbc = ]\n"), r"car.toml is no valid TOML: .*line 1"),
+        (lambda d: (d / "car.toml").write_bytes(b"\xff\xfe\x00"), r"car.toml cannot be read"),
+        (lambda d: (d / "car.toml").write_text(""), r"dbc: is missing"),
+    ],
+)
+def test_broken_files_give_one_clear_line(tmp_path, spoil, says):
+    """A missing or broken DBC or TOML is one ConfigError line, whatever the bytes are."""
+    file = write(tmp_path, GOOD)
+    spoil(tmp_path)
+    with pytest.raises(ConfigError) as caught:
+        read_vehicle(file)
+    assert re.search(says, str(caught.value))
+    assert all(len(line) < 400 for line in str(caught.value).splitlines())
+
+
+def test_a_vehicle_that_does_not_exist_names_those_that_do(tmp_path):
+    """A wrong name is answered with the near one and the list of shipped vehicles."""
+    with pytest.raises(ConfigError, match=r'did you mean "generic"') as caught:
+        read_vehicle("genric")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ConfigError, match=r"nothing.toml does not exist"):
+        read_vehicle(tmp_path / "nothing.toml")
+
+
+def test_defaults_and_settings_arrive(tmp_path):
+    """Sections left out give the defaults of the types; given ones arrive, and integers do for numbers."""
+    vehicle = read_vehicle(write(tmp_path, GOOD))
+    assert vehicle.armax == ArmaxSettings()
+    assert vehicle.fopdt == FopdtSettings()
+    assert vehicle.lead.tracks is None
+    assert vehicle.warnings == ()
+    vehicle = read_vehicle(
+        write(tmp_path, GOOD + "[armax]\nna = 3\nstart = 20\n[fopdt]\nwindow = 30\n[lead]\ngap_noise = 1\n")
+    )
+    assert (vehicle.armax.na, vehicle.armax.start, vehicle.fopdt.window, vehicle.lead.gap_noise) == (
+        3,
+        20,
+        30,
+        1,
+    )
+    assert pickle.loads(pickle.dumps(vehicle)) == vehicle
+
+
+def test_a_range_that_cannot_be_meant_is_ignored_with_a_warning(tmp_path):
+    """A DBC range in raw numbers would reject good data: it is ignored, and said once, with the remedy."""
+    file = write(tmp_path, GOOD)
+    dbc = tmp_path / "generic.dbc"
+    text = dbc.read_text().replace('(0.01,0) [0|300] "km/h"', '(0.01,-100) [0|65535] "km/h"')
+    dbc.write_text(text)
+    vehicle = read_vehicle(file)
+    assert len(vehicle.warnings) == 1
+    assert "signals.speed" in vehicle.warnings[0]
+    assert "valid = [low, high]" in vehicle.warnings[0]
+    assert vehicle.roles["speed"].valid == (-float("inf"), float("inf"))
+
+
+def test_rav4_reads_with_one_warning(measured):
+    """A real DBC that fails the strict check is read, with one warning that names the message."""
+    vehicle = read_vehicle("toyota_rav4_2017")
+    assert len(vehicle.warnings) == 1
+    assert "PCS_HUD" in vehicle.warnings[0]
+    assert vehicle.lead.tracks is not None
+    assert [track.message for track in vehicle.lead.tracks] == [f"TRACK_A_{i}" for i in range(16)]
+    assert {track.bus for track in vehicle.lead.tracks} == {1}
+
+
+def test_proposal_of_a_dbc_can_be_read(tmp_path, measured):
+    """What `canid init` proposes for a DBC is a valid vehicle file with the signals that a person chose."""
+    for name, dbc in (("openacc", measured / "openacc/car_following.dbc"), ("generic", GENERIC)):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(propose([dbc], tmp_path), encoding="utf-8")
+        proposed, ours = read_vehicle(file), read_vehicle(name)
+        assert {r: (m.message, m.signal) for r, m in proposed.roles.items()} == {
+            r: (m.message, m.signal) for r, m in ours.roles.items()
+        }
+        assert proposed.driver.output == ours.driver.output
+
+
+def test_proposal_finds_radar_tracks(tmp_path, measured):
+    """A radar DBC without a lead signal gives a [lead] section with its numbered messages."""
+    text = propose([measured / "rav4/toyota_radar.dbc"], tmp_path)
+    assert 'tracks = "TRACK_A_{0..15}"' in text
+    assert 'distance = "LONG_DIST"' in text
+    assert 'rate = "REL_SPEED"' in text
+    assert "not found, but needed" in text
+
+
+def test_no_spoiled_file_breaks_the_reader(tmp_path):
+    """However a vehicle file or its DBC is spoiled, there is a vehicle or a ConfigError, nothing else."""
+    chance = random.Random(5)
+    good = (ROOT / "dbc" / "generic.toml").read_text(
+        encoding="utf-8"
+    ) + "[armax]\nna = 2\n[lead]\nin_path = 1.8\n"
+    dbc = GENERIC.read_bytes()
+    values = '7 -1 nan inf true [] [1] {} "" "." "a.b.c" 1979-05-27 [[1]] {x=1}'.split()
+    read, said = 0, []
+    for turn in range(200):
+        file = write(tmp_path, "")
+        text, raw = good, dbc
+        if turn % 4:
+            lines = text.splitlines()
+            for index in chance.sample([i for i, line in enumerate(lines) if " = " in line], 3):
+                lines[index] = lines[index].split(" = ")[0] + " = " + chance.choice(values)
+            text = "\n".join(lines)
+        else:
+            where = chance.randrange(len(raw))
+            raw = raw[:where] + chance.randbytes(chance.randint(0, 3)) + raw[where + chance.randint(0, 20) :]
+        file.write_text(text, encoding="utf-8")
+        (tmp_path / "generic.dbc").write_bytes(raw)
+        try:
+            read_vehicle(file)
+            read += 1
+        except ConfigError as error:
+            said += str(error).splitlines()
+    assert read > 0
+    assert len(said) > 100
+    assert all(line.startswith("car.toml: ") for line in said)
