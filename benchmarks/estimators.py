@@ -1,8 +1,8 @@
 """Measures the estimators: coverage of the 95 % intervals, error against the truth, time per update.
 
 Run as `python benchmarks/estimators.py [runs]` (60 runs a row take about a minute and a half).
-The loop is written here, apart from canid's own simulator: driver K1 4.4, tau1 0.685, theta1 0.3, K2 5.6, tau2 0.4,
-theta2 0.2 (Grover 2021, case 1), vehicle v' = (0.8 (P - P0) - (v - v0)) / 20.
+The loop is written here, apart from canid's own simulator: driver K1 4.4, tau1 0.685, theta1 0.3, K2 5.6,
+tau2 0.4, theta2 0.2 (Grover 2021, case 1), vehicle v' = (0.8 (P - P0) - (v - v0)) / 20.
 """
 
 from __future__ import annotations
@@ -105,7 +105,14 @@ def row(label: str, told: list[tuple[float, float, float]], truth: float) -> str
 def process(runs: int) -> None:
     """FOPDT over one window."""
     print("FOPDT, closed loop, 60 s at 10 Hz")
-    kinds = [("white", 1.0), ("OU 0.5", 1.0), ("OU 1", 1.0), ("OU 2", 1.0), ("OU + white", 1.0), ("resonant", 1.0)]
+    kinds = [
+        ("white", 1.0),
+        ("OU 0.5", 1.0),
+        ("OU 1", 1.0),
+        ("OU 2", 1.0),
+        ("OU + white", 1.0),
+        ("resonant", 1.0),
+    ]
     for kind, size in kinds:
         fits = []
         for seed in range(runs):
@@ -154,7 +161,8 @@ def armax(runs: int) -> None:
         y, u = table1(seed)
         fit = armax_batch.fit_armax(y, u, np.full(600, True))
         start = armax_batch.fit_armax(y[:150], u[:150], np.full(150, True))
-        assert fit is not None and start is not None
+        assert fit is not None
+        assert start is not None
         state = armax_recursive.begin(start)
         for k in range(150, 600):
             state, _ = armax_recursive.step(state, orders, float(y[k]), u[k].tolist(), 1.0)
@@ -163,7 +171,11 @@ def armax(runs: int) -> None:
         sds.append(np.sqrt(np.diag(fit.covariance / fit.temper)))
     sd = np.mean(sds, axis=0)
     for label, error in (("batch", batch), ("15 s start, then recursive", online)):
-        print(f"  {label:<27}", np.round(np.sqrt(np.mean(np.square(error), axis=0)) / sd, 2), "a1 a2 b1 b2 c0 c1")
+        print(
+            f"  {label:<27}",
+            np.round(np.sqrt(np.mean(np.square(error), axis=0)) / sd, 2),
+            "a1 a2 b1 b2 c0 c1",
+        )
     print(f"  covered (batch): {np.mean(np.abs(batch) < 1.96 * np.array(sds), axis=0).round(2)}")
     print("ARMAX(2,2,1), closed loop, batch")
     for kind, T in (("OU 1", 60.0), ("OU 1", 200.0), ("white", 60.0)):
@@ -192,7 +204,9 @@ def speed() -> None:
             before = time.perf_counter()
             state, estimate = estimator.step(state, sample)
             (told if estimate else plain).append(1e6 * (time.perf_counter() - before))
-        print(f"  {name:<6} sample {np.median(plain):7.0f} us   with estimate {np.median(told):7.0f} us median")
+        print(
+            f"  {name:<6} sample {np.median(plain):7.0f} us   with estimate {np.median(told):7.0f} us median"
+        )
 
 
 if __name__ == "__main__":

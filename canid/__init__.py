@@ -12,8 +12,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from canid.errors import CanidError as CanidError
-    from canid.identify import identify as identify
-    from canid.live import live as live
+    from canid.drive import identify as identify
+    from canid.session import live as live
     from canid.logs import read_drive as read_drive
     from canid.logs import read_signals as read_signals
     from canid.logs import read_trace as read_trace
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     "CanidError": "errors",
-    "identify": "identify",
-    "live": "live",
+    "identify": "drive",
+    "live": "session",
     "read_drive": "logs",
     "read_signals": "logs",
     "read_trace": "logs",
@@ -39,7 +39,6 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'canid' has no attribute {name!r}")
     value = getattr(import_module(f"canid.{_HOME[name]}"), name)
-    # the submodules `identify`, `live`, `simulate` have the verb's name: the verb wins
     globals()[name] = value
     return value
 

@@ -97,7 +97,18 @@ def take(
         index += 1
         if t >= BEGIN or _begun(state, t, roles):
             points.append((t, {role: _at(state, role, t, how) for role, how in roles.items()}))
-    return (state if index == state.next else state._replace(next=index)), points
+    if index == state.next:
+        return state, points
+    return _trim(state, index * dt)._replace(next=index), points
+
+
+def _trim(state: State, t: float) -> State:
+    """Drop what no grid point from t on can need: all but the last reading before it."""
+    times, values = {}, {}
+    for role, of in state.times.items():
+        first = max(bisect_right(of, t) - 1, 0)
+        times[role], values[role] = of[first:], state.values[role][first:]
+    return state._replace(times=times, values=values)
 
 
 def _complete(state: State, t: float, roles: Mapping[str, Role]) -> bool:

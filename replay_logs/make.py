@@ -6,11 +6,8 @@ import sys
 from pathlib import Path
 
 from canid.frames import write_log
-from canid.simulate import Simulation, frames, simulate, truth_text
+from canid.simulate import START_UTC, Simulation, frames, simulate, truth_text
 from canid.vehicle import read_vehicle
-
-# Monday, 5 January 2026, 08:00 UTC: any fixed moment, so that the bytes do not depend on when they are made.
-START = 1767600000.0
 
 
 def drives() -> dict[str, Simulation]:
@@ -30,7 +27,7 @@ def main(folder: Path) -> None:
     for name, drive in drives().items():
         vehicle = read_vehicle("generic_lane" if name.startswith("lane") else "generic")
         path = folder / name
-        write_log(path, frames(drive, vehicle), START, overwrite=True)
+        write_log(path, frames(drive, vehicle), START_UTC, overwrite=True)
         path.with_suffix(".truth.json").write_text(truth_text(drive, vehicle), encoding="utf-8")
 
 

@@ -12,10 +12,10 @@ FLOOR = {
     "types": 0, "errors": 0,
     "clock": 1, "vehicle": 1, "smoothing": 1, "lead": 2, "sampling": 1, "gate": 1, "identification": 1,
     "estimators": 2, "simulate": 2,
-    "pipeline": 3, "identify": 4, "check": 4,
+    "pipeline": 3, "drive": 4, "check": 4,
     "views": 5,
     "frames": 5, "export": 5, "estimating": 5,
-    "logs": 6, "live": 7,
+    "logs": 6, "session": 7,
     "cli": 8, "__init__": 9, "__main__": 9,
 }  # fmt: skip
 WORLD = {"socket", "subprocess", "threading", "time", "multiprocessing", "can"}

@@ -9,7 +9,7 @@ from canid.cli import options, show
 from canid.cli.interrupt import Interrupt
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.frames.bus import ReceiveOnlyBus
-from canid.live import Result, World, session
+from canid.session import Result, World, session
 from canid.types import Estimate
 from canid.views import summary, world
 from canid.views.screen import BusLine, View

@@ -1,4 +1,4 @@
-"""ARMAX live: a short batch start, then the recursive prediction-error method, frozen while nothing is to be learnt.
+"""ARMAX live: a short batch start, then recursive prediction errors, frozen while nothing is to be learnt.
 
 The mathematics is in identification/armax_batch.py, armax_recursive.py and moments.py.
 """
@@ -26,21 +26,23 @@ from canid.types import (
 
 NAME = "armax"
 
-# s; over which the inputs' movement is judged: the period of the slowest traffic waves that still teach a lag.
+# s; over which the inputs' movement is judged: the period of the slowest traffic waves that still teach a
+# lag.
 LOOK = 20.0
 
-# An input that moves less than this share of what it usually does (status.usual) is below sensor noise: learning
-# from it would learn the noise.
+# An input that moves less than this share of what it usually does (status.usual) is below sensor noise:
+# learning from it would learn the noise.
 STILL = 0.05
 
-# Buffers of the start are kept to this many times its length: if the first seconds did not excite, later ones may.
+# Buffers of the start are kept to this many times its length: if the first seconds did not excite, later
+# ones may.
 PATIENCE = 4
 
 
 class Movement(NamedTuple):
     """Exponentially weighted mean and variance of each input."""
 
-    count: int
+    samples: int
     mean: tuple[float, ...]
     variance: tuple[float, ...]
 
@@ -91,7 +93,9 @@ def make(
     m = len(input_names)
     o = armax_batch.Orders(settings.na, settings.nb, settings.nc, settings.nk)
     if m < 1 or not dt > 0.0 or not 0.5 < settings.forgetting <= 1.0 or min(o) < 0 or o.nb < 1 or o.na < 1:
-        raise ValueError(f"inputs {input_names}, dt = {dt} s, {settings}: na, nb >= 1, forgetting in (0.5, 1]")
+        raise ValueError(
+            f"inputs {input_names}, dt = {dt} s, {settings}: na, nb >= 1, forgetting in (0.5, 1]"
+        )
     # the start needs at least five samples per parameter, whatever the settings say
     first = max(round(settings.start / dt), 6 * o.count(m))
     look = dt / LOOK
@@ -99,9 +103,7 @@ def make(
 
     def init() -> State:
         nothing = Movement(0, (0.0,) * m, (0.0,) * m)
-        return State(
-            status.Closed(), math.nan, 0, 0, (), None, 0.0, nothing, Quality((), math.nan, 0.0, 0.0)
-        )
+        return State(status.Closed(), math.nan, 0, 0, (), None, 0.0, nothing, Quality((), math.nan, 0.0, 0.0))
 
     def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
         if not math.isfinite(sample.t) or sample.t <= state.t:
@@ -122,7 +124,7 @@ def make(
                 sample.t, NAME, forced, sample.gate.value, input_names
             )
         gate_spoke = closed.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
-        if not gate_spoke and sample.t - closed.emitted < status.EVERY - 5e-4:
+        if not gate_spoke and sample.t - closed.emitted < status.EVERY - status.ROUNDING:
             return state, None
         if state.model is None and len(state.rows) >= first:
             state = _start(state)
@@ -152,7 +154,7 @@ def make(
 
     def _moved(before: Movement, inputs: tuple[float, ...]) -> Movement:
         # the first samples weigh alike, later ones fade: no start value that would count as movement
-        count = before.count + 1
+        count = before.samples + 1
         w = max(look, 1.0 / count)
         away = [x - mean for x, mean in zip(inputs, before.mean, strict=True)]
         return Movement(
@@ -203,9 +205,7 @@ def make(
         return state._replace(model=model, rows=())
 
     def _estimate(state: State, sample: Sample) -> Estimate:
-        excitation = {
-            name: v**0.5 for name, v in zip(input_names, state.movement.variance, strict=True)
-        }
+        excitation = {name: v**0.5 for name, v in zip(input_names, state.movement.variance, strict=True)}
 
         def silent(kind: Status, says: str) -> Estimate:
             why = sample.gate.value if sample.gate is not Gate.OPEN else says

@@ -1,4 +1,7 @@
-"""First order plus dead time over a sliding window, refitted every half second (identification/process_fit.py)."""
+"""First order plus dead time over a sliding window, refitted every half second.
+
+The mathematics is in identification/process_fit.py.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +40,12 @@ class State(NamedTuple):
     start: process_fit.Start | None  # where the last fit lay
 
 
-def make(input_names: tuple[str, ...], dt: float, settings: FopdtSettings = FopdtSettings()) -> AnyEstimator:
-    """The FOPDT estimator.
+def make(
+    input_names: tuple[str, ...],
+    dt: float,
+    settings: FopdtSettings = FopdtSettings(),  # noqa: B008  (an immutable value)
+) -> AnyEstimator:
+    """Build the FOPDT estimator.
 
     Args:
         input_names: one or two, in the order of `Sample.inputs`.
@@ -82,7 +89,7 @@ def make(input_names: tuple[str, ...], dt: float, settings: FopdtSettings = Fopd
             return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
         # a kind that is new because the gate has just opened is emitted at once, with a fit of its own
         gate_spoke = closed.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
-        if not gate_spoke and sample.t - closed.emitted < settings.refit - 5e-4:
+        if not gate_spoke and sample.t - closed.emitted < settings.refit - status.ROUNDING:
             return state, None
         state, estimate = _refit(_fold(state), sample)
         return state._replace(closed=status.said(closed, sample.t, estimate.status)), estimate

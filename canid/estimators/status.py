@@ -14,6 +14,9 @@ BRIEF = 5.0
 # s; an estimate is repeated at least this often: twice a second is what an eye can follow.
 EVERY = 0.5
 
+# s; grid times are floats: sums of 0.1 s must not make every fifth sample the sixth, nor 5 s less than 5 s.
+ROUNDING = 5e-4
+
 # s of usable data below which nothing is said: the Cramér-Rao bound of K1 exceeds K1 itself below 20 s.
 ENOUGH = 20.0
 
@@ -57,24 +60,23 @@ def step(state: Closed, sample: Sample) -> tuple[Closed, Status | None]:
         return state._replace(since=NAN), None
     since = sample.t if state.since != state.since else state.since
     forced = _AT_ONCE.get(sample.gate)
-    if forced is None and sample.t - since >= BRIEF:
+    if forced is None and sample.t - since >= BRIEF - ROUNDING:
         forced = _AFTER_A_WHILE.get(sample.gate, Status.STALE)
     return state._replace(since=since), forced
 
 
 def due(state: Closed, t: float, kind: Status, every: float = EVERY) -> bool:
     """Whether an estimate is to be emitted at `t` [s]: the kind is new, or the last one is `every` s old."""
-    # half a millisecond: grid times are floats, and 0.1 s steps must not drift to every sixth sample
-    return kind is not state.kind or not t - state.emitted < every - 5e-4
+    return kind is not state.kind or not t - state.emitted < every - ROUNDING
 
 
 def said(state: Closed, t: float, kind: Status) -> Closed:
-    """The state after an estimate of this kind went out at `t` [s]."""
+    """Return the state after an estimate of this kind went out at `t` [s]."""
     return state._replace(kind=kind, emitted=t)
 
 
 def silent(t: float, estimator: str, status: Status, says: str, names: Sequence[str]) -> Estimate:
-    """An estimate that tells nothing of any channel."""
+    """Return an estimate that tells nothing of any channel."""
     return Estimate(t, estimator, status, says, {name: Channel() for name in names})
 
 
@@ -88,7 +90,7 @@ _USUAL: dict[str, tuple[float, str]] = {
 
 
 def usual(name: str) -> float:
-    """The usual standard deviation of an input in driving, in its unit; 1 for an unknown name."""
+    """Return the usual standard deviation of an input in driving, in its unit; 1 for an unknown name."""
     return _USUAL.get(name, (1.0, ""))[0]
 
 
@@ -101,7 +103,7 @@ _TOLD = {
 
 
 def what_is_told(channels: Mapping[str, Channel]) -> str:
-    """The sentence for `ok`: what these data tell of each input.
+    """Say what these data tell of each input.
 
     >>> what_is_told({"range_rate": Channel(status=Identifiable.GAIN_ONLY)})
     'range rate: K only'
@@ -110,14 +112,14 @@ def what_is_told(channels: Mapping[str, Channel]) -> str:
 
 
 def hardly_moved(excitation: Mapping[str, float]) -> str:
-    """The sentence for `not_excited`: which input moved least, how much, and what to do.
+    """Say which input moved least, how much, and what to do.
 
     >>> hardly_moved({"headway_error": 0.4, "range_rate": 0.1})
     'range rate hardly moved (sd 0.10 m/s) in these data: drive with varying speed'
     """
     name = min(excitation, key=lambda n: excitation[n] / usual(n))
     if excitation[name] > usual(name):
-        return "the inputs move, but what else moves the output hides the answer: keep driving with varying speed"
+        return "the inputs move, but other causes of the output hide the answer: drive with varying speed"
     unit = _USUAL.get(name, (1.0, ""))[1]
     remedy = "move within the lane" if name == "lateral_offset" else "drive with varying speed"
     amount = f"{excitation[name]:.2f} {unit}".strip()

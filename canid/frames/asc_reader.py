@@ -138,6 +138,8 @@ def _fd(words: list[str], base: int, line: Line) -> _Parsed | None:
     if length > 64:
         raise Bad(f"it announces {length} data bytes")
     data = _data(words, at + 4, length, base, line)
+    if not line.whole and len(words) <= at + 7 + length:
+        raise Bad("the file ends in it")  # perhaps within the flags
     behind = words[at + 4 + length : at + 7 + length]  # duration, length in bits, flags
     bits = int(behind[2], 16) if len(behind) == 3 else FD64_EDL
     if bits & FD64_REMOTE or (length == 0 and dlc > 0):

@@ -54,9 +54,12 @@ def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]
             position = _next_object(file, position + 1, size, bare)
             continue
         position += skip
-        _, _, _, object_size, kind = blf.OBJECT.unpack_from(head, skip)
-        if bare is None:
-            bare = kind != blf.LOG_CONTAINER
+        _, header_size, _, object_size, kind = blf.OBJECT.unpack_from(head, skip)
+        if kind == blf.LOG_CONTAINER:
+            bare = False
+        elif bare is None:
+            # A container's header is shorter than any other's: one whose type is damaged shows by that.
+            bare = header_size in (blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
         if bare:
             got = _bare(file, position, object_size, size)
         elif kind == blf.LOG_CONTAINER:

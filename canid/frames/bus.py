@@ -8,11 +8,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from canid.errors import BusError
+from canid.errors import BusError, ConfigError
 from canid.frames import devices, listen_only, messages, python_can, stamps
 from canid.frames.listen_only import ListenOnly
 from canid.frames.received import Received, Receiver
 from canid.types import NAN
+
+# linux/can.h: CAN_INV_FILTER, a filter whose match is turned round; only the kernel knows it
+INVERTED = 0x2000_0000
 
 
 class _PythonCanReceiver:
@@ -135,7 +138,8 @@ def resolve(config: Mapping[str, Any]) -> dict[str, Any]:
 def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
     """Open one bus with python-can's keyword arguments; can.conf and CAN_* fill in what is missing.
 
-    Listen-only is asked for where the interface has it. Raises BusError with one line.
+    Listen-only is asked for where the interface has it. Raises BusError, or ConfigError for a filter that the
+    interface does not have.
 
     >>> bus = open_bus({"interface": "virtual", "channel": "doctest"})
     >>> bus.name, bus.recv(0.0), hasattr(bus, "send")
@@ -149,6 +153,11 @@ def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
     name = f"{interface} {channel}".strip()
     for key, value in listen_only.arguments(interface).items():
         resolved.setdefault(key, value)
+    if interface == "socketcan":
+        # a socket without it does not get CAN FD frames at all; on a classic bus it changes nothing
+        resolved.setdefault("fd", True)
+    elif any(each["can_id"] & INVERTED for each in resolved.get("can_filters") or ()):
+        raise ConfigError(f"a filter ID~MASK works on socketcan only, not on {interface}; use ID:MASK")
 
     def opener() -> Receiver:
         try:

@@ -13,11 +13,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from canid.frames import python_can
-from canid.frames.bus import open_buses
+from canid.frames.bus import INVERTED, open_buses
 from canid.types import Frame
 
-# linux/can.h: a filter whose match is turned round
-_INVERTED = 0x2000_0000
 # s that one bus is waited for before the time is looked at again
 _TURN = 0.1
 _NAMES = ("interface", "bitrate", "fd", "data_bitrate", "can_filters", "timing")
@@ -127,7 +125,7 @@ def can_filter(text: str) -> dict[str, int]:
     inverted = "~" in text
     id_, _, mask = text.partition("~" if inverted else ":")
     try:
-        return {"can_id": int(id_, 16) | (_INVERTED if inverted else 0), "can_mask": int(mask, 16)}
+        return {"can_id": int(id_, 16) | (INVERTED if inverted else 0), "can_mask": int(mask, 16)}
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no filter (such as 100:7FC, in hex)") from None
 

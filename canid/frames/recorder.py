@@ -15,7 +15,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from struct import error as StructError  # noqa: N812
 
-from canid.errors import BusError, OutputError
+from canid.errors import BusError, CanidError, OutputError
 from canid.frames import bus_load
 from canid.frames.bus import ReceiveOnlyBus
 from canid.frames.bus_reader import DRAIN, Arrival, BusReader
@@ -76,9 +76,16 @@ class Recorder:
         self._threads: list[threading.Thread] = []
 
     def start(self) -> Recorder:
-        """Create the log and begin. Raises OutputError, or ConfigError for an unknown suffix."""
+        """Create the log and begin.
+
+        Raises OutputError, or ConfigError for an unknown suffix; the buses are closed then.
+        """
         if self._wanted is not None:
-            self._writer = open_new(self._wanted)
+            try:
+                self._writer = open_new(self._wanted)
+            except CanidError:
+                self._shut()
+                raise
             if len(self._buses) > 1:
                 self._writer.lead_ns = LEAD_NS
             self._path = self._writer.path
@@ -111,11 +118,7 @@ class Recorder:
         self._queue.put(None)
         for thread in self._threads:
             thread.join()
-        for each in self._buses:
-            try:
-                each.bus.shutdown()
-            except BusError as error:
-                self._tell("bus_close", str(error))
+        self._shut()
         self._journal.close()
         return self.stats()
 
@@ -151,6 +154,13 @@ class Recorder:
             start_ns=self._first_ns,
             buses=buses,
         )
+
+    def _shut(self) -> None:
+        for each in self._buses:
+            try:
+                each.bus.shutdown()
+            except BusError as error:
+                self._tell("bus_close", str(error))
 
     # --- writing: one thread ---
 

@@ -8,6 +8,7 @@ asm-generic/socket.h.
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
 import time
@@ -110,6 +111,12 @@ class SocketcanReceiver:
         self.drops = 0
         self._drops_seen = 0
         configure(self._socket)
+        # binding to a device that is down succeeds; the kernel leaves the truth here
+        code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if code:
+            self._close()
+            up = f"sudo ip link set {bus.channel} up"
+            raise BusError(f"{self._name}: {os.strerror(code)}; bring it up: {up} (type can bitrate 500000)")
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
 

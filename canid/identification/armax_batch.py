@@ -1,8 +1,8 @@
 """ARMAX with several inputs by prediction errors: A y = sum B_i u_i + c0 + C e (Ljung 1999, sec. 10.2).
 
-Start by Hannan & Rissanen (1982): a long ARX gives the innovations, least squares on them the polynomials. Then
-Levenberg-Marquardt on the exact gradient. Every run of usable samples starts with its real lags and e = 0;
-filling them with zeros instead costs a factor three in C.
+Start by Hannan & Rissanen (1982): a long ARX gives the innovations, least squares on them the polynomials.
+Then Levenberg-Marquardt on the exact gradient. Every run of usable samples starts with its real lags and e =
+0; filling them with zeros instead costs a factor three in C.
 """
 
 from __future__ import annotations
@@ -236,10 +236,7 @@ def _ready(
     if segment is not None:
         cuts = np.flatnonzero(np.diff(segment)) + 1
         pieces = [
-            (int(a), int(b))
-            for s, e in pieces
-            for a, b in _cut(s, e, cuts)
-            if b - a > orders.lag() + 5
+            (int(a), int(b)) for s, e in pieces for a, b in _cut(s, e, cuts) if b - a > orders.lag() + 5
         ]
     y = np.where(good, output, 0.0)
     u = np.ascontiguousarray(np.where(good[:, None], inputs, 0.0).T)

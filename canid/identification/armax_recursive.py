@@ -20,8 +20,8 @@ RADIUS = 0.995
 # Samples of a block whose summed score is compared with that of white innovations: 2 s at 10 Hz.
 BLOCK = 20
 
-# The variance of a parameter may grow to this many times that of the batch start before forgetting pauses: enough
-# to follow any driver, and never a covariance that means nothing.
+# The variance of a parameter may grow to this many times that of the batch start before forgetting pauses:
+# enough to follow any driver, and never a covariance that means nothing.
 GROWTH = 1e4
 
 
@@ -38,7 +38,9 @@ class State(NamedTuple):
     most: float  # largest factor d allowed
     weights: tuple[float, float]  # sums of the weights and of their squares, in samples
     block: tuple[int, tuple[float, ...], tuple[float, ...]]  # samples, summed score, summed square gradient
-    score: tuple[tuple[float, ...], tuple[float, ...]]  # forgotten sums of block score squared; of square gradients
+    score: tuple[
+        tuple[float, ...], tuple[float, ...]
+    ]  # forgotten sums of block score squared; of square gradients
 
 
 def begin(fit: ArmaxFit) -> State:
@@ -149,9 +151,7 @@ def step(
 
 def _widening(
     state: State, psi: list[float], e: float, forgetting: float
-) -> tuple[
-    tuple[int, tuple[float, ...], tuple[float, ...]], tuple[tuple[float, ...], tuple[float, ...]]
-]:
+) -> tuple[tuple[int, tuple[float, ...], tuple[float, ...]], tuple[tuple[float, ...], tuple[float, ...]]]:
     count, scores, squares = state.block
     total = [s + x * e for s, x in zip(scores, psi, strict=True)]
     power = [s + x * x for s, x in zip(squares, psi, strict=True)]
@@ -167,8 +167,9 @@ def _widening(
 def covariance(state: State) -> Array:
     """Return the (n, n) covariance of theta.
 
-    P holds the information with exponential weights w; the estimate's variance is that with w squared (half of P in
-    the long run), widened by how much colour the innovations kept, as residuals.left_over does for a batch.
+    P holds the information with exponential weights w; the estimate's variance is that with w squared (half
+    of P in the long run), widened by how much colour the innovations kept, as residuals.left_over does for a
+    batch.
     """
     w1, w2 = state.weights
     ratios = [a / b for a, b in zip(*state.score, strict=True) if b > 0.0]

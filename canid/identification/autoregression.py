@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +13,8 @@ from canid.types import Array
 # Share of the noise's variance that is treated as white. Where a signal was smoothed (an acceleration, a
 # derivative) its noise has next to no content at high frequencies; unlimited whitening would multiply exactly
 # those by thousands and fit K, tau and dead time there, to what the smoothing left over. With 0.3 % the
-# weight of an empty band against a full one ends near 300. The noise of a person, an Ornstein-Uhlenbeck process
-# of 1 s at 10 Hz, has 5 % at the highest frequency: it is changed by 6 % there.
+# weight of an empty band against a full one ends near 300. The noise of a person, an Ornstein-Uhlenbeck
+# process of 1 s at 10 Hz, has 5 % at the highest frequency: it is changed by 6 % there.
 FLOOR = 0.003
 
 
@@ -45,23 +46,23 @@ def whiten(x: Array, noise: Array, starts: Sequence[int] = ()) -> Array:
         return out
     n = x.shape[-1]
     edges = sorted({0, *starts, n})
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         if b <= a:
             continue
         piece = x[..., a:b]
         out[..., a:b] -= float(np.sum(noise)) * piece[..., :1]
         away = piece - piece[..., :1]
         for i, phi in enumerate(noise, 1):
-            out[..., a + i : b] -= phi * away[..., : b - a - i]
+            out[..., a + i : b] -= phi * away[..., : max(b - a - i, 0)]
     return out
 
 
 def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = FLOOR) -> Array:
     """Coefficients phi of r_t = sum phi_i r_(t-i) + e_t.
 
-    Least squares over the samples whose `most` predecessors are usable too (so that all orders are compared on
-    the same samples), order by AIC: BIC keeps AR(1) for a mixture of coloured and white noise, and then intervals
-    cover too little.
+    Least squares over the samples whose `most` predecessors are usable too (so that all orders are compared
+    on the same samples), order by AIC: BIC keeps AR(1) for a mixture of coloured and white noise, and then
+    intervals cover too little.
 
     Args:
         r: (n,) residual; values where not usable are ignored.
@@ -92,25 +93,26 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     yy = float(y @ y) * (1.0 + floor)
     if not yy > 0.0:
         return np.zeros(0)
-    best, best_score = np.zeros(0), count * np.log(yy)
+    best: Array = np.zeros(0)
+    best_score = count * np.log(yy)
     for p in range(1, most + 1):
         phi = np.linalg.solve(G[:p, :p], h[:p])
         score = count * np.log(max(yy - float(phi @ h[:p]), 1e-12 * yy)) + 2 * p
         if score < best_score:
-            best, best_score = phi, score
+            best, best_score = np.asarray(phi, float), score
     return _less_biased(best, count)
 
 
-# Sum of coefficients up to which the bias correction may go: noise that remembers for 200 samples cannot be told
-# from a wandering offset in a minute at 10 Hz.
+# Sum of coefficients up to which the bias correction may go: noise that remembers for 200 samples cannot be
+# told from a wandering offset in a minute at 10 Hz.
 SLOWEST = 0.995
 
 
 def _less_biased(phi: Array, count: int) -> Array:
     """Add back the bias -(1 + 3 phi) / n of a fit with estimated mean (Marriott & Pope 1954).
 
-    Small as it is, without it the noise looks too fast and slow gains too certain: K1 in a minute is covered 2 to
-    5 % less often.
+    Small as it is, without it the noise looks too fast and slow gains too certain: K1 in a minute is covered
+    2 to 5 % less often.
     """
     total = float(np.sum(phi))
     if len(phi) == 0 or not 0.0 < total < SLOWEST:

@@ -8,6 +8,7 @@ sample of dead time. The recursion is that of the exact solution of tau x' + x =
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ def scan(v: Array, alpha: Array) -> Array:
 
 def _pieces(n: int, starts: Sequence[int]) -> list[tuple[int, int]]:
     edges = sorted({0, *starts, n})
-    return [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+    return [(a, b) for a, b in pairwise(edges) if b > a]
 
 
 def lags(u: Array, dt: float, taus: Array, starts: Sequence[int] = ()) -> Array:
@@ -81,7 +82,7 @@ def _whole_and_rest(dead_time: float, dt: float) -> tuple[int, float]:
 
 
 def _back(x: Array, d: int) -> Array:
-    """x delayed by d samples, held at its first value before."""
+    """Delay x by d samples, held at its first value before."""
     if d <= 0:
         return x
     out = np.empty_like(x)
@@ -114,7 +115,7 @@ def delayed(u: Array, x: Array, dt: float, tau: float, dead_times: Array) -> Arr
 
 
 def response(u: Array, dt: float, tau: float, dead_time: float, starts: Sequence[int] = ()) -> Response:
-    """The answer to `u` with its exact gradient by tau and dead time.
+    """Answer `u`, with its exact gradient by tau and dead time.
 
     Args:
         u: (n,) input, finite.

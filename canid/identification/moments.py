@@ -1,12 +1,14 @@
 """From polynomials to the driver's words: K, tau and dead time of one channel B/A by moments.
 
-The moments of an impulse response follow from those of the polynomials: the mean delay of B/A is that of B minus
-that of A, and so is the variance (cumulants of a quotient subtract). A lag tau with dead time theta has mean
-delay tau + theta and variance tau^2, so tau is the square root of the second and theta the rest of the first.
-Intervals by the delta method.
+The moments of an impulse response follow from those of the polynomials: the mean delay of B/A is that of B
+minus that of A, and so is the variance (cumulants of a quotient subtract). A lag tau with dead time theta
+has mean delay tau + theta and variance tau^2, so tau is the square root of the second and theta the rest of
+the first. Intervals by the delta method.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -28,7 +30,7 @@ def _mean_and_variance(p: Array, at: Array) -> tuple[float, float, Array, Array]
 
 
 def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channel:
-    """What the polynomials tell of one input.
+    """Say what the polynomials tell of one input.
 
     Args:
         A: (na + 1,) with the leading one.
@@ -46,7 +48,12 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channe
     """
     na = len(A) - 1
     a1, b1 = float(A.sum()), float(B.sum())
-    if not np.isfinite(covariance).all() or a1 == 0.0 or b1 == 0.0 or np.abs(np.roots(A)).max(initial=0.0) >= 1.0:
+    if (
+        not np.isfinite(covariance).all()
+        or a1 == 0.0
+        or b1 == 0.0
+        or np.abs(np.roots(A)).max(initial=0.0) >= 1.0
+    ):
         return Channel()  # an unstable or integrating answer has no gain
     ma, va, d_ma, d_va = _mean_and_variance(A, np.arange(na + 1.0))
     mb, vb, d_mb, d_vb = _mean_and_variance(B, nk + np.arange(float(len(B))))
@@ -58,7 +65,7 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channe
     variance = dt**2 * (vb - va) - dt**2 / 6.0
 
     def sd(J: Array) -> float:
-        return float(max(J @ covariance @ J, 0.0)) ** 0.5
+        return math.sqrt(max(float(J @ covariance @ J), 0.0))
 
     sum_sd, sum_interval = sd(J_mean), around(total, sd(J_mean), 0.0)
     K_interval = ratio(b1, a1, *_sums(covariance, na))
@@ -91,10 +98,10 @@ def _sums(covariance: Array, na: int) -> tuple[float, float, float]:
 
 
 def ratio(b: float, a: float, vb: float, va: float, vab: float) -> Interval:
-    """The 95 % interval of b / a by Fieller (1954): all K with |b - K a| within its own 1.96 sd.
+    """Return the 95 % interval of b / a by Fieller (1954): all K with |b - K a| within its own 1.96 sd.
 
-    A(1) of a driver at 10 Hz is small, hence its reciprocal skewed: the delta method's symmetric interval covered
-    0.85 of K in 60 s of simulated car following, this one 0.92 to 0.95.
+    A(1) of a driver at 10 Hz is small, hence its reciprocal skewed: the delta method's symmetric interval
+    covered 0.85 of K in 60 s of simulated car following, this one 0.92 to 0.95.
 
     Args:
         b: numerator.

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from canid.identification.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.types import NAN, Array
 
-# Orders from one to three and dead times up to 0.4 s at 10 Hz: what Chen & Ulsoy 2001 (sec. 2.2) tried, less the
-# high orders that the criteria like and that say nothing of a driver.
+# Orders from one to three and dead times up to 0.4 s at 10 Hz: what Chen & Ulsoy 2001 (sec. 2.2) tried, less
+# the high orders that the criteria like and that say nothing of a driver.
 CANDIDATES = tuple(
     Orders(na, nb, nc, nk) for na, nb, nc in ((1, 1, 1), (2, 2, 1), (2, 2, 2), (3, 3, 2)) for nk in (1, 2, 4)
 )
@@ -64,7 +64,7 @@ def compare(
 
 def _score(o: Orders, fit: ArmaxFit | None, common: npt.NDArray[np.bool_]) -> Candidate:
     N = int(common.sum())
-    if fit is None or N <= len(fit.theta):
+    if fit is None or len(fit.theta) >= N:
         return Candidate(o, NAN, NAN, NAN, False)
     V, d = float(np.mean(fit.residual[common] ** 2)), len(fit.theta)
     if not V > 0.0:

@@ -1,8 +1,9 @@
-"""Polynomials in the delay operator, 1 + c1 q^-1 + ...: stability, projection into it, and their inverse filter."""
+"""Polynomials in the delay operator, 1 + c1 q^-1 + ...: stability, projection, and their inverse filter."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from canid.types import Array
 def is_stable(c: Sequence[float], radius: float = 1.0) -> bool:
     """Whether all zeros of z^n + c1 z^(n-1) + ... + cn lie inside |z| < radius.
 
-    Schur-Cohn step-down (Ljung & Söderström 1983, sec. 6.6): plain arithmetic, so that a recursion can afford it.
+    Schur-Cohn step-down (Ljung & Söderström 1983, sec. 6.6): plain arithmetic, so that a recursion can
+    afford it.
 
     Args:
         c: coefficients without the leading one.
@@ -66,7 +68,7 @@ def divide(x: Array, c: Array) -> Array:
     if len(c) == 1:
         return scan(x, np.array([-c[0]]))
     zeros = np.roots(np.concatenate([[1.0], c]))
-    y = x.astype(np.complex128)
+    y: Any = x.astype(np.complex128)  # `scan` is arithmetic alone, and as right for complex numbers
     for zero in zeros:
         y = scan(y, np.array([zero]))
     out: Array = np.ascontiguousarray(y.real)

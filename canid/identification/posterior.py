@@ -7,6 +7,7 @@ product, and K1 is marginalised over all lags that the data allow, not over a pa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from statistics import NormalDist
 from typing import NamedTuple
@@ -16,7 +17,8 @@ import numpy as np
 from canid.identification import first_order, verdict
 from canid.types import Array, Channel, Interval
 
-# Cells per axis: with a half-width of 4 sd a cell is 0.9 sd wide, where the midpoint rule is still exact to 1e-4.
+# Cells per axis: with a half-width of 4 sd a cell is 0.9 sd wide, where the midpoint rule is still exact to
+# 1e-4.
 CELLS = 9
 REACH = 4.0
 
@@ -68,7 +70,7 @@ class Grid(NamedTuple):
 
 
 def whole_box(box: Box) -> Region:
-    """The region that covers the box.
+    """Return the region that covers the box.
 
     >>> whole_box(Box(0.02, 3.0, 1.5)).slope
     0.0
@@ -81,9 +83,9 @@ def lay(region: Region, box: Box, cells: int = CELLS) -> Cells:
     """Lay midpoint cells over a region, cut off at the box.
 
     The prior mass of a cell is its area times 1/tau (a lag is a scale: 0.1 to 0.2 s weighs as 1 to 2 s) times
-    1 - dead_time / dead_time_max (the end of the box is where belief ends, so it ends at zero). A uniform box would
-    put a headway lag that cannot be told at 2.2 s in the mean; as headway integrates range rate, K2 then
-    comes out 3 % too large and its interval covers 0.72 (measured in closed loop; so 0.93).
+    1 - dead_time / dead_time_max (the end of the box is where belief ends, so it ends at zero). A uniform
+    box would put a headway lag that cannot be told at 2.2 s in the mean; as headway integrates range rate,
+    K2 then comes out 3 % too large and its interval covers 0.72 (measured in closed loop; so 0.93).
     """
     low = max(box.tau_min, region.tau - REACH * region.tau_sd)
     high = min(box.tau_max, region.tau + REACH * region.tau_sd)
@@ -112,7 +114,7 @@ def columns(u: Array, dt: float, grid: Cells, starts: Sequence[int]) -> Array:
 
 
 def evaluate(y: Array, X: Sequence[Array], Z: Array, cells: Sequence[Cells], temper: float = 1.0) -> Grid:
-    """The posterior over the cells, gains and nuisance columns taken out.
+    """Compute the posterior over the cells, gains and nuisance columns taken out.
 
     The prior is uniform over the box and, for the gains, uniform in K |X|: a prior uniform in K alone would
     prefer cells that hardly let the input through.
@@ -135,6 +137,8 @@ def evaluate(y: Array, X: Sequence[Array], Z: Array, cells: Sequence[Cells], tem
         raw = np.einsum("cn,cn->c", x, x)
         # an input that does not move is the offset again: bounded away from zero, its gain gets a huge sd
         s.append(np.maximum(raw - np.einsum("cq,cq->c", a, a), 1e-9 * raw + 1e-12))
+    K: tuple[Array, ...]
+    inverse: tuple[Array, ...]
     if len(X) == 1:
         K = (b[0] / s[0],)
         inverse = (1.0 / s[0],)
@@ -180,8 +184,8 @@ SEEN = 0.8
 def gather(grid: Grid, channel: int, box: Box) -> Region:
     """Where the posterior of one channel lies: the region of the next, finer grid.
 
-    A posterior narrower than a cell is looked at through a power of it, log/4, log/16, ..., which is wide enough to
-    be seen; for a Gaussian that leaves the centre and the slope and doubles the widths each time.
+    A posterior narrower than a cell is looked at through a power of it, log/4, log/16, ..., which is wide
+    enough to be seen; for a Gaussian that leaves the centre and the slope and doubles the widths each time.
     """
     c = grid.cells[channel]
     power = 1.0
@@ -215,8 +219,9 @@ def gather(grid: Grid, channel: int, box: Box) -> Region:
     )
 
 
-# Mass on the rim of a grid that does not end at the box: the posterior lies partly outside. On a Gaussian within
-# its four sd the rim holds 0.1 %; a tenth of what a flat posterior would hold there is twelve times that.
+# Mass on the rim of a grid that does not end at the box: the posterior lies partly outside. On a Gaussian
+# within its four sd the rim holds 0.1 %; a tenth of what a flat posterior would hold there is twelve times
+# that.
 SPILL = 0.012
 
 
@@ -250,7 +255,7 @@ def quantiles(x: Array, w: Array) -> Interval:
 
 
 def _gain(grid: Grid, channel: int) -> tuple[Interval, float]:
-    """The mixture of Gaussians over all cells, gathered into 32 bins of their means."""
+    """Mix the Gaussians of all cells, gathered into 32 bins of their means."""
     w, K, sd = grid.weight.ravel(), grid.K[channel].ravel(), grid.K_sd[channel].ravel()
     keep = w > 1e-6 * float(w.max())
     w, K, sd = w[keep], K[keep], sd[keep]
@@ -271,7 +276,7 @@ def _gain(grid: Grid, channel: int) -> tuple[Interval, float]:
 
 
 def _worst(grid: Grid, channel: int) -> Interval:
-    """The gain's 95 % profile likelihood interval: the union over all lags that the data themselves allow.
+    """Return the gain's 95 % profile likelihood interval: the union over all lags that the data allow.
 
     Without the prior: where the lag of one channel cannot be told, the gain of the other depends on it.
     """
@@ -287,7 +292,7 @@ def _worst(grid: Grid, channel: int) -> Interval:
 
 
 def channel(grid: Grid, index: int, box: Box) -> Channel:
-    """What can be told of one channel: intervals, with NaN for what cannot."""
+    """Say what can be told of one channel: intervals, with NaN for what cannot."""
     mean, K_sd = _gain(grid, index)
     worst = _worst(grid, index)
     K = Interval(mean.value, min(mean.low, worst.low), max(mean.high, worst.high))
@@ -295,7 +300,7 @@ def channel(grid: Grid, index: int, box: Box) -> Channel:
     total = c.tau + c.dead_time
 
     def sd(x: Array) -> float:
-        return float(w @ (x - float(w @ x)) ** 2) ** 0.5
+        return math.sqrt(float(w @ (x - float(w @ x)) ** 2))
 
     # pressed to the box: tau and dead time end where we stopped looking, and so does their sum
     free = not pressed(grid, index, box)

@@ -1,8 +1,8 @@
 """First order plus dead time for every input jointly, y = b + sum K_i x_i(tau_i, theta_i) + AR(p) noise.
 
-One window or a whole drive. The search is the posterior's own grid: it starts on the whole physical box (or where
-the last window's posterior lay), closes in, and refits the noise's colour each time; there is no descent that could
-stop in a side valley. K and the offset are linear inside (Golub & Pereyra 1973).
+One window or a whole drive. The search is the posterior's own grid: it starts on the whole physical box (or
+where the last window's posterior lay), closes in, and refits the noise's colour each time; there is no
+descent that could stop in a side valley. K and the offset are linear inside (Golub & Pereyra 1973).
 """
 
 from __future__ import annotations
@@ -16,13 +16,21 @@ import numpy.typing as npt
 from canid.identification import autoregression, first_order, posterior, residuals
 from canid.types import NAN, Array, Channel
 
-# s; an input that is missing for less than this is joined by a line: a driver's lag hardly sees the difference.
-# Beyond it the history is broken.
+# s; an input that is missing for less than this is joined by a line: a driver's lag hardly sees the
+# difference. Beyond it the history is broken.
 BRIDGE = 0.5
 
 # Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), coloured plus white noise
 # ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
 NOISE_ORDER = 5
+
+# Every how many samples may be used. An output that was smoothed (an acceleration from speeds) has noise without
+# content above some frequency; its next value can be predicted to less than 1 % of its variance, which no
+# person's noise can at 10 Hz (Ornstein-Uhlenbeck 2 s: 10 %, a resonance at 0.6 Hz: 3 %). Whitening would then
+# fit K, tau and dead time in the band that smoothing emptied, to nothing. Point samples further apart limit the
+# likelihood to the band that is left, and the model is exact at any of them.
+STRIDES = (1, 2, 4, 8)
+PREDICTABLE = 0.1
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
 PASSES = 12
@@ -180,20 +188,21 @@ def fit_process(
 class _Colour(NamedTuple):
     """The noise as it looks from one point."""
 
-    noise: Array  # (p,)
+    noise: Array  # (p,) at every lag up to the highest
+    stride: int  # samples from one that is used to the next
     rows: npt.NDArray[np.bool_]  # (n,) whose predecessors are usable too
     residual: Array  # (n,) not whitened, zero where not usable
     temper: float
 
 
 def nothing(m: int, used: int = 0) -> ProcessFit:
-    """The fit of m inputs that tells nothing."""
+    """Return the fit of m inputs that tells nothing."""
     point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN)
     return ProcessFit((Channel(),) * m, point, np.zeros(0), NAN, 1.0, NAN, used, None)
 
 
 def _cold(data: Prepared, m: int, box: posterior.Box) -> Start:
-    """Static gains, a usual lag, and the whole box to look in."""
+    """Guess static gains, a usual lag, and the whole box to look in."""
     X = np.column_stack([*data.u, np.ones(len(data.y))])
     theta = np.linalg.lstsq(X[data.usable], data.y[data.usable], rcond=None)[0]
     # 0.4 and 0.25 s: a driver as published (Grover 2021); it only colours the first look
@@ -216,15 +225,31 @@ def _residual(data: Prepared, dt: float, at: Point) -> tuple[Array, list[first_o
 
 def _colour(data: Prepared, dt: float, at: Point) -> _Colour:
     residual, answers = _residual(data, dt, at)
-    noise = autoregression.fit(residual, data.usable, NOISE_ORDER)
+    # counted from the newest sample, which is always taken
+    phase = (len(residual) - 1) % STRIDES[-1]
+    for stride in STRIDES:
+        first = phase % stride
+        every = autoregression.fit(residual[first::stride], data.usable[first::stride], NOISE_ORDER)
+        if _regular(residual[first::stride], data.usable[first::stride], every):
+            break
+    noise = np.zeros(len(every) * stride)
+    noise[stride - 1 :: stride] = every
     rows = autoregression.whole(data.usable, len(noise))
+    rows[np.arange(len(rows)) % stride != first] = False
     e = autoregression.whiten(residual, noise)[rows]
     score = np.array([column for answer in answers for column in answer])
     score = autoregression.whiten(score, noise, data.starts)[:, rows]
     score -= score.mean(axis=1, keepdims=True)
     sd = float(e @ e / max(len(e), 1)) ** 0.5
-    temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / dt))
-    return _Colour(noise, rows, residual, temper)
+    temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / dt / stride))
+    return _Colour(noise, stride, rows, residual, temper)
+
+
+def _regular(r: Array, usable: npt.NDArray[np.bool_], noise: Array) -> bool:
+    """Whether the noise can be predicted no better than a person's, see STRIDES."""
+    rows = autoregression.whole(usable, len(noise))
+    power = float(np.sum(r[rows] ** 2))
+    return float(np.sum(autoregression.whiten(r, noise)[rows] ** 2)) >= PREDICTABLE * power
 
 
 def _look(
@@ -232,7 +257,7 @@ def _look(
 ) -> posterior.Grid:
     rows = colour.rows
     y = autoregression.whiten(data.y, colour.noise)[rows]
-    past = autoregression.lagged(colour.residual, len(colour.noise))[rows]
+    past = autoregression.lagged(colour.residual, len(colour.noise))[rows, colour.stride - 1 :: colour.stride]
     Z = np.column_stack([np.ones(int(rows.sum())), past])
     cells = [posterior.lay(region, box) for region in regions]
     # whitening the input once is whitening every answer to it: both are linear and do not change with time
@@ -244,18 +269,19 @@ def _look(
 
 
 def _middle(data: Prepared, dt: float, grid: posterior.Grid, colour: _Colour) -> Point:
-    """The posterior's mean: where a lag cannot be told, the most likely cell is an accident."""
+    """Take the posterior's mean: where a lag cannot be told, the most likely cell is an accident."""
     m = len(grid.cells)
     weights = [posterior.marginal(grid, i) for i in range(m)]
-    at = Point(
-        np.array([float(np.sum(grid.weight * K)) for K in grid.K]),
-        np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)]),
-        np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)]),
-        0.0,
-    )
-    residual, _ = _residual(data, dt, at)
+    gains = np.array([float(np.sum(grid.weight * K)) for K in grid.K])
+    taus = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
+    dead_times = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
+    residual = data.y.copy()
+    for u, K, tau, dead_time in zip(data.u, gains, taus, dead_times, strict=True):
+        x = first_order.lags(u, dt, np.array([tau]), data.starts)[0]
+        residual -= K * first_order.delayed(u, x, dt, float(tau), np.array([dead_time]))[0]
     white = autoregression.whiten(residual, colour.noise)[colour.rows]
-    return at._replace(offset=float(white.mean()) / (1.0 - float(np.sum(colour.noise))))
+    offset = float(white.mean()) / (1.0 - float(np.sum(colour.noise)))
+    return Point(gains, taus, dead_times, offset)
 
 
 def _same(a: _Colour, b: _Colour) -> bool:
@@ -273,7 +299,7 @@ def _same(a: _Colour, b: _Colour) -> bool:
 
 
 def _fine(region: posterior.Region, cells: posterior.Cells) -> bool:
-    """Whether the grid resolved the posterior: cells no wider than about one sd, and as wide as the posterior asks for."""
+    """Whether the grid resolved the posterior: cells about as wide as one sd."""
     low, high = 0.95, posterior.CELLS / 2.0
     # a spacing of zero happens where the box is only touched
     return all(

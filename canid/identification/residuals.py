@@ -1,4 +1,4 @@
-"""Are the residuals what a right model leaves: white, and unrelated to past inputs (Ljung 1999, sec. 16.6)?"""
+"""Are residuals what a right model leaves: white, unrelated to past inputs (Ljung 1999, sec. 16.6)."""
 
 from __future__ import annotations
 

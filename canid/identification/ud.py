@@ -1,8 +1,8 @@
 """A covariance as U D U' (Bierman 1977), updated in place of P so that rounding never makes it indefinite.
 
-Forgetting is directional (Kulhavý & Kárný 1984; Bittanti, Bolzern & Campi 1990): old information fades only in
-the direction in which new data arrive, so twenty minutes without excitation neither erase what was known nor
-let the covariance grow. Plain floats: with ten parameters numpy would cost more than the arithmetic.
+Forgetting is directional (Kulhavý & Kárný 1984; Bittanti, Bolzern & Campi 1990): old information fades only
+in the direction in which new data arrive, so twenty minutes without excitation neither erase what was known
+nor let the covariance grow. Plain floats: with ten parameters numpy would cost more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def matrix(ud: UD) -> Array:
     U = np.eye(n)
     for j, column in enumerate(ud.u):
         U[:j, j] = column
-    return (U * np.asarray(ud.d)) @ U.T
+    P: Array = (U * np.asarray(ud.d)) @ U.T
+    return P
 
 
 def update(ud: UD, psi: Sequence[float], forgetting: float, most: float = np.inf) -> tuple[UD, list[float]]:
@@ -63,7 +64,7 @@ def update(ud: UD, psi: Sequence[float], forgetting: float, most: float = np.inf
     With r = psi' P psi, P loses information in the direction P psi alone:
         P+ = P - P psi psi' P / (R + r),   1/R = forgetting - (1 - forgetting) / r.
     The information that psi brings comes in and a share 1 - forgetting of what was known along it goes, so
-    psi' P+ psi = r / (forgetting (1 + r)) as in exponential forgetting. For r < (1 - forgetting) / forgetting more
+    psi' P+ psi = r / (forgetting (1 + r)) as in exponential forgetting. For r below 1/forgetting - 1 more
     goes than comes, R is negative, and P grows along P psi. Bierman's recursion holds for either sign of R.
 
     Args:

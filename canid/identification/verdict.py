@@ -6,10 +6,10 @@ import math
 
 from canid.types import NAN, Channel, Identifiable, Interval
 
-# s. 0.15 s of tau and 0.10 s of dead time give 95 % intervals of ±0.3 and ±0.2 s: about half of what drivers have
-# (tau 0.4-0.7 s, dead time 0.2-0.4 s; Grover 2021), the most with which one driver can still be told from
-# another. The sum is asked for to 0.2 s for the same reason. Without a limit the physical box itself (sd 0.87
-# and 0.43 s) would be reported as if it were knowledge.
+# s. 0.15 s of tau and 0.10 s of dead time give 95 % intervals of ±0.3 and ±0.2 s: about half of what drivers
+# have (tau 0.4-0.7 s, dead time 0.2-0.4 s; Grover 2021), the most with which one driver can still be told
+# from another. The sum is asked for to 0.2 s for the same reason. Without a limit the physical box itself
+# (sd 0.87 and 0.43 s) would be reported as if it were knowledge.
 TAU_SD = 0.15
 DEAD_TIME_SD = 0.10
 SUM_SD = 0.20
@@ -21,7 +21,7 @@ GAIN_RATIO = 3.0
 def judge(
     K: Interval, K_sd: float, tau_sd: float, dead_time_sd: float, sum_sd: float, free: bool = True
 ) -> Identifiable:
-    """The verdict from standard deviations; NaN counts as unknown.
+    """Give the verdict from standard deviations; NaN counts as unknown.
 
     Args:
         K: the gain.
@@ -44,7 +44,7 @@ def judge(
 
 
 def told(status: Identifiable, K: Interval, tau: Interval, dead_time: Interval, total: Interval) -> Channel:
-    """The channel with NaN for what the verdict says cannot be told.
+    """Build the channel with NaN for what the verdict says cannot be told.
 
     >>> told(Identifiable.GAIN_ONLY, Interval(1, 0.9, 1.1), Interval(), Interval(), Interval()).K.value
     1

@@ -8,14 +8,15 @@ from canid.simulate.car import Car
 from canid.simulate.driver import DriverTruth, draw_driver
 from canid.simulate.following import Simulation, follow
 from canid.simulate.lane import Steering, keep_lane
-from canid.simulate.leads import PROFILES
-from canid.simulate.noise import KINDS
-from canid.simulate.sensing import frames, truth_text
+from canid.simulate.leads import LEADS
+from canid.simulate.noise import NOISES
+from canid.simulate.sensing import START_UTC, frames, truth_text
 
 __all__ = [
-    "KINDS",
+    "LEADS",
+    "NOISES",
     "PROFILES",
-    "ROADS",
+    "START_UTC",
     "Car",
     "DriverTruth",
     "Simulation",
@@ -27,7 +28,7 @@ __all__ = [
 ]
 
 # What `profile` may be: behind a lead on three kinds of road, or alone, keeping the lane.
-ROADS = (*PROFILES, "lane")
+PROFILES = (*LEADS, "lane")
 
 
 def simulate(
@@ -52,7 +53,7 @@ def simulate(
         seed: the same seed gives the same drive.
         profile: "mixed", "urban" or "motorway": how the lead drives; "lane": no lead, the driver of Chen &
             Ulsoy 2001 keeps the lane, and only `driver` and `car` of the following apply.
-        noise: kind of the driver's noise, one of `KINDS`.
+        noise: kind of the driver's noise, one of `NOISES`.
         driver: the driver; None draws a plausible one by the seed (of "lane": takes the paper's).
         lost: (start, stop) in s: the radar loses the lead, the driver does not.
         cut_in: s; another vehicle cuts in between the two.
@@ -70,10 +71,10 @@ def simulate(
         >>> drive.columns["pedal"].shape, sorted(drive.truth["channels"])
         ((6000,), ['headway_error', 'range_rate'])
     """
-    if profile not in ROADS:
-        raise ValueError(f"profile {profile!r} is not one of {', '.join(ROADS)}")
-    if noise not in KINDS:
-        raise ValueError(f"noise {noise!r} is not one of {', '.join(KINDS)}")
+    if profile not in PROFILES:
+        raise ValueError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
+    if noise not in NOISES:
+        raise ValueError(f"noise {noise!r} is not one of {', '.join(NOISES)}")
     if not 0 < minutes < 24 * 60:
         raise ValueError(f"minutes must be above 0 and below a day, not {minutes}")
     if profile == "lane":

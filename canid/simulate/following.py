@@ -10,7 +10,7 @@ import numpy as np
 
 from canid.simulate.car import GRAVITY, Car, gearbox, road_grade
 from canid.simulate.driver import DriverTruth, answer, draw_driver
-from canid.simulate.leads import PROFILES, speed_profile
+from canid.simulate.leads import LEADS, speed_profile
 from canid.simulate.noise import unit_noise
 from canid.types import Array
 
@@ -50,7 +50,7 @@ def follow(
         for i, purpose in enumerate(("driver", "lead", "foot", "road"))
     }
     truth = draw_driver(rng["driver"]) if driver is None else driver
-    road = PROFILES[profile]
+    road = LEADS[profile]
     lead = speed_profile(road, n, DT, rng["lead"])
     if math.isnan(truth.offset):
         truth = truth._replace(offset=round(car.hold(float(lead.mean())), 3))

@@ -23,7 +23,7 @@ class Profile(NamedTuple):
 # Speeds and holding times of roads outside towns, in towns (without standing: at rest a headway means
 # nothing) and of dense motorway traffic. The unrest moves the speed by about 1 m/s: a lead that only cruises
 # cannot tell a driver's gains.
-PROFILES = {
+LEADS = {
     "mixed": Profile(10.0, 33.0, (12.0, 42.0), 1.0, 0.35),
     "urban": Profile(5.0, 14.0, (8.0, 25.0), 1.2, 0.35),
     "motorway": Profile(24.0, 33.0, (20.0, 60.0), 0.7, 0.30),
@@ -31,7 +31,7 @@ PROFILES = {
 _WANTING = 0.35  # 1/s; about 3 s to take up a new speed, as measured leads do
 _ENGINE = 0.6  # s; lag between foot and acceleration
 _UNREST_TIME = 2.0  # s; how long one slip of the foot lasts
-_SLOWEST = 3.0  # m/s; never stands, see PROFILES
+_SLOWEST = 3.0  # m/s; never stands, see LEADS
 
 
 def speed_profile(profile: Profile, n: int, dt: float, rng: np.random.Generator) -> Array:
@@ -47,7 +47,7 @@ def speed_profile(profile: Profile, n: int, dt: float, rng: np.random.Generator)
         (n,) m/s.
 
     Example:
-        >>> v = speed_profile(PROFILES["urban"], 6000, 0.01, np.random.default_rng(1))
+        >>> v = speed_profile(LEADS["urban"], 6000, 0.01, np.random.default_rng(1))
         >>> bool(v.min() >= 3.0 and v.max() < 18.0)
         True
     """

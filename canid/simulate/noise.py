@@ -8,7 +8,7 @@ import numpy as np
 
 from canid.types import Array
 
-KINDS = ("white", "ar1", "ar4", "resonant", "state", "mix", "none")
+NOISES = ("white", "ar1", "ar4", "resonant", "state", "mix", "none")
 
 _RESONANCE = 0.25  # Hz; the bump that pedal spectra of drivers show, with a damping of 0.4
 _DAMPING = 0.4
@@ -37,8 +37,8 @@ def unit_noise(kind: str, n: int, dt: float, rng: np.random.Generator) -> Array:
         >>> bool(abs(x.std() - 1) < 0.1), round(float(np.corrcoef(x[:-100], x[100:])[0, 1]), 1)
         (True, 0.4)
     """
-    if kind not in KINDS:
-        raise ValueError(f"noise kind {kind!r} is not one of {', '.join(KINDS)}")
+    if kind not in NOISES:
+        raise ValueError(f"noise kind {kind!r} is not one of {', '.join(NOISES)}")
     if kind == "none":
         return np.zeros(n)
     if kind == "white":

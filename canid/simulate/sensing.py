@@ -13,6 +13,8 @@ from canid.simulate.following import Simulation
 from canid.types import NAN, Array, Frame
 from canid.vehicle import Vehicle, encoder
 
+# s since the epoch; Monday, 5 January 2026, 08:00 UTC: any fixed moment, so that a seed gives the same bytes
+START_UTC = 1767600000.0
 # s; where a DBC gives no cycle time: radars report at 20 Hz, control messages come at 50 Hz
 _RADAR_PERIOD, _PERIOD = 0.05, 0.02
 # Share of a period by which a frame is late: it waits for others on the bus, some 0.2 ms at 500 kbit/s

@@ -28,11 +28,11 @@ class _Found(NamedTuple):
     signal: Signal
 
 
-def propose(paths: Sequence[str | Path], folder: str | Path | None = None) -> str:
+def propose(paths: str | Path | Sequence[str | Path], folder: str | Path | None = None) -> str:
     """Propose a vehicle file.
 
     Args:
-        paths: DBC files.
+        paths: DBC file, or several.
         folder: where the vehicle file will be, for its relative paths; None: beside the first DBC.
 
     Returns:
@@ -44,9 +44,10 @@ def propose(paths: Sequence[str | Path], folder: str | Path | None = None) -> st
 
     Example:
         >>> from canid.vehicle.reading import shipped
-        >>> print(propose([shipped() / "generic.dbc"]).splitlines()[9])
+        >>> print(propose(shipped() / "generic.dbc").splitlines()[9])
         pedal = "ENGINE_DATA.PedalPosition"  # "%"
     """
+    paths = [paths] if isinstance(paths, str | Path) else paths
     files, warnings = [], []
     for path in paths:
         file, warned = load(Path(path), None)

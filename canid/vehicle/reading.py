@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -104,7 +105,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicl
     files = _files(file.parent, table.get("dbc"), mistakes)
     roles: dict[str, RoleMap] = {}
     tracks: tuple[TrackMap, ...] | None = None
-    if files:
+    if any(file.messages for file in files):
         resolved = {role: _role(role, entry, files, mistakes) for role, entry in entries.items()}
         roles = {role: found for role, found in resolved.items() if found is not None}
         tracks = resolve_tracks(lead, files, mistakes) if lead is not None else None
@@ -115,7 +116,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicl
     return Vehicle(
         name=str(name),
         path=str(file),
-        dbc=tuple(str(file.parent / dbc.file) for dbc in _dbc_entries(table.get("dbc"), [])),
+        dbc=tuple(str(_beside(file.parent, dbc.file)) for dbc in _dbc_entries(table.get("dbc"), [])),
         roles=roles,
         lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise),
         messages=_messages(files, [*roles.values(), *(tracks or ())]),
@@ -158,13 +159,20 @@ def _dbc_entries(section: object, errors: list[str]) -> list[DbcFile]:
     return entries
 
 
+def _beside(folder: Path, file: str) -> Path:
+    """Resolve a path relative to the vehicle file; "a/../b" is shown to the user as "b"."""
+    return Path(os.path.normpath(folder / file))
+
+
 def _files(folder: Path, section: object, mistakes: Mistakes) -> list[Dbc]:
     files = []
     for entry in _dbc_entries(section, mistakes.errors):
         try:
-            dbc, warnings = load(folder / entry.file, entry.bus)
+            dbc, warnings = load(_beside(folder, entry.file), entry.bus)
         except ConfigError as error:
             mistakes.errors.append(f"dbc: {error}")
+            # Its place is kept, so that "no message X in ..." says where X could not be looked for.
+            files.append(Dbc(f"{Path(entry.file).name} (not read)", entry.bus, {}))
             continue
         files.append(dbc)
         mistakes.warnings.extend(warnings)

@@ -60,8 +60,8 @@ def event(e: Event) -> dict[str, Any]:
     return {"t": round(e.t, 6), "event": e.what, "says": e.says}
 
 
-def line(value: dict[str, Any]) -> str:
-    """One JSON object on one line; NaN cannot slip in.
+def line(value: dict[str, Any] | list[dict[str, Any]]) -> str:
+    """One JSON value on one line; NaN cannot slip in.
 
     Example:
         >>> line({"t": 1.0, "θ": None})

@@ -100,7 +100,7 @@ def test_python_can_reads_the_same_frames(
 @settings(max_examples=100, deadline=None)
 @given(frames=st.lists(any_frame(), min_size=1, max_size=30))
 def test_python_cans_files_are_read(frames: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> None:
-    """What python-can's writer writes, this reader reads: equal frames, times within python-can's rounding."""
+    """What python-can's writer writes is read: equal frames, times within python-can's rounding."""
     frames = from_zero(sorted(frames))
     path = tmp_path_factory.mktemp("blf") / "x.blf"
     with python_can.load().BLFWriter(str(path)) as writer:

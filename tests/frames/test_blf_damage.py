@@ -141,6 +141,10 @@ CRAFTED = {
     "container of size 0": container(b"")[:8] + bytes(4) + container(b"")[12:] + container(obj(ns=5)),
     "container that claims 4 GB": container(obj(), declared=0xFFFFFFFF, method=0) + container(obj(ns=5)),
     "unknown compression": container(obj(), method=9) + container(obj(ns=5)),
+    "container with another type": container(obj())[:12]
+    + b"\x0b"
+    + container(obj())[13:]
+    + container(obj(ns=5)),
     "zip bomb": container(bytes(200_000_000)) + container(obj(ns=5)),
     "no structure inside": container(b"A" * 100_000) + container(obj(ns=5)),
 }
@@ -164,14 +168,14 @@ def test_crafted_nonsense_costs_its_container_only(name: str, tmp_path: Path) ->
 
 
 def test_a_zip_bomb_needs_no_memory(tmp_path: Path) -> None:
-    """200 MB of zeros, 64 times over in one file: the reading process stays below 512 MB."""
+    """200 MB of zeros, 16 times over in one file: the reading process stays below 512 MB."""
     path = tmp_path / "x.blf"
-    path.write_bytes(header(b"") + CRAFTED["zip bomb"] * 64)
+    path.write_bytes(header(b"") + CRAFTED["zip bomb"] * 16)
     code = (
         "import resource, sys\n"
         "from canid.frames import open_log\n"
         "log = open_log(sys.argv[1])\n"
-        "assert len(list(log)) == 64 and log.damage\n"
+        "assert len(list(log)) == 16 and log.damage\n"
         "assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 512 * 1024\n"
     )
     subprocess.run([sys.executable, "-c", code, str(path)], check=True, timeout=120)

@@ -312,6 +312,38 @@ def test_a_real_socket_gives_stamps_and_drops() -> None:
         assert got + drops == total
 
 
+def test_the_socketcan_loop_waits_counts_and_tells() -> None:
+    """The receive loop on a real datagram socket: frames, silence, foreign sizes, a closed socket."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        inner = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        inner.bind(("127.0.0.1", 0))
+        inner.setsockopt(socket.SOL_SOCKET, socketcan.SO_TIMESTAMPNS, 1)
+        bus = argparse.Namespace(socket=inner, channel="can0", shutdown=inner.close)
+        receiver = socketcan.SocketcanReceiver(bus)
+        began = time.monotonic()
+        assert receiver.recv(0.1) is None
+        assert 0.09 < time.monotonic() - began < 2.0
+        assert receiver.recv(0.0) is None
+        sender.sendto(b"no frame", inner.getsockname())
+        for i in range(100):
+            sender.sendto(struct.pack("=IB3x8s", i, 1, bytes([i])), inner.getsockname())
+        got = [receiver.recv(1.0) for _ in range(100)]
+        assert [(g.id, g.data) for g in got if g] == [(i, bytes([i])) for i in range(100)]
+        assert [g.ns for g in got if g] == sorted(g.ns for g in got if g)
+        assert receiver.drops == 0
+        receiver.close()
+        with pytest.raises(BusError, match="socketcan can0 is lost"):
+            receiver.recv(0.1)
+
+
+def test_an_inverted_filter_is_refused_where_it_would_do_nothing() -> None:
+    """ID~MASK on another interface than socketcan is a ConfigError, not a filter that silently fails."""
+    with pytest.raises(ConfigError, match="socketcan only"):
+        open_bus(
+            {"interface": "virtual", "channel": "x", "can_filters": [{"can_id": 0x20000001, "can_mask": 1}]}
+        )
+
+
 def test_error_frames_tell_the_controllers_state() -> None:
     """linux/can/error.h: bus-off, passive, overflow, restart; a mere stuff error says nothing."""
     assert socketcan.meaning(0x40, bytes(8)) == "bus_off"

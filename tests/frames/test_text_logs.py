@@ -138,7 +138,7 @@ def test_vectors_asc_is_read(base: str, encoding: str, tmp_path: Path) -> None:
 
 
 def test_relative_times_are_summed(tmp_path: Path) -> None:
-    """`timestamps relative`: each line's time counts from the line before, also from one that holds no frame."""
+    """`timestamps relative`: each time counts from the line before, also from one without a frame."""
     text = (
         "base hex  timestamps relative\n 0.5 Start of measurement\n 0.5 1 1 Rx d 0\n 0.25 1 2 Rx d 0\n"
         " 1.0 log event\n 1.0 1 3 Rx d 0\n"

@@ -100,8 +100,8 @@ def test_two_inputs_with_offset_and_higher_orders():
 
 
 def test_recursion_ends_where_the_batch_does():
-    """From a 15 s start, without forgetting, the recursion at sample 600 is within a third of the batch's deviation in
-    the mean, and none is lost."""
+    """From a 15 s start, without forgetting, the recursion at sample 600 is within a third of the batch's
+    deviation in the mean, and none is lost."""
     apart = []
     for seed in range(8):
         y, u = table_1(100 + seed)
@@ -160,7 +160,7 @@ def test_a_restart_learns_nothing_until_the_lags_are_real():
     """After `rest` the first samples only fill the lags."""
     y, u = table_1(8)
     state = armax_recursive.begin(fit_armax(y, u, np.full(600, True)))
-    for k in range(2):
+    for _ in range(2):
         new, e = armax_recursive.step(state, Orders(), 1e9, [1e9], 0.99)
         assert math.isnan(e)
         assert new.theta == state.theta

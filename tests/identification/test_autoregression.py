@@ -38,7 +38,9 @@ def test_a_smoothed_signal_does_not_make_whitening_singular():
     spectrum[np.fft.rfftfreq(n, 0.1) > 0.5] = 0.0
     r = np.fft.irfft(spectrum, n)
     found = autoregression.fit(r, np.full(n, True), most=5)
-    gain = np.abs(1 - sum(p * np.exp(-1j * np.linspace(0, np.pi, 500) * (i + 1)) for i, p in enumerate(found)))
+    gain = np.abs(
+        1 - sum(p * np.exp(-1j * np.linspace(0, np.pi, 500) * (i + 1)) for i, p in enumerate(found))
+    )
     assert np.isfinite(found).all()
     e = autoregression.whiten(r, found)[10:]
     # the largest gain over the typical gain in the band: weights of the empty band stay bounded

@@ -9,7 +9,7 @@ DT = 0.1
 
 
 def textbook(u, tau, dead_time, fine=400):
-    """Solve tau x' + x = u(t - dead_time) by the midpoint rule on a grid `fine` times finer, u joined by lines."""
+    """Solve tau x' + x = u(t - dead_time) by the midpoint rule `fine` times finer, u joined by lines."""
     t = np.arange((len(u) - 1) * fine + 1) * DT / fine
     h = DT / fine
     v = np.interp(t - dead_time, np.arange(len(u)) * DT, u)

@@ -12,12 +12,16 @@ BOX = posterior.Box(0.02, 3.0, 1.5)
 def planted(n=400, seed=0, noise=0.1):
     rng = np.random.default_rng(seed)
     u = [first_order.response(rng.normal(size=n), DT, 0.4, 0.0).x for _ in range(2)]
-    y = 2.0 + 3.0 * first_order.response(u[0], DT, 0.5, 0.3).x - 1.5 * first_order.response(u[1], DT, 0.3, 0.1).x
+    y = (
+        2.0
+        + 3.0 * first_order.response(u[0], DT, 0.5, 0.3).x
+        - 1.5 * first_order.response(u[1], DT, 0.3, 0.1).x
+    )
     return y + noise * rng.normal(size=n), u
 
 
 def test_every_cell_is_a_least_squares_fit():
-    """Gains, their deviations and the sum of squares of each pair of cells are those of lstsq on that pair."""
+    """Gains, deviations and the sum of squares of each pair of cells are those of lstsq on that pair."""
     y, u = planted()
     Z = np.column_stack([np.ones(400), np.random.default_rng(1).normal(size=400)])
     cells = [posterior.lay(posterior.whole_box(BOX), BOX, 4) for _ in u]

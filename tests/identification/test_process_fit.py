@@ -1,4 +1,4 @@
-"""Planted drivers come back inside their own intervals, in open and in closed loop; what cannot be told is not told."""
+"""Planted drivers come back inside their intervals, in open and closed loop; the unknown is not told."""
 
 import math
 
@@ -22,7 +22,7 @@ def ornstein(n, dt, T, rng):
 
 
 def follow(seed, seconds=70.0, noise=1.0):
-    """A driver (Grover 2021, case 1) behind a lead; vehicle v' = (0.8 (P - P0) - (v - v0)) / 20; at 100 Hz."""
+    """A driver (Grover 2021, case 1) behind a lead; vehicle v' = (0.8 (P-P0) - (v-v0)) / 20; at 100 Hz."""
     rng, dt = np.random.default_rng(seed), 0.01
     n = round(seconds / dt)
     slow = ornstein(n, dt, 3.0, rng)
@@ -52,14 +52,12 @@ def inside(interval, truth):
 
 
 def test_recovers_a_planted_driver_in_open_loop():
-    """With two lively inputs and white noise every number of both channels is told and 95 % of them are right."""
+    """With two lively inputs and white noise all numbers of both channels are told and 95 % are right."""
     hits = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
         u = np.column_stack([first_order.response(rng.normal(size=645), DT, 0.6, 0.0).x for _ in range(2)])
-        y = 20.0 + sum(
-            k * first_order.response(u[:, i], DT, TAU[i], THETA[i]).x for i, k in enumerate(K)
-        )
+        y = 20.0 + sum(k * first_order.response(u[:, i], DT, TAU[i], THETA[i]).x for i, k in enumerate(K))
         y = y + 0.3 * rng.normal(size=645)
         fit = process_fit.fit_process(y, u, everything(y), DT)
         for i, c in enumerate(fit.channels):
@@ -140,7 +138,10 @@ def test_a_drive_that_is_only_noise_tells_nothing():
         rng = np.random.default_rng(seed)
         _, u = follow(seed)
         y = 20.0 + 3.0 * ornstein(len(u), DT, 1.0, rng)
-        claims += sum(c.status is not Identifiable.NOT for c in process_fit.fit_process(y, u, everything(y), DT).channels)
+        claims += sum(
+            c.status is not Identifiable.NOT
+            for c in process_fit.fit_process(y, u, everything(y), DT).channels
+        )
     # three sd: the chance of a claim per channel is below 1 % if the intervals are right
     assert claims <= 1
 

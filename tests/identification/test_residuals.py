@@ -39,7 +39,7 @@ def test_a_missed_answer_shows_at_positive_lags_and_feedback_at_negative_ones():
 
 
 def test_left_over_colour_widens_and_white_noise_does_not():
-    """For an AR(1) score of 0.6 the factor approaches (1+0.6)/(1-0.6) = 4; for white noise it stays at one."""
+    """For an AR(1) score of 0.6 the factor approaches (1+0.6)/(1-0.6) = 4; for white noise it is one."""
     rng = np.random.default_rng(2)
     e = np.zeros(20_000)
     w = rng.normal(size=20_000)

@@ -1,4 +1,4 @@
-"""The UD factors follow the plain covariance, never become indefinite, and directional forgetting does not wind up."""
+"""UD factors follow the plain covariance, stay definite, and directional forgetting does not wind up."""
 
 import numpy as np
 import pytest

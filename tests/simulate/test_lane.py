@@ -6,14 +6,26 @@ from canid.types import Reading
 from canid.vehicle import decoder, read_vehicle
 
 
-def test_the_driver_obeys_its_armax_equation():
-    """At each 0.1 s the angle is the ARMAX model's output: what is left is C(q) e with the stated noise."""
-    drive = simulate(20, 3, "lane")
+def left_over(drive):
+    """A(q) angle − B(q) offset at each 0.1 s, with the stated truth."""
     model = drive.truth["armax"]
     y = drive.columns["steering_angle"][::10]
     u = drive.columns["lateral_offset"][::10]
-    left = y[2:] + model["A"][1] * y[1:-1] + model["A"][2] * y[:-2]
-    left = left - model["B"]["lateral_offset"][0] * u[1:-1] - model["B"]["lateral_offset"][1] * u[:-2]
+    answered = y[2:] + model["A"][1] * y[1:-1] + model["A"][2] * y[:-2]
+    return answered - model["B"]["lateral_offset"][0] * u[1:-1] - model["B"]["lateral_offset"][1] * u[:-2]
+
+
+def test_without_noise_the_armax_equation_is_exact():
+    """A driver without noise turns the wheel as the stated A and B say, to rounding, while the wind blows."""
+    drive = simulate(2, 3, "lane", driver=Steering(noise_sd=0.0))
+    np.testing.assert_allclose(left_over(drive), 0, atol=1e-12)
+    assert drive.columns["steering_angle"].std() > 0.3
+
+
+def test_what_the_equation_leaves_is_the_stated_noise():
+    """With noise, what A and B leave is C(q) e with the stated standard deviation and colour."""
+    drive = simulate(20, 3, "lane")
+    model, left = drive.truth["armax"], left_over(drive)
     c, sd = model["C"][1], drive.truth["noise"]["sd"]
     n = len(left)
     assert left.std() == pytest.approx(sd * np.hypot(1, c), rel=4 / np.sqrt(2 * n))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from canid.simulate import KINDS, PROFILES, DriverTruth, simulate
+from canid.simulate import LEADS, NOISES, DriverTruth, simulate
 from canid.simulate.driver import answer
 from canid.simulate.noise import unit_noise
 
@@ -20,7 +20,7 @@ def test_the_same_seed_is_the_same_drive():
 
 def test_the_noise_does_not_change_the_road():
     """Lead, slope and driver depend on the seed alone, not on the kind of the driver's noise."""
-    drives = [simulate(0.5, 4, noise=kind) for kind in KINDS]
+    drives = [simulate(0.5, 4, noise=kind) for kind in NOISES]
     for drive in drives[1:]:
         np.testing.assert_array_equal(drive.columns["lead_speed"], drives[0].columns["lead_speed"])
         np.testing.assert_array_equal(drive.columns["grade"], drives[0].columns["grade"])
@@ -28,10 +28,10 @@ def test_the_noise_does_not_change_the_road():
     assert not np.allclose(drives[0].columns["noise"], drives[1].columns["noise"])
 
 
-@pytest.mark.parametrize("profile", list(PROFILES))
+@pytest.mark.parametrize("profile", list(LEADS))
 def test_the_loop_keeps_its_distance(profile):
     """Drawn drivers neither run into the lead nor lose it, on every road, with every kind of noise."""
-    for seed, kind in enumerate(KINDS):
+    for seed, kind in enumerate(NOISES):
         columns = simulate(5, seed, profile, kind).columns
         assert columns["gap"].min() > 2.5, seed
         assert columns["gap"].max() < 130.0, seed

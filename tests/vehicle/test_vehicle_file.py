@@ -78,7 +78,8 @@ rate_sign = 2
         "nowhere.dbc does not exist",
         'signals.pedl: unknown role (did you mean "pedal"?)',
         'signals.pedal: no signal "PedalPos" in message ENGINE_DATA (did you mean "PedalPosition"?)',
-        'signals.speed: no message "EGO_SPED" in generic.dbc (did you mean "EGO_SPEED"?)',
+        'signals.speed: no message "EGO_SPED" in generic.dbc, nowhere.dbc (not read)',
+        '(did you mean "EGO_SPEED"?)',
         'signals.gap.unit: "bananas" cannot become m',
         'signals.range_rate.scal: unknown key (did you mean "scale"?)',
         "signals.brake: must be a table or a text, not 7",
@@ -220,7 +221,22 @@ def test_no_spoiled_file_breaks_the_reader(tmp_path):
         encoding="utf-8"
     ) + "[armax]\nna = 2\n[lead]\nin_path = 1.8\n"
     dbc = GENERIC.read_bytes()
-    values = '7 -1 nan inf true [] [1] {} "" "." "a.b.c" 1979-05-27 [[1]] {x=1}'.split()
+    values = [
+        "7",
+        "-1",
+        "nan",
+        "inf",
+        "true",
+        "[]",
+        "[1]",
+        "{}",
+        '""',
+        '"."',
+        '"a.b.c"',
+        "1979-05-27",
+        "[[1]]",
+        "{x=1}",
+    ]
     read, said = 0, []
     for turn in range(200):
         file = write(tmp_path, "")

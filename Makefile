@@ -1,0 +1,48 @@
+# make demo: install and see it work. make test: everything that is checked. Nothing but Python >= 3.11 is needed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# one thread per process: the matrices are small, and threads that wait for each other only cost time
+export OMP_NUM_THREADS := 1
+
+.PHONY: demo test lint types check vm-test clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.installed
+	$(BIN)/canid demo
+
+test: lint types check
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+# in a network namespace of its own, so that no packet leaves the machine
+check: $(VENV)/.dev
+	tests/bus/alone $(BIN)/pytest $(PYTEST_ARGS)
+
+# the tests on kernel SocketCAN: here where this kernel has it, in a virtual machine where not
+vm-test: $(VENV)/.dev
+	@if tests/bus/alone ip link show vcan0 >/dev/null 2>&1; \
+	then CANID_BUSES=vcan tests/bus/alone $(BIN)/pytest tests/bus -m vcan $(PYTEST_ARGS); \
+	else CANID_BUSES=vcan tests/bus/vm/boot tests/bus/alone $(BIN)/pytest tests/bus -m vcan -p no:cacheprovider $(PYTEST_ARGS); \
+	fi
+
+clean:
+	rm -rf $(VENV) .vm .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+
+$(VENV)/bin/pip:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "canid needs Python 3.11 or newer: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+
+# stamps: a second call installs nothing, unless the dependencies have changed
+$(VENV)/.installed: pyproject.toml | $(VENV)/bin/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@ $(VENV)/.installed

@@ -1,0 +1,175 @@
+"""End to end on three buses: nothing is lost, and live says what replay says."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from canid.frames import open_log
+from canid.frames.bus import open_buses
+from canid.frames.send import onto
+from canid.session import World, session
+from canid.types import Estimate, Flag, Frame
+from canid.views import as_json
+
+LOG = Path(__file__).parents[2] / "replay_logs/following_mixed.blf"
+# s: both estimators are "ok" by then, and the slow machine needs no more than four minutes for all of it
+PART = 60.0
+
+
+def sent() -> list[Frame]:
+    """The part that is played."""
+    return [frame for frame in open_log(LOG) if frame.t <= PART]
+
+
+def content(frames: list[Frame]) -> list[tuple[int, bytes, int]]:
+    """What a frame is, without its time; who sent it is not part of it."""
+    return [(frame.id, frame.data, frame.flags & ~Flag.TX) for frame in frames]
+
+
+def rows(text: str) -> list[dict[str, Any]]:
+    """Lines of JSON."""
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def on_virtual(tmp_path: Path, recording: Path, **_: Any) -> tuple[list[dict[str, Any]], int]:
+    """One process: a thread sends as fast as the bus takes it, the frames keep the log's times."""
+    config = {"interface": "virtual", "channel": str(tmp_path)}
+    buses = open_buses([config])
+    sender = threading.Thread(target=onto, args=(config, iter(sent()), math.inf))
+    lines, drops = [], -1
+    sender.start()
+    for item in session(buses, "generic", record=recording, stopped=lambda: not sender.is_alive()):
+        if isinstance(item, World):
+            assert item.estimator is not None
+            drops = item.recorder.drops_bus + item.recorder.drops_estimator + item.estimator.dropped
+        elif isinstance(item.item, Estimate):
+            lines.append(json.loads(as_json.line(as_json.estimate(item.item))))
+    sender.join()
+    return lines, drops
+
+
+def between_processes(
+    bus: tuple[str, ...],
+    number: int,
+    tmp_path: Path,
+    recording: Path,
+    listening: Callable[..., Any],
+    canid: Callable[..., Any],
+    until: Callable[..., None],
+) -> tuple[list[dict[str, Any]], int]:
+    """Two processes: `replay --onto` in the log's own time, `live` beside it until a signal."""
+    told = tmp_path / "live.jsonl"
+    live = listening("live", *bus, "--vehicle", "generic", "--record", recording, "--json", told)
+    sender = canid("replay", LOG, "--onto", *bus, "--speed", 1, "--stop", PART)
+    assert sender.end() == 0, sender.says()
+    # the estimators may be behind the bus on a slow machine; 1 s: they report every half
+    until(lambda: told.read_text().endswith("\n") and rows(told.read_text())[-1]["t"] > PART - 1.0)
+    assert live.end(number) == 128 + number, live.says()
+    assert " 0 dropped" in live.printed(), live.printed()
+    assert "not estimated" not in live.printed()
+    return rows(told.read_text()), 0
+
+
+def on_udp_multicast(**tools: Any) -> tuple[list[dict[str, Any]], int]:
+    """Hop limit 0, in a namespace that has loopback alone: no packet leaves the machine."""
+    bus = ("-i", "udp_multicast", "-c", "233.252.0.1", "--bus-kwargs", "hop_limit=0")
+    return between_processes(bus, signal.SIGINT, **tools)
+
+
+def on_vcan(candump: Callable[[str], Any], **tools: Any) -> tuple[list[dict[str, Any]], int]:
+    """Kernel SocketCAN, with a client that is not ours beside it."""
+    witness = candump("vcan0")
+    result = between_processes(("-i", "socketcan", "-c", "vcan0", "--fd"), signal.SIGTERM, **tools)
+    witness.end(signal.SIGTERM)
+    seen = witness.printed().splitlines()
+    # nothing but what was played: live has sent nothing
+    assert [line.split()[2] for line in seen] == [f"{f.id:03X}#{f.data.hex().upper()}" for f in sent()]
+    return result
+
+
+BUSES = [
+    on_virtual,
+    pytest.param(on_udp_multicast, marks=pytest.mark.netns),
+    pytest.param(on_vcan, marks=pytest.mark.vcan),
+]
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("play", BUSES)
+def test_live_loses_nothing_and_says_what_replay_says(
+    play: Callable[..., tuple[list[dict[str, Any]], int]],
+    tmp_path: Path,
+    listening: Callable[..., Any],
+    canid: Callable[..., Any],
+    until: Callable[..., None],
+    request: pytest.FixtureRequest,
+) -> None:
+    """A log played onto a bus is recorded whole, and live estimates are those of replaying the recording."""
+    recording = tmp_path / "live.blf"
+    tools: dict[str, Any] = {"listening": listening, "canid": canid, "until": until}
+    if play is on_vcan:
+        tools["candump"] = request.getfixturevalue("candump")
+    live, drops = play(tmp_path=tmp_path, recording=recording, **tools)
+
+    assert drops == 0
+    log = open_log(recording)
+    assert content(list(log)) == content(sent())
+    assert log.damage is None
+
+    again = canid("replay", recording, "--vehicle", "generic", "--json", "-")
+    original = canid("replay", LOG, "--vehicle", "generic", "--stop", PART, "--json", "-")
+    assert again.end() == 0, again.says()
+    assert original.end() == 0, original.says()
+
+    replayed = rows(again.printed())
+    assert len(live) == len(replayed) > PART  # two estimators, each every half second, once it has begun
+    for one, other in zip(live, replayed, strict=True):
+        same(one, other)
+    assert agreements(live, rows(original.printed())) > PART / 2
+
+
+def same(one: Any, other: Any, where: str = "") -> None:
+    """Equal, numbers to 1e-9 relative or absolute."""
+    if isinstance(one, float) and isinstance(other, float):
+        assert math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-9), f"{where}: {one} {other}"
+    elif isinstance(one, dict) and isinstance(other, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            same(one[key], other[key], f"{where}/{key}")
+    else:
+        assert one == other, where
+
+
+def agreements(ours: list[dict[str, Any]], theirs: list[dict[str, Any]]) -> int:
+    """Count the intervals of the same estimator at the same time that overlap; none may be apart.
+
+    The frames' times differ by the scheduling of two processes, a few ms, far below what the intervals allow.
+    """
+    by_time = {(row["estimator"], round(row["t"], 1)): row for row in theirs}
+    found = 0
+    for row in ours:
+        other = by_time.get((row["estimator"], round(row["t"], 1)))
+        if other is None or not row["status"] == other["status"] == "ok":
+            continue
+        for where, one, two in intervals(row, other):
+            assert one["low"] <= two["high"], (where, one, two)
+            assert two["low"] <= one["high"], (where, one, two)
+            found += 1
+    return found
+
+
+def intervals(row: dict[str, Any], other: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """The intervals that both rows have."""
+    for name, channel in row["channels"].items():
+        for parameter in ("K", "tau", "dead_time", "tau_plus_dead_time"):
+            one, two = channel[parameter], other["channels"][name][parameter]
+            if one["value"] is not None and two["value"] is not None:
+                yield f"{row['t']} {row['estimator']} {name} {parameter}", one, two

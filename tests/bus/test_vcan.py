@@ -1,0 +1,249 @@
+"""What canid owes a bus: can-utils and raw sockets check it on kernel SocketCAN."""
+
+from __future__ import annotations
+
+import random
+import re
+import signal
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from canid.frames import open_log, socketcan, write_log
+from canid.frames.bus import open_bus
+from canid.types import Flag, Frame
+
+pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]
+BUS = ("-i", "socketcan", "-c", "vcan0", "--fd")
+# the lengths that CAN FD has (ISO 11898-1, table of DLCs)
+LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+
+
+def lines(recording: Path) -> list[str]:
+    """A log's frames in candump's words, written down here a second time."""
+    return [line(frame) for frame in open_log(recording)]
+
+
+def line(frame: Frame) -> str:
+    """One frame as `candump -L` prints it, see its manual: id#data, id#R, id##flags data."""
+    name = f"{frame.id:08X}" if frame.flags & Flag.EXTENDED else f"{frame.id:03X}"
+    if frame.flags & Flag.REMOTE:
+        return f"{name}#R{frame.length or ''}"
+    if frame.flags & Flag.FD:
+        bits = bool(frame.flags & Flag.BRS) + 2 * bool(frame.flags & Flag.ESI)
+        return f"{name}##{bits:X}{frame.data.hex().upper()}"
+    return f"{name}#{frame.data.hex().upper()}"
+
+
+def seen(candump: Any) -> list[str]:
+    """What the independent listener has seen, without times and channel."""
+    candump.end(signal.SIGTERM)
+    return [text.split()[2] for text in candump.printed().splitlines()]
+
+
+def mixed(seed: int, n: int) -> list[Frame]:
+    """Frames of every kind, a millisecond apart."""
+    rng = random.Random(seed)
+    frames = []
+    for i in range(n):
+        extended = rng.choice((0, int(Flag.EXTENDED)))
+        name = rng.randrange(1 << (29 if extended else 11))
+        kind = rng.choice(("classic", "remote", "fd", "fd"))
+        if kind == "remote":
+            frames.append(Frame(i * 1e-3, 0, name, b"", extended | Flag.REMOTE, rng.randrange(9)))
+        elif kind == "classic":
+            frames.append(Frame(i * 1e-3, 0, name, rng.randbytes(rng.randrange(9)), extended))
+        else:
+            bits = rng.choice((0, int(Flag.BRS))) | rng.choice((0, int(Flag.ESI)))
+            frames.append(
+                Frame(i * 1e-3, 0, name, rng.randbytes(rng.choice(LENGTHS)), extended | Flag.FD | bits)
+            )
+    # the largest, with the bit-rate switch, for certain
+    frames.append(Frame(n * 1e-3, 0, 0x7FF, bytes(range(64)), int(Flag.FD | Flag.BRS)))
+    return frames
+
+
+@pytest.fixture
+def raw() -> Iterator[socket.socket]:
+    """A plain CAN socket of the standard library, to send with."""
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as sock:
+        sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        sock.bind(("vcan0",))
+        yield sock
+
+
+def counted(i: int) -> bytes:
+    """A classic frame that carries its number (linux/can.h: struct can_frame)."""
+    return struct.pack("=IB3x8s", 0x100 + i % 16, 8, struct.pack(">Q", i))
+
+
+def numbers(recording: Path) -> list[int]:
+    """The numbers in a recording of `counted` frames."""
+    return [int.from_bytes(frame.data, "big") for frame in open_log(recording)]
+
+
+def ip(*words: str) -> None:
+    """Change a network device."""
+    subprocess.run(["ip", "link", *words], check=True)
+
+
+def test_canplayer_is_recorded_whole(
+    tmp_path: Path, start: Callable[..., Any], listening: Callable[..., Any]
+) -> None:
+    """What can-utils' canplayer plays onto the bus is in the recording: every kind of frame, in order."""
+    wanted = [line(frame) for frame in mixed(seed=1, n=2000)]
+    played = tmp_path / "played.log"
+    # its own text format; a remote frame's length is not played by all versions of canplayer
+    wanted = [text for text in wanted if "#R" not in text]
+    played.write_text("".join(f"({1e9 + i * 1e-3:.6f}) vcan0 {text}\n" for i, text in enumerate(wanted)))
+    recording = tmp_path / "heard.blf"
+    record = listening("record", *BUS, "-o", recording)
+    player = start("canplayer", "-I", played)
+    assert player.end() == 0
+    assert record.end(signal.SIGTERM) == 143
+    assert lines(recording) == wanted
+
+
+def test_candump_sees_what_canid_plays_and_nothing_else(
+    tmp_path: Path, canid: Callable[..., Any], listening: Callable[..., Any], candump: Callable[[str], Any]
+) -> None:
+    """`replay --onto` puts each frame on the bus once; recording beside it adds none, and loses none."""
+    frames = mixed(seed=2, n=2000)
+    log, recording = tmp_path / "log.blf", tmp_path / "heard.blf"
+    write_log(log, frames, 1.7e9)
+    record = listening("record", *BUS, "-o", recording)
+    witness = candump("vcan0")
+    sender = canid("replay", log, "--onto", *BUS)
+    assert sender.end() == 0, sender.says()
+    assert record.end(signal.SIGINT) == 130
+    assert seen(witness) == [line(frame) for frame in frames]
+    assert lines(recording) == [line(frame) for frame in frames]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_loses_nothing(
+    number: int, tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
+) -> None:
+    """A burst, and the signal in the same moment: all of it is in the file, its start time too."""
+    recording = tmp_path / "heard.blf"
+    before = time.time()
+    record = listening("record", *BUS, "-o", recording)
+    for i in range(3000):
+        raw.send(counted(i))
+    assert record.end(number) == 128 + number
+    assert numbers(recording) == list(range(3000))
+    assert before <= open_log(recording).start_utc <= time.time()
+
+
+def test_kernel_drops_are_counted(raw: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a small receive buffer the kernel drops frames: received and counted are all that were sent."""
+    # the kernel doubles it: room for some twenty frames
+    monkeypatch.setattr(socketcan, "RECEIVE_BUFFER", 8192)
+    bus = open_bus({"interface": "socketcan", "channel": "vcan0"})
+    for i in range(1000):
+        raw.send(counted(i))
+    received = 0
+    while bus.recv(0.0):
+        received += 1
+    # the count travels with a frame that comes after the drops
+    raw.send(counted(1000))
+    assert bus.recv(1.0)
+    assert 0 < received < 1000
+    assert received + bus.drops == 1000
+    bus.shutdown()
+
+
+def test_a_recorder_that_stood_still_tells_its_drops(
+    tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
+) -> None:
+    """A process that stands loses what the kernel cannot keep, and says how many; the rest is in the file."""
+    recording = tmp_path / "heard.blf"
+    record = listening("record", *BUS, "-o", recording)
+    total = 100_000  # some 30 s of a full bus; the kernel keeps fewer
+    record.process.send_signal(signal.SIGSTOP)
+    for i in range(total):
+        raw.send(counted(i))
+    record.process.send_signal(signal.SIGCONT)
+    # the count travels with a frame that comes after the drops; by then the socket must have room again
+    time.sleep(5)
+    raw.send(counted(total))
+    assert record.end(signal.SIGTERM) == 143
+    kept = numbers(recording)
+    assert kept == sorted(set(kept))
+    told = re.search(r"([\d,]+) dropped", record.printed())
+    assert told
+    dropped = int(told[1].replace(",", ""))
+    assert dropped > 0
+    assert len(kept) + dropped == total + 1
+
+
+def test_a_physical_interface_is_refused(
+    tmp_path: Path, canid: Callable[..., Any], candump: Callable[[str], Any]
+) -> None:
+    """`--onto` anything but a virtual bus sends nothing and ends with 2, unless that channel is armed."""
+    log = tmp_path / "log.blf"
+    write_log(log, mixed(seed=3, n=10), 1.7e9)
+    ip("add", "wire0", "type", "dummy")
+    try:
+        ip("set", "wire0", "up")
+        for arm in ((), ("--arm", "vcan0"), ("--arm", "wire1")):
+            sender = canid("replay", log, "--onto", "-i", "socketcan", "-c", "wire0", *arm)
+            assert sender.end() == 2
+            assert sender.says().count("\n") == 1
+            assert "will not send to socketcan wire0" in sender.says()
+        sent = Path("/sys/class/net/wire0/statistics/tx_packets").read_text()
+        # armed: it goes as far as the socket, and a dummy is no CAN device
+        armed = canid("replay", log, "--onto", "-i", "socketcan", "-c", "wire0", "--arm", "wire0")
+        assert armed.end() == 3
+        assert "Traceback" not in armed.says()
+        assert Path("/sys/class/net/wire0/statistics/tx_packets").read_text() == sent
+    finally:
+        ip("del", "wire0")
+
+
+def test_an_interface_that_goes_down_ends_it_with_a_complete_file(
+    tmp_path: Path, listening: Callable[..., Any]
+) -> None:
+    """The bus is taken away: one clear line, exit 3, and all frames until then are in the file."""
+    recording = tmp_path / "heard.blf"
+    record = listening("record", "-i", "socketcan", "-c", "vcan1", "--fd", "-o", recording)
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as sock:
+        sock.bind(("vcan1",))
+        for i in range(500):
+            sock.send(counted(i))
+    ip("set", "vcan1", "down")
+    try:
+        assert record.end() == 3, record.says()
+    finally:
+        ip("set", "vcan1", "up")
+    assert "socketcan vcan1 is lost" in record.says()
+    assert "Traceback" not in record.says()
+    assert numbers(recording) == list(range(500))
+    assert open_log(recording).damage is None
+
+
+def test_an_interface_that_comes_back_goes_on(
+    tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
+) -> None:
+    """Down for a moment: the recording goes on in the same file, and both events are told."""
+    recording = tmp_path / "heard.blf"
+    record = listening("record", *BUS, "-o", recording)
+    for i in range(100):
+        raw.send(counted(i))
+    time.sleep(0.5)
+    ip("set", "vcan0", "down")
+    try:
+        record.wait_for("lost")
+    finally:
+        ip("set", "vcan0", "up")
+    record.wait_for("is back")
+    for i in range(100, 200):
+        raw.send(counted(i))
+    assert record.end(signal.SIGTERM) == 143
+    assert numbers(recording) == list(range(200))

@@ -1,0 +1,122 @@
+"""The same log gives the same numbers: cut anywhere, replayed at any speed, read as a trace; and they are true."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import canid
+from canid import logs, pipeline
+from canid.frames import open_log
+from canid.types import Estimate, Frame, Gate, Identifiable, Sample, Status
+from canid.vehicle import read_vehicle
+
+REPO = Path(__file__).parents[1]
+LOG = REPO / "replay_logs" / "following_urban.blf"
+DATA = REPO.parent / "shared" / "data"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"real logs are not here: {DATA} is missing")
+
+
+def outputs(frames: list[Frame], vehicle: str = "generic", cut: int = -1) -> list:
+    running = pipeline.build(read_vehicle(vehicle))
+    state, out = running.init(), []
+    for k, frame in enumerate(frames):
+        if k == cut:
+            state = pickle.loads(pickle.dumps(state))
+        state, now = running.step(state, frame)
+        out += now
+    return out
+
+
+def same(a: list, b: list) -> bool:
+    """Equal to the last bit, NaN included."""
+    return len(a) == len(b) and all(repr(x) == repr(y) for x, y in zip(a, b, strict=True))
+
+
+def test_the_stream_may_be_cut_anywhere() -> None:
+    """Pickle the state in the middle, go on: the same numbers to the last bit."""
+    frames = list(logs.window(open_log(LOG), 0.0, 40.0))
+    whole = outputs(frames)
+    assert any(isinstance(x, Estimate) and x.status is Status.OK for x in whole)
+    for cut in (1, 2017, len(frames) // 2):
+        assert same(outputs(frames, cut=cut), whole)
+
+
+def test_replay_and_trace_agree() -> None:
+    """Batch columns are the stream's samples."""
+    trace = canid.read_trace(LOG, "generic")
+    stream = [
+        item
+        for _, _, out in logs.run(open_log(LOG), read_vehicle("generic"), estimating=False)
+        for item in out
+        if isinstance(item, Sample)
+    ]
+    np.testing.assert_array_equal(trace.t, [s.t for s in stream])
+    np.testing.assert_array_equal(trace.output, [s.output for s in stream])
+    np.testing.assert_array_equal(trace.inputs, [s.inputs for s in stream])
+
+
+def test_frames_that_are_not_mapped_change_nothing() -> None:
+    frames = list(logs.window(open_log(LOG), 0.0, 30.0))
+    rng = np.random.default_rng(0)
+    noise = [Frame(float(t), 0, 0x7A0 + int(k), bytes(8)) for k, t in enumerate(sorted(rng.uniform(0, 30, 300)))]
+    mixed = sorted(frames + [f._replace(id=0x7A0) for f in noise], key=lambda f: f.t)
+    a = [x for x in outputs(frames) if isinstance(x, Estimate)]
+    b = [x for x in outputs(mixed) if isinstance(x, Estimate)]
+    assert same(a, b[: len(a)])
+
+
+@pytest.mark.parametrize("name", ["following_mixed.blf", "following_urban.blf", "following_motorway.asc"])
+def test_the_whole_drive_tells_the_truth(name: str) -> None:
+    """Gains of the simulated drivers lie in (slightly widened: several drives, one test) intervals of the drive."""
+    truth = json.loads((REPO / "replay_logs" / (name.split(".")[0] + ".truth.json")).read_text())["channels"]
+    told = canid.identify(canid.read_trace(REPO / "replay_logs" / name, "generic"), select_orders=False)
+    for channel, of in truth.items():
+        ch = told.channels[channel]
+        if ch.status is not Identifiable.NOT:
+            half = (ch.K.high - ch.K.low) / 2
+            assert ch.K.low - 0.5 * half <= of["K"] <= ch.K.high + 0.5 * half, (channel, ch.K, of["K"])
+        if ch.status is Identifiable.SUM_ONLY:
+            iv = ch.tau_plus_dead_time
+            half = (iv.high - iv.low) / 2
+            assert iv.low - 0.5 * half <= of["tau"] + of["dead_time"] <= iv.high + 0.5 * half
+    assert told.channels["range_rate"].status is not Identifiable.NOT
+
+
+@needs_data
+def test_rav4_lead_and_cruise() -> None:
+    """The person's pedal is never identified while cruise control drives, and the lead is continuous."""
+    drive = logs.read_drive(DATA / "rav4" / "rav4_highway.blf", "toyota_rav4_2017")
+    assert drive.health.frames == 135_468
+    assert not [e for e in drive.estimates if e.status is Status.OK]
+    late = [e for e in drive.estimates if e.t >= 9.1]
+    assert {e.status for e in late} == {Status.NO_DRIVER}
+    trace = drive.trace
+    cruise = trace.t > 11.0
+    assert {g for g, c in zip(trace.gate, cruise, strict=True) if c} == {Gate.CRUISE}
+    gap = trace.signals["gap"][cruise]
+    assert np.isfinite(gap).all()
+    assert gap.min() > 20.0
+    assert gap.max() < 80.0
+    # continuous: the gap moves as the range rate says
+    slope = np.gradient(gap, trace.t[cruise])
+    assert np.abs(slope - trace.signals["range_rate"][cruise]).max() < 2.0
+    assert len(set(trace.segment[cruise])) == 1
+
+
+@needs_data
+def test_rav4_the_controller_itself_is_identified(tmp_path: Path) -> None:
+    text = (REPO / "dbc" / "toyota_rav4_2017.toml").read_text()
+    text = text.replace('output = "pedal"', 'output = "accel_command"')
+    text = text.replace("../../shared", str(DATA.parent))
+    (tmp_path / "acc.toml").write_text(text)
+    drive = logs.read_drive(DATA / "rav4" / "rav4_highway.blf", tmp_path / "acc.toml")
+    assert not [e for e in drive.estimates if e.t < 9.0 and e.status is Status.OK]
+    good = [e for e in drive.estimates if e.status is Status.OK and e.estimator == "fopdt"]
+    assert good, [e.says for e in drive.estimates][-2:]
+    K = good[-1].channels["range_rate"].K
+    assert 0.1 < K.value < 1.5
