@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from canid.errors import CanidError as CanidError
     from canid.drive import identify as identify
-    from canid.session import live as live
+    from canid.errors import CanidError as CanidError
     from canid.logs import read_drive as read_drive
     from canid.logs import read_signals as read_signals
     from canid.logs import read_trace as read_trace
     from canid.logs import replay as replay
-    from canid.simulate import simulate as simulate
+    from canid.session import live as live
+    from canid.simulation import simulate as simulate
     from canid.vehicle import read_vehicle as read_vehicle
 
 _HOME = {
@@ -30,7 +30,7 @@ _HOME = {
     "read_trace": "logs",
     "read_vehicle": "vehicle",
     "replay": "logs",
-    "simulate": "simulate",
+    "simulate": "simulation",
 }
 __all__ = sorted(_HOME)
 

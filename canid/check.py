@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -115,7 +116,7 @@ def _signs(samples: list[Sample]) -> list[str]:
     if gap.size < 20:
         return []
     slope = np.diff(gap) / np.diff([s.t for s in samples])
-    same = np.array([a.segment == b.segment for a, b in zip(samples, samples[1:], strict=False)])
+    same = np.array([a.segment == b.segment for a, b in pairwise(samples)])
     middle = (rate[1:] + rate[:-1]) / 2
     known = np.isfinite(slope) & np.isfinite(middle) & same
     if known.sum() < 20 or np.std(middle[known]) == 0 or np.std(slope[known]) == 0:

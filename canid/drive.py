@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.estimators import ESTIMATORS
 from canid.identification import moments, orders, residuals
@@ -12,7 +13,7 @@ from canid.identification.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.orders import Candidate
 from canid.identification.process_fit import fit_process
 from canid.identification.residuals import Cross
-from canid.types import ArmaxSettings, Array, Channel, Estimate, FopdtSettings, Sample, Trace
+from canid.types import ArmaxSettings, Channel, Estimate, FopdtSettings, Sample, Trace
 
 # s between two windows that are reported: a sixth of the window, so that they overlap and nothing is missed
 EVERY = 10.0
@@ -113,7 +114,7 @@ def windows(trace: Trace, armax: ArmaxSettings, fopdt: FopdtSettings) -> list[Es
     return sorted(out, key=lambda e: (e.t, e.estimator))
 
 
-def _armax(trace: Trace, usable: Array, settings: ArmaxSettings) -> ArmaxDrive | None:
+def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings) -> ArmaxDrive | None:
     chosen = Orders(settings.na, settings.nb, settings.nc, settings.nk)
     fit = fit_armax(trace.output, trace.inputs, usable, chosen, segment=trace.segment)
     if fit is None:

@@ -16,6 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import IO, Any, NamedTuple
 
 from canid.types import Event, Frame
@@ -181,10 +182,8 @@ class Estimating:
         except OSError:
             pass  # the child is gone: the collector sees it too
         finally:
-            try:
+            with suppress(OSError):
                 stream.close()
-            except OSError:
-                pass
 
     def _watch(self, child: subprocess.Popen[bytes]) -> None:
         while child.poll() is None:

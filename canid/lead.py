@@ -110,7 +110,7 @@ def _collected(state: State, settings: Settings) -> tuple[State, Out]:
     """One frame's gap and range rate are together: smooth them."""
     t, gap, rate = state.pending
     state = state._replace(pending=(NAN, NAN, NAN))
-    if not state.valid or gap != gap and not state.smooth.history:
+    if not state.valid or (gap != gap and not state.smooth.history):
         return _lost(state, t)
     last = state.smooth.history[-1].t if state.smooth.history else t
     if gap != gap and t - last > smoothing.BRIDGE:

@@ -151,7 +151,8 @@ def read_drive(
     estimates: list[Estimate] = []
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
-    for state, frame, out in run(log, car, estimating=estimating, dt=dt, start=start, stop=stop):
+    for after, frame, out in run(log, car, estimating=estimating, dt=dt, start=start, stop=stop):
+        state = after
         frames += 1
         last = frame.t
         if progress is not None and out:

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from canid.frames import write_log
-from canid.simulate import START_UTC, Simulation, frames, simulate, truth_text
+from canid.simulation import START_UTC, Simulation, frames, simulate, truth_text
 from canid.vehicle import read_vehicle
 
 

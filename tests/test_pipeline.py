@@ -63,7 +63,9 @@ def test_replay_and_trace_agree() -> None:
 def test_frames_that_are_not_mapped_change_nothing() -> None:
     frames = list(logs.window(open_log(LOG), 0.0, 30.0))
     rng = np.random.default_rng(0)
-    noise = [Frame(float(t), 0, 0x7A0 + int(k), bytes(8)) for k, t in enumerate(sorted(rng.uniform(0, 30, 300)))]
+    noise = [
+        Frame(float(t), 0, 0x7A0 + int(k), bytes(8)) for k, t in enumerate(sorted(rng.uniform(0, 30, 300)))
+    ]
     mixed = sorted(frames + [f._replace(id=0x7A0) for f in noise], key=lambda f: f.t)
     a = [x for x in outputs(frames) if isinstance(x, Estimate)]
     b = [x for x in outputs(mixed) if isinstance(x, Estimate)]

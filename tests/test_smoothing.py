@@ -17,7 +17,8 @@ def drive(rng: np.random.Generator, duration: float = 120.0, hz: float = 20.0) -
     t = np.arange(0, duration, 1 / hz)
     phase = rng.uniform(0, 2 * math.pi, 3)
     rate = sum(
-        a * np.sin(2 * math.pi * f * t + p) for a, f, p in zip((1.5, 0.6, 0.3), (0.03, 0.1, 0.25), phase)
+        a * np.sin(2 * math.pi * f * t + p)
+        for a, f, p in zip((1.5, 0.6, 0.3), (0.03, 0.1, 0.25), phase, strict=True)
     )
     gap = 40 + np.cumsum(rate) / hz
     return (

@@ -28,8 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check."""
     from canid.check import check
-    from canid.frames.command_line import named
     from canid.frames import open_log
+    from canid.frames.command_line import named
     from canid.vehicle import read_vehicle
     from canid.views import table
     from canid.views.as_json import line

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 
 from canid.cli import options, sessions
@@ -84,7 +85,7 @@ def _truth(of: dict[str, float]) -> str:
     return f"K {of['K']:.2f}, τ {of['tau']:.2f} s, θ {of['dead_time']:.2f} s"
 
 
-def compare(name: str, channels: dict[str, Channel], truth: dict[str, dict[str, float]]) -> list[str]:
+def compare(name: str, channels: Mapping[str, Channel], truth: Mapping[str, dict[str, float]]) -> list[str]:
     """Each estimated number beside its truth."""
     lines = []
     for channel, ch in channels.items():

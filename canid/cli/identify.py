@@ -19,8 +19,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify."""
     from canid import logs
-    from canid.frames import open_log
     from canid.drive import identify
+    from canid.frames import open_log
     from canid.vehicle import read_vehicle
     from canid.views import as_json, identified, summary
 

@@ -49,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
         screen = show.display(view, json=args.json)
         began = time.monotonic()
         try:
-            for state, frame, out in logs.run(log, vehicle, start=args.start, stop=args.stop):
+            for after, frame, out in logs.run(log, vehicle, start=args.start, stop=args.stop):
+                state = after
                 if frames == 0:
                     began -= frame.t / speed
                 frames += 1

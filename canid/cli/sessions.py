@@ -29,13 +29,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, *, vehicle: str | None, record: str | None) -> int:
     """Open the bus and run a session on it."""
-    from canid.frames.bus import config_of, open_buses
+    from canid.frames.bus import open_buses
+    from canid.frames.command_line import configs_of
 
-    # python-can's drivers open one channel each: "-c can0,can1" is two buses in one log
-    config = config_of(args)
-    channels = str(config.get("channel", "")).split(",")
-    several = len(channels) > 1
-    buses = open_buses([{**config, "channel": channel} for channel in channels] if several else [config])
+    buses = open_buses(configs_of(args))
     for bus in buses:
         options.talk(bus.listen_only.says)
     title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])

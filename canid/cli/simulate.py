@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from canid.cli import options
@@ -12,7 +11,7 @@ from canid.errors import DONE, OutputError
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    from canid.simulate import NOISES, PROFILES
+    from canid.simulation import NOISES, PROFILES
 
     parser.add_argument("out", metavar="OUT.blf", help="the log to write; the suffix chooses the format")
     options.vehicle(parser, required=False)
@@ -27,17 +26,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Simulate, encode, write."""
     from canid.frames import write_log
-    from canid.simulate import START_UTC, frames, simulate
+    from canid.simulation import START_UTC, frames, simulate, truth_text
     from canid.vehicle import read_vehicle
 
-    vehicle = read_vehicle(args.vehicle or "generic")
+    vehicle = read_vehicle(args.vehicle or ("generic_lane" if args.profile == "lane" else "generic"))
     simulation = simulate(minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise)
     out = Path(args.out)
     beside = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
     if beside.exists() and not args.force:
         raise OutputError(f"{beside}: exists already; choose another name or use --force")
     write_log(out, frames(simulation, vehicle), START_UTC, overwrite=args.force)
-    truth = json.dumps({**simulation.truth, "vehicle": vehicle.name}, indent=2, ensure_ascii=False) + "\n"
+    truth = truth_text(simulation, vehicle)
     try:
         beside.write_text(truth, encoding="utf-8")
     except OSError as error:

@@ -73,7 +73,7 @@ class State(NamedTuple):
 def make(
     input_names: tuple[str, ...],
     dt: float,
-    settings: ArmaxSettings = ArmaxSettings(),  # noqa: B008  (an immutable value)
+    settings: ArmaxSettings = ArmaxSettings(),
 ) -> AnyEstimator:
     """Build the ARMAX estimator.
 

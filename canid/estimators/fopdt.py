@@ -43,7 +43,7 @@ class State(NamedTuple):
 def make(
     input_names: tuple[str, ...],
     dt: float,
-    settings: FopdtSettings = FopdtSettings(),  # noqa: B008  (an immutable value)
+    settings: FopdtSettings = FopdtSettings(),
 ) -> AnyEstimator:
     """Build the FOPDT estimator.
 

@@ -24,13 +24,13 @@ BRIDGE = 0.5
 # ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
 NOISE_ORDER = 5
 
-# Every how many samples may be used. An output that was smoothed (an acceleration from speeds) has noise without
-# content above some frequency; its next value can be predicted to less than 1 % of its variance, which no
-# person's noise can at 10 Hz (Ornstein-Uhlenbeck 2 s: 10 %, a resonance at 0.6 Hz: 3 %). Whitening would then
-# fit K, tau and dead time in the band that smoothing emptied, to nothing. Point samples further apart limit the
-# likelihood to the band that is left, and the model is exact at any of them.
+# Every how many samples may be used. An output that was smoothed (an acceleration from speeds) has noise
+# without content above some frequency; its next value can be predicted to less than 2 % of its variance,
+# which no person's noise can at 10 Hz (Ornstein-Uhlenbeck 2 s: 10 %, a resonance at 0.6 Hz: 3 %). Whitening
+# would then fit K, tau and dead time in the band that smoothing emptied, to nothing. Point samples further
+# apart limit the likelihood to the band that is left, and the model is exact at any of them.
 STRIDES = (1, 2, 4, 8)
-PREDICTABLE = 0.1
+PREDICTABLE = 0.02
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
 PASSES = 12

@@ -70,10 +70,8 @@ def render(view: View) -> RenderableType:
         known = Text("truth  ", style="bold magenta")
         known.append("   ".join(f"{name}: {values}" for name, values in view.truth), style="magenta")
         parts.append(known)
-    for line in view.lines:
-        parts.append(Text(line.says, style="bold red" if line.wrong else "dim"))
-    for event in view.events:
-        parts.append(Text(f"• {event.says}", style="yellow"))
+    parts += [Text(line.says, style="bold red" if line.wrong else "dim") for line in view.lines]
+    parts += [Text(f"• {event.says}", style="yellow") for event in view.events]
     return Panel(Group(*parts), title=view.title, subtitle=words.clock(view.t), title_align="left")
 
 

@@ -121,6 +121,28 @@ def test_tells_only_the_sum_where_only_the_sum_is_known():
     assert inside(c.tau_plus_dead_time, 0.8)
 
 
+def test_smoothed_noise_is_not_taken_for_knowledge():
+    """Noise without content above 0.5 Hz, as of a smoothed acceleration, leaves the intervals honest.
+
+    The likelihood of all samples would put 95 % intervals on K that cover 0.2 of the truths.
+    """
+    hits, strides = [], []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        u = first_order.response(first_order.response(rng.normal(size=645), DT, 0.8, 0.0).x, DT, 0.8, 0.0).x
+        u = 1.5 * u / u.std()
+        spectrum = np.fft.rfft(rng.normal(size=645))
+        noise = np.fft.irfft(spectrum * np.exp(-((np.fft.rfftfreq(645, DT) / 0.5) ** 2)), 645)
+        y = 0.5 * first_order.response(u, DT, 0.6, 0.4).x + 0.25 * noise / noise.std()
+        fit = process_fit.fit_process(y, u[:, None], everything(y), DT)
+        c = fit.channels[0]
+        strides.append(len(fit.noise) > process_fit.NOISE_ORDER)
+        hits += [inside(i, truth) for i, truth in zip(c[:3], (0.5, 0.6, 0.4), strict=True) if i.low == i.low]
+    assert all(strides)
+    assert len(hits) >= 20
+    assert np.mean(hits) > 0.85
+
+
 def test_a_constant_input_is_not_identifiable():
     """An input that never moves is the offset again; the other one is still told."""
     y, u = follow(3)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from canid.simulate.following import Simulation
+from canid.simulation.following import Simulation
 from canid.types import NAN, Array, Frame
 from canid.vehicle import Vehicle, encoder
 
@@ -35,7 +35,7 @@ def frames(simulation: Simulation, vehicle: Vehicle, *, radar_noise: bool = True
         Frames in the order of their times, the first one at t = 0. The same drive gives the same frames.
 
     Example:
-        >>> from canid.simulate import simulate
+        >>> from canid.simulation import simulate
         >>> from canid.vehicle import read_vehicle
         >>> drive = frames(simulate(minutes=0.1, seed=1), read_vehicle("generic"))
         >>> drive[0].t, len({frame.id for frame in drive})
@@ -73,7 +73,7 @@ def truth_text(simulation: Simulation, vehicle: Vehicle) -> str:
     """Write the truth beside a log: JSON, the same bytes for the same drive.
 
     Example:
-        >>> from canid.simulate import simulate
+        >>> from canid.simulation import simulate
         >>> from canid.vehicle import read_vehicle
         >>> text = truth_text(simulate(minutes=0.1, seed=1), read_vehicle("generic"))
         >>> json.loads(text)["vehicle"]

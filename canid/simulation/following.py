@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.simulate.car import GRAVITY, Car, gearbox, road_grade
-from canid.simulate.driver import DriverTruth, answer, draw_driver
-from canid.simulate.leads import LEADS, speed_profile
-from canid.simulate.noise import unit_noise
+from canid.simulation.car import GRAVITY, Car, gearbox, road_grade
+from canid.simulation.driver import DriverTruth, answer, draw_driver
+from canid.simulation.leads import LEADS, speed_profile
+from canid.simulation.noise import unit_noise
 from canid.types import Array
 
 # s; 100 Hz: ten times finer than the estimators' grid, so that no result rests on the simulator's own steps

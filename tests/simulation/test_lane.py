@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from canid.simulate import DriverTruth, Steering, frames, simulate
+from canid.simulation import DriverTruth, Steering, frames, simulate
 from canid.types import Reading
 from canid.vehicle import decoder, read_vehicle
 

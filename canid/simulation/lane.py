@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.simulate.car import Car, gearbox
-from canid.simulate.following import DT, Simulation
+from canid.simulation.car import Car, gearbox
+from canid.simulation.following import DT, Simulation
 from canid.types import Array
 
 
@@ -21,7 +21,7 @@ class Steering(NamedTuple):
 
     a: tuple[float, float] = (-1.2623, 0.3697)
     b: tuple[float, float] = (-4.1340, 4.0337)  # ° per m
-    c: float = 0.3  # the paper does not state it; 0.3 makes residuals as smooth as its figure 8
+    c: float = 0.3  # the paper does not state it: a middling moving average
     noise_sd: float = 0.25  # °, of e
 
 

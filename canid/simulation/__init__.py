@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from canid.simulate.car import Car
-from canid.simulate.driver import DriverTruth, draw_driver
-from canid.simulate.following import Simulation, follow
-from canid.simulate.lane import Steering, keep_lane
-from canid.simulate.leads import LEADS
-from canid.simulate.noise import NOISES
-from canid.simulate.sensing import START_UTC, frames, truth_text
+from canid.simulation.car import Car
+from canid.simulation.driver import DriverTruth, draw_driver
+from canid.simulation.following import Simulation, follow
+from canid.simulation.lane import Steering, keep_lane
+from canid.simulation.leads import LEADS
+from canid.simulation.noise import NOISES
+from canid.simulation.sensing import START_UTC, frames, truth_text
 
 __all__ = [
     "LEADS",

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.simulate import frames, simulate
+from canid.simulation import frames, simulate
 from canid.types import Reading
 from canid.vehicle import decoder, read_vehicle
 
