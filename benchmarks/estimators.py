@@ -1,6 +1,6 @@
 """Measures the estimators: coverage of the 95 % intervals, error against the truth, time per update.
 
-Run as `python benchmarks/estimators.py [runs]` (60 runs a row take about a minute and a half).
+Run as `python benchmarks/estimators.py [runs]` (40 runs a row, the default, take about a minute and a half).
 The loop is written here, apart from canid's own simulator: driver K1 4.4, tau1 0.685, theta1 0.3, K2 5.6,
 tau2 0.4, theta2 0.2 (Grover 2021, case 1), vehicle v' = (0.8 (P - P0) - (v - v0)) / 20.
 """
@@ -63,8 +63,8 @@ def closed_loop(seed: int, kind: str, T: float, size: float = 1.0) -> tuple[np.n
     E, R, P = np.zeros(n), np.zeros(n), np.zeros(n)
     for k in range(n):
         E[k], R[k] = gap / v - 1.8, lead[k] - v
-        x1 = a1 * x1 + (1 - a1) * (E[k - d1] if k >= d1 else 0.0)
-        x2 = a2 * x2 + (1 - a2) * (R[k - d2] if k >= d2 else 0.0)
+        x1 = a1 * x1 + (1 - a1) * (0.5 * (E[k - d1] + E[k - d1 - 1]) if k > d1 else 0.0)
+        x2 = a2 * x2 + (1 - a2) * (0.5 * (R[k - d2] + R[k - d2 - 1]) if k > d2 else 0.0)
         P[k] = 20 + TRUTH["K1"] * x1 + TRUTH["K2"] * x2 + noise[k]
         v += dt * (0.8 * (P[k] - 20) - (v - 25)) / 20
         gap += dt * (lead[k] - v)
@@ -81,8 +81,8 @@ def open_loop(seed: int, kind: str, T: float, cut: float) -> tuple[np.ndarray, n
         u[k] = 2 * a * u[k - 1] - a * a * u[k - 2] + w[k]
     u = 0.3 * u[3000:] / u[3000:].std()
     x, y, al = 0.0, np.zeros(n), math.exp(-dt / 0.685)
-    for k in range(30, n):
-        x = al * x + (1 - al) * u[k - 30]
+    for k in range(31, n):
+        x = al * x + (1 - al) * 0.5 * (u[k - 30] + u[k - 31])  # joined by lines
         y[k] = 4.4 * x
     y += 0.1 * y.std() * colour(kind, n, dt, rng)
     return y[::10], u[::10, None]
@@ -210,7 +210,7 @@ def speed() -> None:
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 40
     began = time.perf_counter()
     speed()
     armax(count)

@@ -165,11 +165,11 @@ def fit_process(
     colour = _colour(data, dt, known.point)
     for _ in range(PASSES):
         grid = _look(data, dt, box, known.regions, colour)
-        known = Start(
-            _middle(data, dt, grid, colour), tuple(posterior.gather(grid, i, box) for i in range(m))
-        )
+        regions = tuple(posterior.gather(grid, i, box) for i in range(m))
+        fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
+        known = Start(_middle(data, dt, grid, colour if fine else None), regions)
         before, colour = colour, _colour(data, dt, known.point)
-        if all(_fine(r, c) for r, c in zip(known.regions, grid.cells, strict=True)) and _same(before, colour):
+        if fine and _same(before, colour):
             break
     residual, rows = colour.residual, data.usable
     around = float(np.linalg.norm(data.y[rows] - data.y[rows].mean()))
@@ -203,12 +203,9 @@ def nothing(m: int, used: int = 0) -> ProcessFit:
 
 def _cold(data: Prepared, m: int, box: posterior.Box) -> Start:
     """Guess static gains, a usual lag, and the whole box to look in."""
-    X = np.column_stack([*data.u, np.ones(len(data.y))])
-    theta = np.linalg.lstsq(X[data.usable], data.y[data.usable], rcond=None)[0]
     # 0.4 and 0.25 s: a driver as published (Grover 2021); it only colours the first look
-    point = Point(
-        theta[:m], np.full(m, min(0.4, box.tau_max)), np.full(m, min(0.25, box.dead_time_max)), theta[m]
-    )
+    usual = np.full(m, min(0.4, box.tau_max)), np.full(m, min(0.25, box.dead_time_max))
+    point = _plain(data, list(data.u), *usual)
     return Start(point, (posterior.whole_box(box),) * m)
 
 
@@ -268,20 +265,35 @@ def _look(
     return posterior.evaluate(y, X, Z, cells, colour.temper)
 
 
-def _middle(data: Prepared, dt: float, grid: posterior.Grid, colour: _Colour) -> Point:
-    """Take the posterior's mean: where a lag cannot be told, the most likely cell is an accident."""
+def _middle(data: Prepared, dt: float, grid: posterior.Grid, colour: _Colour | None) -> Point:
+    """Take the posterior's mean: where a lag cannot be told, the most likely cell is an accident.
+
+    Without a colour, the gains are those of plain least squares. On a coarse grid the weighted ones may be far off,
+    leave a residual that drifts, and a noise that drifts would then excuse any gain: a vicious circle.
+    """
     m = len(grid.cells)
     weights = [posterior.marginal(grid, i) for i in range(m)]
-    gains = np.array([float(np.sum(grid.weight * K)) for K in grid.K])
     taus = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
     dead_times = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
-    residual = data.y.copy()
-    for u, K, tau, dead_time in zip(data.u, gains, taus, dead_times, strict=True):
-        x = first_order.lags(u, dt, np.array([tau]), data.starts)[0]
-        residual -= K * first_order.delayed(u, x, dt, float(tau), np.array([dead_time]))[0]
+    answers = [
+        first_order.delayed(
+            u, first_order.lags(u, dt, np.array([tau]), data.starts)[0], dt, float(tau), np.array([theta])
+        )[0]
+        for u, tau, theta in zip(data.u, taus, dead_times, strict=True)
+    ]
+    if colour is None:
+        return _plain(data, answers, taus, dead_times)
+    gains = np.array([float(np.sum(grid.weight * K)) for K in grid.K])
+    residual = data.y - sum(K * x for K, x in zip(gains, answers, strict=True))
     white = autoregression.whiten(residual, colour.noise)[colour.rows]
-    offset = float(white.mean()) / (1.0 - float(np.sum(colour.noise)))
-    return Point(gains, taus, dead_times, offset)
+    return Point(gains, taus, dead_times, float(white.mean()) / (1.0 - float(np.sum(colour.noise))))
+
+
+def _plain(data: Prepared, answers: Sequence[Array], taus: Array, dead_times: Array) -> Point:
+    """Gains and offset by plain least squares on given answers."""
+    X = np.column_stack([*answers, np.ones(len(data.y))])[data.usable]
+    theta: Array = np.asarray(np.linalg.lstsq(X, data.y[data.usable], rcond=None)[0], dtype=np.float64)
+    return Point(theta[:-1], taus, dead_times, float(theta[-1]))
 
 
 def _same(a: _Colour, b: _Colour) -> bool:
