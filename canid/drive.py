@@ -119,10 +119,10 @@ def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings)
     fit = fit_armax(trace.output, trace.inputs, usable, chosen, segment=trace.segment)
     if fit is None:
         return None
-    channels, cross = {}, {}
-    for k, name in enumerate(trace.input_names):
-        of = [*range(chosen.na), *range(chosen.na + k * chosen.nb, chosen.na + (k + 1) * chosen.nb)]
-        channels[name] = moments.channel(fit.A, fit.B[k], chosen.nk, fit.covariance[np.ix_(of, of)], trace.dt)
-        known = np.isfinite(fit.residual)
-        cross[name] = residuals.cross(fit.residual[known], trace.inputs[known, k])
+    channels = moments.channels(trace.input_names, fit.A, fit.B, chosen.nk, fit.covariance, trace.dt)
+    known = np.isfinite(fit.residual)
+    cross = {
+        name: residuals.cross(fit.residual[known], trace.inputs[known, k])
+        for k, name in enumerate(trace.input_names)
+    }
     return ArmaxDrive(fit, channels, cross)

@@ -229,11 +229,7 @@ def make(
     def _channels(model: armax_recursive.State) -> dict[str, Channel]:
         theta, covariance = np.array(model.theta), armax_recursive.covariance(model)
         A = np.concatenate([[1.0], theta[: o.na]])
-        told = {}
-        for i, name in enumerate(input_names):
-            at = slice(o.na + i * o.nb, o.na + (i + 1) * o.nb)
-            index = np.r_[0 : o.na, at]
-            told[name] = moments.channel(A, theta[at], o.nk, covariance[np.ix_(index, index)], dt)
-        return told
+        B = theta[o.na : o.na + len(input_names) * o.nb].reshape(-1, o.nb)
+        return moments.channels(input_names, A, B, o.nk, covariance, dt)
 
     return Estimator(NAME, init, step)

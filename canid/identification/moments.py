@@ -9,6 +9,7 @@ the first. Intervals by the delta method.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,6 +18,11 @@ from canid.types import Array, Channel, Interval
 
 # Two-sided 95 % of a Gaussian.
 Z = 1.959964
+# A driver answers each input with a lag of its own; the inputs of an ARMAX model share their poles, with the
+# noise's colour besides. What that costs is in no covariance: over 18 simulated drives of 5 min the errors of K
+# were 1.4 and those of tau + dead time 1.9 times as large as said, whatever the orders ((2,2,1) to (3,3,2)).
+SHARED_K = 1.4
+SHARED_SUM = 1.9
 
 
 def _mean_and_variance(p: Array, at: Array) -> tuple[float, float, Array, Array]:
@@ -29,7 +35,33 @@ def _mean_and_variance(p: Array, at: Array) -> tuple[float, float, Array, Array]
     return mean, second - mean**2, d_mean, d_variance
 
 
-def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channel:
+def channels(
+    names: Sequence[str], A: Array, B: Array, nk: int, covariance: Array, dt: float
+) -> dict[str, Channel]:
+    """Say what the polynomials tell of each input.
+
+    Args:
+        names: of the m inputs.
+        A: (na + 1,) with the leading one.
+        B: (m, nb).
+        nk: samples.
+        covariance: of a1..., b_1,1..., b_2,1..., and whatever follows.
+        dt: s.
+
+    >>> A, B = np.array([1.0, -0.8]), np.array([[0.5], [0.2]])
+    >>> told = channels(("gap", "rate"), A, B, 1, 1e-8 * np.eye(3), 0.1)
+    >>> {name: round(ch.K.value, 2) for name, ch in told.items()}
+    {'gap': 2.5, 'rate': 1.0}
+    """
+    na, nb = len(A) - 1, B.shape[1]
+    out = {}
+    for i, name in enumerate(names):
+        of = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
+        out[name] = channel(A, B[i], nk, covariance[np.ix_(of, of)], dt, shared=len(names) > 1)
+    return out
+
+
+def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float, *, shared: bool = False) -> Channel:
     """Say what the polynomials tell of one input.
 
     Args:
@@ -38,6 +70,7 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channe
         nk: samples.
         covariance: (na + nb, na + nb) of a1..., b1....
         dt: s.
+        shared: other inputs have the same A; tau and dead time can then not be told apart.
 
     >>> a = np.exp(-0.1 / 0.5)  # a lag of 0.5 s behind a dead time of 0.2 s, input joined by lines
     >>> g = 1 - 0.5 / 0.1 * (1 - a)
@@ -67,12 +100,13 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channe
     def sd(J: Array) -> float:
         return math.sqrt(max(float(J @ covariance @ J), 0.0))
 
-    sum_sd, sum_interval = sd(J_mean), around(total, sd(J_mean), 0.0)
-    K_interval = ratio(b1, a1, *_sums(covariance, na))
+    sum_sd = sd(J_mean) * (SHARED_SUM if shared else 1.0)
+    sum_interval = around(total, sum_sd, 0.0)
+    K_interval = ratio(b1, a1, *_sums(covariance * (SHARED_K**2 if shared else 1.0), na))
     K_sd = (K_interval.high - K_interval.low) / (2.0 * Z)
     tau, tau_sd, rest, rest_sd = Interval(), np.nan, Interval(), np.nan
     # a variance within two sd of zero has no square root worth the name
-    if variance > 2.0 * sd(J_var):
+    if not shared and variance > 2.0 * sd(J_var):
         lag = variance**0.5
         J_tau = J_var / (2.0 * lag)
         tau_sd, rest_sd = sd(J_tau), sd(J_mean - J_tau)
