@@ -21,6 +21,7 @@ class Row(NamedTuple):
     """One role."""
 
     role: str
+    unit: str
     source: str  # "MESSAGE.SIGNAL (0x123, bus 0)"
     readings: int
     rate: float  # 1/s
@@ -40,6 +41,30 @@ class Check(NamedTuple):
     gates: dict[str, float]  # gate -> share of the time, %
     problems: tuple[str, ...]
     remarks: tuple[str, ...]
+
+
+class Contents(NamedTuple):
+    """What frames there are, whatever they mean."""
+
+    frames: dict[tuple[int, int, int], int]  # (bus, id, bytes) -> frames
+    duration: float  # s
+
+
+def contents(frames: Iterable[Frame], on_time: Callable[[float], None] | None = None) -> Contents:
+    """Count frames by bus, id and length.
+
+    Example:
+        >>> contents([Frame(0.0, 0, 0x123, b"ab"), Frame(0.5, 0, 0x123, b"cd")])
+        Contents(frames={(0, 291, 2): 2}, duration=0.5)
+    """
+    counts: Counter[tuple[int, int, int]] = Counter()
+    last = 0.0
+    for frame in frames:
+        counts[frame.bus, frame.id, len(frame.data)] += 1
+        last = max(last, frame.t)
+        if on_time is not None:
+            on_time(frame.t)
+    return Contents(dict(counts), last)
 
 
 def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], None] | None = None) -> Check:
@@ -106,7 +131,7 @@ def _row(role: str, vehicle: Vehicle, values: list[float], duration: float) -> R
     low, median, high = np.percentile(known, [0, 50, 100]) if known.size else (NAN, NAN, NAN)
     lost = 100.0 * (1 - known.size / array.size) if array.size else NAN
     rate = array.size / duration if duration else NAN
-    return Row(role, source, array.size, rate, lost, float(low), float(median), float(high))
+    return Row(role, how.unit, source, array.size, rate, lost, float(low), float(median), float(high))
 
 
 def _signs(samples: list[Sample]) -> list[str]:

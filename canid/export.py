@@ -92,4 +92,4 @@ def _parquet(path: Path, columns: Mapping[str, list[Any]]) -> None:
             db.register("exported", table)
             db.execute(f"COPY exported TO '{target}' (FORMAT parquet, COMPRESSION zstd)")
     except duckdb.IOException as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
+        raise OutputError(f"{path}: cannot be written ({str(error).rpartition(': ')[2]})") from error

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid import pipeline
-from canid.errors import ConfigError
+from canid.errors import CanidError, ConfigError, LogError
 from canid.frames import Log, open_log
 from canid.types import (
     TASK_INPUTS,
@@ -142,7 +142,7 @@ def read_drive(
         progress: called now and then with the fraction that was read.
 
     Raises:
-        ConfigError: the vehicle file is wrong, or nothing in the log is mapped by it.
+        ConfigError: the vehicle file is wrong, nothing in the log is mapped by it, or the part holds no frames.
         LogError: the log cannot be read.
     """
     car = as_vehicle(vehicle)
@@ -165,16 +165,29 @@ def read_drive(
             else:
                 events.append(item)
     shown = health(log, car, state, frames, last, events)
-    if frames and not shown.mapped:
+    if not frames:
+        raise nothing_read(path, start, stop, log.damage)
+    if not shown.mapped:
         raise nothing_mapped(path, car, frames)
     return Drive(trace(samples, car.driver, dt), tuple(estimates), shown)
+
+
+def nothing_read(path: str | Path, start: float, stop: float, damage: Damage | None) -> CanidError:
+    """The error for a log, or a part of one, without any frame."""
+    if damage:
+        return LogError(f"{path}: {damage.says}")
+    if start > 0 or stop < float("inf"):
+        return ConfigError(
+            f"{path}: no frames between {start:g} and {stop:g} s; look with `canid check {path}`"
+        )
+    return LogError(f"{path} holds no frames")
 
 
 def nothing_mapped(path: str | Path, vehicle: Vehicle, frames: int) -> ConfigError:
     """The error for a log in which no mapped id occurs."""
     return ConfigError(
-        f"{path}: none of its {frames} frames has an id that {vehicle.name} maps "
-        f"(is it this vehicle's log? `canid check --vehicle V.toml LOG` lists the ids)"
+        f"{path}: none of its {frames:,} frames has an id that {vehicle.name} maps "
+        f"(is it this vehicle's log? `canid check LOG` lists its ids)"
     )
 
 

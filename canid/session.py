@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
@@ -48,7 +48,7 @@ def session(
     duration: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
     command: Sequence[str] | None = None,
-) -> Iterator[Result | World]:
+) -> Generator[Result | World, None, None]:
     """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
 
     Frames are on their way to the disk before anything else is even imported; whatever the estimators do, the

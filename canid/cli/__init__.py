@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
+from typing import NoReturn
 
 from canid import __version__
-from canid.errors import USAGE, CanidError
+from canid.cli.interrupt import Ended, ending
+from canid.errors import NOT_WRITTEN, USAGE, CanidError, ConfigError
 
 # verb, one line for `canid --help`; the module canid.cli.<verb> has `arguments(parser)` and `run(args) -> int`.
 # It is imported only when its verb is called: start-up stays under 0.1 s, and recording starts before the
@@ -41,6 +44,18 @@ def usage() -> str:
     )
 
 
+class Parser(argparse.ArgumentParser):
+    """argparse whose complaint is one line, as all of ours are."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise ConfigError, with a guess at what was meant."""
+        unknown = re.search(r"unrecognized arguments: (--[\w-]+)", message)
+        known = re.findall(r"--[\w-]+", self.format_usage())
+        close = get_close_matches(unknown[1], known, n=1) if unknown else []
+        hint = f"did you mean {close[0]}?" if close else f"`{self.prog} --help` tells its options"
+        raise ConfigError(f"{self.prog.removeprefix('canid ')}: {message}; {hint}")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     args = list(sys.argv[1:] if argv is None else argv)
@@ -57,19 +72,30 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f'canid: no verb "{args[0]}"{hint}', file=sys.stderr)
         return USAGE
     module = import_module(f"canid.cli.{args[0]}")
-    parser = argparse.ArgumentParser(prog=f"canid {args[0]}", description=dict(VERBS)[args[0]])
+    parser = Parser(prog=f"canid {args[0]}", description=dict(VERBS)[args[0]])
     module.arguments(parser)
     try:
-        code = module.run(parser.parse_args(args[1:]))
+        with ending():
+            code = module.run(parser.parse_args(args[1:]))
         sys.stdout.flush()
         return int(code)
     except CanidError as error:
         print(f"canid: {error}", file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print("canid: interrupted", file=sys.stderr)
-        return 130
+        return error.code if isinstance(error, Ended) else 130
     except BrokenPipeError:
-        # the reader of our output (head, a pager) has had enough; stdout must not be flushed again at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        # the reader of our output (head, a pager) has had enough
+        _forget_output()
         return 0
+    except OSError as error:
+        if error.filename is None:
+            _forget_output()
+        print(f"canid: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
+        return NOT_WRITTEN
+
+
+def _forget_output() -> None:
+    """What stdout could not take must not be flushed again at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

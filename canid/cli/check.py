@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 from canid.cli import options, show
 from canid.errors import CHECK_FAILED, DAMAGED, DONE
 from canid.types import Frame
+
+if TYPE_CHECKING:
+    from canid.vehicle import Vehicle
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +23,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.vehicle(parser, required=False)
     parser.add_argument(
-        "--duration", type=options.seconds, default=5.0, metavar="S", help="how long to listen"
+        "--duration",
+        type=options.seconds,
+        default=5.0,
+        metavar="S",
+        help="how long to listen to a bus; default: 5",
     )
     options.json_file(parser)
     add_bus_arguments(parser)
@@ -27,54 +35,72 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check."""
-    from canid.check import check
     from canid.frames import open_log
     from canid.frames.command_line import named
+    from canid.logs import nothing_read
     from canid.vehicle import read_vehicle
-    from canid.views import table
-    from canid.views.as_json import line
 
-    damage = None
     vehicle = read_vehicle(args.vehicle) if args.vehicle else None
     for warning in vehicle.warnings if vehicle else ():
         options.talk(warning)
-    tell = options.talk if args.json == "-" else print
-    if args.log:
-        log = open_log(args.log)
-        if vehicle is None:
-            for text in table.contents(log):
-                tell(text)
-            return DAMAGED if log.damage else DONE
-        bar = show.Progress(f"reading {args.log}")
-        try:
-            found = check(log, vehicle, lambda _: bar.to(log.progress))
-        finally:
-            bar.close()
-        damage = log.damage
-    elif named(args):
-        if vehicle is None:
-            for text in table.contents(listen(args)):
-                tell(text)
-            return DONE
-        found = check(listen(args), vehicle)
-    elif vehicle is not None:
-        tell(f"{args.vehicle}: in order; {len(vehicle.roles)} roles mapped, output {vehicle.driver.output}")
-        return DONE
-    else:
-        from canid.frames.listen_only import interfaces
-
-        for text in interfaces():
-            tell(text)
-        return DONE
-    for text in table.check(found):
-        tell(text)
-    with options.sink(args.json) as sink:
-        if sink is not None:
-            sink.write(line(table.check_json(found)) + "\n")
-    if damage:
-        options.talk(damage.says)
+    if not args.log and not named(args):
+        return alone(args, vehicle)
+    log = open_log(args.log) if args.log else None
+    bar = show.Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s")
+    try:
+        if log is None:
+            text, told, problems = look(listen(args), vehicle)
+        else:
+            text, told, problems = look(log, vehicle, lambda _: bar.to(log.progress))
+    finally:
+        bar.close()
+    if log and not told["frames"]:
+        raise nothing_read(args.log, 0.0, float("inf"), log.damage)
+    say(args, text, told)
+    if log and log.damage:
+        options.talk(log.damage.says)
         return DAMAGED
-    return CHECK_FAILED if found.problems else DONE
+    return CHECK_FAILED if problems else DONE
+
+
+def look(
+    frames: Iterable[Frame], vehicle: Vehicle | None, on_time: Callable[[float], None] | None = None
+) -> tuple[list[str], dict[str, Any], int]:
+    """What the frames hold, for this vehicle or for none: lines, the same as JSON, and how many problems."""
+    from canid.check import check, contents
+    from canid.views import table
+
+    if vehicle is None:
+        seen = contents(frames, on_time)
+        return table.contents(seen), table.contents_json(seen), 0
+    found = check(frames, vehicle, on_time)
+    return table.check(found), table.check_json(found), len(found.problems)
+
+
+def alone(args: argparse.Namespace, vehicle: Vehicle | None) -> int:
+    """Without log and bus: is the vehicle file in order, or what buses could there be."""
+    from canid.frames.listen_only import interfaces
+
+    if vehicle is None:
+        known = list(interfaces())
+        text = ["python-can's interfaces, and whether they can be made to listen only:", *known]
+        say(args, text, {"interfaces": known})
+    else:
+        n = len(vehicle.roles)
+        text = [f"{args.vehicle}: in order; {n} roles mapped, output {vehicle.driver.output}"]
+        say(args, text, {"roles": list(vehicle.roles), "output": vehicle.driver.output})
+    return DONE
+
+
+def say(args: argparse.Namespace, text: list[str], told: dict[str, Any]) -> None:
+    """Print the lines, and write the JSON."""
+    from canid.views.as_json import line
+
+    for each in text:
+        (options.talk if args.json == "-" else print)(each)
+    with options.sink(args.json, overwrite=args.force) as sink:
+        if sink is not None:
+            sink.write(line(told) + "\n")
 
 
 def listen(args: argparse.Namespace) -> Iterator[Frame]:

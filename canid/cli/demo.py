@@ -25,8 +25,16 @@ SETTLE = 1.0
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("-o", "--output", metavar="DIR", default="demo_out", help="where the recording goes")
-    parser.add_argument("--speed", type=options.speed, default=SPEED, metavar="X", help=f"default: {SPEED:g}")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", default="demo_out", help="folder of the recording; default: demo_out"
+    )
+    parser.add_argument(
+        "--speed",
+        type=options.speed,
+        default=SPEED,
+        metavar="X",
+        help=f"times as fast as the drive was; default: {SPEED:g}",
+    )
     options.json_file(parser)
 
 
@@ -66,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
             record=str(out / "demo.blf"),
             duration=None,
             json=args.json,
+            force=args.force,
             stop=lambda: stop() or ended.is_set(),
         )
     if stop():

@@ -10,7 +10,7 @@ from canid.errors import DAMAGED, DONE
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("logs", metavar="LOG", nargs="+")
+    parser.add_argument("logs", metavar="LOG", nargs="+", help=options.LOGS)
     options.vehicle(parser)
     options.part(parser)
     options.json_file(parser)
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     tell = options.talk if args.json == "-" else print
     objects = []
     code = DONE
-    with options.sink(args.json) as sink:
+    with options.sink(args.json, overwrite=args.force) as sink:
         for path in args.logs:
             log = open_log(path)
             bar = show.Progress(f"reading {path}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import tomllib
 from pathlib import Path
 
 from canid.cli import options
@@ -11,19 +12,27 @@ from canid.errors import DONE
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("dbc", metavar="FILE.dbc")
-    parser.add_argument("-o", "--output", metavar="V.toml", help="default: standard output")
-    options.force(parser)
+    parser.add_argument("dbc", metavar="FILE.dbc", nargs="+", help="the vehicle's DBC files")
+    parser.add_argument(
+        "-o", "--output", metavar="V.toml", help="where to write it; default: standard output"
+    )
+    options.json_file(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Propose."""
     from canid.vehicle import propose
+    from canid.views import as_json
 
-    text = propose(Path(args.dbc))
-    with options.sink(args.output or "-", overwrite=args.force) as sink:
-        assert sink is not None
-        sink.write(text)
+    # paths in it are relative to where it will be; what is printed is redirected to a file here, if anywhere
+    text = propose(args.dbc, Path(args.output).parent if args.output else ".")
+    toml = args.output or ("-" if args.json != "-" else None)
+    with options.sink(toml, overwrite=args.force) as sink:
+        if sink is not None:
+            sink.write(text)
+    with options.sink(args.json, overwrite=args.force) as sink:
+        if sink is not None:
+            sink.write(as_json.line({"files": args.dbc, "proposed": tomllib.loads(text)}) + "\n")
     if args.output:
         options.talk(
             f"{args.output} written: read its comments, then `canid check --vehicle {args.output} LOG`"

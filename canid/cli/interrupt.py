@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 # what a terminal, a service manager and a closed ssh session send
@@ -42,3 +45,30 @@ class Interrupt:
     def code(self) -> int:
         """The exit code that shells expect of an interrupted program: 130 for Ctrl-C, 143 for SIGTERM."""
         return 128 + self.signal
+
+
+class Ended(KeyboardInterrupt):
+    """SIGTERM or SIGHUP, raised where Ctrl-C would be: files are closed on the way out."""
+
+    def __init__(self, number: int) -> None:
+        """Note which signal it was."""
+        super().__init__(number)
+        self.code = 128 + number
+
+
+@contextmanager
+def ending() -> Iterator[None]:
+    """Verbs without a loop that asks `Interrupt` end like this on SIGTERM and SIGHUP."""
+
+    def end(number: int, _: FrameType | None) -> None:
+        raise Ended(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python lets the main thread alone set handlers
+        return
+    before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -11,6 +11,9 @@ from typing import TextIO
 
 from canid.errors import OutputError
 
+# what every reader of logs takes
+LOGS = ".blf, .asc, candump .log, .csv, .trc or .mf4"
+
 
 def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """--vehicle."""
@@ -23,13 +26,11 @@ def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
 
 
 def json_file(parser: argparse.ArgumentParser) -> None:
-    """--json."""
+    """--json, and --force for what exists."""
     parser.add_argument("--json", metavar="FILE", help='the same numbers as JSON; "-" is standard output')
-
-
-def force(parser: argparse.ArgumentParser) -> None:
-    """--force."""
-    parser.add_argument("--force", action="store_true", help="overwrite files that exist")
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite results that exist (never a recording)"
+    )
 
 
 def part(parser: argparse.ArgumentParser) -> None:
@@ -56,6 +57,22 @@ def seconds(text: str) -> float:
     return value
 
 
+def above_zero(text: str) -> float:
+    """A number above 0, for argparse.
+
+    Example:
+        >>> above_zero("0.1")
+        0.1
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f'"{text}" is not a number above 0')
+    return value
+
+
 def speed(text: str) -> float:
     """A replay speed, for argparse: a factor, or max.
 
@@ -74,24 +91,51 @@ def speed(text: str) -> float:
     return value
 
 
+def refuse_to_overwrite(path: str | Path, *, force: bool) -> None:
+    """Raise OutputError for a file that exists, unless forced; a device or pipe may be written to."""
+    if Path(path).is_file() and not force:
+        raise OutputError(f"{path}: exists already; choose another name or use --force")
+
+
 @contextmanager
-def sink(name: str | None, *, overwrite: bool = True) -> Iterator[TextIO | None]:
+def sink(name: str | None, *, overwrite: bool = False) -> Iterator[TextIO | None]:
     """The file that --json names; "-" is standard output, None is none.
 
+    A command that fails before it has written anything leaves no empty file behind.
+
     Raises:
-        OutputError: it cannot be written.
+        OutputError: it exists already and may not be overwritten, or cannot be written.
     """
     if name is None or name == "-":
         yield sys.stdout if name else None
         return
     path = Path(name)
-    if path.exists() and not overwrite:
-        raise OutputError(f"{name}: exists already; choose another name or use --force")
+    existed = path.exists()
+    refuse_to_overwrite(path, force=overwrite)
     try:
-        with path.open("w", encoding="utf-8") as file:
-            yield file
+        file = path.open("w", encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"{name}: cannot be written ({error.strerror})") from error
+        raise _unwritable(name, error) from error
+    try:
+        yield file
+    except BaseException:
+        # what is in it stays, and an error of the file itself comes up again here
+        _close(file, name)
+        if not existed and path.is_file() and path.stat().st_size == 0:
+            path.unlink()
+        raise
+    _close(file, name)
+
+
+def _close(file: TextIO, name: str) -> None:
+    try:
+        file.close()
+    except OSError as error:
+        raise _unwritable(name, error) from error
+
+
+def _unwritable(name: str, error: OSError) -> OutputError:
+    return OutputError(f"{name}: cannot be written ({error.strerror})")
 
 
 def talk(text: str) -> None:

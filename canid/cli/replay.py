@@ -13,7 +13,7 @@ from canid.views.screen import BusLine, View
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("log", metavar="LOG", help=".blf, .asc, candump .log, .csv, .trc or .mf4")
+    parser.add_argument("log", metavar="LOG", help=options.LOGS)
     options.vehicle(parser, required=False)
     parser.add_argument("--speed", type=options.speed, metavar="1|10|max", help="default: max; onto a bus: 1")
     options.part(parser)
@@ -40,12 +40,12 @@ def run(args: argparse.Namespace) -> int:
     for warning in vehicle.warnings:
         options.talk(warning)
     log = open_log(args.log)
-    view = View(f"canid replay · {args.log} · {vehicle.name}", output=vehicle.driver.output)
+    view = View(f"canid replay · {log.path.name} · {vehicle.name}", output=vehicle.driver.output)
     tally = summary.Tally()
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
     speed = args.speed or float("inf")
-    with options.sink(args.json) as sink:
+    with options.sink(args.json, overwrite=args.force) as sink:
         screen = show.display(view, json=args.json)
         began = time.monotonic()
         try:
@@ -70,9 +70,10 @@ def run(args: argparse.Namespace) -> int:
                     screen.lines([BusLine(f"{frames:,} frames   {at}")])
         finally:
             screen.close()
+        if not frames:
+            # inside: so that no empty JSON file is left
+            raise logs.nothing_read(args.log, args.start, args.stop, log.damage)
     found = logs.health(log, vehicle, state, frames, last, events)
-    if not frames:
-        raise ConfigError(f"{args.log}: no frames between {args.start:g} and {args.stop:g} s")
     if not found.mapped:
         raise logs.nothing_mapped(args.log, vehicle, frames)
     tell = options.talk if args.json == "-" else print

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import Any
 
 from canid.cli import options, show
 from canid.cli.interrupt import Interrupt
@@ -11,7 +13,7 @@ from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.frames.bus import ReceiveOnlyBus
 from canid.session import Result, World, session
 from canid.types import Estimate
-from canid.views import summary, world
+from canid.views import as_json, summary, world
 from canid.views.screen import BusLine, View
 
 # s after which a mapped signal that never came is told: slow messages come once a second
@@ -39,7 +41,14 @@ def run(args: argparse.Namespace, *, vehicle: str | None, record: str | None) ->
     view = View(title)
     with Interrupt() as stop:
         code, _ = watch(
-            buses, vehicle, view, record=record, duration=args.duration, json=args.json, stop=stop
+            buses,
+            vehicle,
+            view,
+            record=record,
+            duration=args.duration,
+            json=args.json,
+            force=args.force,
+            stop=stop,
         )
     return stop.code if stop() and code == DONE else code
 
@@ -52,32 +61,72 @@ def watch(
     record: str | None,
     duration: float | None,
     json: str | None,
+    force: bool,
     stop: Callable[[], bool],
 ) -> tuple[int, summary.Tally]:
-    """Show a session until it ends; returns the exit code and what was estimated."""
+    """Show a session until it ends; returns the exit code and what was estimated.
+
+    A view or a JSON file that cannot be written ends a session that only looks, never one that records.
+    """
+    try:
+        return _watch(buses, vehicle, view, record, duration, json, force, stop)
+    finally:
+        for bus in buses:
+            bus.shutdown()
+
+
+def _watch(
+    buses: Sequence[ReceiveOnlyBus],
+    vehicle: str | None,
+    view: View,
+    record: str | None,
+    duration: float | None,
+    json: str | None,
+    force: bool,
+    stop: Callable[[], bool],
+) -> tuple[int, summary.Tally]:
     tally = summary.Tally()
     last: World | None = None
-    with options.sink(json) as sink:
+    blind = False
+    with options.sink(json, overwrite=force) as sink:
         screen = show.display(view, json=json)
-        try:
-            running = session(buses, vehicle, record=record, duration=duration, stopped=stop)
-            for item in running:
-                if isinstance(item, World):
-                    last = item
-                    for event in item.events:
-                        screen.put(event)
-                    screen.lines(lines(item))
-                    continue
-                assert isinstance(item, Result)
-                screen.put(item.item)
-                if isinstance(item.item, Estimate):
-                    tally.put(item.item)
-                    show.write_json(sink, item.item)
-                    if sink is not None:
-                        sink.flush()
-        finally:
-            screen.close()
-    assert last is not None
+
+        def put(item: Result | World) -> None:
+            if isinstance(item, World):
+                for event in item.events:
+                    screen.put(event)
+                screen.lines(lines(item))
+                return
+            screen.put(item.item)
+            if isinstance(item.item, Estimate):
+                show.write_json(sink, item.item)
+                if sink is not None:
+                    sink.flush()
+
+        with closing(session(buses, vehicle, record=record, duration=duration, stopped=stop)) as running:
+            try:
+                for item in running:
+                    if isinstance(item, World):
+                        last = item
+                    elif isinstance(item.item, Estimate):
+                        tally.put(item.item)
+                    if blind:
+                        continue
+                    try:
+                        put(item)
+                    except OSError as error:
+                        if not record:
+                            raise
+                        blind = True
+                        options.talk(f"output cannot be written ({error.strerror}); the recording goes on")
+            finally:
+                if not blind:
+                    screen.close()
+        assert last is not None
+        if sink is not None and vehicle is None and not blind:
+            sink.write(as_json.line(to_json(last)) + "\n")
+    if blind:
+        return NOT_WRITTEN, tally
     tell = options.talk if json == "-" else print
     tell("")
     for line in lines(last):
@@ -87,6 +136,14 @@ def watch(
     for text in summary.health(None, "", last.counters, ()):
         options.talk(text)
     return code_of(last, lost=not stop() and last.lost), tally
+
+
+def to_json(now: World) -> dict[str, Any]:
+    """What `canid record --json` tells in the end."""
+    r = now.recorder
+    buses = [b._asdict() | {"load": as_json.number(b.load)} for b in r.buses]
+    told = {key: getattr(r, key) for key in ("state", "frames", "written", "bytes", "errors")}
+    return told | {"path": str(r.path or ""), "elapsed": now.elapsed, "drops": r.drops_bus, "buses": buses}
 
 
 def lines(now: World) -> list[BusLine]:

@@ -14,6 +14,8 @@ from canid.views.screen import BusLine, View, render, update
 
 # s between two plain lines of the same estimator with the same status
 LINE_EVERY = 5.0
+# the same where nothing is estimated and the sentence stays the same: enough to see that time passes
+SAME_EVERY = 30.0
 # redraws per second: readable, and a few per cent of a core
 REDRAW = 8.0
 
@@ -50,7 +52,7 @@ class Plain:
     def __init__(self, stream: TextIO) -> None:
         """Write to `stream`."""
         self._stream = stream
-        self._said: dict[str, tuple[float, Status]] = {}
+        self._said: dict[str, Estimate] = {}
         self._wrong: set[str] = set()
 
     def put(self, item: Sample | Estimate | Event) -> None:
@@ -58,9 +60,11 @@ class Plain:
         if isinstance(item, Event):
             print(f"canid: {item.says}", file=sys.stderr, flush=True)
         elif isinstance(item, Estimate):
-            t, status = self._said.get(item.estimator, (-LINE_EVERY, None))
-            if status is not item.status or item.t - t >= LINE_EVERY - 1e-6:
-                self._said[item.estimator] = (item.t, item.status)
+            before = self._said.get(item.estimator)
+            same = before is not None and before.says == item.says and item.status is not Status.OK
+            every = SAME_EVERY if same else LINE_EVERY
+            if before is None or before.status is not item.status or item.t - before.t >= every - 1e-6:
+                self._said[item.estimator] = item
                 print(words.estimate(item), file=self._stream, flush=True)
 
     def lines(self, lines: Iterable[BusLine]) -> None:

@@ -16,10 +16,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", metavar="OUT.blf", help="the log to write; the suffix chooses the format")
     options.vehicle(parser, required=False)
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="the same seed gives the same bytes")
-    parser.add_argument("--minutes", type=float, default=3.0, metavar="M")
+    parser.add_argument(
+        "--minutes", type=options.above_zero, default=3.0, metavar="M", help="length of the drive; default: 3"
+    )
     parser.add_argument("--noise", choices=NOISES, default="ar1", help="colour of the driver's own noise")
-    parser.add_argument("--profile", choices=PROFILES, default="mixed")
-    options.force(parser)
+    parser.add_argument(
+        "--profile",
+        choices=PROFILES,
+        default="mixed",
+        help="what the vehicle ahead does, or lane; default: mixed",
+    )
     options.json_file(parser)
 
 
@@ -33,15 +39,15 @@ def run(args: argparse.Namespace) -> int:
     simulation = simulate(minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise)
     out = Path(args.out)
     beside = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
-    if beside.exists() and not args.force:
-        raise OutputError(f"{beside}: exists already; choose another name or use --force")
+    for path in (out, beside):
+        options.refuse_to_overwrite(path, force=args.force)
     write_log(out, frames(simulation, vehicle), START_UTC, overwrite=args.force)
     truth = truth_text(simulation, vehicle)
     try:
         beside.write_text(truth, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{beside}: cannot be written ({error.strerror})") from error
-    with options.sink(args.json) as sink:
+    with options.sink(args.json, overwrite=args.force) as sink:
         if sink is not None:
             sink.write(truth)
     options.talk(f"{out} written, its truth in {beside}")

@@ -129,8 +129,10 @@ def resolve(config: Mapping[str, Any]) -> dict[str, Any]:
     try:
         found = python_can.load().util.load_config(config=given, context=given.pop("config_context", None))
     except Exception as error:  # of any kind, from files that the user wrote
+        # what python-can says where nothing at all names an interface
+        why = "none is named" if '"None"' in str(error) else _one_line(error)
         raise BusError(
-            f"no bus: {_one_line(error)}; name one with -i INTERFACE -c CHANNEL, in can.conf or CAN_INTERFACE"
+            f"no bus: {why}; name one with -i INTERFACE -c CHANNEL, in can.conf or CAN_INTERFACE"
         ) from None
     return {key: value for key, value in found.items() if value is not None}
 

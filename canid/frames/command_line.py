@@ -10,8 +10,10 @@ import argparse
 import ast
 import time
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from typing import Any
 
+from canid.errors import ConfigError
 from canid.frames import python_can
 from canid.frames.bus import INVERTED, open_buses
 from canid.types import Frame
@@ -71,7 +73,7 @@ def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def configs_of(namespace: argparse.Namespace) -> list[dict[str, Any]]:
-    """python-can's keyword arguments, one dict per bus.
+    """python-can's keyword arguments, one dict per bus. Raises ConfigError for an interface that nobody knows.
 
     >>> parser = argparse.ArgumentParser()
     >>> add_bus_arguments(parser)
@@ -80,6 +82,8 @@ def configs_of(namespace: argparse.Namespace) -> list[dict[str, Any]]:
     """
     given = vars(namespace)
     config: dict[str, Any] = {name: given[name] for name in _NAMES if name in given}
+    if "interface" in config:
+        _known(config["interface"])
     if "timing" in config:
         config["timing"] = _timing(dict(config["timing"]))
     config |= dict(given.get("bus_kwargs", ()))
@@ -130,6 +134,14 @@ def can_filter(text: str) -> dict[str, int]:
         raise argparse.ArgumentTypeError(f"{text!r} is no filter (such as 100:7FC, in hex)") from None
 
 
+def _known(interface: str) -> None:
+    names = sorted(python_can.load().VALID_INTERFACES)
+    if interface not in names:
+        close = get_close_matches(interface, names, n=1)
+        hint = f'did you mean "{close[0]}"?' if close else f"python-can has {', '.join(names)}"
+        raise ConfigError(f'no interface "{interface}"; {hint}')
+
+
 def _value(text: str) -> tuple[str, Any]:
     name, separator, value = text.partition("=")
     name = name.replace("-", "_")
@@ -153,4 +165,4 @@ def _timing(given: dict[str, int]) -> Any:
     try:
         return (can.BitTimingFd if "nom_brp" in given else can.BitTiming)(**given)
     except (TypeError, ValueError) as error:
-        raise argparse.ArgumentTypeError(f"--timing: {error}") from None
+        raise ConfigError(f"--timing: {error}") from None

@@ -6,12 +6,14 @@ import math
 
 from canid.types import NAN, Channel, Identifiable, Interval
 
-# s. 0.15 s of tau and 0.10 s of dead time give 95 % intervals of ±0.3 and ±0.2 s: about half of what drivers
-# have (tau 0.4-0.7 s, dead time 0.2-0.4 s; Grover 2021), the most with which one driver can still be told
-# from another. The sum is asked for to 0.2 s for the same reason. Without a limit the physical box itself
-# (sd 0.87 and 0.43 s) would be reported as if it were knowledge.
-TAU_SD = 0.15
-DEAD_TIME_SD = 0.10
+# s. tau and dead time are told apart where each is known to half of what drivers differ by (tau 0.4-0.7 s, dead time
+# 0.2-0.4 s; Grover 2021), and the intervals are then believed: radar noise that whitening lifts moves tau up and
+# dead time down by up to 0.2 s at the same sum, which windows that tell them less sharply hide in their width.
+# The sum is not moved.
+TAU_SD = 0.10
+DEAD_TIME_SD = 0.05
+# s, half of what the sum differs by between drivers. Without a limit the physical box itself (sd 1 s) would be
+# reported as if it were knowledge.
 SUM_SD = 0.20
 
 # A gain is told where it is three standard deviations from zero: then its sign and its size mean something.

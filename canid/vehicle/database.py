@@ -40,6 +40,8 @@ def load(path: Path, bus: int | None) -> tuple[Dbc, list[str]]:
     Raises:
         ConfigError: the file is missing, or no DBC at all, or without messages.
     """
+    if path.is_dir():
+        raise ConfigError(f"{path} is a folder: name a DBC file in it")
     if not path.is_file():
         raise ConfigError(f"DBC file {path} does not exist")
     database, warnings = _parse(path)
@@ -63,7 +65,10 @@ def _parse(path: Path) -> tuple[Database, list[str]]:
             loaded = cantools.database.load_file(path, strict=False)
         except (cantools.Error, ValueError, KeyError, OSError, UnicodeError) as error:
             line = " ".join(str(error).split())[:160]
-            raise ConfigError(f"{path} is no DBC that can be read: {line}") from error
+            # cantools marks the place with signs of its own, inside the quoted line
+            place = re.search(r"line \d+, column \d+", line)
+            what = f"syntax error in {place[0]}" if place else line
+            raise ConfigError(f"{path} is no DBC that can be read: {what}") from error
     if not isinstance(loaded, cantools.database.can.Database):
         raise ConfigError(f"{path} is a diagnostics file, not a DBC")
     return loaded, [f"{path.name}: {line}" for line in said]

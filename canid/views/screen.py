@@ -64,12 +64,16 @@ def _by_name(e: Estimate) -> str:
 
 
 def render(view: View) -> RenderableType:
-    """Draw the view."""
-    parts: list[RenderableType] = [_now(view), _estimates(view)]
+    """Draw the view: some 96 columns and 20 lines, whose places do not move while numbers come and go."""
+    parts: list[RenderableType] = [_now(view)]
+    held = {e.estimator: e for e in view.held}
+    for latest in view.estimates:
+        parts += [Text(), *_estimator(latest, held.get(latest.estimator), view.output)]
     if view.truth:
         known = Text("truth  ", style="bold magenta")
         known.append("   ".join(f"{name}: {values}" for name, values in view.truth), style="magenta")
-        parts.append(known)
+        parts += [Text(), known]
+    parts.append(Text())
     parts += [Text(line.says, style="bold red" if line.wrong else "dim") for line in view.lines]
     parts += [Text(f"• {event.says}", style="yellow") for event in view.events]
     return Panel(Group(*parts), title=view.title, subtitle=words.clock(view.t), title_align="left")
@@ -80,56 +84,65 @@ def _now(view: View) -> Text:
     if view.sample is None:
         return Text("waiting for the first frames …", style="dim")
     signals = view.sample.signals
+    # right-aligned in the width of 199.9 and -19.9, so that nothing jumps
     for role, unit in SHOWN.items():
         if role in signals:
-            value = signals[role]
-            shown = f"{value:.1f}" if value == value else "–"
             text.append(f"{role.replace('_', ' ')} ", style="dim")
-            text.append(f"{shown} {unit}   ", style="bold")
-    value = view.sample.output
+            text.append(f"{_short(signals[role]):>5} {unit}   ", style="bold")
     text.append(f"{view.output.replace('_', ' ')} ", style="dim")
-    shown = f"{value:.1f}" if value == value else "–"
-    text.append(f"{shown} {words.OUTPUT_UNITS.get(view.output, '')}", style="bold")
-    if view.sample.gate is not Gate.OPEN:
-        text.append(f"\n{view.sample.gate.value}", style="cyan")
+    text.append(f"{_short(view.sample.output):>5} {words.OUTPUT_UNITS.get(view.output, '')}", style="bold")
+    gate = view.sample.gate
+    if gate is not Gate.OPEN:
+        text.append(f"\n{gate.value}", style="cyan")
+    elif view.sample.learn:
+        text.append("\nlearning", style="green")
+    else:
+        text.append("\nsettling: the estimators wait until what was before has died away", style="cyan")
     return text
 
 
-def _estimates(view: View) -> Table:
-    unit = words.OUTPUT_UNITS.get(view.output, "")
-    table = Table(box=None, pad_edge=False, expand=True)
-    for head in ("answer to", "by", "K", "τ  s", "θ  s", "can be told", "status"):
-        table.add_column(head, no_wrap=head != "status")
-    held = {e.estimator: e for e in view.held}
-    for latest in view.estimates:
-        ok = latest.status is Status.OK
-        shown = latest if ok else held.get(latest.estimator, latest)
-        for row, (name, ch) in enumerate(shown.channels.items()):
-            style = "" if ok else "dim"
-            status = Text(latest.status.value, style=COLOURS[latest.status]) if row == 0 else Text("")
-            if row == 0 and ok and latest.fit_percent == latest.fit_percent:
-                status.append(f"  fit {latest.fit_percent:.0f} %", style="dim")
-            table.add_row(
-                Text(f"{words.INPUT_WORDS.get(name, name)} [{unit}/{words.INPUT_UNITS.get(name, '')}]"),
-                latest.estimator,
-                Text(words.interval(ch.K), style="bold" if ok else "dim"),
-                *(Text(cell, style=style) for cell in _delays(ch)),
-                Text(words.CAN_TELL[ch.status], style=style),
-                status,
-            )
-        age = f" (shown: {shown.t:.0f} s)" if not ok and shown is not latest else ""
-        swing = ", ".join(
-            f"{words.INPUT_WORDS.get(n, n)} ±{x:.2g} {words.INPUT_UNITS.get(n, '')}"
-            for n, x in latest.excitation.items()
-            if x == x
+def _short(value: float) -> str:
+    return f"{value:.1f}" if value == value else "–"
+
+
+def _estimator(latest: Estimate, held: Estimate | None, output: str) -> list[RenderableType]:
+    """Head, one row per input, sentence. Without an estimate now, the last good one stays, dimmed."""
+    ok = latest.status is Status.OK
+    shown = latest if ok or held is None else held
+    head = Text(f"{latest.estimator:7}", style="bold")
+    head.append(f"{latest.status.value:13}", style=COLOURS[latest.status])
+    if shown.fit_percent == shown.fit_percent:
+        head.append(f"fit {shown.fit_percent:.0f} %   ")
+    if shown.used == shown.used:
+        head.append(f"from {shown.used:.0f} s of driving   ")
+    if not ok and held is not None:
+        head.append(f"last told at {words.clock(held.t)}", style="yellow")
+    table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 1, 0, 0))
+    # widths of "headway error", "-16.45 [-22.28, -11.05] m/s² per m/s", "τ 0.06 [0.03, 0.20] s  θ ..."
+    for width in (14, 33, 45):
+        table.add_column(width=width, no_wrap=True)
+    for name, ch in shown.channels.items():
+        table.add_row(
+            Text(f" {words.INPUT_WORDS.get(name, name)}"),
+            _gain(ch, f"{words.OUTPUT_UNITS.get(output, '')} per {words.INPUT_UNITS.get(name, '')}", ok),
+            Text(_delays(ch), style="" if ok else "dim"),
         )
-        table.add_row(Text(f"  {latest.says}{age}" + (f"  excitation {swing}" if swing else ""), style="dim"))
-    return table
+    swing = " · ".join(
+        f"{words.INPUT_WORDS.get(name, name)} ±{x:.2g} {words.INPUT_UNITS.get(name, '')}"
+        for name, x in latest.excitation.items()
+        if x == x
+    )
+    says = Text(f" {latest.says}", style="dim" if ok else COLOURS[latest.status])
+    return [head, table, Text(f" excitation: {swing or '–'}", style="dim"), says]
 
 
-def _delays(ch: Channel) -> tuple[str, str]:
-    if ch.status is Identifiable.OK:
-        return words.interval(ch.tau), words.interval(ch.dead_time)
-    if ch.status is Identifiable.SUM_ONLY:
-        return f"τ+θ {words.interval(ch.tau_plus_dead_time)}", ""
-    return "–", "–"
+def _gain(ch: Channel, unit: str, ok: bool) -> Text:
+    if ch.status is Identifiable.NOT:
+        return Text("–  not identifiable", style="dim")
+    text = Text(f"K {words.interval(ch.K)}", style="bold green" if ok else "dim")
+    text.append(f" {unit}", style="not bold dim")
+    return text
+
+
+def _delays(ch: Channel) -> str:
+    return "τ, θ cannot be told" if ch.status is Identifiable.GAIN_ONLY else words.lag(ch)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from canid.check import Check
-from canid.types import Frame
+from canid.check import Check, Contents
+from canid.types import NAN
 from canid.views.as_json import number
 
 
@@ -44,6 +43,7 @@ def check(found: Check) -> list[str]:
     rows = [
         (
             row.role,
+            row.unit,
             row.source,
             f"{row.readings:,}",
             short(row.rate),
@@ -55,10 +55,14 @@ def check(found: Check) -> list[str]:
         for row in found.rows
     ]
     lines = [f"{found.frames:,} frames, {len(found.ids)} ids, {found.duration:.1f} s", ""]
-    lines += columns(("role", "from", "readings", "1/s", "missing %", "low", "median", "high"), rows)
+    lines += columns(("role", "unit", "from", "readings", "1/s", "missing %", "low", "median", "high"), rows)
     lines += ["", "time: " + ", ".join(f"{gate} {share:.0f} %" for gate, share in found.gates.items())]
     lines += list(found.remarks)
-    lines += ["", *(f"✗ {problem}" for problem in found.problems)] if found.problems else ["", "✓ in order"]
+    lines += (
+        ["", *(f"✗ {problem}" for problem in found.problems)]
+        if found.problems
+        else ["", "✓ the vehicle file fits"]
+    )
     return lines
 
 
@@ -70,6 +74,7 @@ def check_json(found: Check) -> dict[str, Any]:
         "roles": {
             row.role: {
                 "from": row.source,
+                "unit": row.unit,
                 "readings": row.readings,
                 "rate": number(row.rate),
                 "missing_percent": number(row.missing_percent),
@@ -85,16 +90,26 @@ def check_json(found: Check) -> dict[str, Any]:
     }
 
 
-def contents(frames: Iterable[Frame]) -> list[str]:
-    """What is in a log, without a vehicle file: ids, counts, rates."""
-    counts: Counter[tuple[int, int, int]] = Counter()
-    last = 0.0
-    for frame in frames:
-        counts[frame.bus, frame.id, len(frame.data)] += 1
-        last = max(last, frame.t)
+def contents(found: Contents) -> list[str]:
+    """What is in a log, without a vehicle file."""
     rows = [
-        (f"bus {bus}", f"0x{id_:X}", str(length), f"{n:,}", short(n / last if last else float("nan")))
-        for (bus, id_, length), n in sorted(counts.items())
+        (
+            f"bus {bus}",
+            f"0x{id_:X}",
+            str(length),
+            f"{n:,}",
+            short(n / found.duration if found.duration else NAN),
+        )
+        for (bus, id_, length), n in sorted(found.frames.items())
     ]
-    total = f"{sum(counts.values()):,} frames, {len(rows)} ids, {last:.1f} s"
+    total = f"{sum(found.frames.values()):,} frames, {len(rows)} ids, {found.duration:.1f} s"
     return [total, "", *columns(("bus", "id", "bytes", "frames", "1/s"), rows)]
+
+
+def contents_json(found: Contents) -> dict[str, Any]:
+    """The same for programs."""
+    ids = [
+        {"bus": bus, "id": id_, "bytes": length, "frames": n}
+        for (bus, id_, length), n in sorted(found.frames.items())
+    ]
+    return {"frames": sum(found.frames.values()), "duration": found.duration, "ids": ids}

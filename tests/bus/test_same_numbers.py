@@ -74,7 +74,7 @@ def between_processes(
     until(lambda: told.read_text().endswith("\n") and rows(told.read_text())[-1]["t"] > PART - 1.0)
     assert live.end(number) == 128 + number, live.says()
     assert " 0 dropped" in live.printed(), live.printed()
-    assert "not estimated" not in live.printed()
+    assert "not estimated" not in live.printed(), live.says()
     return rows(told.read_text()), 0
 
 

@@ -63,10 +63,10 @@ def test_names_are_unique_and_belong_to_the_estimator():
 
 
 def test_finds_the_planted_gain_and_keeps_the_form(estimator, driven, estimates):
-    """Over 90 s of following every estimate is well formed, and at the end K of range rate is right."""
+    """Over 150 s of following every estimate is well formed, and at the end K of range rate is right."""
     right, told = 0, 0
     for seed in range(3):
-        found, _ = estimates(estimator, driven(seed))
+        found, _ = estimates(estimator, driven(seed, 150.0))
         for estimate in found:
             check(estimate)
             assert estimate.estimator == estimator.name

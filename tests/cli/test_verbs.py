@@ -1,0 +1,315 @@
+"""Every verb, as a user runs it on a real log of replay_logs."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import os
+import pty
+import re
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+import pytest
+
+from canid import read_trace
+from canid.cli import VERBS
+from canid.errors import CHECK_FAILED, DONE
+from canid.export import write_table
+from canid.vehicle import read_vehicle
+from canid.vehicle.reading import shipped
+
+Canid = Callable[..., Any]
+ROOT = Path(__file__).parents[2]
+URBAN = ROOT / "replay_logs/following_urban.blf"
+DATA = ROOT / "../shared/data"
+INTERVAL = {"value", "low", "high"}
+CHANNEL = {"K", "tau", "dead_time", "tau_plus_dead_time", "status"}
+# s of the log: both estimators have begun by then, and it is read in a second
+PART = ("--vehicle", "generic", "--stop", 40)
+
+
+def is_estimate(line: dict[str, Any]) -> None:
+    """The names that docs/json.md promises."""
+    assert {"t", "estimator", "status", "says", "channels", "fit_percent", "excitation", "used"} <= set(line)
+    assert line["estimator"] in ("armax", "fopdt")
+    assert set(line["channels"]) == {"headway_error", "range_rate"}
+    for channel in line["channels"].values():
+        assert set(channel) >= CHANNEL
+        for name in CHANNEL - {"status"}:
+            assert set(channel[name]) == INTERVAL
+
+
+@pytest.mark.parametrize("verb", [name for name, _ in VERBS])
+def test_every_option_is_explained(canid: Canid, verb: str) -> None:
+    """`canid VERB --help` ends with 0, and no option or argument of it is without an explanation."""
+    ran = canid(verb, "--help")
+    assert (ran.code, ran.err) == (DONE, "")
+    parser = argparse.ArgumentParser()
+    import_module(f"canid.cli.{verb}").arguments(parser)
+    actions = [action for action in parser._actions if action.dest != "help"]
+    assert actions
+    assert [action.dest for action in actions if not action.help] == []
+    assert any(action.dest == "json" for action in actions)
+
+
+def test_help_lists_the_verbs(canid: Canid) -> None:
+    """Every verb stands in `canid --help`; without arguments it is shown as well, with exit 2."""
+    ran = canid("--help")
+    assert ran.code == DONE
+    assert all(name in ran.out and says in ran.out for name, says in VERBS)
+    assert (canid().code, canid().out) == (2, ran.out)
+    assert re.fullmatch(r"canid \d+\.\d+\.\d+\n", canid("--version").out)
+
+
+# --- replay -----------------------------------------------------------------------------------------------
+
+
+def test_replay_gives_estimates_as_lines(canid: Canid) -> None:
+    """`--json -` puts JSON lines alone on standard output, every one with the promised names; twice the same."""
+    ran = canid("replay", URBAN, *PART, "--json", "-")
+    assert ran.code == DONE
+    lines = [json.loads(line) for line in ran.out.splitlines()]
+    assert len(lines) > 140  # two estimators, twice a second
+    for line in lines:
+        is_estimate(line)
+    assert any(line["status"] == "ok" for line in lines)
+    assert "Generic car-following vehicle" in ran.err  # the summary is talk here
+    assert canid("replay", URBAN, *PART, "--json", "-").out == ran.out
+
+
+def test_replay_of_a_part(canid: Canid) -> None:
+    """Between --start and --stop, with the log's own times."""
+    ran = canid("replay", URBAN, "--vehicle", "generic", "--start", 20, "--stop", 25, "--json", "-")
+    times = [json.loads(line)["t"] for line in ran.out.splitlines()]
+    assert 20.0 <= min(times) < 21.0
+    assert 24.0 < max(times) <= 25.0
+
+
+def test_replay_keeps_its_pace(canid: Canid) -> None:
+    """5 s at --speed 10 take half a second and say what --speed max says."""
+    words = ("replay", URBAN, "--vehicle", "generic", "--stop", 5, "--json", "-")
+    fast = canid(*words, "--speed", "max")
+    began = time.monotonic()
+    paced = canid(*words, "--speed", 10)
+    # it cannot be faster; a busy machine may be slower
+    assert 0.45 < time.monotonic() - began < 5.0
+    assert paced.out == fast.out
+
+
+@pytest.mark.parametrize("setting", ["", "NO_COLOR=1", "TERM=dumb", "TERM=xterm"])
+def test_plain_lines_without_a_terminal(shell: Callable[[str], Any], setting: str) -> None:
+    """Into a pipe go lines of text, without any control character, whatever the environment says."""
+    ran = shell(f"{setting + ' ' if setting else ''}canid replay {URBAN} --vehicle generic --stop 10")
+    assert ran.code == DONE
+    assert not re.search(r"[\x00-\x09\x0b-\x1f]", ran.out + ran.err)
+    assert re.search(r"^ +\d+\.\d s  armax +converging", ran.out, re.MULTILINE)
+
+
+def on_a_terminal(monkeypatch: pytest.MonkeyPatch, **environment: str) -> str:
+    """What `canid replay` writes to a terminal."""
+    for name, value in {"COLUMNS": "100", "LINES": "40", "PYTHONPATH": str(ROOT)} | environment.items():
+        monkeypatch.setenv(name, value)
+    said = b""
+
+    def read(fd: int) -> bytes:
+        nonlocal said
+        got = os.read(fd, 4096)
+        said += got
+        return b"\n"  # pytest's own output does not want it
+
+    words = [sys.executable, "-m", "canid", "replay", str(URBAN), "--vehicle", "generic", "--stop", "10"]
+    assert pty.spawn(words, read, lambda _: b"") == 0
+    return said.decode()
+
+
+def test_the_screen_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal gets the screen, in colour; with NO_COLOR without colours; a dumb one gets plain lines."""
+    colour = r"\x1b\[[0-9;]*3[0-7]"
+    shown = on_a_terminal(monkeypatch, TERM="xterm")
+    assert "╭" in shown
+    assert re.search(colour, shown)
+    shown = on_a_terminal(monkeypatch, TERM="xterm", NO_COLOR="1")
+    assert "╭" in shown
+    assert not re.search(colour, shown)
+    monkeypatch.delenv("NO_COLOR")
+    assert "\x1b" not in on_a_terminal(monkeypatch, TERM="dumb")
+
+
+# --- identify, check, init, simulate ----------------------------------------------------------------------
+
+
+def test_identify(canid: Canid) -> None:
+    """One object with the promised names, all numbers finite or null; a list for several logs; and a table."""
+    ran = canid("identify", URBAN, *PART, "--json", "-")
+    assert ran.code == DONE
+    told = json.loads(ran.out)
+    assert {"log", "vehicle", "duration", "driver_time", "windows", "whole", "armax"} <= set(told)
+    assert told["vehicle"] == "Generic car-following vehicle"
+    assert 39.0 < told["duration"] <= 40.0
+    assert {"channels", "fit_percent"} <= set(told["whole"])
+    for line in told["windows"]:
+        is_estimate(line)
+    assert {"A", "B", "C", "K", "poles", "whiteness"} <= set(told["armax"])
+    assert set(told["armax"]["K"]["range_rate"]) == INTERVAL
+    both = canid("identify", URBAN, URBAN, *PART, "--json", "-")
+    assert json.loads(both.out) == [told, told]
+    table = canid("identify", URBAN, *PART).out
+    assert "range rate: K" in table
+    assert "ARMAX" in table
+
+
+def test_check(canid: Canid) -> None:
+    """Exit 0 where all is there; each role with unit, source and numbers; ids alone without a vehicle file."""
+    ran = canid("check", URBAN, "--vehicle", "generic", "--json", "-")
+    assert ran.code == DONE
+    told = json.loads(ran.out)
+    assert told["problems"] == []
+    assert told["roles"]["speed"]["unit"] == "m/s"
+    assert re.fullmatch(r"EGO_SPEED\.VehicleSpeed \(0x[0-9A-F]+\)", told["roles"]["speed"]["from"])
+    ran = canid("check", URBAN, "--vehicle", "generic")
+    assert "✓ the vehicle file fits" in ran.out
+    ids = json.loads(canid("check", URBAN, "--json", "-").out)
+    assert ids["frames"] == told["frames"] == sum(each["frames"] for each in ids["ids"])
+    assert canid("check", "--vehicle", "generic").code == DONE
+    assert "socketcan" in canid("check").out
+
+
+def test_check_of_the_wrong_vehicle_fails(canid: Canid, tmp_path: Path) -> None:
+    """A range rate with the wrong sign is found; exit 1, and the remedy is told."""
+    text = (shipped() / "generic.toml").read_text()
+    wrong = text.replace('"RADAR_LEAD.LeadRelSpeed"', '{ signal = "RADAR_LEAD.LeadRelSpeed", scale = -1 }')
+    assert wrong != text
+    shutil.copy(shipped() / "generic.dbc", tmp_path)
+    (tmp_path / "car.toml").write_text(wrong)
+    ran = canid("check", URBAN, "--vehicle", tmp_path / "car.toml")
+    assert ran.code == CHECK_FAILED
+    assert "scale = -1" in ran.out
+
+
+def test_init_proposes_the_generic_vehicle(canid: Canid, tmp_path: Path) -> None:
+    """The proposal for our own DBC can be used as it is, from another folder, and estimates the same."""
+    car = tmp_path / "deep" / "car.toml"
+    car.parent.mkdir()
+    ran = canid("init", shipped() / "generic.dbc", "-o", car, "--json", "-")
+    assert ran.code == DONE
+    assert json.loads(ran.out)["proposed"]["signals"]["pedal"] == "ENGINE_DATA.PedalPosition"
+    words = ("--stop", 20, "--json", "-")
+    ours = canid("replay", URBAN, "--vehicle", "generic", *words)
+    theirs = canid("replay", URBAN, "--vehicle", car, *words)
+    assert theirs.out == ours.out
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real logs of ../shared/data are not here")
+@pytest.mark.parametrize(
+    "files", [("openacc/car_following.dbc",), ("rav4/toyota_pt.dbc", "rav4/toyota_radar.dbc")]
+)
+def test_init_proposes_for_real_vehicles(canid: Canid, tmp_path: Path, files: tuple[str, ...]) -> None:
+    """What is proposed for a real DBC is a vehicle file once the gaps that its comments name are filled."""
+    car = tmp_path / "car.toml"
+    ran = canid("init", *(DATA / file for file in files), "-o", car)
+    assert ran.code == DONE
+    # the documented edit: where the DBC is silent on a unit, one is to be filled in
+    text = car.read_text()
+    for role, unit in (
+        ("speed", "km/h"),
+        ("accel", "m/s2"),
+        ("accel_command", "m/s2"),
+        ("yaw_rate", "deg/s"),
+    ):
+        text = re.sub(rf'^({role} = .*unit = )""', rf'\1"{unit}"', text, flags=re.MULTILINE)
+    text = re.sub(r'^(\w+) = .*unit = "".*$', r"# \1 left out", text, flags=re.MULTILINE)
+    car.write_text(text)
+    vehicle = read_vehicle(car)
+    assert "speed" in vehicle.roles
+    assert vehicle.lead.tracks is not None or {"gap", "range_rate"} <= set(vehicle.roles)
+
+
+def test_simulate_is_reproducible(canid: Canid, tmp_path: Path) -> None:
+    """The same seed gives the same bytes and truth, another one other bytes; the truth stands beside the log."""
+    for name, seed in (("a", 7), ("b", 7), ("c", 8)):
+        assert canid("simulate", tmp_path / f"{name}.blf", "--minutes", 0.2, "--seed", seed).code == DONE
+    a, b, c = ((tmp_path / f"{name}.blf").read_bytes() for name in "abc")
+    assert a == b != c
+    truth = (tmp_path / "a.truth.json").read_text()
+    assert truth == (tmp_path / "b.truth.json").read_text()
+    assert {"K", "tau", "dead_time"} <= set(json.loads(truth)["channels"]["range_rate"])
+    ran = canid("simulate", tmp_path / "d.asc", "--minutes", 0.2, "--seed", 7, "--json", "-")
+    assert ran.out == truth
+    assert canid("check", tmp_path / "d.asc", "--vehicle", "generic").code == DONE
+
+
+# --- export -----------------------------------------------------------------------------------------------
+
+
+def numbers(values: list[Any]) -> np.ndarray:
+    """An empty field and NULL are NaN."""
+    return np.array([math.nan if value in (None, "") else float(value) for value in values])
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_export_gives_the_numbers_of_read_trace(canid: Canid, tmp_path: Path, kind: str) -> None:
+    """Read back with csv or DuckDB: bit for bit `canid.read_trace`; NaN is an empty field or NULL."""
+    log = ROOT / "replay_logs/following_lost_lead.blf"  # has NaN
+    ran = canid("export", log, "--vehicle", "generic", "-o", tmp_path / "x", "--to", kind, "--json", "-")
+    assert ran.code == DONE
+    assert [item["path"] for item in json.loads(ran.out)] == [
+        str(tmp_path / f"x.{what}.{kind}") for what in ("samples", "estimates")
+    ]
+    trace = read_trace(log, "generic")
+    path = tmp_path / f"x.samples.{kind}"
+    if kind == "csv":
+        with path.open(newline="") as file:
+            rows: list[dict[str, Any]] = list(csv.DictReader(file))
+        columns = {name: [row[name] for row in rows] for name in rows[0]}
+    else:
+        with duckdb.connect() as db:
+            got = db.execute(f"SELECT * FROM '{path}'")
+            names = [each[0] for each in got.description]
+            columns = {
+                name: list(c) for name, c in zip(names, zip(*got.fetchall(), strict=True), strict=True)
+            }
+    assert np.isnan(trace.signals["gap"]).any()
+    for role, values in trace.signals.items():
+        np.testing.assert_array_equal(numbers(columns[role]), values, err_msg=role)
+    np.testing.assert_array_equal(numbers(columns["output"]), trace.output)
+    np.testing.assert_allclose(numbers(columns["t"]), trace.t, atol=1e-6)
+    missing = np.isnan(trace.signals["gap"])
+    blank = "" if kind == "csv" else None
+    assert {columns["gap"][k] for k in np.flatnonzero(missing)} == {blank}
+    assert columns["gate"] == [gate.name.lower() for gate in trace.gate]
+
+
+def test_no_cell_becomes_a_formula(tmp_path: Path) -> None:
+    """Text that a spreadsheet would run as a formula is disarmed in CSV; numbers stay numbers."""
+    evil = ["=1+1", "+A1", "-A1", "@SUM(A1)", "\tx", "plain"]
+    write_table(tmp_path / "t.csv", {"x": [-1.0, 2.0, math.nan, 4.0, 5.0, 6.0], "=name": evil})
+    with (tmp_path / "t.csv").open(newline="") as file:
+        head, *rows = list(csv.reader(file))
+    assert [row[0] for row in rows] == ["-1.0", "2.0", "", "4.0", "5.0", "6.0"]
+    for cell in (head[1], *(row[1] for row in rows)):
+        assert cell[0] not in "=+-@\t\r"
+    assert rows[-1][1] == "plain"
+
+
+# --- demo -------------------------------------------------------------------------------------------------
+
+
+def test_demo(canid: Canid, tmp_path: Path) -> None:
+    """No hardware, no files: truth first, estimates beside it in the end, the recording is there; exit 0."""
+    ran = canid("demo", "-o", tmp_path / "out", "--speed", 60, "--json", tmp_path / "demo.jsonl")
+    assert ran.code == DONE, ran
+    assert re.search(r"truth: range rate: K \d+\.\d\d, τ", ran.err)
+    assert re.search(r"range rate +K +\d.*truth \d+\.\d\d: (inside|OUTSIDE)", ran.out)
+    for line in (tmp_path / "demo.jsonl").read_text().splitlines():
+        is_estimate(json.loads(line))
+    assert canid("check", tmp_path / "out/demo.blf", "--vehicle", "generic").code == DONE
