@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,17 @@ from canid.vehicle import Vehicle, decoder, missing
 
 # share of samples in which the lead moves the gap other than its range rate says, before the sign is doubted
 DOUBT = -0.5
+# s over which the gap's growth is taken: a radar's quantisation of 0.1 m is small in it
+OVER = 1.0
+# m/s; a gap that changes faster belongs to two vehicles, or to one that stands
+FASTEST = 15.0
+
+
+class Point(NamedTuple):
+    """One reading."""
+
+    t: float  # s
+    value: float
 
 
 class Row(NamedTuple):
@@ -81,6 +91,7 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     decoded = decode_init()
     ids: Counter[tuple[int, int]] = Counter()
     values: dict[str, list[float]] = {}
+    points: dict[str, list[Point]] = {"gap": [], "range_rate": []}
     tracks = 0
     samples: list[Sample] = []
     events: list[Event] = []
@@ -92,6 +103,8 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         for reading in readings:
             if isinstance(reading, Reading):
                 values.setdefault(reading.role, []).append(reading.value)
+                if reading.role in points:
+                    points[reading.role].append(Point(reading.t, reading.value))
             elif isinstance(reading, TrackReading):
                 tracks += reading.valid
         state, out = running.step(state, frame)
@@ -114,7 +127,7 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     problems += [event.says for event in events if event.what == "ambiguous_bus"]
     if state.clock.dropped:
         problems.append(f"{state.clock.dropped} frames go back in time, by up to {state.clock.worst:.3g} s")
-    problems += _signs(samples)
+    problems += _signs(points["gap"], points["range_rate"])
     remarks = [f"{what}: {n} times" for what, n in sorted(decoded.counters.items())]
     if vehicle.lead.tracks is not None:
         changes = sum(event.what == "target_change" for event in events)
@@ -134,18 +147,23 @@ def _row(role: str, vehicle: Vehicle, values: list[float], duration: float) -> R
     return Row(role, how.unit, source, array.size, rate, lost, float(low), float(median), float(high))
 
 
-def _signs(samples: list[Sample]) -> list[str]:
-    """The gap must grow where range rate is positive: the commonest wrong sign in vehicle files."""
-    gap = np.array([s.signals.get("gap", NAN) for s in samples])
-    rate = np.array([s.signals.get("range_rate", NAN) for s in samples])
-    if gap.size < 20:
+def _signs(gap: Sequence[Point], rate: Sequence[Point]) -> list[str]:
+    """The gap must grow where range rate is positive: the commonest wrong sign in vehicle files.
+
+    Judged on the readings as they came: smoothing has taken both for consistent already.
+    """
+    g = np.array([point for point in gap if np.isfinite(point.value)]).reshape(-1, 2)
+    r = np.array([point for point in rate if np.isfinite(point.value)]).reshape(-1, 2)
+    if len(g) < 2 or len(r) < 2:
         return []
-    slope = np.diff(gap) / np.diff([s.t for s in samples])
-    same = np.array([a.segment == b.segment for a, b in pairwise(samples)])
-    middle = (rate[1:] + rate[:-1]) / 2
-    known = np.isfinite(slope) & np.isfinite(middle) & same
-    if known.sum() < 20 or np.std(middle[known]) == 0 or np.std(slope[known]) == 0:
+    begin = np.arange(max(g[0, 0], r[0, 0]), min(g[-1, 0], r[-1, 0]) - OVER, OVER)
+    grown = np.interp(begin + OVER, g[:, 0], g[:, 1]) - np.interp(begin, g[:, 0], g[:, 1])
+    said = np.interp(begin + OVER / 2, r[:, 0], r[:, 1]) * OVER
+    # another vehicle ahead, or none for a while: the gap jumps
+    known = np.abs(grown) < FASTEST * OVER
+    grown, said = grown[known], said[known]
+    if len(grown) < 20 or np.std(grown) == 0 or np.std(said) == 0:
         return []
-    if np.corrcoef(slope[known], middle[known])[0, 1] < DOUBT:
+    if np.corrcoef(grown, said)[0, 1] < DOUBT:
         return ["range_rate: its sign contradicts d(gap)/dt; positive must be opening (set scale = -1)"]
     return []

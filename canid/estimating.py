@@ -63,7 +63,7 @@ class Estimating:
         self._on_output = on_output
         self._waiting: deque[Frame] = deque()
         self._wake = threading.Condition()
-        self._offered = self._sent = self._done = self._dropped = self._restarts = 0
+        self._offered = self._sent = self._done = self._dropped = self._lost = self._restarts = 0
         self._closing = self._finished = False
         self._ready = False
         self._latest = 0.0  # s, session time of the newest frame
@@ -86,7 +86,9 @@ class Estimating:
 
     def counts(self) -> Counts:
         """Return the counts so far."""
-        return Counts(self._offered, self._done, self._dropped, self._restarts, self._ready)
+        return Counts(
+            self._offered, self._done - self._lost, self._dropped + self._lost, self._restarts, self._ready
+        )
 
     def close(self, timeout: float = 30.0) -> bool:
         """Let the child finish what was offered, then end it. Returns False where it had to be killed."""
@@ -104,13 +106,22 @@ class Estimating:
     # --- the threads ---
 
     def _supervise(self) -> None:
-        while not self._finished:
-            self._run_child()
-            if self._finished or self._closing:
+        while True:
+            try:
+                self._run_child()
+            except OSError as error:  # no memory for a process, say
+                self._why = error.strerror or str(error)
+            if self._finished:
                 return
             lost = self._sent - self._done
-            self._dropped += lost
+            self._lost += lost
             self._done = self._sent
+            if self._closing:
+                # there is no time for another child: what still waits is missing in the estimates as well
+                with self._wake:
+                    self._dropped += len(self._waiting)
+                    self._waiting.clear()
+                return
             wait = BACK_OFF[min(self._restarts, len(BACK_OFF) - 1)]
             self._restarts += 1
             says = f"the estimator is restarted ({self._why}); {lost} frames are missing in the estimates"
@@ -146,16 +157,21 @@ class Estimating:
         while True:
             try:
                 kind, payload = pickle.load(stream)
-            except (EOFError, pickle.UnpicklingError, OSError):
+                if kind == "out":
+                    done, outputs, self.counters, self.missing = payload
+                    self._done += done
+                    for t, item in outputs:
+                        self._on_output(t, item)
+            except EOFError:
+                return
+            except (
+                Exception
+            ):  # of any kind: bytes that are no message can make pickle raise whatever there is
+                self._why = "it answers nonsense"
                 return
             self._answered = time.monotonic()
             if kind == "ready":
                 self._ready = True
-            elif kind == "out":
-                done, outputs, self.counters, self.missing = payload
-                self._done += done
-                for t, item in outputs:
-                    self._on_output(t, item)
             elif kind == "failed":
                 self._why = payload
             elif kind == "end":

@@ -55,12 +55,12 @@ def write_table(path: str | Path, columns: Mapping[str, list[Any]], *, overwrite
         raise ConfigError(f'{path}: cannot export to "{path.suffix}"; use .csv or .parquet')
     if path.exists() and not overwrite:
         raise OutputError(f"{path}: exists already; choose another name or use --force")
-    rows = zip(*([_blank(x) for x in column] for column in columns.values()), strict=True)
+    rows = zip(*([_cell(x) for x in column] for column in columns.values()), strict=True)
     try:
         if path.suffix == ".csv":
             with path.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
-                writer.writerow(columns)
+                writer.writerow(map(_cell, columns))
                 writer.writerows(rows)
         else:
             _parquet(path, columns)
@@ -68,7 +68,10 @@ def write_table(path: str | Path, columns: Mapping[str, list[Any]], *, overwrite
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
 
 
-def _blank(x: Any) -> Any:
+def _cell(x: Any) -> Any:
+    """NaN is left empty; text that a spreadsheet would run as a formula is made plain text."""
+    if isinstance(x, str) and x.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return f"'{x}"
     return None if isinstance(x, float) and x != x else x
 
 

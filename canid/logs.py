@@ -76,6 +76,8 @@ def run(
     state = running.init()
     for frame in window(log, start, stop):
         state, out = running.step(state, frame)
+        # the grid begins a little before the first frame: there is nothing there
+        out = [item for item in out if item.t >= start]
         yield state, frame, out
 
 

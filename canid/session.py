@@ -6,14 +6,17 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from canid.estimating import Counts, Estimating
 from canid.frames.bus import ReceiveOnlyBus, open_buses
 from canid.frames.recorder import Recorder, Stats
-from canid.pipeline import Output
 from canid.types import Estimate, Event
-from canid.vehicle import Vehicle, read_vehicle
+
+# cantools and pydantic take half a second to import: not before the first frame is recorded
+if TYPE_CHECKING:
+    from canid.pipeline import Output
+    from canid.vehicle import Vehicle
 
 # s between two reports on recorder and buses
 REPORT = 0.25
@@ -67,7 +70,7 @@ def session(
     began = time.monotonic()
     estimating = None
     if vehicle is not None:
-        name = str(vehicle.path if isinstance(vehicle, Vehicle) else vehicle)
+        name = str(vehicle if isinstance(vehicle, str | Path) else vehicle.path)
         estimating = Estimating(name, lambda t, item: results.put(Result(t, item)), command)
     # the estimator takes seconds to import its mathematics; its frames wait for it
     recorder = Recorder(buses, record, estimating.put if estimating else None)
@@ -82,7 +85,9 @@ def session(
     recorder.start()
     lost = False
     try:
-        if vehicle is not None and not isinstance(vehicle, Vehicle):
+        if isinstance(vehicle, str | Path):
+            from canid.vehicle import read_vehicle
+
             read_vehicle(
                 vehicle
             )  # a mistake in it is told by us, not by the child; recording has begun meanwhile

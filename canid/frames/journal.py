@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 from pathlib import Path
-from typing import TextIO
 
 from canid.frames import stamps
 from canid.frames.log import log_suffix
@@ -29,7 +28,6 @@ class Journal:
         """`log`: the log it stands beside; None: events go nowhere."""
         self.path = None if log is None else journal_path(log)
         self.failed = 0  # events that could not be written
-        self._file: TextIO | None = None
         self._lock = threading.Lock()
 
     def write(self, event: Event, start_ns: int | None) -> None:
@@ -42,19 +40,8 @@ class Journal:
         )
         with self._lock:
             try:
-                if self._file is None:
-                    self._file = open(self.path, "a", encoding="utf-8")  # noqa: SIM115
-                self._file.write(line + "\n")
-                self._file.flush()  # events are rare and worth a system call each
+                # opened each time: events are rare, and come after the recorder's end as well
+                with open(self.path, "a", encoding="utf-8") as file:
+                    file.write(line + "\n")
             except (OSError, ValueError):
                 self.failed += 1
-
-    def close(self) -> None:
-        """Close the file."""
-        with self._lock:
-            if self._file is not None:
-                try:
-                    self._file.close()
-                except OSError:
-                    self.failed += 1
-                self._file = None

@@ -119,7 +119,6 @@ class Recorder:
         for thread in self._threads:
             thread.join()
         self._shut()
-        self._journal.close()
         return self.stats()
 
     def journal(self, event: Event) -> None:
