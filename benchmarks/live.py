@@ -32,7 +32,9 @@ def send(rate: float, seconds: float) -> None:
     from canid.types import Frame
     from canid.vehicle import read_vehicle
 
-    mapped = frames(simulate(minutes=(seconds + 5) / 60 + 0.1, seed=3, profile="urban"), read_vehicle("generic"))
+    mapped = frames(
+        simulate(minutes=(seconds + 5) / 60 + 0.1, seed=3, profile="urban"), read_vehicle("generic")
+    )
     span = mapped[-1].t
     wanted = int(rate * span) - len(mapped)
     filler = [Frame((k + 0.5) * span / wanted, 0, 0x600 + k % 64, bytes(8)) for k in range(wanted)]
@@ -43,7 +45,9 @@ def send(rate: float, seconds: float) -> None:
 
 def start_sender(rate: float, seconds: float) -> subprocess.Popen[str]:
     process = subprocess.Popen(
-        [sys.executable, __file__, "--send", str(rate), "--seconds", str(seconds)], stdout=subprocess.PIPE, text=True
+        [sys.executable, __file__, "--send", str(rate), "--seconds", str(seconds)],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     process.stdout.readline()
@@ -81,7 +85,9 @@ def load(rate: float, seconds: float, folder: str) -> None:
 
 def print_row(rate, latencies, last, used, elapsed, child) -> None:  # type: ignore[no-untyped-def]
     latencies.sort()
-    p50, p99 = (latencies[int(q * (len(latencies) - 1))] * 1e3 if latencies else float("nan") for q in (0.5, 0.99))
+    p50, p99 = (
+        latencies[int(q * (len(latencies) - 1))] * 1e3 if latencies else float("nan") for q in (0.5, 0.99)
+    )
     stats, counts = last.recorder, last.estimator
     print(
         f"{rate:6.0f} frames/s offered: {stats.frames:,} received, {stats.written:,} recorded, "
@@ -105,10 +111,23 @@ def startup(folder: str) -> None:
         t = time.perf_counter()
         subprocess.run([sys.executable, "-c", ""], check=True)
         bare = min(bare, time.perf_counter() - t)
-    print(f"canid --version {1e3 * wall('--version'):.0f} ms, canid --help {1e3 * wall('--help'):.0f} ms (python alone {1e3 * bare:.0f} ms)")
+    print(
+        f"canid --version {1e3 * wall('--version'):.0f} ms, canid --help {1e3 * wall('--help'):.0f} ms (python alone {1e3 * bare:.0f} ms)"
+    )
     sender = start_sender(1000, 40)
     out, lines = f"{folder}/first.blf", f"{folder}/first.jsonl"
-    arguments = ["-i", BUS["interface"], "-c", BUS["channel"], "--vehicle", "generic", "--record", out, "--json", lines]
+    arguments = [
+        "-i",
+        BUS["interface"],
+        "-c",
+        BUS["channel"],
+        "--vehicle",
+        "generic",
+        "--record",
+        out,
+        "--json",
+        lines,
+    ]
     began = time.time()
     canid = subprocess.Popen(
         [sys.executable, "-m", "canid", "live", *arguments, "--duration", "30"], stdout=subprocess.DEVNULL
@@ -124,7 +143,9 @@ def startup(folder: str) -> None:
     from canid.frames import open_log
 
     estimate = json.loads(Path(lines).read_text().splitlines()[0])
-    print(f"canid live: first recorded frame {open_log(out).start_utc - began:.2f} s after the start of the process")
+    print(
+        f"canid live: first recorded frame {open_log(out).start_utc - began:.2f} s after the start of the process"
+    )
     print(f'canid live: first estimate line ("{estimate["status"]}") after {first:.2f} s')
 
 

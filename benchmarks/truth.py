@@ -61,8 +61,12 @@ def main() -> None:
     ]
     with ProcessPoolExecutor(2) as pool:
         per_drive = list(pool.map(drive, jobs))
-    print(f"canid {canid.__version__}: {args.drives} drives of {args.minutes:g} min, noise {', '.join(kinds)}")
-    print(f"{'by':6} {'answer to':14} {'parameter':19} {'estimates':>9} {'inside':>7} {'median error':>13} {'half width':>11}")
+    print(
+        f"canid {canid.__version__}: {args.drives} drives of {args.minutes:g} min, noise {', '.join(kinds)}"
+    )
+    print(
+        f"{'by':6} {'answer to':14} {'parameter':19} {'estimates':>9} {'inside':>7} {'median error':>13} {'half width':>11}"
+    )
     groups = defaultdict(list)
     for rows in per_drive:
         for by, name, what, _, value, low, high, true in rows:

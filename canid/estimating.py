@@ -25,8 +25,9 @@ from canid.types import Event, Frame
 WAITING = 100_000
 # frames per message: at 8,000 frames/s a message every 25 ms
 BATCH = 200
-# s without an answer to frames that were sent, before the child is taken for hung; a refit takes milliseconds
-HANG = 5.0
+# s without an answer to frames that were sent, before the child is taken for hung; a refit takes 10 ms on a laptop,
+# and 200 frames with several refits more than 5 s on an emulated machine
+HANG = 20.0
 # s that a child may take to import its mathematics: 3 s on a laptop, 60 s on an emulated machine
 START = 180.0
 # s between restarts of a child that keeps dying: the last one is repeated
@@ -227,11 +228,12 @@ def main() -> int:
         sink.flush()
 
     try:
-        from canid import pipeline
+        from canid import pipeline, smoothing
         from canid.vehicle import missing, read_vehicle
 
         vehicle = read_vehicle(sys.argv[1])
         running = pipeline.build(vehicle)
+        smoothing.load()
         state = running.init()
         say("ready")
         while True:

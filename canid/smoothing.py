@@ -72,6 +72,11 @@ def _filter() -> Any:
     return KalmanFilter(dim_x=3, dim_z=2)
 
 
+def load() -> None:
+    """Import what the first report would import."""
+    _filter()
+
+
 def _motion(dt: float) -> tuple[Array, Array]:
     """Transition and process noise of a white-jerk motion over dt (Bar-Shalom 2001, eq. 6.2.3-7)."""
     F = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])

@@ -98,7 +98,7 @@ def say(args: argparse.Namespace, text: list[str], told: dict[str, Any]) -> None
 
     for each in text:
         (options.talk if args.json == "-" else print)(each)
-    with options.sink(args.json, overwrite=args.force) as sink:
+    with options.sink(args.json) as sink:
         if sink is not None:
             sink.write(line(told) + "\n")
 

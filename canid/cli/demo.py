@@ -74,7 +74,6 @@ def run(args: argparse.Namespace) -> int:
             record=str(out / "demo.blf"),
             duration=None,
             json=args.json,
-            force=args.force,
             stop=lambda: stop() or ended.is_set(),
         )
     if stop():

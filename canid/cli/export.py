@@ -24,6 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--dt", type=options.above_zero, default=0.1, metavar="S", help="step of the grid; default: 0.1"
     )
     options.part(parser)
+    options.force(parser)
     options.json_file(parser)
 
 
@@ -51,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         "estimates": export.estimates_table(drive.estimates),
     }
     written = []
-    with options.sink(args.json, overwrite=args.force) as sink:
+    with options.sink(args.json) as sink:
         for what, table in tables.items():
             export.write_table(paths[what], table, overwrite=args.force)
             rows = len(next(iter(table.values()), ()))

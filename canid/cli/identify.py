@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     tell = options.talk if args.json == "-" else print
     objects = []
     code = DONE
-    with options.sink(args.json, overwrite=args.force) as sink:
+    with options.sink(args.json) as sink:
         for path in args.logs:
             log = open_log(path)
             bar = show.Progress(f"reading {path}")

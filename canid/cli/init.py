@@ -16,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="V.toml", help="where to write it; default: standard output"
     )
+    options.force(parser)
     options.json_file(parser)
 
 
@@ -30,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     with options.sink(toml, overwrite=args.force) as sink:
         if sink is not None:
             sink.write(text)
-    with options.sink(args.json, overwrite=args.force) as sink:
+    with options.sink(args.json) as sink:
         if sink is not None:
             sink.write(as_json.line({"files": args.dbc, "proposed": tomllib.loads(text)}) + "\n")
     if args.output:

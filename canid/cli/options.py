@@ -26,11 +26,13 @@ def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
 
 
 def json_file(parser: argparse.ArgumentParser) -> None:
-    """--json, and --force for what exists."""
+    """--json; what was there is replaced."""
     parser.add_argument("--json", metavar="FILE", help='the same numbers as JSON; "-" is standard output')
-    parser.add_argument(
-        "--force", action="store_true", help="overwrite results that exist (never a recording)"
-    )
+
+
+def force(parser: argparse.ArgumentParser) -> None:
+    """--force."""
+    parser.add_argument("--force", action="store_true", help="overwrite files that exist")
 
 
 def part(parser: argparse.ArgumentParser) -> None:
@@ -98,7 +100,7 @@ def refuse_to_overwrite(path: str | Path, *, force: bool) -> None:
 
 
 @contextmanager
-def sink(name: str | None, *, overwrite: bool = False) -> Iterator[TextIO | None]:
+def sink(name: str | None, *, overwrite: bool = True) -> Iterator[TextIO | None]:
     """The file that --json names; "-" is standard output, None is none.
 
     A command that fails before it has written anything leaves no empty file behind.

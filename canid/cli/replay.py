@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
     speed = args.speed or float("inf")
-    with options.sink(args.json, overwrite=args.force) as sink:
+    with options.sink(args.json) as sink:
         screen = show.display(view, json=args.json)
         began = time.monotonic()
         try:

@@ -47,7 +47,6 @@ def run(args: argparse.Namespace, *, vehicle: str | None, record: str | None) ->
             record=record,
             duration=args.duration,
             json=args.json,
-            force=args.force,
             stop=stop,
         )
     return stop.code if stop() and code == DONE else code
@@ -61,7 +60,6 @@ def watch(
     record: str | None,
     duration: float | None,
     json: str | None,
-    force: bool,
     stop: Callable[[], bool],
 ) -> tuple[int, summary.Tally]:
     """Show a session until it ends; returns the exit code and what was estimated.
@@ -69,7 +67,7 @@ def watch(
     A view or a JSON file that cannot be written ends a session that only looks, never one that records.
     """
     try:
-        return _watch(buses, vehicle, view, record, duration, json, force, stop)
+        return _watch(buses, vehicle, view, record, duration, json, stop)
     finally:
         for bus in buses:
             bus.shutdown()
@@ -82,13 +80,12 @@ def _watch(
     record: str | None,
     duration: float | None,
     json: str | None,
-    force: bool,
     stop: Callable[[], bool],
 ) -> tuple[int, summary.Tally]:
     tally = summary.Tally()
     last: World | None = None
     blind = False
-    with options.sink(json, overwrite=force) as sink:
+    with options.sink(json) as sink:
         screen = show.display(view, json=json)
 
         def put(item: Result | World) -> None:

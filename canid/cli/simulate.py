@@ -26,6 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default="mixed",
         help="what the vehicle ahead does, or lane; default: mixed",
     )
+    options.force(parser)
     options.json_file(parser)
 
 
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         beside.write_text(truth, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{beside}: cannot be written ({error.strerror})") from error
-    with options.sink(args.json, overwrite=args.force) as sink:
+    with options.sink(args.json) as sink:
         if sink is not None:
             sink.write(truth)
     options.talk(f"{out} written, its truth in {beside}")

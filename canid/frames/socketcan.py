@@ -110,6 +110,7 @@ class SocketcanReceiver:
         self._name = f"socketcan {bus.channel}"
         self.drops = 0
         self._drops_seen = 0
+        self._fault: BusError | None = None
         configure(self._socket)
         # binding to a device that is down succeeds; the kernel leaves the truth here
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
@@ -128,15 +129,20 @@ class SocketcanReceiver:
                 # a busy bus has a frame waiting: one system call each
                 data, ancillary, flags, _ = self._socket.recvmsg(CANFD_MTU, _ANCILLARY, socket.MSG_DONTWAIT)
             except (BlockingIOError, InterruptedError):
+                if self._fault is not None:
+                    raise self._fault from None
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
                 self._poll.poll(left * 1000)
                 continue
             except OSError as error:
-                raise BusError(
-                    f"{self._name} is lost ({error.strerror}): is the device up and plugged in?"
-                ) from None
+                fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
+                if self._fault is not None:
+                    raise fault from None
+                # the kernel tells this before it hands out the frames that it still holds: they come first
+                self._fault = fault
+                continue
             try:
                 parsed = parse(data, ancillary, flags)
             except ValueError:

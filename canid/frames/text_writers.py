@@ -97,10 +97,9 @@ class CandumpWriter(_TextWriter):
     def _line(self, frame: Frame) -> str:
         t, bus, id_, data, flags, length = frame
         us = max((self.start_ns or 0) // 1000 + round(t * 1e6), 0)
-        if flags & Flag.ERROR:
-            name = f"{id_ | ERROR_BIT:08X}"
-        else:
-            name = f"{id_:08X}" if flags & Flag.EXTENDED else f"{id_:03X}"
+        long = flags & (Flag.ERROR | Flag.EXTENDED)
+        shown = id_ | ERROR_BIT if flags & Flag.ERROR else id_
+        name = f"{shown:08X}" if long else f"{shown:03X}"
         if flags & Flag.REMOTE:
             body = f"R{length}" if length > 0 else "R"
         elif flags & Flag.FD:

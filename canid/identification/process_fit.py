@@ -35,7 +35,9 @@ STRIDES = (1, 2, 4, 8)
 CONTENT = 0.2
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
-PASSES = 12
+PASSES = 10
+# Passes after which the noise's colour is kept: with few samples two colours can lead to each other for ever.
+SETTLED = 5
 
 
 class Point(NamedTuple):
@@ -165,12 +167,16 @@ def fit_process(
         return nothing(m, int(data.usable.sum()))
     known = start if start is not None else _cold(data, m, box)
     colour = _colour(data, dt, known.point)
-    for _ in range(PASSES):
+    for turn in range(PASSES):
         grid = _look(data, dt, box, known.regions, colour)
         regions = tuple(posterior.gather(grid, i, box) for i in range(m))
         fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
         known = Start(_middle(data, dt, grid, colour if fine else None), regions)
-        before, colour = colour, _colour(data, dt, known.point)
+        if turn >= SETTLED:
+            if fine:
+                break
+            continue
+        before, colour = colour, _colour(data, dt, known.point, colour.stride)
         if fine and _same(before, colour):
             break
     residual, rows = colour.residual, data.usable
@@ -222,11 +228,12 @@ def _residual(data: Prepared, dt: float, at: Point) -> tuple[Array, list[first_o
     return np.where(data.usable, residual, 0.0), answers
 
 
-def _colour(data: Prepared, dt: float, at: Point) -> _Colour:
+def _colour(data: Prepared, dt: float, at: Point, least: int = 1) -> _Colour:
+    """Look at the noise from one point; a stride below `least` was found too short in this fit already."""
     residual, answers = _residual(data, dt, at)
     # counted from the newest sample, which is always taken
     phase = (len(residual) - 1) % STRIDES[-1]
-    for stride in STRIDES:
+    for stride in STRIDES[STRIDES.index(least) :]:
         first = phase % stride
         if _regular(residual[first::stride], data.usable[first::stride]):
             break
@@ -301,13 +308,13 @@ def _plain(data: Prepared, answers: Sequence[Array], taus: Array, dead_times: Ar
 def _same(a: _Colour, b: _Colour) -> bool:
     """Whether two looks at the noise agree, so that another pass would change nothing that counts.
 
-    Coefficients to 0.01 (an eighth of their sd in a minute at 10 Hz), the residual itself to 5 %: its colour
-    alone can agree by chance while the gains still move.
+    Coefficients to a quarter of their sd (1/sqrt(samples)), the residual itself to 5 %: its colour alone can
+    agree by chance while the gains still move.
     """
     apart = float(np.linalg.norm(a.residual - b.residual))
     return (
         len(a.noise) == len(b.noise)
-        and bool(np.all(np.abs(a.noise - b.noise) < 0.01))
+        and bool(np.all(np.abs(a.noise - b.noise) < 0.25 * int(b.rows.sum()) ** -0.5))
         and apart <= 0.05 * float(np.linalg.norm(b.residual))
     )
 
