@@ -111,9 +111,8 @@ def startup(folder: str) -> None:
         t = time.perf_counter()
         subprocess.run([sys.executable, "-c", ""], check=True)
         bare = min(bare, time.perf_counter() - t)
-    print(
-        f"canid --version {1e3 * wall('--version'):.0f} ms, canid --help {1e3 * wall('--help'):.0f} ms (python alone {1e3 * bare:.0f} ms)"
-    )
+    version, usage = 1e3 * wall("--version"), 1e3 * wall("--help")
+    print(f"canid --version {version:.0f} ms, canid --help {usage:.0f} ms (python alone {1e3 * bare:.0f} ms)")
     sender = start_sender(1000, 40)
     out, lines = f"{folder}/first.blf", f"{folder}/first.jsonl"
     arguments = [
