@@ -17,7 +17,7 @@ from canid.views.screen import View
 
 # times as fast as the drive was: three minutes in half a minute
 SPEED = 6.0
-LOG = "following_mixed"
+LOG = "following_urban"
 CHANNEL = "canid-demo"
 # s to let the last frames arrive
 SETTLE = 1.0
