@@ -71,6 +71,7 @@ class Estimating:
         self._answered = time.monotonic()
         self.counters: dict[str, int] = {}
         self.missing: list[str] = []
+        self.output = ""
         self._child: subprocess.Popen[bytes] | None = None
         self._thread = threading.Thread(target=self._supervise, name="canid-estimating", daemon=True)
         self._thread.start()
@@ -172,7 +173,7 @@ class Estimating:
                 return
             self._answered = time.monotonic()
             if kind == "ready":
-                self._ready = True
+                self._ready, self.output = True, payload or ""
             elif kind == "failed":
                 self._why = payload
             elif kind == "end":
@@ -235,7 +236,7 @@ def main() -> int:
         running = pipeline.build(vehicle)
         smoothing.load()
         state = running.init()
-        say("ready")
+        say("ready", vehicle.driver.output)
         while True:
             try:
                 batch = pickle.load(source)

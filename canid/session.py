@@ -34,6 +34,7 @@ class World(NamedTuple):
     missing: tuple[str, ...]  # mapped signals that never came
     events: tuple[Event, ...]  # the recorder's own, since the last report
     lost: bool  # every bus is gone
+    output: str  # the role that is the driver's output; "" while the estimator starts
 
 
 class Result(NamedTuple):
@@ -78,9 +79,9 @@ def session(
     def report(*, lost: bool = False) -> World:
         elapsed, events = time.monotonic() - began, tuple(recorder.events())
         if estimating is None:
-            return World(elapsed, recorder.stats(), None, {}, (), events, lost)
+            return World(elapsed, recorder.stats(), None, {}, (), events, lost, "")
         told = dict(estimating.counters), tuple(estimating.missing)
-        return World(elapsed, recorder.stats(), estimating.counts(), *told, events, lost)
+        return World(elapsed, recorder.stats(), estimating.counts(), *told, events, lost, estimating.output)
 
     recorder.start()
     lost = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from typing import Any
 
 from canid.cli import options, show
@@ -66,33 +66,20 @@ def watch(
 
     A view or a JSON file that cannot be written ends a session that only looks, never one that records.
     """
-    try:
-        return _watch(buses, vehicle, view, record, duration, json, stop)
-    finally:
-        for bus in buses:
-            bus.shutdown()
-
-
-def _watch(
-    buses: Sequence[ReceiveOnlyBus],
-    vehicle: str | None,
-    view: View,
-    record: str | None,
-    duration: float | None,
-    json: str | None,
-    stop: Callable[[], bool],
-) -> tuple[int, summary.Tally]:
     tally = summary.Tally()
     last: World | None = None
     blind = False
-    with options.sink(json) as sink:
+    with ExitStack() as stack:
+        for bus in buses:
+            stack.callback(bus.shutdown)
+        sink = stack.enter_context(options.sink(json))
         screen = show.display(view, json=json)
 
         def put(item: Result | World) -> None:
             if isinstance(item, World):
                 for event in item.events:
                     screen.put(event)
-                screen.lines(lines(item))
+                screen.lines(lines(item), item.output)
                 return
             screen.put(item.item)
             if isinstance(item.item, Estimate):

@@ -26,8 +26,8 @@ class Display(Protocol):
     def put(self, item: Sample | Estimate | Event) -> None:
         """Show one output."""
 
-    def lines(self, lines: Iterable[BusLine]) -> None:
-        """Show the state of bus and recorder."""
+    def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
+        """Show the state of bus and recorder, and name the driver's output."""
 
     def close(self) -> None:
         """Leave the terminal as it was."""
@@ -39,7 +39,7 @@ class Silent:
     def put(self, item: Sample | Estimate | Event) -> None:
         """Drop it."""
 
-    def lines(self, lines: Iterable[BusLine]) -> None:
+    def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Drop them."""
 
     def close(self) -> None:
@@ -67,7 +67,7 @@ class Plain:
                 self._said[item.estimator] = item
                 print(words.estimate(item), file=self._stream, flush=True)
 
-    def lines(self, lines: Iterable[BusLine]) -> None:
+    def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Say once what is wrong."""
         for line in lines:
             if line.wrong and line.says not in self._wrong:
@@ -96,9 +96,9 @@ class Screen:
         self._view = update(self._view, item)
         self._redraw()
 
-    def lines(self, lines: Iterable[BusLine]) -> None:
+    def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Show the state of bus and recorder."""
-        self._view = self._view._replace(lines=tuple(lines))
+        self._view = self._view._replace(lines=tuple(lines), output=output or self._view.output)
         self._redraw()
 
     def _redraw(self, *, force: bool = False) -> None:
