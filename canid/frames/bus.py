@@ -19,15 +19,18 @@ INVERTED = 0x2000_0000
 
 
 class _PythonCanReceiver:
-    """Receives from any python-can bus; its drops nobody counts."""
+    """Receives from any python-can bus; drops are known where something outside python-can counts them."""
 
-    drops = 0
-
-    def __init__(self, bus: Any, name: str):
+    def __init__(self, bus: Any, name: str, count: Callable[[], int] = lambda: 0):
         # the methods, not the bus: what is not here cannot be called
         self._recv = bus.recv
         self._shutdown = bus.shutdown
         self._name = name
+        self._count = count
+
+    @property
+    def drops(self) -> int:
+        return self._count()
 
     def recv(self, timeout: float) -> Received | None:
         end = time.monotonic() + timeout
@@ -172,6 +175,10 @@ def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
             from canid.frames.socketcan import SocketcanReceiver
 
             return SocketcanReceiver(bus)
+        if interface == "udp_multicast":
+            from canid.frames.udp_drops import watch
+
+            return _PythonCanReceiver(bus, name, watch(bus))
         return _PythonCanReceiver(bus, name)
 
     bitrate = float(resolved.get("bitrate", NAN))

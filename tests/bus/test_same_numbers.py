@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from canid.frames import open_log
-from canid.frames.bus import open_buses
+from canid.frames.bus import open_bus, open_buses
 from canid.frames.send import onto
 from canid.session import World, session
 from canid.types import Estimate, Flag, Frame
@@ -173,3 +173,19 @@ def intervals(row: dict[str, Any], other: dict[str, Any]) -> Iterator[tuple[str,
             one, two = channel[parameter], other["channels"][name][parameter]
             if one["value"] is not None and two["value"] is not None:
                 yield f"{row['t']} {row['estimator']} {name} {parameter}", one, two
+
+
+@pytest.mark.netns
+def test_what_udp_multicast_drops_is_counted() -> None:
+    """Received and counted make up what was sent, also where nobody read in time."""
+    config = {"interface": "udp_multicast", "channel": "239.74.163.3", "hop_limit": 0}
+    bus = open_bus(config)
+    try:
+        sent = onto(config, (Frame(0.0, 0, k % 2048, bytes(8)) for k in range(120_000)), speed=math.inf)
+        received = 0
+        while bus.recv(0.5) is not None:
+            received += 1
+        assert received > 0
+        assert received + bus.drops == sent
+    finally:
+        bus.shutdown()
