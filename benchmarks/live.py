@@ -62,7 +62,7 @@ def load(rate: float, seconds: float, folder: str) -> None:
     sender = start_sender(rate, seconds)
     # the estimator needs a while to start: what waited for it is not counted
     warm = 8.0
-    before = resource.getrusage(resource.RUSAGE_SELF)
+    before, earlier = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.monotonic()
     latencies, last = [], None
     for item in session(
@@ -75,15 +75,16 @@ def load(rate: float, seconds: float, folder: str) -> None:
             if start_ns is not None and time.monotonic() - began > warm and item.item.t > warm:
                 latencies.append(time.time() - start_ns * 1e-9 - item.frame_t)
     elapsed = time.monotonic() - began
-    sender.kill()
-    sender.wait()
+    # the estimator's process has ended and is counted; the sender, which has not, is no part of canid
     own, child = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     used = own.ru_utime + own.ru_stime - before.ru_utime - before.ru_stime
-    # the sender is a child too, but one that was killed and waited for: take the estimator's own share from it
-    print_row(rate, latencies, last, used, elapsed, child)
+    estimating = child.ru_utime + child.ru_stime - earlier.ru_utime - earlier.ru_stime
+    sender.kill()
+    sender.wait()
+    print_row(rate, latencies, last, used / elapsed, estimating / elapsed)
 
 
-def print_row(rate, latencies, last, used, elapsed, child) -> None:  # type: ignore[no-untyped-def]
+def print_row(rate, latencies, last, used, estimating) -> None:  # type: ignore[no-untyped-def]
     latencies.sort()
     p50, p99 = (
         latencies[int(q * (len(latencies) - 1))] * 1e3 if latencies else float("nan") for q in (0.5, 0.99)
@@ -92,7 +93,7 @@ def print_row(rate, latencies, last, used, elapsed, child) -> None:  # type: ign
     print(
         f"{rate:6.0f} frames/s offered: {stats.frames:,} received, {stats.written:,} recorded, "
         f"{counts.dropped} not estimated; latency p50 {p50:.1f} ms, p99 {p99:.1f} ms ({len(latencies)} estimates); "
-        f"CPU reader+recorder {100 * used / elapsed:.0f} %",
+        f"of a core: reader and recorder {100 * used:.0f} %, estimators {100 * estimating:.0f} %",
         flush=True,
     )
 
