@@ -102,7 +102,9 @@ def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Dec
         taken = frame.bus
         state = state._replace(buses={**state.buses, name: taken})
     if taken != frame.bus:
-        return _other_bus(plan, taken, state, frame, out)
+        if message.bus is not None or not _at_home(state, name, frame.bus, taken):
+            return _other_bus(plan, taken, state, frame, out)
+        state = _move(plan, taken, state, frame, out)
 
     data = frame.data
     bits = 8 * len(data)
@@ -135,6 +137,28 @@ def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Dec
         if "lead" not in state.seen:
             state = state._replace(seen=state.seen | {"lead"})
     return _count(state, problems) if problems else state
+
+
+def _at_home(state: Decoding, name: str, bus: int, taken: int | None) -> bool:
+    """Are more of the other unbound messages on `bus` than where this one is taken from?
+
+    A vehicle file that binds nothing means one bus. An id that another bus uses for something else may come from
+    there first; the neighbours tell which of the two is meant.
+    """
+    others = [of for other, of in state.buses.items() if other != name]
+    return others.count(bus) > others.count(-1 if taken is None else taken)
+
+
+def _move(plan: _Plan, taken: int | None, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
+    """Take a message from this frame's bus from now on, and say so."""
+    name = plan.message.name
+    says = (
+        f"{name} (0x{plan.message.id:X}) comes on bus {taken} and on bus {frame.bus}; bus {frame.bus} is used, "
+        f"where most of the mapped messages are. To choose, write bus = {taken} in the vehicle file"
+    )
+    out.append(Event(frame.t, "ambiguous_bus", says))
+    elsewhere = state.elsewhere if taken is None else {**state.elsewhere, name: taken}
+    return state._replace(buses={**state.buses, name: frame.bus}, elsewhere=elsewhere)
 
 
 def _other_bus(plan: _Plan, taken: int | None, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
