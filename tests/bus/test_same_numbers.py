@@ -19,7 +19,7 @@ from canid.session import World, session
 from canid.types import Estimate, Flag, Frame
 from canid.views import as_json
 
-LOG = Path(__file__).parents[2] / "replay_logs/following_mixed.blf"
+LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
 # s: both estimators are "ok" by then, and the slow machine needs no more than four minutes for all of it
 PART = 60.0
 
