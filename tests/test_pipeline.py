@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import pickle
 from pathlib import Path
 
@@ -11,7 +12,10 @@ import pytest
 
 import canid
 from canid import logs, pipeline
+from canid.drive import samples
+from canid.estimators import fopdt
 from canid.frames import open_log
+from canid.identification import process_fit
 from canid.types import Estimate, Frame, Gate, Identifiable, Sample, Status
 from canid.vehicle import read_vehicle
 
@@ -70,6 +74,28 @@ def test_frames_that_are_not_mapped_change_nothing() -> None:
     a = [x for x in outputs(frames) if isinstance(x, Estimate)]
     b = [x for x in outputs(mixed) if isinstance(x, Estimate)]
     assert same(a, b[: len(a)])
+
+
+def test_windows_do_not_lead_each_other_astray(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A start from the window before can end where the noise must cancel the answer: then the whole box is searched.
+
+    Without that guard the first minute of this hardly excited drive tells a gain of eight times the truth.
+    """
+    rows = samples(canid.read_trace(REPO / "replay_logs" / "following_mixed.blf", "generic"))[:700]
+
+    def lowest() -> list[float]:
+        estimator = fopdt.make(("headway_error", "range_rate"), pipeline.DT)
+        state, lows = estimator.init(), []
+        for row in rows:
+            state, estimate = estimator.step(state, row)
+            if estimate is not None and estimate.channels["headway_error"].status is not Identifiable.NOT:
+                lows.append(estimate.channels["headway_error"].K.low)
+        return lows
+
+    assert lowest()
+    assert max(lowest()) < 6.04  # its truth
+    monkeypatch.setattr(process_fit, "CANCELLING", -math.inf)
+    assert max(lowest()) > 10.0
 
 
 @pytest.mark.parametrize("name", ["following_mixed.blf", "following_urban.blf", "following_motorway.asc"])

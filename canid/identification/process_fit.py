@@ -189,6 +189,11 @@ def fit_process(
     around = float(np.linalg.norm(data.y[rows] - data.y[rows].mean()))
     fit_percent = 100.0 * (1.0 - float(np.linalg.norm(residual[rows])) / around)
     told = fit_percent >= CANCELLING
+    if not told and start is not None:
+        # the window before may have led here: once more from the whole box
+        return fit_process(
+            output, inputs, usable, dt, segment=segment, tau_max=tau_max, dead_time_max=dead_time_max
+        )
     return ProcessFit(
         channels=tuple(posterior.channel(grid, i, box) if told else Channel() for i in range(m)),
         point=known.point,

@@ -182,6 +182,28 @@ def test_multiplexed_signals_come_with_their_page_only(decode_all):
     assert state.counters["GNSS_DATA: Page = 7 is not defined in the DBC"] == 1
 
 
+def test_an_id_on_two_buses_is_taken_from_where_its_neighbours_are(decode_all):
+    """Bus 1 speaks first with an id that it uses for something else; the other mapped ids are all on bus 0."""
+    vehicle = read_vehicle("generic")
+    frames = []
+    for k in range(20):
+        t = 0.1 * k
+        frames += [
+            Frame(t, 1, 0x110, bytes([250, 0, 0, 0])),
+            Frame(t + 0.01, 0, 0x120, bytes(6)),
+            Frame(t + 0.02, 0, 0x130, bytes(8)),
+            Frame(t + 0.03, 0, 0x110, bytes([50, 0, 0, 0])),
+        ]
+    state, out = decode_all(vehicle, frames)
+    pedal = [item.value for item in out if isinstance(item, Reading) and item.role == "pedal"]
+    assert pedal[0] == 100.0
+    assert pedal[1:] == [20.0] * 20
+    told = [item for item in out if isinstance(item, Event)]
+    assert len(told) == 1
+    assert "bus 0 is used" in told[0].says
+    assert state.counters["ENGINE_DATA: frame on bus 1 ignored"] == 19
+
+
 def test_one_id_on_two_buses_is_taken_from_the_first_and_told_once(decode_all):
     """The first bus wins, the other is counted, and one event says how to choose."""
     vehicle = read_vehicle("generic")
