@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from canid.errors import ConfigError, OutputError
 from canid.types import Estimate, Trace
-
-Column = Sequence[float] | Sequence[str]
 
 
 def samples_table(trace: Trace) -> dict[str, list[Any]]:

@@ -105,9 +105,8 @@ def compare(name: str, channels: Mapping[str, Channel], truth: Mapping[str, dict
         for what in shown.get(ch.status, ("K",) if ch.status is Identifiable.GAIN_ONLY else ()):
             iv: Interval = getattr(ch, what)
             inside = "inside" if iv.low <= of[what] <= iv.high else "OUTSIDE"
-            symbol = {"K": "K", "tau": "τ", "dead_time": "θ"}.get(what, "τ+θ")
             lines.append(
-                f"{name:6} {words.INPUT_WORDS[channel]:14} {symbol:4} {words.interval(iv):20} "
+                f"{name:6} {words.INPUT_WORDS[channel]:14} {words.SYMBOLS[what]:4} {words.interval(iv):20} "
                 f"truth {of[what]:.2f}: {inside}"
             )
     return lines

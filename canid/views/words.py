@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from canid.types import Channel, Estimate, Identifiable, Interval
 
-SYMBOLS = {"K": "K", "tau": "τ", "dead_time": "θ"}
+SYMBOLS = {"K": "K", "tau": "τ", "dead_time": "θ", "tau_plus_dead_time": "τ+θ"}
 OUTPUT_UNITS = {"pedal": "%", "accel": "m/s²", "accel_command": "m/s²", "steering_angle": "°"}
 INPUT_UNITS = {"headway_error": "s", "range_rate": "m/s", "lateral_offset": "m"}
 INPUT_WORDS = {
     "headway_error": "headway error",
     "range_rate": "range rate",
     "lateral_offset": "lateral offset",
-}
-CAN_TELL = {
-    Identifiable.OK: "K, τ and θ",
-    Identifiable.SUM_ONLY: "K and τ+θ",
-    Identifiable.GAIN_ONLY: "K only",
-    Identifiable.NOT: "nothing",
 }
 
 
