@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.estimators import ESTIMATORS
+from canid.estimators import ESTIMATORS, agreement
 from canid.identification import moments, orders, residuals
 from canid.identification.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.orders import Candidate
 from canid.identification.process_fit import fit_process
-from canid.identification.residuals import Cross
-from canid.types import ArmaxSettings, Channel, Estimate, FopdtSettings, Sample, Trace
+from canid.types import ArmaxSettings, Channel, Estimate, FopdtSettings, ResidualTests, Sample, Trace
 
 # s between two windows that are reported: a sixth of the window, so that they overlap and nothing is missed
 EVERY = 10.0
@@ -24,7 +23,7 @@ class ArmaxDrive(NamedTuple):
 
     fit: ArmaxFit
     channels: dict[str, Channel]
-    cross: dict[str, Cross]  # residual against each input
+    residual_tests: ResidualTests
 
 
 class Identified(NamedTuple):
@@ -75,6 +74,7 @@ def identify(
         segment=trace.segment,
         tau_max=fopdt.tau_max,
         dead_time_max=fopdt.dead_time_max,
+        prior=fopdt.prior,
     )
     return Identified(
         duration=duration,
@@ -101,17 +101,21 @@ def samples(trace: Trace) -> list[Sample]:
 def windows(trace: Trace, armax: ArmaxSettings, fopdt: FopdtSettings) -> list[Estimate]:
     """What each estimator said along the drive, every `EVERY` s: the same numbers as live."""
     settings: dict[str, Any] = {"armax": armax, "fopdt": fopdt}
-    rows = samples(trace)
+    running = [make(trace.input_names, trace.dt, settings[name]) for name, make in ESTIMATORS]
+    states, agreed = [estimator.init() for estimator in running], agreement.init()
+    due = dict.fromkeys((estimator.name for estimator in running), EVERY)
     out = []
-    for name, make in ESTIMATORS:
-        estimator = make(trace.input_names, trace.dt, settings[name])
-        state, due = estimator.init(), EVERY
-        for sample in rows:
-            state, estimate = estimator.step(state, sample)
-            if estimate is not None and estimate.t >= due - 1e-6:
+    for sample in samples(trace):
+        spoken = []
+        for k, estimator in enumerate(running):
+            states[k], estimate = estimator.step(states[k], sample)
+            spoken += [estimate] if estimate is not None else []
+        agreed, told = agreement.step(agreed, spoken)
+        for estimate in told:
+            if estimate.t >= due[estimate.estimator] - 1e-6:
                 out.append(estimate)
-                due = EVERY * (np.floor(estimate.t / EVERY + 1e-6) + 1)
-    return sorted(out, key=lambda e: (e.t, e.estimator))
+                due[estimate.estimator] = EVERY * (np.floor(estimate.t / EVERY + 1e-6) + 1)
+    return out
 
 
 def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings) -> ArmaxDrive | None:
@@ -120,9 +124,5 @@ def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings)
     if fit is None:
         return None
     channels = moments.channels(trace.input_names, fit.A, fit.B, chosen.nk, fit.covariance, trace.dt)
-    known = np.isfinite(fit.residual)
-    cross = {
-        name: residuals.cross(fit.residual[known], trace.inputs[known, k])
-        for k, name in enumerate(trace.input_names)
-    }
-    return ArmaxDrive(fit, channels, cross)
+    tests = residuals.look(fit.residual, trace.inputs, trace.input_names, chosen.na + chosen.nc)
+    return ArmaxDrive(fit, channels, tests)

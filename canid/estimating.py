@@ -2,7 +2,7 @@
 
 Frames go to the child over its standard input, outputs come back over its standard output, both pickled.
 The child is restarted when it dies or does not answer; what it had in hand is lost for the estimates, never for
-the recording, and is counted.
+the recording, and is counted. What it knows it hands over now and then; the next child goes on from there.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import IO, Any, NamedTuple
 
+from canid.errors import CanidError
 from canid.types import Event, Frame
 
 # frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, some 60 MB
@@ -50,7 +51,11 @@ class Estimating:
     """Owns the child process and the three threads that serve it."""
 
     def __init__(
-        self, vehicle: str, on_output: Callable[[float, Any], None], command: Sequence[str] | None = None
+        self,
+        vehicle: str,
+        on_output: Callable[[float, Any], None],
+        command: Sequence[str] | None = None,
+        state: bytes | None = None,
     ) -> None:
         """Start the child.
 
@@ -59,7 +64,9 @@ class Estimating:
             on_output: called, from a thread, with the time of the frame that completed it and each Sample,
                 Estimate and Event.
             command: of the child; the tests put faulty ones here.
+            state: that was saved before, to go on from.
         """
+        self.state = state  # the newest one
         self._command = list(command or (sys.executable, "-m", "canid.estimating", vehicle))
         self._on_output = on_output
         self._waiting: deque[Frame] = deque()
@@ -109,12 +116,16 @@ class Estimating:
 
     def _supervise(self) -> None:
         while True:
+            given = self.state
             try:
-                self._run_child()
+                self._run_child(given)
             except OSError as error:  # no memory for a process, say
                 self._why = error.strerror or str(error)
             if self._finished:
                 return
+            if self.state is given:
+                # it may be this state that has ended the child: no other one shall begin with it
+                self.state = None
             lost = self._sent - self._done
             self._lost += lost
             self._done = self._sent
@@ -131,7 +142,7 @@ class Estimating:
             with self._wake:
                 self._wake.wait_for(lambda: self._closing, wait)
 
-    def _run_child(self) -> None:
+    def _run_child(self, state: bytes | None) -> None:
         self._why = "it ended"
         self._ready = False
         self._answered = time.monotonic()
@@ -140,7 +151,7 @@ class Estimating:
         )
         assert child.stdin is not None
         assert child.stdout is not None
-        feeder = threading.Thread(target=self._feed, args=(child, child.stdin), daemon=True)
+        feeder = threading.Thread(target=self._feed, args=(child, child.stdin, state), daemon=True)
         watcher = threading.Thread(target=self._watch, args=(child,), daemon=True)
         feeder.start()
         watcher.start()
@@ -164,6 +175,11 @@ class Estimating:
                     self._done += done
                     for t, item in outputs:
                         self._on_output(t, item)
+                elif kind == "state":
+                    self.state = bytes(payload)
+                elif kind == "told":
+                    # the child does not know what time it is before it has seen a frame
+                    self._on_output(self._latest, payload._replace(t=self._latest))
             except EOFError:
                 return
             except (
@@ -179,8 +195,11 @@ class Estimating:
             elif kind == "end":
                 self._finished = True
 
-    def _feed(self, child: subprocess.Popen[bytes], stream: IO[bytes]) -> None:
+    def _feed(self, child: subprocess.Popen[bytes], stream: IO[bytes], state: bytes | None) -> None:
         try:
+            if state is not None:
+                pickle.dump(state, stream, protocol=5)
+                stream.flush()
             while child.poll() is None:
                 with self._wake:
                     self._wake.wait_for(
@@ -230,24 +249,44 @@ def main() -> int:
 
     try:
         from canid import pipeline, smoothing
+        from canid.saving.knowledge import EVERY, go_on, keeping
         from canid.vehicle import missing, read_vehicle
 
         vehicle = read_vehicle(sys.argv[1])
         running = pipeline.build(vehicle)
+        keep = keeping(vehicle, running)
         smoothing.load()
         state = running.init()
         say("ready", vehicle.driver.output)
+
+        def hand_over() -> None:
+            known = pipeline.known(state)
+            try:
+                if known is not None:
+                    say("state", keep.save(known, time.time()))
+            except CanidError as error:
+                say("told", Event(0.0, "state_not_saved", str(error)))
+
+        due = time.monotonic() + EVERY
         while True:
             try:
                 batch = pickle.load(source)
             except EOFError:
                 break
+            if isinstance(batch, bytes):
+                state, told = go_on(running, keep, batch, time.time())
+                say("told", told)
+                continue
             outputs = []
             for item in batch:
                 frame = Frame(*item)
                 state, out = running.step(state, frame)
                 outputs += [(frame.t, result) for result in out]
             say("out", (len(batch), outputs, dict(state.decode.counters), missing(vehicle, state.decode)))
+            if time.monotonic() >= due:
+                due = time.monotonic() + EVERY
+                hand_over()
+        hand_over()
         say("end")
     except Exception as error:
         import traceback

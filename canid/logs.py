@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import math
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from canid import pipeline
+from canid import pipeline, state_file
 from canid.errors import CanidError, ConfigError, LogError
 from canid.frames import Log, open_log
+from canid.saving import sealed
+from canid.saving.knowledge import EVERY, go_on, keeping
 from canid.types import (
     TASK_INPUTS,
     Damage,
@@ -37,6 +43,9 @@ class Health(NamedTuple):
     counters: dict[str, int]  # "gap: no target" -> n
     missing: tuple[str, ...]
     events: tuple[Event, ...]
+
+
+_Step = tuple[pipeline.State, Frame, list[pipeline.Output]]
 
 
 class Drive(NamedTuple):
@@ -70,15 +79,76 @@ def run(
     dt: float = pipeline.DT,
     start: float = 0.0,
     stop: float = float("inf"),
-) -> Iterator[tuple[pipeline.State, Frame, list[pipeline.Output]]]:
-    """Frame by frame: the state after it, the frame, and what came out."""
+    keep: str | Path | None = None,
+) -> Generator[_Step, None, None]:
+    """Frame by frame: the state after it, the frame, and what came out.
+
+    Args:
+        log: from `open_log`.
+        vehicle: from `read_vehicle`.
+        estimating: run the estimators as well.
+        dt: step of the grid, s.
+        start: s, leave out what is earlier.
+        stop: s, leave out what is later.
+        keep: go on from the state in this file, and save there every 10 s and at the end.
+
+    Raises:
+        ConfigError: the state file cannot be read.
+        OutputError: the state cannot be saved.
+    """
     running = pipeline.build(vehicle, estimating=estimating, dt=dt)
+    frames = window(log, start, stop)
+    steps = _plain(running, frames) if keep is None else _kept(running, frames, keep, log, vehicle, dt)
+    with closing(steps):
+        for state, frame, out in steps:
+            # the grid begins a little before the first frame: there is nothing there
+            yield state, frame, [item for item in out if item.t >= start]
+
+
+def _plain(running: pipeline.Pipeline, frames: Iterable[Frame]) -> Generator[_Step, None, None]:
     state = running.init()
-    for frame in window(log, start, stop):
+    for frame in frames:
         state, out = running.step(state, frame)
-        # the grid begins a little before the first frame: there is nothing there
-        out = [item for item in out if item.t >= start]
         yield state, frame, out
+
+
+def _kept(
+    running: pipeline.Pipeline,
+    frames: Iterator[Frame],
+    path: str | Path,
+    log: Log,
+    vehicle: Vehicle,
+    dt: float,
+) -> Generator[_Step, None, None]:
+    saved = state_file.read(path)
+    state_file.try_out(path)
+    first = next(frames, None)
+    if first is None:
+        return
+    # only a log without a date is as old as this moment
+    begins = log.start_utc if math.isfinite(log.start_utc) else time.time() - first.t
+    keep, state, events = keeping(vehicle, running, dt), running.init(), []
+    if saved is not None:
+        state, event = go_on(running, keep, saved, begins + first.t, first.t)
+        events.append(event)
+    writable = saved is None or sealed.ours(saved)
+
+    def save(t: float) -> None:
+        known = pipeline.known(state)
+        if known is not None and writable:
+            state_file.write(path, keep.save(known, begins + t))
+
+    due, frame = time.monotonic() + EVERY, first
+    try:
+        for frame in chain([first], frames):
+            state, out = running.step(state, frame)
+            yield state, frame, [*events, *out]
+            events = []
+            if time.monotonic() >= due:
+                due = time.monotonic() + EVERY
+                save(frame.t)
+    finally:
+        save(frame.t)
 
 
 def health(
@@ -231,15 +301,19 @@ def read_signals(path: str | Path, vehicle: Vehicle | str | Path) -> dict[str, S
     return {role: Signal(np.array(times[role]), np.array(values[role])) for role in sorted(times)}
 
 
-def replay(path: str | Path, vehicle: Vehicle | str | Path) -> Iterator[Estimate]:
+def replay(
+    path: str | Path, vehicle: Vehicle | str | Path, *, state: str | Path | None = None
+) -> Iterator[Estimate]:
     """Estimates from a log, one by one, as they would have come live.
 
     Args:
         path: the log.
         vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        state: go on from what was learnt before and saved in this file; save there every 10 s and at the end.
 
     Yields:
         an `Estimate` of each estimator every half second of the log.
     """
-    for _, _, out in run(open_log(path), as_vehicle(vehicle)):
-        yield from (item for item in out if isinstance(item, Estimate))
+    with closing(run(open_log(path), as_vehicle(vehicle), keep=state)) as steps:
+        for _, _, out in steps:
+            yield from (item for item in out if isinstance(item, Estimate))

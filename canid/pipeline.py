@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
-from canid import clock, gate, lead, sampling
-from canid.estimators import ESTIMATORS
+from canid import clock, downtime, gate, lead, sampling
+from canid.estimators import ESTIMATORS, agreement
 from canid.smoothing import Noise
 from canid.types import TASK_INPUTS, AnyEstimator, Estimate, Event, Frame, Reading, Sample
 from canid.vehicle import Vehicle, decoder
@@ -26,13 +26,24 @@ class State(NamedTuple):
     sampling: sampling.State
     gate: gate.State
     estimators: tuple[Any, ...]
+    time: downtime.State = downtime.State()  # of the estimators
+    agreement: agreement.State = agreement.State()  # among them
+
+
+class Known(NamedTuple):
+    """What outlives a restart: what the estimators have learnt, and where their time stands."""
+
+    time: downtime.State
+    estimators: tuple[Any, ...]
+    agreement: agreement.State
 
 
 class Pipeline(NamedTuple):
-    """A vehicle's pipeline: two pure functions."""
+    """A vehicle's pipeline: pure functions."""
 
     init: Callable[[], State]
     step: Callable[[State, Frame], tuple[State, list[Output]]]
+    resume: Callable[[State, Known], State]  # from `init()`, with what was known before a restart
 
 
 def sampled_roles(vehicle: Vehicle) -> dict[str, sampling.Role]:
@@ -105,20 +116,36 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
                 else:
                     samples = sampling.put(samples, item)
         samples, points = sampling.take(samples, now.latest, dt, roles)
-        judged, states = state.gate, state.estimators
+        judged, states, time, agreed = state.gate, state.estimators, state.time, state.agreement
         for t, values in points:
             judged, sample = gate.step(judged, t, values, driver, dt)
             out.append(sample)
-            stepped = []
+            time, own = downtime.step(time, sample, dt)
+            stepped, spoken = [], []
             for estimator, inner in zip(running, states, strict=True):
-                inner, estimate = estimator.step(inner, sample)
+                inner, estimate = estimator.step(inner, own)
                 stepped.append(inner)
                 if estimate is not None:
-                    out.append(estimate)
+                    spoken.append(estimate)
             states = tuple(stepped)
-        return State(now, decoded, follow, samples, judged, states), out
+            agreed, told = agreement.step(agreed, spoken)
+            out += [estimate._replace(t=t) for estimate in told]
+        return State(now, decoded, follow, samples, judged, states, time, agreed), out
 
-    return Pipeline(init, step)
+    def resume(state: State, known: Known) -> State:
+        time, pause = downtime.resume(known.time, dt, len(TASK_INPUTS[driver.task]))
+        pairs = zip(running, known.estimators, strict=True)
+        paused = tuple(estimator.step(inner, pause)[0] for estimator, inner in pairs)
+        return state._replace(estimators=paused, time=time, agreement=known.agreement)
+
+    return Pipeline(init, step, resume)
+
+
+def known(state: State) -> Known | None:
+    """Return what outlives a restart; None where no sample has come that could have added to it."""
+    if state.time.t != state.time.t or state.time.resumed:
+        return None
+    return Known(state.time, state.estimators, state.agreement)
 
 
 def run(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[tuple[State, Output]]:

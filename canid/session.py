@@ -8,9 +8,12 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from canid import state_file
+from canid.errors import CanidError, OutputError
 from canid.estimating import Counts, Estimating
 from canid.frames.bus import ReceiveOnlyBus, open_buses
 from canid.frames.recorder import Recorder, Stats
+from canid.saving.sealed import ours
 from canid.types import Estimate, Event
 
 # cantools and pydantic take half a second to import: not before the first frame is recorded
@@ -35,6 +38,7 @@ class World(NamedTuple):
     events: tuple[Event, ...]  # the recorder's own, since the last report
     lost: bool  # every bus is gone
     output: str  # the role that is the driver's output; "" while the estimator starts
+    unsaved: str = ""  # why the estimators' state could not be saved; "": it could, or need not be
 
 
 class Result(NamedTuple):
@@ -52,6 +56,7 @@ def session(
     duration: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
     command: Sequence[str] | None = None,
+    state: str | Path | None = None,
 ) -> Generator[Result | World, None, None]:
     """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
 
@@ -66,13 +71,26 @@ def session(
         duration: s; None: until stopped.
         stopped: asked ten times a second.
         command: of the estimator's process; tests put faulty ones here.
+        state: go on from what was learnt before and saved in this file; save there every 10 s and at the end. A
+            state that is damaged or does not fit is told as an `Event`, and the estimators start anew.
+
+    Raises:
+        ConfigError: the vehicle file is wrong, or the state file cannot be read.
+        OutputError: the state file cannot be written; found out before anything begins.
     """
+    try:
+        saved = _saved(state)
+    except CanidError:
+        for bus in buses:
+            bus.shutdown()
+        raise
+    save = _saver(state, saved)
     results: SimpleQueue[Result] = SimpleQueue()
     began = time.monotonic()
     estimating = None
     if vehicle is not None:
         name = str(vehicle if isinstance(vehicle, str | Path) else vehicle.path)
-        estimating = Estimating(name, lambda t, item: results.put(Result(t, item)), command)
+        estimating = Estimating(name, lambda t, item: results.put(Result(t, item)), command, saved)
     # the estimator takes seconds to import its mathematics; its frames wait for it
     recorder = Recorder(buses, record, estimating.put if estimating else None)
 
@@ -81,7 +99,8 @@ def session(
         if estimating is None:
             return World(elapsed, recorder.stats(), None, {}, (), events, lost, "")
         told = dict(estimating.counters), tuple(estimating.missing)
-        return World(elapsed, recorder.stats(), estimating.counts(), *told, events, lost, estimating.output)
+        counts, unsaved = estimating.counts(), save(estimating.state)
+        return World(elapsed, recorder.stats(), counts, *told, events, lost, estimating.output, unsaved)
 
     recorder.start()
     lost = False
@@ -111,11 +130,41 @@ def session(
         recorder.stop()
         if estimating is not None:
             estimating.close()
+            save(estimating.state)
     while not results.empty():
         result = results.get()
         _note(recorder, result)
         yield result
     yield report(lost=lost)
+
+
+def _saved(path: str | Path | None) -> bytes | None:
+    """What was saved before; raises where it cannot be read, or not be written later."""
+    if path is None:
+        return None
+    saved = state_file.read(path)
+    state_file.try_out(path)
+    return saved
+
+
+def _saver(path: str | Path | None, saved: bytes | None) -> Callable[[bytes | None], str]:
+    """Save what is newer than what was saved last; says why that was not possible."""
+    last, why = saved, ""
+
+    def save(newest: bytes | None) -> str:
+        nonlocal last, why
+        if newest is None or newest is last or path is None or not (saved is None or ours(saved)):
+            return why
+        last = newest
+        try:
+            state_file.write(path, newest)
+        except OutputError as error:
+            why = str(error)
+        else:
+            why = ""
+        return why
+
+    return save
 
 
 def _note(recorder: Recorder, result: Result) -> None:
@@ -131,6 +180,7 @@ def live(
     vehicle: Vehicle | str | Path,
     record: str | Path | None = None,
     duration: float | None = None,
+    state: str | Path | None = None,
     **bus: Any,
 ) -> Iterator[Estimate]:
     """Estimates from a bus, as they come; nothing is ever sent.
@@ -141,6 +191,7 @@ def live(
         vehicle: a vehicle file, its name, or what `read_vehicle` returned.
         record: record to this file as well; an existing one is never overwritten.
         duration: s; None: until the bus is lost or the generator is closed.
+        state: go on from what was learnt before and saved in this file; save there every 10 s and at the end.
         bus: python-can's other arguments, such as bitrate.
 
     Yields:
@@ -148,10 +199,11 @@ def live(
 
     Raises:
         BusError: no such bus.
-        ConfigError: the vehicle file is wrong.
+        ConfigError: the vehicle file is wrong, or the state file cannot be read.
+        OutputError: the state file cannot be written.
     """
     given = {"channel": channel, "interface": interface}
     config = {name: value for name, value in given.items() if value} | bus
-    for result in session(open_buses([config]), vehicle, record=record, duration=duration):
+    for result in session(open_buses([config]), vehicle, record=record, duration=duration, state=state):
         if isinstance(result, Result) and isinstance(result.item, Estimate):
             yield result.item

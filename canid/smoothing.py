@@ -17,7 +17,7 @@ from canid.types import Array
 # s; a person answers after 0.2 s or more, so nothing that the driver does at t has entered an input at t − 0.2 s
 LAG = 0.2
 # (m/s³)²·s; white jerk that gives the relative acceleration of following traffic, 0.6 m/s² over 2 s: 2·0.6²/2
-JERK = 0.36
+JERK = 3.0
 # s; longer than this without a report and the target may be another one
 BRIDGE = 0.5
 # m; another vehicle is at least a short car's length nearer or further. Less than that is the sensor: real gaps

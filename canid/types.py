@@ -176,6 +176,22 @@ class Channel(NamedTuple):
     dead_time: Interval = Interval()  # s
     tau_plus_dead_time: Interval = Interval()  # s
     status: Identifiable = Identifiable.NOT
+    K_anytime: Interval = Interval()  # holds at every look at once, where the estimator can promise that
+    prior_weight: float = (
+        NAN  # share of what is known of tau and dead time that a declared prior brought, 0 to 1
+    )
+
+
+class ResidualTests(NamedTuple):
+    """What the residuals of the last minute say of the model; see `identification.residuals`."""
+
+    white: bool  # Ljung-Box, 99 %
+    statistic: float
+    bound: float
+    left_over: tuple[str, ...]  # inputs whose answer is not all in the model
+    feedback: tuple[str, ...]  # inputs that the output moves: the loop is closed
+    stationary: bool  # reverse arrangements, 99 %
+    excitation_order: Mapping[str, int]  # per input, how many parameters it can excite
 
 
 class Estimate(NamedTuple):
@@ -189,6 +205,8 @@ class Estimate(NamedTuple):
     fit_percent: float = NAN  # 100 (1 - |y - simulated| / |y - mean|) over the data used
     excitation: Mapping[str, float] = {}  # input name -> its standard deviation over the data used
     used: float = NAN  # s of data that the estimate rests on
+    residual_tests: ResidualTests | None = None
+    headline: bool = False  # the one number to read, by the rule in docs/design.md
 
 
 S = TypeVar("S")
@@ -224,7 +242,19 @@ class ArmaxSettings(NamedTuple):
     nc: int = 1
     nk: int = 1  # dead time in samples
     start: float = 15.0  # s of data for the batch start
-    forgetting: float = 0.998  # per sample; memory dt / (1 - forgetting) = 50 s at 10 Hz
+    # per sample, ascending: memories of 5, 10, 20 and 50 s at 10 Hz, and one that keeps everything
+    forgetting: tuple[float, ...] = (0.98, 0.99, 0.995, 0.998, 1.0)
+
+
+class Prior(NamedTuple):
+    """What is believed of lags and dead times before any data; NaN: nothing."""
+
+    tau: float = NAN  # s, median of a log-normal
+    tau_factor: float = NAN  # one standard deviation up is the median times this
+    dead_time: float = NAN  # s, mean of a normal
+    dead_time_sd: float = NAN  # s
+    same_tau: float = NAN  # s, sd of the difference between the two channels
+    same_dead_time: float = NAN  # s
 
 
 class FopdtSettings(NamedTuple):
@@ -234,3 +264,4 @@ class FopdtSettings(NamedTuple):
     refit: float = 0.5  # s
     tau_max: float = 3.0  # s; a slower lag cannot be told from an offset in a window of 60 s
     dead_time_max: float = 1.5  # s; human reaction times end well below
+    prior: Prior | None = None  # none: the box alone

@@ -13,9 +13,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--record", metavar="F.blf", help="record to this file; an existing one is never overwritten"
     )
+    options.state(parser)
     sessions.arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Record and estimate."""
-    return sessions.run(args, vehicle=args.vehicle, record=args.record)
+    return sessions.run(args, vehicle=args.vehicle, record=args.record, state=args.state)

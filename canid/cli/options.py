@@ -25,6 +25,15 @@ def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     )
 
 
+def state(parser: argparse.ArgumentParser) -> None:
+    """--state."""
+    parser.add_argument(
+        "--state",
+        metavar="FILE",
+        help="go on from what was learnt before a restart, and save it here every 10 s and at the end",
+    )
+
+
 def json_file(parser: argparse.ArgumentParser) -> None:
     """--json; what was there is replaced."""
     parser.add_argument("--json", metavar="FILE", help='the same numbers as JSON; "-" is standard output')

@@ -17,6 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.vehicle(parser, required=False)
     parser.add_argument("--speed", type=options.speed, metavar="1|10|max", help="default: max; onto a bus: 1")
     options.part(parser)
+    options.state(parser)
     options.json_file(parser)
     parser.add_argument("--onto", action="store_true", help="send the log to a virtual bus (-i, -c) instead")
     parser.add_argument("--arm", metavar="CHANNEL", help="with --onto: this physical channel may be sent to")
@@ -28,6 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay."""
     if args.onto:
+        if args.state is not None:
+            raise ConfigError("replay: --onto sends a log and estimates nothing; leave out --state")
         return onto(args)
     if args.vehicle is None:
         raise ConfigError("replay needs --vehicle V.toml (`canid init FILE.dbc` proposes one)")
@@ -48,8 +51,9 @@ def run(args: argparse.Namespace) -> int:
     with options.sink(args.json) as sink:
         screen = show.display(view, json=args.json)
         began = time.monotonic()
+        steps = logs.run(log, vehicle, start=args.start, stop=args.stop, keep=args.state)
         try:
-            for after, frame, out in logs.run(log, vehicle, start=args.start, stop=args.stop):
+            for after, frame, out in steps:
                 state = after
                 if frames == 0:
                     began -= frame.t / speed
@@ -70,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
                     screen.lines([BusLine(f"{frames:,} frames   {at}")])
         finally:
             screen.close()
+            steps.close()  # an interrupted replay saves its state, too
         if not frames:
             # inside: so that no empty JSON file is left
             raise logs.nothing_read(args.log, args.start, args.stop, log.damage)

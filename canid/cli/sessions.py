@@ -29,7 +29,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
 
 
-def run(args: argparse.Namespace, *, vehicle: str | None, record: str | None) -> int:
+def run(
+    args: argparse.Namespace, *, vehicle: str | None, record: str | None, state: str | None = None
+) -> int:
     """Open the bus and run a session on it."""
     from canid.frames.bus import open_buses
     from canid.frames.command_line import configs_of
@@ -45,6 +47,7 @@ def run(args: argparse.Namespace, *, vehicle: str | None, record: str | None) ->
             vehicle,
             view,
             record=record,
+            state=state,
             duration=args.duration,
             json=args.json,
             stop=stop,
@@ -61,6 +64,7 @@ def watch(
     duration: float | None,
     json: str | None,
     stop: Callable[[], bool],
+    state: str | None = None,
 ) -> tuple[int, summary.Tally]:
     """Show a session until it ends; returns the exit code and what was estimated.
 
@@ -87,7 +91,8 @@ def watch(
                 if sink is not None:
                     sink.flush()
 
-        with closing(session(buses, vehicle, record=record, duration=duration, stopped=stop)) as running:
+        told = session(buses, vehicle, record=record, duration=duration, stopped=stop, state=state)
+        with closing(told) as running:
             try:
                 for item in running:
                     if isinstance(item, World):
@@ -144,6 +149,8 @@ def lines(now: World) -> list[BusLine]:
     if now.estimator is not None:
         e = now.estimator
         out.append(world.estimator(e.ready, e.offered, e.done, e.dropped, e.restarts))
+    if now.unsaved:
+        out.append(BusLine(now.unsaved, wrong=True))
     if now.elapsed > MISSED:
         if not r.frames:
             out.append(BusLine("no frame has come: bit rate? termination? is another node on?", wrong=True))
@@ -154,6 +161,6 @@ def lines(now: World) -> list[BusLine]:
 
 def code_of(now: World, *, lost: bool) -> int:
     """The exit code that the end of a session deserves."""
-    if now.recorder.state.startswith("failed"):
+    if now.recorder.state.startswith("failed") or now.unsaved:
         return NOT_WRITTEN
     return NO_BUS if lost else DONE

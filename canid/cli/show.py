@@ -34,10 +34,12 @@ class Display(Protocol):
 
 
 class Silent:
-    """Shows nothing."""
+    """Shows nothing but what happened: the numbers go to standard output as JSON."""
 
     def put(self, item: Sample | Estimate | Event) -> None:
-        """Drop it."""
+        """Say an event, drop the rest."""
+        if isinstance(item, Event):
+            print(f"canid: {item.says}", file=sys.stderr, flush=True)
 
     def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Drop them."""

@@ -1,6 +1,6 @@
 """ARMAX live: a short batch start, then recursive prediction errors, frozen while nothing is to be learnt.
 
-The mathematics is in identification/armax_batch.py, armax_recursive.py and moments.py.
+The mathematics is in identification/armax_batch.py, armax_recursive.py, memories.py and moments.py.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.estimators import status
-from canid.identification import armax_batch, armax_recursive, moments
+from canid.identification import armax_batch, armax_recursive, moments, residuals
 from canid.types import (
     AnyEstimator,
     ArmaxSettings,
+    Array,
     Channel,
     Estimate,
     Estimator,
     Gate,
     Identifiable,
+    ResidualTests,
     Sample,
     Status,
 )
@@ -34,9 +36,19 @@ LOOK = 20.0
 # learning from it would learn the noise.
 STILL = 0.05
 
-# Buffers of the start are kept to this many times its length: if the first seconds did not excite, later
-# ones may.
-PATIENCE = 4
+# When the data are this many times those of the start, the recursion begins anew from a batch fit of all of
+# them: its own first steps were taken from rough parameters, which costs C 3 % after a minute.
+AGAIN = 2
+
+# s; over which the fit in percent is formed: the length of the window that the FOPDT estimator uses.
+FIT = 60.0
+
+# s of residuals that are tested, and below which they are not: 2.5 s of lags need ten times as much.
+TESTED = 60.0
+TESTABLE = 25.0
+
+# s; after a longer break what is told is said to be from before it, until `status.ENOUGH` seconds have confirmed it.
+BREAK = 60.0
 
 
 class Movement(NamedTuple):
@@ -56,16 +68,27 @@ class Quality(NamedTuple):
     error: float  # of output minus simulation
 
 
+class Learnt(NamedTuple):
+    """When was learnt."""
+
+    used: float = 0.0  # s of data in all
+    t: float = math.nan  # s, of the last sample learnt from
+    pause: float = 0.0  # s, length of the last long break
+    since: float = math.inf  # s of data since then
+
+
 class State(NamedTuple):
-    """What the next step needs."""
+    """What the next step needs. Rows are (piece, innovation, output, inputs...), a piece of NaN not to be learnt."""
 
     closed: status.Closed
     t: float  # s, of the last sample
     segment: int  # of the inputs' history
     piece: int  # grows with every interruption
-    rows: tuple[tuple[float, ...], ...]  # (piece, output, inputs...), until the start is made
+    past: Array  # (n, 3 + m) rows on the grid, read only, up to the last estimate
+    recent: tuple[tuple[float, ...], ...]  # rows since then
+    due: int  # samples to learn from, of these rows, at which the next batch fit is made; 0: none any more
     model: armax_recursive.State | None
-    used: float  # s of data learnt from
+    learnt: Learnt
     movement: Movement
     quality: Quality
 
@@ -92,18 +115,22 @@ def make(
     """
     m = len(input_names)
     o = armax_batch.Orders(settings.na, settings.nb, settings.nc, settings.nk)
-    if m < 1 or not dt > 0.0 or not 0.5 < settings.forgetting <= 1.0 or min(o) < 0 or o.nb < 1 or o.na < 1:
-        raise ValueError(
-            f"inputs {input_names}, dt = {dt} s, {settings}: na, nb >= 1, forgetting in (0.5, 1]"
-        )
+    memories = settings.forgetting
+    if m < 1 or not dt > 0.0 or min(o) < 0 or o.nb < 1 or o.na < 1:
+        raise ValueError(f"inputs {input_names}, dt = {dt} s, {settings}: na, nb >= 1")
+    if not memories or list(memories) != sorted(memories) or not 0.5 < memories[0] <= memories[-1] <= 1.0:
+        raise ValueError(f"forgetting {memories}: one or more in (0.5, 1], ascending")
     # the start needs at least five samples per parameter, whatever the settings say
     first = max(round(settings.start / dt), 6 * o.count(m))
     look = dt / LOOK
-    fade = 1.0 - settings.forgetting if settings.forgetting < 1.0 else look
+    fade = dt / FIT
+    tested = round(TESTED / dt)
+    empty = np.zeros((0, 3 + m))
 
     def init() -> State:
         nothing = Movement(0, (0.0,) * m, (0.0,) * m)
-        return State(status.Closed(), math.nan, 0, 0, (), None, 0.0, nothing, Quality((), math.nan, 0.0, 0.0))
+        quality = Quality((), math.nan, 0.0, 0.0)
+        return State(status.Closed(), math.nan, 0, 0, empty, (), first, None, Learnt(), nothing, quality)
 
     def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
         if not math.isfinite(sample.t) or sample.t <= state.t:
@@ -113,21 +140,21 @@ def make(
         if gap or not usable:
             state = _interrupt(state)
         closed, forced = status.step(state.closed, sample)
+        missing = _missing(state, sample)
         state = state._replace(closed=closed, t=sample.t, segment=sample.segment)
-        if usable:
-            state = _take(state, sample)
+        state, row = _take(state, sample) if usable else (state, (math.nan, math.nan))
+        state = state._replace(recent=(*state.recent, *missing, (*row, sample.output, *sample.inputs)))
         if forced is not None:
             if not status.due(closed, sample.t, forced):
                 return state, None
             said = status.said(closed, sample.t, forced)
-            return state._replace(closed=said), status.silent(
+            return _fold(state)._replace(closed=said), status.silent(
                 sample.t, NAME, forced, sample.gate.value, input_names
             )
         gate_spoke = closed.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
         if not gate_spoke and sample.t - closed.emitted < status.EVERY - status.ROUNDING:
             return state, None
-        if state.model is None and len(state.rows) >= first:
-            state = _start(state)
+        state = _fitted(_fold(state))
         estimate = _estimate(state, sample)
         return state._replace(closed=status.said(closed, sample.t, estimate.status)), estimate
 
@@ -137,20 +164,44 @@ def make(
             piece=state.piece + 1, model=model, quality=state.quality._replace(simulated=())
         )
 
-    def _take(state: State, sample: Sample) -> State:
+    def _missing(state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:
+        """Rows for grid times that never came."""
+        if not math.isfinite(state.t):
+            return ()
+        return ((math.nan,) * (3 + m),) * min(round((sample.t - state.t) / dt) - 1, tested)
+
+    def _fold(state: State) -> State:
+        past = np.concatenate([state.past, np.array(state.recent).reshape(-1, 3 + m)])
+        # while a batch fit is to come, twice what it needs, for the samples that it may not learn from
+        past = past[-max(tested, 2 * state.due) :]
+        past.setflags(write=False)
+        return state._replace(past=past, recent=())
+
+    def _take(state: State, sample: Sample) -> tuple[State, tuple[float, float]]:
         movement = _moved(state.movement, sample.inputs)
-        if state.model is None:
-            row = (float(state.piece), sample.output, *sample.inputs)
-            return state._replace(
-                rows=(*state.rows, row)[-PATIENCE * first :], movement=movement, used=state.used + dt
-            )
+        state = state._replace(movement=movement)
+        piece = float(state.piece)
+        before = state.model
+        if before is None:
+            return state._replace(learnt=_learnt(state.learnt, sample.t)), (piece, math.nan)
         learn = _excited(movement)
-        model, _ = armax_recursive.step(
-            state.model, o, sample.output, sample.inputs, settings.forgetting, learn
-        )
-        quality = _simulated(state.quality, state.model, sample) if learn else state.quality
-        used = state.used + dt if learn else state.used
-        return state._replace(model=model, movement=movement, quality=quality, used=used)
+        model, innovation = armax_recursive.step(before, o, sample.output, sample.inputs, learn)
+        if not learn:
+            return state._replace(model=model), (math.nan, innovation)
+        if model.restarts > before.restarts:
+            # what came before is of another driver, or another manner: collect anew
+            state = state._replace(past=empty, recent=(), due=AGAIN * first)
+        return state._replace(
+            model=model,
+            quality=_simulated(state.quality, before, sample),
+            learnt=_learnt(state.learnt, sample.t),
+        ), (piece, innovation)
+
+    def _learnt(before: Learnt, t: float) -> Learnt:
+        pause = t - before.t
+        if pause > BREAK:
+            return Learnt(before.used + dt, t, pause, dt)
+        return Learnt(before.used + dt, t, before.pause, before.since + dt)
 
     def _moved(before: Movement, inputs: tuple[float, ...]) -> Movement:
         # the first samples weigh alike, later ones fade: no start value that would count as movement
@@ -174,7 +225,7 @@ def make(
         past, output = quality.simulated, sample.output
         if len(past) < o.na or not model.u or len(model.u[0]) < o.nb + o.nk - 1:
             return quality._replace(simulated=(output, *past)[: o.na])
-        theta = model.theta
+        theta = armax_recursive.leading(model)
         y = -sum(a * x for a, x in zip(theta, past, strict=False)) + theta[o.na + m * o.nb]
         for i, (now, before) in enumerate(zip(sample.inputs, model.u, strict=True)):
             lagged = (now, *before)[o.nk :]
@@ -189,32 +240,37 @@ def make(
             (1.0 - fade) * quality.error + fade * min((output - y) ** 2, 1e12),
         )
 
-    def _start(state: State) -> State:
-        rows = np.array(state.rows)
-        if not _excited(state.movement):
+    def _fitted(state: State) -> State:
+        """Make a batch fit where one is due."""
+        piece, output, inputs = state.past[:, 0], state.past[:, 2], state.past[:, 3:]
+        usable = np.isfinite(piece)
+        if not state.due or usable.sum() < state.due or not _excited(state.movement):
             return state
         fit = armax_batch.fit_armax(
-            rows[:, 1], rows[:, 2:], np.full(len(rows), True), o, segment=rows[:, 0].astype(np.int64)
+            output, inputs, usable, o, segment=np.where(usable, piece, -1.0).astype(np.int64)
         )
-        if fit is None:
-            return state
         try:
-            model = armax_recursive.begin(fit)
+            model = armax_recursive.begin(fit, memories) if fit is not None else None
         except ValueError:  # not every parameter is excited yet
+            model = None
+        if state.model is not None:  # else the start is tried again with the next samples
+            model = state.model if model is None else model._replace(restarts=state.model.restarts)
+        elif model is None:
             return state
-        return state._replace(model=model, rows=())
+        return state._replace(model=model, due=AGAIN * first if state.due == first else 0)
 
     def _estimate(state: State, sample: Sample) -> Estimate:
+        used = state.learnt.used
         excitation = {name: v**0.5 for name, v in zip(input_names, state.movement.variance, strict=True)}
 
         def silent(kind: Status, says: str) -> Estimate:
             why = sample.gate.value if sample.gate is not Gate.OPEN else says
             plain = status.silent(sample.t, NAME, kind, why, input_names)
-            return plain._replace(excitation=excitation, used=state.used)
+            return plain._replace(excitation=excitation, used=used)
 
-        if state.used < max(status.ENOUGH, first * dt) - 0.5 * dt:
+        if used < max(status.ENOUGH, first * dt) - 0.5 * dt:
             enough = max(status.ENOUGH, first * dt)
-            return silent(Status.CONVERGING, f"{state.used:.0f} s of {enough:.0f} s of data: keep following")
+            return silent(Status.CONVERGING, f"{used:.0f} s of {enough:.0f} s of data: keep following")
         if state.model is None or not _excited(state.movement):
             return silent(Status.NOT_EXCITED, status.hardly_moved(excitation))
         channels = _channels(state.model)
@@ -222,14 +278,38 @@ def make(
             return silent(Status.NOT_EXCITED, status.hardly_moved(excitation))
         q = state.quality
         fit = 100.0 * (1.0 - (q.error / q.power) ** 0.5) if q.power > 0.0 else math.nan
+        says = status.what_is_told(channels)
+        if state.learnt.since < status.ENOUGH - 0.5 * dt:
+            says += f"; from before a break of {_duration(state.learnt.pause)}, not yet confirmed"
         return Estimate(
-            sample.t, NAME, Status.OK, status.what_is_told(channels), channels, fit, excitation, state.used
+            sample.t, NAME, Status.OK, says, channels, fit, excitation, used, _tests(state.past[-tested:])
         )
 
     def _channels(model: armax_recursive.State) -> dict[str, Channel]:
-        theta, covariance = np.array(model.theta), armax_recursive.covariance(model)
+        theta, covariance = armax_recursive.told(model)
         A = np.concatenate([[1.0], theta[: o.na]])
-        B = theta[o.na : o.na + len(input_names) * o.nb].reshape(-1, o.nb)
-        return moments.channels(input_names, A, B, o.nk, covariance, dt)
+        B = theta[o.na : o.na + m * o.nb].reshape(-1, o.nb)
+        channels = moments.channels(input_names, A, B, o.nk, covariance, dt)
+        always = moments.anytime_gain(
+            *armax_recursive.longest(model), model.anchored, na=o.na, nb=o.nb, inputs=m
+        )
+        return {
+            name: c._replace(K_anytime=K) if c.status is not Identifiable.NOT else c
+            for (name, c), K in zip(channels.items(), always, strict=True)
+        }
+
+    def _tests(rows: Array) -> ResidualTests | None:
+        if np.isfinite(rows[:, 1]).sum() * dt < TESTABLE:
+            return None
+        return residuals.look(rows[:, 1], rows[:, 3:], input_names, o.na + o.nc)
 
     return Estimator(NAME, init, step)
+
+
+def _duration(seconds: float) -> str:
+    """Say how long, as one reads it at a glance.
+
+    >>> _duration(75.0), _duration(1200.0)
+    ('75 s', '20 min')
+    """
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.estimators import status
-from canid.identification import process_fit
+from canid.identification import belief, process_fit, rows
 from canid.types import (
     AnyEstimator,
     Array,
@@ -31,12 +31,13 @@ STILL = 0.01
 
 
 class State(NamedTuple):
-    """What the next step needs. Rows are (output, usable, segment, inputs...)."""
+    """What the next step needs."""
 
     closed: status.Closed
     t: float  # s, of the last sample
-    window: Array  # (n, 3 + m), read only, up to the last refit
-    recent: tuple[tuple[float, ...], ...]  # since then
+    recent: tuple[tuple[float, ...], ...]  # samples since the last refit: output, learn, segment, inputs
+    making: rows.State
+    window: Array  # (n, width) rows, read only, up to the last refit
     start: process_fit.Start | None  # where the last fit lay
 
 
@@ -65,23 +66,27 @@ def make(
         raise ValueError(
             f"inputs {input_names}, dt = {dt} s, {settings}: one or two inputs, dt > 0, window >= 10 dt"
         )
-    # the settle-in time of the fit is kept in front of the window, so that the window itself is used whole
+    if settings.prior is not None:
+        belief.check(settings.prior)
+    lay = process_fit.layout(m, dt, settings.tau_max, settings.dead_time_max)
+    # after a break the unknown history speaks for the slowest answer; the window has it in its rows ever after
     settle = settings.tau_max + settings.dead_time_max
-    keep = round((settings.window + settle) / dt)
+    keep = max(round(settings.window / lay.step), 1)
+    longest_gap = round((settings.window + settle) / dt)
     # never more than half of a short window, or a window with one brake dab would never speak
     enough = min(status.ENOUGH, 0.5 * settings.window)
-    empty = np.zeros((0, 3 + m))
+    empty = np.zeros((0, lay.width))
     nothing_measured = (math.nan, 0.0, math.nan, *([math.nan] * m))
 
     def init() -> State:
-        return State(status.Closed(), math.nan, empty, (), None)
+        return State(status.Closed(), math.nan, (), rows.State(), empty, None)
 
     def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
         if not math.isfinite(sample.t) or sample.t <= state.t:
             return state, None
         recent = (*state.recent, *_missing(state, sample), _row(sample))
         closed, forced = status.step(state.closed, sample)
-        state = State(closed, sample.t, state.window, recent, state.start)
+        state = state._replace(closed=closed, t=sample.t, recent=recent)
         if forced is not None:
             if not status.due(closed, sample.t, forced, settings.refit):
                 return state, None
@@ -98,43 +103,31 @@ def make(
         """Rows for grid times that never came."""
         if not math.isfinite(state.t):
             return ()
-        return (nothing_measured,) * min(round((sample.t - state.t) / dt) - 1, keep)
+        return (nothing_measured,) * min(round((sample.t - state.t) / dt) - 1, longest_gap)
 
     def _row(sample: Sample) -> tuple[float, ...]:
         return (sample.output, float(sample.learn), float(sample.segment), *sample.inputs)
 
     def _fold(state: State) -> State:
-        window = np.concatenate([state.window, np.array(state.recent).reshape(-1, 3 + m)])[-keep:]
+        making, more = rows.put(lay, state.making, np.array(state.recent).reshape(-1, 3 + m), settle)
+        window = np.concatenate([state.window, more])[-keep:]
         window.setflags(write=False)
-        return state._replace(window=window, recent=())
+        return state._replace(making=making, window=window, recent=())
 
     def _refit(state: State, sample: Sample) -> tuple[State, Estimate]:
         w = state.window
-        output, inputs = w[:, 0], w[:, 3:]
-        usable = (w[:, 1] > 0.0) & np.isfinite(output) & np.isfinite(inputs).all(axis=1)
-        used = float(usable.sum()) * dt
+        usable = w[:, 1] > 0.0
+        used = float(usable.sum()) * lay.step
         if used < enough:
             says = f"{used:.0f} s of {enough:.0f} s of data: keep following"
             return _told(state, sample, Status.CONVERGING, says, used)
+        inputs = w[:, 2 : 2 + m]
         spread = inputs[usable].std(axis=0)
         excitation = {name: float(s) for name, s in zip(input_names, spread, strict=True)}
         if all(s < STILL * status.usual(name) for name, s in excitation.items()):
             return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
-        fit = process_fit.fit_process(
-            output,
-            inputs,
-            usable,
-            dt,
-            segment=_segments(w[:, 2]),
-            tau_max=settings.tau_max,
-            dead_time_max=settings.dead_time_max,
-            start=state.start,
-        )
+        fit = process_fit.fit_rows(lay, w, state.start, settings.prior)
         state = state._replace(start=fit.start)
-        used = fit.used * dt
-        if used < enough:
-            says = f"{used:.0f} s of {enough:.0f} s of data since the inputs were complete: keep following"
-            return _told(state, sample, Status.CONVERGING, says, used, excitation)
         channels = dict(zip(input_names, fit.channels, strict=True))
         if all(c.status is Identifiable.NOT for c in fit.channels):
             return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
@@ -155,10 +148,3 @@ def make(
         return state, estimate._replace(used=used, excitation=excitation or {})
 
     return Estimator(NAME, init, step)
-
-
-def _segments(column: Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Segment numbers; rows that never came belong to the one before."""
-    known = np.isfinite(column)
-    at = np.maximum.accumulate(np.where(known, np.arange(len(column)), 0))
-    return np.nan_to_num(column[at], nan=-1.0).astype(np.int64)

@@ -39,6 +39,15 @@ class Orders(NamedTuple):
         return max(self.na, self.nb + self.nk - 1, 1)
 
 
+class Lags(NamedTuple):
+    """What the prediction of the next sample needs of the past, newest first; empty where the data ended in a gap."""
+
+    y: tuple[float, ...] = ()  # na, at least one
+    u: tuple[tuple[float, ...], ...] = ()  # per input, nb + nk - 1
+    e: tuple[float, ...] = ()  # nc innovations
+    psi: tuple[tuple[float, ...], ...] = ()  # nc gradients, each (n,)
+
+
 class ArmaxFit(NamedTuple):
     """Parameters in the order a1..., b_1,1..., b_2,1..., c0, c1..."""
 
@@ -50,6 +59,7 @@ class ArmaxFit(NamedTuple):
     residual: Array  # (N,) innovations, NaN where not predicted
     used: int  # samples
     whiteness: residuals.Whiteness
+    lags: Lags  # at the end of the data
 
     @property
     def A(self) -> Array:  # noqa: N802
@@ -221,6 +231,24 @@ def fit_armax(
         np.where(inside, e, NAN),
         count,
         residuals.whiteness(e[inside], fitted=orders.na + orders.nc),
+        _lags(data, orders, e, psi),
+    )
+
+
+def _lags(data: _Data, o: Orders, e: Array, psi: Array) -> Lags:
+    """What a recursion that goes on where the data end begins with."""
+    N = len(data.y)
+    if data.runs[-1][1] != N:
+        return Lags()
+
+    def newest(x: Array, count: int) -> tuple[float, ...]:
+        return tuple(x[N - count :][::-1].tolist())
+
+    return Lags(
+        newest(data.y, max(o.na, 1)),
+        tuple([newest(u, o.nb + o.nk - 1) for u in data.u]),
+        newest(e, o.nc),
+        tuple([tuple(psi[:, N - 1 - i].tolist()) for i in range(o.nc)]),
     )
 
 

@@ -1,78 +1,145 @@
-"""ARMAX sample by sample: the recursive prediction-error method (Ljung & Söderström 1983, ch. 3.7).
+"""ARMAX sample by sample: recursive prediction errors (Ljung & Söderström 1983, ch. 3.7) at several memories.
 
-Plain floats and tuples: at ten parameters numpy's call overhead would be most of the time.
+Every array holds all memories at once, because a call of numpy costs as much for five as for one. Arrays are
+float64, or float32 where `begin` is asked for it.
 """
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from canid.identification import polynomial, ud
+from canid.identification import memories, polynomial, square_root
 from canid.identification.armax_batch import ArmaxFit, Orders
-from canid.types import Array
+from canid.types import ArmaxSettings, Array
 
 # Zeros of C stay within: at 10 Hz a zero at 0.995 remembers for 20 s, longer than any movement lasts.
 RADIUS = 0.995
 
-# Samples of a block whose summed score is compared with that of white innovations: 2 s at 10 Hz.
+# Samples after which is forgotten, and whose summed score is compared with that of white innovations: 2 s at
+# 10 Hz.
 BLOCK = 20
 
-# The variance of a parameter may grow to this many times that of the batch start before forgetting pauses:
-# enough to follow any driver, and never a covariance that means nothing.
-GROWTH = 1e4
+# Samples over which the noise is judged that a change must be told from: 10 s at 10 Hz.
+RECENT = 100
+
+# Blocks over which the colour of the innovations is judged: 100 s at 10 Hz.
+COLOUR = 50
+
+# An innovation of more than three standard deviations (squared: 9) counts as three in the noise's variance: a
+# jerk is no noise.
+JERK = 9.0
+
+# A refuted memory begins anew with this many times the standard deviations of the memory it begins from: a
+# quarter of that one's information, most of which is from after the change, but some from before.
+DOUBT = 2.0
+
+
+class Noise(NamedTuple):
+    """Variance of the innovations, each weighted by how much its sample told of the parameters.
+
+    So weighted, twenty quiet minutes of cruise do not make the noise look small under which the rest was learnt.
+    """
+
+    power: float  # sum of leverage times squared innovation
+    leverage: float  # sum of psi' P psi with the covariance P at the start
+    recent: float  # variance over the last RECENT samples
+
+    @property
+    def variance(self) -> float:
+        """Of the innovations."""
+        return self.power / self.leverage
+
+
+class Taken(NamedTuple):
+    """One sample of the present block."""
+
+    psi: Array  # (k, 1, n)
+    e: tuple[float, ...]  # (k,) innovations
+    square: float  # of the innovation, in the mean the variance of the noise
 
 
 class State(NamedTuple):
-    """What the next sample needs."""
+    """What the next sample needs; k memories, the longest last, n parameters in the order of ArmaxFit."""
 
-    theta: tuple[float, ...]  # as ArmaxFit.theta
-    factors: ud.UD  # of the covariance
-    variance: float  # of the innovations
+    forgetting: Array  # (k,) per sample
+    theta: Array  # (k, 1, n)
+    root: Array  # (k, n, n), S S' times the variance of the noise is the covariance
     y: tuple[float, ...]  # newest first
     u: tuple[tuple[float, ...], ...]  # per input, newest first
-    e: tuple[float, ...]  # newest first
-    psi: tuple[tuple[float, ...], ...]  # the last nc gradients, newest first
-    most: float  # largest factor d allowed
-    weights: tuple[float, float]  # sums of the weights and of their squares, in samples
-    block: tuple[int, tuple[float, ...], tuple[float, ...]]  # samples, summed score, summed square gradient
-    score: tuple[
-        tuple[float, ...], tuple[float, ...]
-    ]  # forgotten sums of block score squared; of square gradients
+    e: Array  # (k, 1, nc) innovations, newest first
+    psi: tuple[Array, ...]  # the last nc gradients (k, 1, n), newest first
+    trust: memories.Trust
+    noise: Noise
+    block: tuple[Taken, ...]
+    weights: Array  # (2, k) sums of the samples' weights and of their squares
+    score: Array  # (2, n) forgotten sums of squared block scores; of what white innovations would give
+    anchor: Array  # (n, n) root of the longest memory when it began
+    anchored: float  # samples that it knew then
+    restarts: int  # times that the longest memory was refuted
 
 
-def begin(fit: ArmaxFit) -> State:
-    """Go on from a batch fit; the lags fill again with the next samples."""
-    n = len(fit.theta)
-    factors = ud.factor(fit.covariance / fit.temper)
-    information = np.diag(np.linalg.inv(fit.covariance / fit.temper))
-    plain = tuple(float(x) for x in information)
-    return rest(
-        State(
-            tuple(float(x) for x in fit.theta),
-            factors,
-            max(fit.sigma**2, 1e-12),
-            (),
-            (),
-            (),
-            (),
-            GROWTH * max(factors.d),
-            (float(fit.used), float(fit.used)),
-            (0, (0.0,) * n, (0.0,) * n),
-            (tuple(fit.temper * x for x in plain), plain),
-        )
+def begin(
+    fit: ArmaxFit,
+    forgetting: Sequence[float] = ArmaxSettings().forgetting,
+    dtype: npt.DTypeLike = np.float64,
+) -> State:
+    """Go on from a batch fit, with the lags that it ended with.
+
+    Args:
+        fit: of the samples up to now.
+        forgetting: per sample, one or more in (0, 1]; the largest must be the last.
+        dtype: float64 or float32, of the recursion.
+
+    Raises:
+        ValueError: the fit's covariance is not positive definite: not every parameter was excited.
+
+    >>> rng = np.random.default_rng(0)
+    >>> u, e, y = rng.normal(size=500), 0.1 * rng.normal(size=500), np.zeros(500)
+    >>> for t in range(1, 500): y[t] = 0.8 * y[t-1] + 0.5 * u[t-1] + e[t] + 0.3 * e[t-1]
+    >>> from canid.identification.armax_batch import fit_armax
+    >>> o = Orders(1, 1, 1, 1)
+    >>> state = begin(fit_armax(y[:150], u[:150, None], np.full(150, True), o))
+    >>> for t in range(150, 500): state, _ = step(state, o, y[t], (u[t],))
+    >>> told(state)[0].round(1)
+    array([-0.8,  0.5, -0. ,  0.3])
+    """
+    k, n, variance = len(forgetting), len(fit.theta), max(fit.sigma**2, 1e-12)
+    plain = fit.covariance / (fit.temper * variance)
+    root = square_root.factor(plain).astype(dtype)
+    information = np.diag(np.linalg.inv(plain)) * variance
+    lags = fit.lags
+    return State(
+        np.array(forgetting, dtype),
+        np.tile(fit.theta, (k, 1, 1)).astype(dtype),
+        np.tile(root, (k, 1, 1)),
+        lags.y,
+        lags.u,
+        np.tile(np.array(lags.e, dtype), (k, 1, 1)),
+        tuple([np.tile(np.array(psi, dtype), (k, 1, 1)) for psi in lags.psi]),
+        memories.begin(k),
+        Noise(n * variance, float(n), variance),
+        (),
+        np.full((2, k), float(fit.used)),
+        np.array([fit.temper * information, information]),
+        root,
+        float(fit.used),
+        0,
     )
 
 
 def rest(state: State) -> State:
     """Forget the lags, keep the knowledge: after a gap."""
-    return state._replace(y=(), u=(), e=(), psi=())
+    return state._replace(y=(), u=())
 
 
 def step(
-    state: State, o: Orders, output: float, inputs: Sequence[float], forgetting: float, learn: bool = True
+    state: State, o: Orders, output: float, inputs: Sequence[float], learn: bool = True
 ) -> tuple[State, float]:
     """Take in one usable sample.
 
@@ -81,98 +148,176 @@ def step(
         o: orders.
         output: finite.
         inputs: (m,) finite.
-        forgetting: per sample, in (0, 1].
         learn: False: only the lags move on.
 
     Returns:
         The new state and the innovation; NaN while the lags fill.
     """
-    keep = o.nb + o.nk - 1
     u_now = tuple([(x, *past) for x, past in zip(inputs, state.u or ((),) * len(inputs), strict=True)])
-    u_next = tuple([past[:keep] if keep else () for past in u_now])
+    keep = o.nb + o.nk - 1
+    u_next = tuple([past[:keep] for past in u_now])
     y_next = (output, *state.y)[: max(o.na, 1)]
-    if len(state.y) < o.na or len(u_now[0]) < o.nk + o.nb:
-        zero = (0.0,) * len(state.theta)
-        return state._replace(y=y_next, u=u_next, e=(0.0,) * o.nc, psi=(zero,) * o.nc), float("nan")
-
     theta = state.theta
-    phi = [-x for x in state.y[: o.na]]
-    for past in u_now:
-        phi.extend(past[o.nk : o.nk + o.nb])
-    phi.append(1.0)
-    phi.extend(state.e)
-    c = theta[len(theta) - o.nc :]
-    psi = phi
-    for ck, old in zip(c, state.psi, strict=True):
-        psi = [x - ck * z for x, z in zip(psi, old, strict=True)]
-    e = output
-    for x, z in zip(theta, phi, strict=True):
-        e -= x * z
-    if not learn:
-        moved = state._replace(
-            y=y_next, u=u_next, e=(e, *state.e)[: o.nc], psi=(tuple(psi), *state.psi)[: o.nc]
-        )
-        return moved, e
+    n = theta.shape[2]
+    if len(state.y) < o.na or len(u_now[0]) <= keep:
+        zero = np.zeros_like(theta)
+        return state._replace(y=y_next, u=u_next, e=zero[:, :, : o.nc], psi=(zero,) * o.nc), math.nan
 
-    sd = state.variance**0.5
-    scaled = [x / sd for x in psi]
-    factors, gain = ud.update(state.factors, scaled, forgetting, state.most)
-    size = e / sd
-    new = [x + g * size for x, g in zip(theta, gain, strict=True)]
-    # a step that would make 1/C unstable is shortened until it does not (Ljung & Söderström 1983, 6.6)
-    for _ in range(6):
-        if polynomial.is_stable(new[len(new) - o.nc :], RADIUS):
-            break
-        new = [0.5 * (x + z) for x, z in zip(new, theta, strict=True)]
-    else:
-        new = list(theta)
-    after = output  # the residual with the new parameters is the better guess of the innovation
-    for x, z in zip(new, phi, strict=True):
-        after -= x * z
-    w1, w2 = state.weights
-    return (
-        State(
-            tuple(new),
-            factors,
-            max(forgetting * state.variance + (1.0 - forgetting) * e * after, 1e-12)
-            if forgetting < 1.0
-            else state.variance + (e * after - state.variance) / (w1 + 1.0),
-            y_next,
-            u_next,
-            (after, *state.e)[: o.nc],
-            (tuple(psi), *state.psi)[: o.nc],
-            state.most,
-            (forgetting * w1 + 1.0, forgetting * forgetting * w2 + 1.0),
-            *_widening(state, scaled, size, forgetting),
-        ),
-        e,
+    known = [-x for x in state.y[: o.na]]
+    for past in u_now:
+        known += past[o.nk :]
+    known.append(1.0)
+    phi = np.empty_like(theta)
+    phi[:, 0, : n - o.nc] = known
+    phi[:, :, n - o.nc :] = state.e
+    psi = phi
+    for i, old in enumerate(state.psi, n - o.nc):
+        psi = psi - theta[:, :, i : i + 1] * old
+    column = phi.swapaxes(1, 2)
+    e = output - theta @ column
+    errors = e.ravel().tolist()
+    if not math.isfinite(sum(errors)):  # a model that has run away begins again with real lags
+        return rest(state), math.nan
+    innovation = sum(map(operator.mul, state.trust.weights, errors))
+    psi_next = (psi, *state.psi)[: o.nc]
+    if not learn:
+        return state._replace(y=y_next, u=u_next, e=_newest(e, state.e, o.nc), psi=psi_next), innovation
+
+    done = square_root.update(state.root, psi)
+    new = theta + e * done.gain
+    if o.nc:
+        _keep_stable(new, theta, o.nc)
+    # the residual with the new parameters is the better guess of the innovation
+    after = output - new @ column
+    noise = state.noise
+    worst = max(noise.variance, noise.recent)
+    # the shortest memory follows every change, so that its errors are noise alone; their product has the noise's
+    # variance in the mean
+    square = min(errors[0] * after.item(0), JERK * worst)
+    moved = State(
+        state.forgetting,
+        new,
+        done.root,
+        y_next,
+        u_next,
+        _newest(after, state.e, o.nc),
+        psi_next,
+        memories.step(state.trust, errors, done.spread.ravel().tolist(), worst),
+        Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / RECENT),
+        (*state.block, Taken(psi, tuple(errors), square)),
+        state.weights,
+        state.score,
+        state.anchor,
+        state.anchored,
+        state.restarts,
+    )
+    if len(moved.block) == BLOCK:
+        moved = _closed(moved)
+    best = memories.refuted(moved.trust)
+    return (moved if best is None else _renewed(moved, best)), innovation
+
+
+def _newest(e: Array, before: Array, nc: int) -> Array:
+    return e if nc == 1 else np.concatenate([e, before], axis=2)[:, :, :nc]
+
+
+def _keep_stable(new: Array, old: Array, nc: int) -> None:
+    """Shorten a step that would make 1/C unstable until it does not (Ljung & Söderström 1983, sec. 6.6)."""
+    for i, c in enumerate(new[:, 0, -nc:].tolist()):
+        # the first is sufficient and, for one zero, all that is to be asked
+        if sum(map(abs, c)) < RADIUS**nc or polynomial.is_stable(c, RADIUS):
+            continue
+        for _ in range(6):
+            new[i] = 0.5 * (new[i] + old[i])
+            if polynomial.is_stable(new[i, 0, -nc:].tolist(), RADIUS):
+                break
+        else:
+            new[i] = old[i]
+
+
+def _closed(state: State) -> State:
+    """End a block: forget, and compare its score with that of white innovations."""
+    psi = np.concatenate([taken.psi for taken in state.block], axis=1)
+    lead = _lead(state)
+    e = np.array([taken.e[lead] for taken in state.block])
+    own = psi[lead].astype(np.float64)
+    noise = state.noise
+    leverage = ((psi[-1] @ state.anchor) ** 2).sum(axis=1, dtype=np.float64)
+    noise = noise._replace(
+        power=noise.power + float(leverage @ [taken.square for taken in state.block]),
+        leverage=noise.leverage + float(leverage.sum()),
+    )
+    score = np.array([(e @ own) ** 2, (own * own).sum(axis=0) * noise.variance])
+    fade = state.forgetting.astype(np.float64) ** BLOCK
+    return state._replace(
+        root=square_root.forget(state.root, psi, state.forgetting),
+        noise=noise,
+        block=(),
+        weights=state.weights * [fade, fade * fade] + BLOCK,
+        score=state.score * (1.0 - 1.0 / COLOUR) + score,
     )
 
 
-def _widening(
-    state: State, psi: list[float], e: float, forgetting: float
-) -> tuple[tuple[int, tuple[float, ...], tuple[float, ...]], tuple[tuple[float, ...], tuple[float, ...]]]:
-    count, scores, squares = state.block
-    total = [s + x * e for s, x in zip(scores, psi, strict=True)]
-    power = [s + x * x for s, x in zip(squares, psi, strict=True)]
-    if count + 1 < BLOCK:
-        return (count + 1, tuple(total), tuple(power)), state.score
-    fade = forgetting**BLOCK
-    long_run = tuple([fade * s + x * x for s, x in zip(state.score[0], total, strict=True)])
-    plain = tuple([fade * s + x for s, x in zip(state.score[1], power, strict=True)])
-    zero = (0.0,) * len(psi)
-    return (0, zero, zero), (long_run, plain)
+def _renewed(state: State, best: int) -> State:
+    """Let the longest memory, which was refuted, and the shortest begin anew from `best`."""
+    k = len(state.trust.weights)
+    of = [best, *range(1, k - 1), best]
+    doubt = np.ones((k, 1, 1), state.root.dtype)
+    doubt[[0, -1]] = DOUBT
+    root = doubt * state.root[of]
+    weights = state.weights[:, of]
+    weights[:, [0, -1]] /= DOUBT**2
+    return state._replace(
+        theta=state.theta[of],
+        root=root,
+        e=state.e[of],
+        psi=tuple([psi[of] for psi in state.psi]),
+        trust=memories.renew(state.trust, best),
+        block=tuple([taken._replace(psi=taken.psi[of]) for taken in state.block]),
+        weights=weights,
+        anchor=root[-1],
+        anchored=float(weights[0, -1]),
+        restarts=state.restarts + 1,
+    )
 
 
-def covariance(state: State) -> Array:
-    """Return the (n, n) covariance of theta.
+def told(state: State) -> tuple[Array, Array]:
+    """Return theta (n,) and its covariance (n, n): the memories' mean, and their own and mutual doubt.
 
-    P holds the information with exponential weights w; the estimate's variance is that with w squared (half
-    of P in the long run), widened by how much colour the innovations kept, as residuals.left_over does for a
-    batch.
+    The information of a memory counts samples with exponential weights w; the estimate's variance is that
+    with w squared (half of P in the long run), widened by how much colour the innovations kept, as
+    residuals.left_over does for a batch.
     """
+    shares = np.array(memories.shares(state.trust))
+    theta = state.theta[:, 0].astype(np.float64)
+    mean: Array = shares @ theta
+    away = theta - mean
     w1, w2 = state.weights
-    ratios = [a / b for a, b in zip(*state.score, strict=True) if b > 0.0]
-    temper = max(1.0, sum(ratios) / len(ratios)) if ratios else 1.0
-    out: Array = ud.matrix(state.factors) * (temper * w2 / w1)
-    return out
+    root = state.root.astype(np.float64) * np.sqrt(shares * w2 / w1)[:, None, None]
+    own = (root @ root.swapaxes(1, 2)).sum(axis=0) * _variance(state)
+    covariance: Array = own + (shares[:, None] * away).T @ away
+    return mean, covariance
+
+
+def leading(state: State) -> list[float]:
+    """Return theta (n,) of the memory that is believed most."""
+    theta: list[float] = state.theta[_lead(state), 0].tolist()
+    return theta
+
+
+def _lead(state: State) -> int:
+    return max(range(len(state.trust.weights)), key=state.trust.weights.__getitem__)
+
+
+def longest(state: State) -> tuple[Array, Array, Array]:
+    """Return theta (n,) of the longest memory, its covariance now, and that when it began (both (n, n))."""
+    root, anchor = state.root[-1].astype(np.float64), state.anchor.astype(np.float64)
+    variance = _variance(state)
+    return state.theta[-1, 0].astype(np.float64), root @ root.T * variance, anchor @ anchor.T * variance
+
+
+def _variance(state: State) -> float:
+    """Of the innovations, widened by their colour."""
+    moving = state.score[1] > 0.0
+    ratio = float(np.mean(state.score[0][moving] / state.score[1][moving])) if moving.any() else 1.0
+    return state.noise.variance * max(1.0, ratio)

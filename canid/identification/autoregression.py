@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
-
 import numpy as np
 import numpy.typing as npt
 
@@ -31,29 +28,15 @@ def whole(usable: npt.NDArray[np.bool_], p: int) -> npt.NDArray[np.bool_]:
     return out
 
 
-def lagged(r: Array, p: int) -> Array:
-    """(n, p): r at lags 1 to p, zero before the beginning."""
-    out = np.zeros((len(r), p))
-    for i in range(1, p + 1):
-        out[i:, i - 1] = r[:-i]
-    return out
+def whiten(x: Array, noise: Array) -> Array:
+    """x_t - sum noise_i x_(t-i), along the last axis; the first p values lack what came before them.
 
-
-def whiten(x: Array, noise: Array, starts: Sequence[int] = ()) -> Array:
-    """x_t - sum noise_i x_(t-i), along the last axis; before each start x is held at its value there."""
+    >>> whiten(np.array([1.0, 1.0, 1.0]), np.array([0.5]))
+    array([1. , 0.5, 0.5])
+    """
     out = x.copy()
-    if not len(noise):
-        return out
-    n = x.shape[-1]
-    edges = sorted({0, *starts, n})
-    for a, b in pairwise(edges):
-        if b <= a:
-            continue
-        piece = x[..., a:b]
-        out[..., a:b] -= float(np.sum(noise)) * piece[..., :1]
-        away = piece - piece[..., :1]
-        for i, phi in enumerate(noise, 1):
-            out[..., a + i : b] -= phi * away[..., : max(b - a - i, 0)]
+    for i, phi in enumerate(noise, 1):
+        out[..., i:] -= float(phi) * x[..., :-i]
     return out
 
 
@@ -64,8 +47,13 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     on the same samples), order by AIC: BIC keeps AR(1) for a mixture of coloured and white noise, and then
     intervals cover too little.
 
+    A residual is smaller than the noise: what was fitted has taken some of it, and most where the noise is strongest.
+    Further series put it back. With r = n - X d and C the covariance of d, the expected products of the noise are
+    those of r plus those of X C X' (the expectation step of Dempster, Laird & Rubin 1977; restricted maximum
+    likelihood), so the columns of X C^(1/2) are those series.
+
     Args:
-        r: (n,) residual; values where not usable are ignored.
+        r: (n,) residual or (1 + k, n) with further series; values where not usable are ignored.
         usable: (n,).
         most: highest order.
         floor: share of white variance added, see FLOOR.
@@ -79,45 +67,34 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     >>> abs(fit(r, np.full(4000, True), most=1, floor=0.0)[0] - 0.8) < 0.03
     np.True_
     """
-    r = np.where(usable, r, 0.0)
     rows = whole(usable, most)
     count = int(rows.sum())
     # ten samples per coefficient: fewer cannot tell a colour from chance
     if most < 1 or count < 10 * most:
         return np.zeros(0)
-    X = lagged(r, most)[rows]
-    y = r[rows]
-    G = X.T @ X
+    series = np.where(usable, np.atleast_2d(r), 0.0)
+    n = series.shape[1]
+    # (1 + most, series, rows): each series now and at every lag
+    X = np.array([series[:, most - i : n - i] for i in range(most + 1)])[:, :, rows[most:]].reshape(
+        most + 1, -1
+    )
+    products = X @ X.T
+    yy, h, G = float(products[0, 0]) * (1.0 + floor), products[1:, 0], products[1:, 1:].copy()
     G[np.diag_indices(most)] *= 1.0 + floor
-    h = X.T @ y
-    yy = float(y @ y) * (1.0 + floor)
     if not yy > 0.0:
         return np.zeros(0)
-    best: Array = np.zeros(0)
-    best_score = count * np.log(yy)
-    for p in range(1, most + 1):
-        phi = np.linalg.solve(G[:p, :p], h[:p])
-        score = count * np.log(max(yy - float(phi @ h[:p]), 1e-12 * yy)) + 2 * p
-        if score < best_score:
-            best, best_score = np.asarray(phi, float), score
-    return _less_biased(best, count)
+    # the orders are nested: one triangular factor solves them all, and its steps are what each order explains
+    try:
+        L = np.linalg.cholesky(G)
+    except np.linalg.LinAlgError:  # a residual that repeats itself exactly
+        return np.zeros(0)
+    z = np.linalg.solve(L, h)
+    left = np.maximum(yy - np.concatenate([[0.0], np.cumsum(z * z)]), 1e-12 * yy)
+    p = int(np.argmin(count * np.log(left) + 2.0 * np.arange(most + 1)))
+    found: Array = np.linalg.solve(L[:p, :p].T, z[:p])
+    total = float(np.sum(found))
+    return found * (SLOWEST / total) if total > SLOWEST else found
 
 
-# Sum of coefficients up to which the bias correction may go: noise that remembers for 200 samples cannot be
-# told from a wandering offset in a minute at 10 Hz.
+# Noise that remembers for 200 samples cannot be told from a wandering offset in a minute at 10 Hz.
 SLOWEST = 0.995
-
-
-def _less_biased(phi: Array, count: int) -> Array:
-    """Add back the bias -(1 + 3 phi) / n of a fit with estimated mean (Marriott & Pope 1954).
-
-    Small as it is, without it the noise looks too fast and slow gains too certain: K1 in a minute is covered
-    2 to 5 % less often.
-    """
-    total = float(np.sum(phi))
-    if len(phi) == 0 or not 0.0 < total < SLOWEST:
-        return phi
-    wanted = min(total + (1.0 + 3.0 * total) / count, SLOWEST)
-    out = phi.copy()
-    out[0] += wanted - total
-    return out

@@ -1,8 +1,9 @@
 """How well (tau, dead time) of each channel are known: a posterior on a grid that finds its own place.
 
 For every pair of cells (one per channel) the gains, the offset and the noise's colour are integrated or
-minimised in closed form, from inner products alone; so the joint posterior over four numbers costs one matrix
-product, and K1 is marginalised over all lags that the data allow, not over a parabola around one of them.
+minimised in closed form, from inner products of the basis (answers.py) alone; so the joint posterior over four
+numbers costs no look at the data, and K1 is marginalised over all lags that the data allow, not over a parabola
+around one of them.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.identification import first_order, verdict
-from canid.types import Array, Channel, Interval
+from canid.identification import verdict
+from canid.identification.answers import Box
+from canid.types import NAN, Array, Channel, Identifiable, Interval
 
 # Cells per axis: with a half-width of 4 sd a cell is 0.9 sd wide, where the midpoint rule is still exact to
 # 1e-4.
@@ -29,14 +31,6 @@ PRESSED = 0.05
 _Z = np.array(
     [NormalDist().inv_cdf((i + 0.5) / 41) for i in range(41)]
 )  # quantile points that stand for a Gaussian
-
-
-class Box(NamedTuple):
-    """Where tau and dead time may lie."""
-
-    tau_min: float  # s
-    tau_max: float  # s
-    dead_time_max: float  # s
 
 
 class Region(NamedTuple):
@@ -62,7 +56,8 @@ class Grid(NamedTuple):
     """The joint posterior of all channels on their grids."""
 
     cells: tuple[Cells, ...]
-    log: Array  # (c1,) or (c1, c2), log posterior, zero at its highest
+    fit: Array  # (c1,) or (c1, c2), log likelihood, and log of a declared prior
+    log: Array  # of that shape, log posterior, zero at its highest
     weight: Array  # of that shape, sums to one
     K: tuple[Array, ...]  # of the shape of `weight`
     K_sd: tuple[Array, ...]
@@ -102,68 +97,93 @@ def lay(region: Region, box: Box, cells: int = CELLS) -> Cells:
     return Cells(lag, dead_time.ravel(), weight, spacing)
 
 
-def columns(u: Array, dt: float, grid: Cells, starts: Sequence[int]) -> Array:
-    """(c, n): the input as each cell answers it."""
-    taus, first = np.unique(grid.tau, return_index=True)
-    x = first_order.lags(u, dt, taus, starts)
-    per = len(grid.tau) // len(taus)
-    out = np.empty((len(grid.tau), len(u)))
-    for row, tau, i in zip(x, taus, first, strict=True):
-        out[i : i + per] = first_order.delayed(u, row, dt, float(tau), grid.dead_time[i : i + per])
-    return out
+class Moments(NamedTuple):
+    """Inner products of whitened rows, the nuisance columns taken out."""
+
+    xx: Array  # (m b, m b) of the basis' answers, input by input
+    xy: Array  # (m b,)
+    yy: float
+    raw: Array  # (m b, m b) before the nuisance was taken out
+    freedom: int  # rows less nuisance columns and gains
 
 
-def evaluate(y: Array, X: Sequence[Array], Z: Array, cells: Sequence[Cells], temper: float = 1.0) -> Grid:
+def moments(M: Array, inputs: int, nuisance: int) -> Moments:
+    """Gather what the posterior needs.
+
+    Args:
+        M: (m b + 1 + q, n) whitened rows: the basis' answers input by input, the output, the nuisance (offset, lagged
+            residuals).
+        inputs: m.
+        nuisance: q.
+    """
+    G = M @ M.T
+    b = len(M) - 1 - nuisance
+    out = G[b + 1 :, b + 1 :]
+    # a trace of the diagonal keeps columns that are nearly the same from making the matrix singular
+    out = out + np.diag(1e-12 * np.diag(out) + 1e-300)
+    left = G[: b + 1, : b + 1] - G[: b + 1, b + 1 :] @ np.linalg.solve(out, G[b + 1 :, : b + 1])
+    return Moments(left[:b, :b], left[:b, b], float(left[b, b]), G[:b, :b], M.shape[1] - nuisance - inputs)
+
+
+def evaluate(
+    known: Moments,
+    W: Sequence[Array],
+    cells: Sequence[Cells],
+    temper: float = 1.0,
+    joint: Array | None = None,
+) -> Grid:
     """Compute the posterior over the cells, gains and nuisance columns taken out.
 
-    The prior is uniform over the box and, for the gains, uniform in K |X|: a prior uniform in K alone would
+    The prior is that of the cells and, for the gains, uniform in K |X|: a prior uniform in K alone would
     prefer cells that hardly let the input through.
 
     Args:
-        y: (n,) whitened output.
-        X: per channel (c, n) whitened answers.
-        Z: (n, q) whitened nuisance columns (offset, lagged residuals).
+        known: inner products.
+        W: per channel (c, b) weights of the basis.
         cells: per channel.
         temper: >= 1; the likelihood is taken to the power 1/temper where the residual is not white.
+        joint: (c1,) or (c1, c2) log of a declared prior.
     """
-    Q = np.linalg.qr(Z)[0]
-    yq = Q.T @ y
-    total = float(y @ y - yq @ yq)
-    freedom = len(y) - Z.shape[1] - len(X)
-    A = [x @ Q for x in X]
-    b = [x @ y - a @ yq for x, a in zip(X, A, strict=True)]
+    b = W[0].shape[1]
+    blocks = [slice(i * b, (i + 1) * b) for i in range(len(W))]
+    gain = [w @ known.xy[k] for w, k in zip(W, blocks, strict=True)]
     s = []
-    for x, a in zip(X, A, strict=True):
-        raw = np.einsum("cn,cn->c", x, x)
+    for w, k in zip(W, blocks, strict=True):
+        raw = np.einsum("cb,cb->c", w @ known.raw[k, k], w)
         # an input that does not move is the offset again: bounded away from zero, its gain gets a huge sd
-        s.append(np.maximum(raw - np.einsum("cq,cq->c", a, a), 1e-9 * raw + 1e-12))
+        s.append(np.maximum(np.einsum("cb,cb->c", w @ known.xx[k, k], w), 1e-9 * raw + 1e-12))
     K: tuple[Array, ...]
     inverse: tuple[Array, ...]
-    if len(X) == 1:
-        K = (b[0] / s[0],)
+    if len(W) == 1:
+        K = (gain[0] / s[0],)
         inverse = (1.0 / s[0],)
-        explained = b[0] * K[0]
+        explained = gain[0] * K[0]
         prior = cells[0].weight
-    elif len(X) == 2:
-        s1, s2, b1, b2 = s[0][:, None], s[1][None, :], b[0][:, None], b[1][None, :]
-        s12 = X[0] @ X[1].T - A[0] @ A[1].T
-        det = np.maximum(s1 * s2 - s12 * s12, 1e-9 * s1 * s2)
-        K = ((s2 * b1 - s12 * b2) / det, (s1 * b2 - s12 * b1) / det)
-        inverse = (s2 / det, s1 / det)
-        explained = b1 * K[0] + b2 * K[1]
-        prior = cells[0].weight[:, None] * cells[1].weight[None, :]
+    elif len(W) == 2:
+        s1, s2, g1, g2 = s[0][:, None], s[1][None, :], gain[0][:, None], gain[1][None, :]
+        s12 = W[0] @ known.xx[blocks[0], blocks[1]] @ W[1].T
+        product = s1 * s2
+        det = 1.0 / np.maximum(product - s12 * s12, 1e-9 * product)
+        inverse = (s2 * det, s1 * det)
+        cross = s12 * det
+        K = (inverse[0] * g1 - cross * g2, inverse[1] * g2 - cross * g1)
+        explained = g1 * K[0] + g2 * K[1]
+        prior = cells[0].weight[:, None] * cells[1].weight
     else:
-        raise ValueError(f"{len(X)} inputs: one or two are supported")
-    residual = np.maximum(total - explained, 1e-9 * total + 1e-300)
+        raise ValueError(f"{len(W)} inputs: one or two are supported")
+    residual = np.maximum(known.yy - explained, 1e-9 * known.yy + 1e-300)
+    fit = (-0.5 * known.freedom / temper) * np.log(residual)
+    if joint is not None:
+        fit += joint
     with np.errstate(divide="ignore"):  # a cell outside the box has no mass
-        log = np.log(prior) - 0.5 * freedom / temper * np.log(residual)
+        log = np.log(prior) + fit
     best = np.unravel_index(int(np.argmax(log)), log.shape)
     log -= log[best]
     weight = np.exp(log)
     weight /= weight.sum()
-    variance = residual * (temper / max(freedom, 1))
+    variance = temper / max(known.freedom, 1) * residual
     K_sd = tuple(np.sqrt(variance * i) for i in inverse)
-    return Grid(tuple(cells), log, weight, K, K_sd, float(residual[best]))
+    return Grid(tuple(cells), fit, log, weight, K, K_sd, float(residual[best]))
 
 
 def marginal(grid: Grid, channel: int) -> Array:
@@ -205,8 +225,8 @@ def gather(grid: Grid, channel: int, box: Box) -> Region:
     # a twelfth of a cell squared is the variance of a uniform cell: not to shrink more than fourfold at once
     vt = max(vt * power, c.spacing[0] ** 2 / 12)
     rest = max(rest * power, c.spacing[1] ** 2 / 12)
+    spills_tau, spills_rest = _spills(grid, channel, box)
     w = marginal(grid, channel)
-    spills_tau, spills_rest = _spills(w, c, box)
     # where the posterior lies partly outside, half as wide again as this grid, and centred on the rim
     side = round(len(w) ** 0.5)
     grow = 1.5 * side / (2.0 * REACH)
@@ -225,18 +245,28 @@ def gather(grid: Grid, channel: int, box: Box) -> Region:
 SPILL = 0.012
 
 
-def _spills(w: Array, c: Cells, box: Box) -> tuple[bool, bool]:
+# The same, beyond which a grid must not be believed: some posteriors have tails that no grid of 4 sd holds.
+MISSED = 0.05
+
+
+def missed(grid: Grid, channel: int, box: Box) -> bool:
+    """Whether the posterior of one channel lies to a good part outside its grid."""
+    return any(_spills(grid, channel, box, MISSED))
+
+
+def _spills(grid: Grid, channel: int, box: Box, most: float = SPILL) -> tuple[bool, bool]:
     """Whether along tau, and along dead time."""
+    w, c = marginal(grid, channel), grid.cells[channel]
     side = round(len(w) ** 0.5)
     table, dead_time = w.reshape(side, side), c.dead_time.reshape(side, side)
     half_tau, half = 0.51 * c.spacing[0], 0.51 * c.spacing[1]
     low, high = table[:, 0], table[:, -1]
-    tau = (c.tau[0] - half_tau > box.tau_min and float(table[0].sum()) > SPILL) or (
-        c.tau[-1] + half_tau < box.tau_max and float(table[-1].sum()) > SPILL
+    tau = (c.tau[0] - half_tau > box.tau_min and float(table[0].sum()) > most) or (
+        c.tau[-1] + half_tau < box.tau_max and float(table[-1].sum()) > most
     )
     rest = (
-        float(low[dead_time[:, 0] - half > 0.0].sum()) > SPILL
-        or float(high[dead_time[:, -1] + half < box.dead_time_max].sum()) > SPILL
+        float(low[dead_time[:, 0] - half > 0.0].sum()) > most
+        or float(high[dead_time[:, -1] + half < box.dead_time_max].sum()) > most
     )
     return tau, rest
 
@@ -254,58 +284,131 @@ def quantiles(x: Array, w: Array) -> Interval:
     return Interval(round(float(value), 9), round(float(low), 9), round(float(high), 9))
 
 
-def _gain(grid: Grid, channel: int) -> tuple[Interval, float]:
+# weight, in shares of the fullest cell's, below which a pair of cells changes no interval
+NOTHING = 1e-4
+
+
+def _gain(weight: Array, K: Array, sd: Array) -> Interval:
     """Mix the Gaussians of all cells, gathered into 32 bins of their means."""
-    w, K, sd = grid.weight.ravel(), grid.K[channel].ravel(), grid.K_sd[channel].ravel()
-    keep = w > 1e-6 * float(w.max())
-    w, K, sd = w[keep], K[keep], sd[keep]
     low, high = float(K.min()), float(K.max())
     bins = 32
-    index = np.minimum(((K - low) / (high - low + 1e-300) * bins).astype(np.int64), bins - 1)
-    mass = np.bincount(index, w, bins)
+    index = ((K - low) * ((bins - 1e-9) / (high - low + 1e-300))).astype(np.int64)
+    mass = np.bincount(index, weight, bins)
     full = mass > 0.0
     mass_full = mass[full]
-    mean = np.bincount(index, w * K, bins)[full] / mass_full
-    variance = np.bincount(index, w * (sd * sd + K * K), bins)[full] / mass_full - mean**2
+    mean = np.bincount(index, weight * K, bins)[full] / mass_full
+    variance = np.bincount(index, weight * (sd * sd + K * K), bins)[full] / mass_full - mean**2
     width = np.sqrt(np.maximum(variance, 0.0))
     points = mean[:, None] + width[:, None] * _Z
-    interval = quantiles(points.ravel(), np.repeat(mass_full / len(_Z), len(_Z)))
-    centre = float(mass_full @ mean / mass_full.sum())
-    spread = float(mass_full @ (variance + (mean - centre) ** 2) / mass_full.sum())
-    return interval, max(spread, 0.0) ** 0.5
+    return quantiles(points.ravel(), np.repeat(mass_full, len(_Z)))
 
 
-def _worst(grid: Grid, channel: int) -> Interval:
+def _worst(left: Array, K: Array, sd: Array) -> tuple[float, float]:
     """Return the gain's 95 % profile likelihood interval: the union over all lags that the data allow.
 
     Without the prior: where the lag of one channel cannot be told, the gain of the other depends on it.
+
+    Args:
+        left: (n,) what is left of 3.84 (chi-squared of one degree of freedom, 95 %) at each pair of cells, positive.
+        K: (n,) gains.
+        sd: (n,) of the gains.
     """
-    prior = [c.weight for c in grid.cells]
-    mass = prior[0] if len(prior) == 1 else prior[0][:, None] * prior[1][None, :]
-    inside = mass > 0.0
-    likelihood = grid.log[inside] - np.log(mass[inside])
-    # 3.84: chi-squared of one degree of freedom, 95 %
-    left = 3.84 + 2.0 * (likelihood - likelihood.max())
-    near = left > 0.0
-    K, reach = grid.K[channel][inside][near], np.sqrt(left[near]) * grid.K_sd[channel][inside][near]
-    return Interval(float(K.mean()), float((K - reach).min()), float((K + reach).max()))
+    reach = np.sqrt(left) * sd
+    return float((K - reach).min()), float((K + reach).max())
 
 
-def channel(grid: Grid, index: int, box: Box) -> Channel:
-    """Say what can be told of one channel: intervals, with NaN for what cannot."""
-    mean, K_sd = _gain(grid, index)
-    worst = _worst(grid, index)
-    K = Interval(mean.value, min(mean.low, worst.low), max(mean.high, worst.high))
+def precision(box: Box) -> tuple[float, float]:
+    """What the box alone tells of tau and of dead time: one over the variance of a uniform, side^2 / 12."""
+    return 12.0 / (box.tau_max - box.tau_min) ** 2, 12.0 / box.dead_time_max**2
+
+
+class Deviations(NamedTuple):
+    """What the data alone allow one channel's parameters to be known to: standard deviations by Cramér and Rao."""
+
+    K: float
+    tau: float  # s
+    dead_time: float  # s
+    total: float  # s, of tau + dead time
+
+
+def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tuple[Deviations, ...]:
+    """Bound each channel, all of them unknown: the inverse of Fisher's information at one point, and of the box.
+
+    What a lag of one channel leaves open of the other's gain ends with the box: without it a headway lag that nobody
+    can know would make the gain of range rate unknown too. Next to what is judged (verdict.py) the box alone is wide.
+
+    Args:
+        known: inner products.
+        J: per channel (3, m b): weights of the derivatives of the output by K, tau and dead time.
+        variance: of the whitened residual.
+        box: where tau and dead time may lie.
+    """
+    every = np.concatenate(J)
+    information = every @ known.xx @ every.T / variance + np.diag(np.tile([0.0, *precision(box)], len(J)))
+    # a parameter that moves nothing has no information, and is known to no size at all
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = information / np.outer(size, size) + 1e-12 * np.eye(len(size))
+    covariance = np.linalg.pinv(scaled, hermitian=True) / np.outer(size, size)
+    out = []
+    for i in range(len(J)):
+        P = covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
+        total = P[1, 1] + P[2, 2] + 2.0 * P[1, 2]
+        out.append(Deviations(*(math.sqrt(max(float(x), 0.0)) for x in (P[0, 0], P[1, 1], P[2, 2], total))))
+    return tuple(out)
+
+
+def channels(
+    grid: Grid, box: Box, limits: Sequence[Deviations], believed: bool = False
+) -> tuple[Channel, ...]:
+    """Say what can be told of each channel: intervals, with NaN for what cannot.
+
+    What is told is judged by what the data alone allow, not by the width of the posterior, which the box narrows as
+    well; how well it is known is the posterior's width. With a declared prior (`believed`) it is judged by the
+    posterior, and the channel says how much of that the prior brought.
+    """
+    weight = grid.weight.ravel()
+    kept = np.flatnonzero(weight > NOTHING * float(weight.max()))
+    possible = np.where(np.isfinite(grid.log), grid.fit, -np.inf).ravel()
+    left = 3.84 + 2.0 * (possible - possible.max())
+    allowed = np.flatnonzero(left > 0.0)
+    left = left[allowed]
+    out = []
+    for i in range(len(grid.cells)):
+        K, sd = grid.K[i].ravel(), grid.K_sd[i].ravel()
+        mean = _gain(weight[kept], K[kept], sd[kept])
+        low, high = _worst(left, K[allowed], sd[allowed])
+        gain = Interval(mean.value, min(mean.low, low), max(mean.high, high))
+        out.append(_channel(grid, i, box, gain, limits[i], believed))
+    return tuple(out)
+
+
+def _sd(w: Array, x: Array) -> float:
+    return math.sqrt(float(w @ (x - float(w @ x)) ** 2))
+
+
+def _channel(grid: Grid, index: int, box: Box, K: Interval, limit: Deviations, believed: bool) -> Channel:
     w, c = marginal(grid, index), grid.cells[index]
     total = c.tau + c.dead_time
-
-    def sd(x: Array) -> float:
-        return math.sqrt(float(w @ (x - float(w @ x)) ** 2))
-
+    weight = NAN
+    if believed:
+        known = [_sd(w, x) for x in (c.tau, c.dead_time, total)]
+        of_data = limit[1:]
+        # share of the precision: the data's own is what they would know alone
+        weight = max(1.0 - (a / b) ** 2 if a < b else 0.0 for a, b in zip(known, of_data, strict=True))
+        limit = Deviations(limit.K, *(min(a, b) for a, b in zip(known, of_data, strict=True)))
     # pressed to the box: tau and dead time end where we stopped looking, and so does their sum
     free = not pressed(grid, index, box)
-    status = verdict.judge(K, K_sd, sd(c.tau), sd(c.dead_time), sd(total), free)
-    return verdict.told(status, K, quantiles(c.tau, w), quantiles(c.dead_time, w), quantiles(total, w))
+    status = verdict.judge(K, limit.K, limit.tau, limit.dead_time, limit.total, free)
+    nothing = Interval()
+    each, both = status is Identifiable.OK, status in (Identifiable.OK, Identifiable.SUM_ONLY)
+    told = verdict.told(
+        status,
+        K,
+        quantiles(c.tau, w) if each else nothing,
+        quantiles(c.dead_time, w) if each else nothing,
+        quantiles(total, w) if both else nothing,
+    )
+    return told._replace(prior_weight=weight)
 
 
 def pressed(grid: Grid, index: int, box: Box) -> bool:

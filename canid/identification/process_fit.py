@@ -1,43 +1,39 @@
 """First order plus dead time for every input jointly, y = b + sum K_i x_i(tau_i, theta_i) + AR(p) noise.
 
-One window or a whole drive. The search is the posterior's own grid: it starts on the whole physical box (or
-where the last window's posterior lay), closes in, and refits the noise's colour each time; there is no
-descent that could stop in a side valley. K and the offset are linear inside (Golub & Pereyra 1973).
+One window or a whole drive, from the rows that rows.py makes. The search is the posterior's own grid: it starts on
+the whole physical box (or where the last window's posterior lay), closes in, and refits the noise's colour each
+time; there is no descent that could stop in a side valley. K and the offset are linear inside (Golub & Pereyra 1973).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import autoregression, first_order, posterior, residuals
-from canid.types import NAN, Array, Channel
-
-# s; an input that is missing for less than this is joined by a line: a driver's lag hardly sees the
-# difference. Beyond it the history is broken.
-BRIDGE = 0.5
+from canid.identification import answers, autoregression, belief, posterior, residuals, rows
+from canid.types import NAN, Array, Channel, Prior
 
 # Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), coloured plus white noise
 # ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
 NOISE_ORDER = 5
 
-# Every how many samples may be used. An output that was smoothed (an acceleration from speeds) has noise
+# Every how many rows may be used. An output that was smoothed (an acceleration from speeds) has noise
 # without content above some frequency. Whitening would lift that empty band and fit K, tau and dead time to
 # what leaked into it: on data/openacc at 10 Hz the halves of one drive then disagree by ten of their own sd.
 # Point samples further apart limit the likelihood to the band that is left; the model is exact at any of them.
 STRIDES = (1, 2, 4, 8)
-# Least share of the differenced residual's power in the upper half of the band. Differencing flattens noise that
-# falls with 1/f², as Ornstein-Uhlenbeck noise does: 0.5. A resonance at 0.6 Hz has 0.05 to 0.15 at 10 Hz, a
-# Savitzky-Golay derivative over 1.1 s less than 0.01 at 10 and 5 Hz.
-CONTENT = 0.2
+# Least power, in shares of a flat spectrum's, that every eighth of the band must hold after whitening. White,
+# Ornstein-Uhlenbeck, mixed and resonant noise keep 0.3 to 0.8 (a resonance at 0.6 Hz the least), noise that ends at
+# 1 or 0.5 Hz 0.00 to 0.05 until the stride has left the empty band out.
+CONTENT = 0.25
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
-PASSES = 10
-# Passes after which the noise's colour is kept: with few samples two colours can lead to each other for ever.
-SETTLED = 5
+PASSES = 16
+# Passes on a fine grid after which the noise's colour is kept: with few samples two colours can lead to each other
+# for ever.
+SETTLED = 4
 
 # %. Below this fit the noise has twice the output's variance: it must cancel the answer that it is said to be
 # independent of, and the numbers rest on the last few samples' changes alone. A feedback loop makes the two oppose
@@ -53,13 +49,31 @@ class Point(NamedTuple):
     tau: Array  # (m,) s
     dead_time: Array  # (m,) s
     offset: float
+    w: Array  # (m b,) the simulated output is the offset and the basis' answers times these
+
+
+class Laid(NamedTuple):
+    """A grid that was laid out, with the weights of its cells."""
+
+    regions: tuple[posterior.Region, ...]
+    cells: tuple[posterior.Cells, ...]
+    W: tuple[Array, ...]  # per channel (c, b)
+    belief: Array | None  # log of the declared prior at each pair of cells
+
+
+class Before(NamedTuple):
+    """The colour of the noise at the last look: what the fit takes of the noise is weighed by it."""
+
+    noise: Array  # (p,)
+    stride: int  # in which a shorter one was too short; 1: nothing is known of it
 
 
 class Start(NamedTuple):
     """What the next window takes over from this one: only where to look first."""
 
     point: Point
-    regions: tuple[posterior.Region, ...]
+    laid: Laid
+    before: Before | None
 
 
 class ProcessFit(NamedTuple):
@@ -67,58 +81,13 @@ class ProcessFit(NamedTuple):
 
     channels: tuple[Channel, ...]
     point: Point  # the posterior's mean
-    noise: Array  # (p,) autoregression
+    noise: Array  # (p,) autoregression of every `stride`-th row
+    stride: int
     sigma: float  # of the whitened residual
     temper: float  # >= 1: how much the residual's left-over colour widens the intervals
     fit_percent: float  # of the simulated answer
-    used: int  # samples
+    used: int  # rows
     start: Start | None  # for the next window
-
-
-class Prepared(NamedTuple):
-    """Data made ready: finite inputs, where history starts, which samples count."""
-
-    y: Array  # (n,)
-    u: Array  # (m, n)
-    usable: npt.NDArray[np.bool_]  # (n,)
-    starts: tuple[int, ...]
-
-
-def prepare(
-    output: Array,
-    inputs: Array,
-    usable: npt.NDArray[np.bool_],
-    dt: float,
-    segment: npt.NDArray[np.int64] | None,
-    settle: float,
-) -> Prepared:
-    """Bridge short gaps of the inputs, find the breaks, drop `settle` seconds after each.
-
-    Args:
-        output: (n,), NaN where not measured.
-        inputs: (n, m), NaN where not measured.
-        usable: (n,) samples whose output may be learnt from.
-        dt: s.
-        segment: (n,), changes where the inputs' history breaks.
-        settle: s after a break in which the unknown history still speaks.
-    """
-    n = len(output)
-    known = np.isfinite(inputs).all(axis=1)
-    good = usable & known & np.isfinite(output)
-    starts = {0}
-    if segment is not None:
-        starts.update(int(i) + 1 for i in np.flatnonzero(np.diff(segment)))
-    if not known.all() and known.any():
-        at = np.flatnonzero(known)
-        starts.add(int(at[0]))
-        longer = np.flatnonzero(np.diff(at) > BRIDGE / dt + 1.0)
-        starts.update(int(at[i + 1]) for i in longer)
-        inputs = np.column_stack([np.interp(np.arange(n), at, column[at]) for column in inputs.T])
-    ordered = tuple(sorted(starts))
-    hold = round(settle / dt)
-    for k in ordered:
-        good[k : k + hold] = False
-    return Prepared(np.where(good, output, 0.0), np.ascontiguousarray(inputs.T, dtype=float), good, ordered)
 
 
 def fit_process(
@@ -130,6 +99,7 @@ def fit_process(
     segment: npt.NDArray[np.int64] | None = None,
     tau_max: float = 3.0,
     dead_time_max: float = 1.5,
+    prior: Prior | None = None,
     start: Start | None = None,
 ) -> ProcessFit:
     """Fit all channels jointly.
@@ -142,11 +112,13 @@ def fit_process(
         segment: (n,), changes where the inputs' history breaks.
         tau_max: s, end of the box.
         dead_time_max: s, end of the box.
+        prior: declared belief; None: the box alone.
         start: of an overlapping window: saves passes, changes nothing else.
 
     Raises:
         ValueError: shapes that do not fit, or more than two inputs.
 
+    >>> from canid.identification import first_order
     >>> rng = np.random.default_rng(0)
     >>> u = first_order.response(rng.normal(size=600), 0.1, 0.5, 0.0).x
     >>> y = 3.0 + 5.6 * first_order.response(u, 0.1, 0.4, 0.25).x + 0.05 * rng.normal(size=600)
@@ -164,171 +136,317 @@ def fit_process(
         raise ValueError(
             f"output {np.shape(output)}, inputs {inputs.shape}: expected (n,) and (n, 1) or (n, 2)"
         )
-    m = inputs.shape[1]
-    box = posterior.Box(dt / 5.0, tau_max, dead_time_max)
-    # the slowest lag in the box has then forgotten two thirds of an unknown history, usual ones 99 %
-    data = prepare(np.asarray(output, float), inputs, usable, dt, segment, dead_time_max + tau_max)
+    lay = layout(inputs.shape[1], dt, tau_max, dead_time_max)
+    parts = np.zeros(len(output)) if segment is None else np.asarray(segment, float)
+    samples = np.column_stack([np.asarray(output, float), usable, parts, inputs])
+    state, made = rows.State(), []
+    for i in range(0, max(len(samples), 1), CHUNK):
+        state, more = rows.put(lay, state, samples[i : i + CHUNK], tau_max + dead_time_max)
+        made.append(more)
+    return fit_rows(lay, np.concatenate(made), start, prior)
+
+
+# samples whose answers are made at once: 4,096 of two inputs take 2 MB
+CHUNK = 4096
+
+
+def layout(m: int, dt: float, tau_max: float, dead_time_max: float) -> rows.Layout:
+    """Return the layout of the rows that `fit_rows` takes."""
+    return rows.layout(answers.basis(answers.Box(answers.TAU_MIN, tau_max, dead_time_max)), m, dt)
+
+
+class _Data(NamedTuple):
+    """Rows made ready: finite, means taken out, zero where not usable."""
+
+    y: Array  # (n,)
+    X: Array  # (m b, n)
+    usable: npt.NDArray[np.bool_]  # (n,)
+    y_mean: float
+    X_mean: Array  # (m b,)
+
+
+def _ready(lay: rows.Layout, window: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
+    y, X = window[:, 0], np.ascontiguousarray(window[:, 2 + lay.inputs :].T)
+    if count < len(y):
+        y, X = np.where(usable, y, 0.0), np.where(usable, X, 0.0)
+    y_mean, X_mean = float(y.sum()) / count, X.sum(axis=1) / count
+    y, X = y - y_mean, X - X_mean[:, None]
+    if count < len(y):
+        y[~usable], X[:, ~usable] = 0.0, 0.0
+    return _Data(y, X, usable, y_mean, X_mean)
+
+
+def fit_rows(
+    lay: rows.Layout, window: Array, start: Start | None = None, prior: Prior | None = None
+) -> ProcessFit:
+    """Fit a window of rows.
+
+    Args:
+        lay: of the rows.
+        window: (n, width) from `rows.put`.
+        start: of an overlapping window.
+        prior: declared belief; None: the box alone.
+    """
+    m, box = lay.inputs, lay.basis.box
+    usable = window[:, 1] > 0.0
+    count = int(usable.sum())
+    y = window[:, 0]
     # a tenth of a window: below this the colour of the noise cannot be told from the answer
-    if int(data.usable.sum()) < 20 * (m + 1) or not float(np.ptp(data.y[data.usable])) > 0.0:
-        return nothing(m, int(data.usable.sum()))
-    known = start if start is not None else _cold(data, m, box)
-    colour = _colour(data, dt, known.point)
-    for turn in range(PASSES):
-        grid = _look(data, dt, box, known.regions, colour)
+    if count < 20 * (m + 1) or not float(np.ptp(y[usable])) > 0.0:
+        return nothing(m, count)
+    data = _ready(lay, window, usable, count)
+    known = start if start is not None else _cold(lay, data, prior)
+    simulated = known.point.w @ data.X
+    colour = _colour(lay, data, known.point, simulated, known.before)
+    finished = 0
+    for _ in range(PASSES):
+        moments, grid = _look(lay, data, known.laid, colour)
         regions = tuple(posterior.gather(grid, i, box) for i in range(m))
         fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
-        known = Start(_middle(data, dt, grid, colour if fine else None), regions)
-        if turn >= SETTLED:
-            if fine:
-                break
-            continue
-        before, colour = colour, _colour(data, dt, known.point, colour.stride)
-        if fine and _same(before, colour):
+        fine = fine and not any(posterior.missed(grid, i, box) for i in range(m))
+        point = _middle(lay, data, grid, fine)
+        stays = fine and all(_centred(r, o) for r, o in zip(regions, known.laid.regions, strict=True))
+        known = Start(point, known.laid if stays else _lay(lay, regions, prior), None)
+        last, simulated = simulated, point.w @ data.X
+        moved = _power(simulated - last) / max(_power(colour.residual), 1e-300)
+        same = moved <= SAME**2
+        # a residual that was mostly misfit, and went: the search goes on, no colour leads to another
+        finished += fine and moved <= 0.5
+        if fine and (same or finished > SETTLED):
             break
-    residual, rows = colour.residual, data.usable
-    around = float(np.linalg.norm(data.y[rows] - data.y[rows].mean()))
-    fit_percent = 100.0 * (1.0 - float(np.linalg.norm(residual[rows])) / around)
+        if finished < SETTLED:
+            # far from the posterior the residual holds the answer itself, and its band says nothing of the noise
+            before = Before(colour.noise, colour.stride if finished else 1)
+            colour = _colour(lay, data, point, simulated, before if finished or colour.stride == 1 else None)
+    fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
     told = fit_percent >= CANCELLING
     if not told and start is not None:
         # the window before may have led here: once more from the whole box
-        return fit_process(
-            output, inputs, usable, dt, segment=segment, tau_max=tau_max, dead_time_max=dead_time_max
-        )
+        return fit_rows(lay, window, None, prior)
     return ProcessFit(
-        channels=tuple(posterior.channel(grid, i, box) if told else Channel() for i in range(m)),
+        channels=posterior.channels(grid, box, _limits(lay, moments, grid, known.point), prior is not None)
+        if told
+        else (Channel(),) * m,
         point=known.point,
         noise=colour.noise,
+        stride=colour.stride,
         sigma=(grid.residual / int(colour.rows.sum())) ** 0.5,
         temper=colour.temper,
         fit_percent=fit_percent,
-        used=int(rows.sum()),
-        start=known,
+        used=count,
+        # the next window looks at every stride again: its noise may have more content
+        start=known._replace(before=Before(colour.noise, 1) if colour.stride == 1 else None),
     )
 
 
 class _Colour(NamedTuple):
     """The noise as it looks from one point."""
 
-    noise: Array  # (p,) at every lag up to the highest
-    stride: int  # samples from one that is used to the next
-    rows: npt.NDArray[np.bool_]  # (n,) whose predecessors are usable too
+    noise: Array  # (p,)
+    stride: int  # rows from one that is used to the next
+    first: int  # the first that is used; the newest always is
+    rows: npt.NDArray[np.bool_]  # (n/stride,) whose predecessors are usable too
     residual: Array  # (n,) not whitened, zero where not usable
     temper: float
 
 
 def nothing(m: int, used: int = 0) -> ProcessFit:
     """Return the fit of m inputs that tells nothing."""
-    point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN)
-    return ProcessFit((Channel(),) * m, point, np.zeros(0), NAN, 1.0, NAN, used, None)
+    point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN, np.zeros(0))
+    return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, NAN, used, None)
 
 
-def _cold(data: Prepared, m: int, box: posterior.Box) -> Start:
-    """Guess static gains, a usual lag, and the whole box to look in."""
-    # 0.4 and 0.25 s: a driver as published (Grover 2021); it only colours the first look
-    usual = np.full(m, min(0.4, box.tau_max)), np.full(m, min(0.25, box.dead_time_max))
-    point = _plain(data, list(data.u), *usual)
-    return Start(point, (posterior.whole_box(box),) * m)
+def _lay(lay: rows.Layout, regions: tuple[posterior.Region, ...], prior: Prior | None) -> Laid:
+    cells = tuple(posterior.lay(region, lay.basis.box) for region in regions)
+    W = tuple(answers.weights(lay.basis, c.tau, c.dead_time) for c in cells)
+    return Laid(regions, cells, W, belief.log_density(prior, cells) if prior is not None else None)
 
 
-def _residual(data: Prepared, dt: float, at: Point) -> tuple[Array, list[first_order.Response]]:
-    answers = [
-        first_order.response(u, dt, float(tau), float(dead_time), data.starts)
-        for u, tau, dead_time in zip(data.u, at.tau, at.dead_time, strict=True)
-    ]
-    residual = data.y - at.offset
-    for K, answer in zip(at.K, answers, strict=True):
-        residual = residual - K * answer.x
-    return np.where(data.usable, residual, 0.0), answers
+def _cold(lay: rows.Layout, data: _Data, prior: Prior | None) -> Start:
+    """Look at the whole box as if the noise were white: the least residual there shows the noise's colour."""
+    m, n = lay.inputs, len(data.y)
+    laid = _lay(lay, (posterior.whole_box(lay.basis.box),) * m, prior)
+    white = _Colour(np.zeros(0), 1, 0, data.usable, np.zeros(n), 1.0)
+    return Start(_middle(lay, data, _look(lay, data, laid, white)[1], False), laid, None)
 
 
-def _colour(data: Prepared, dt: float, at: Point, least: int = 1) -> _Colour:
-    """Look at the noise from one point; a stride below `least` was found too short in this fit already."""
-    residual, answers = _residual(data, dt, at)
-    # counted from the newest sample, which is always taken
+def _spread(lay: rows.Layout, w: Array) -> Array:
+    """(m, m b) from (m, b): row i picks channel i's answer from those of all channels."""
+    out = np.zeros((lay.inputs, w.size))
+    for i, row in enumerate(w):
+        out[i, i * len(row) : (i + 1) * len(row)] = row
+    return out
+
+
+def _power(x: Array) -> float:
+    return float(x @ x)
+
+
+def _residual(data: _Data, simulated: Array) -> Array:
+    """(n,) not whitened, mean zero, zero where not usable."""
+    residual = data.y - simulated
+    residual[~data.usable] = 0.0
+    residual[data.usable] -= residual[data.usable].mean()
+    return residual
+
+
+def _colour(lay: rows.Layout, data: _Data, at: Point, simulated: Array, before: Before | None) -> _Colour:
+    """Look at the noise from one point.
+
+    Args:
+        lay: of the rows.
+        data: the window.
+        at: the point.
+        simulated: (n,) the answer there, its mean taken out.
+        before: the colour of the last look; a shorter stride was found too short then.
+    """
+    residual = _residual(data, simulated)
+    each = answers.with_slopes(lay.basis, at.tau, at.dead_time)
+    look = np.concatenate([_spread(lay, w) for w in each]) @ data.X
+    # counted from the newest row, which is always taken
     phase = (len(residual) - 1) % STRIDES[-1]
-    for stride in STRIDES[STRIDES.index(least) :]:
-        first = phase % stride
-        if _regular(residual[first::stride], data.usable[first::stride]):
+    for stride in STRIDES:
+        if before is not None and stride < before.stride:
+            continue
+        pick = slice(phase % stride, None, stride)
+        r, usable, J = residual[pick], data.usable[pick], look[:, pick]
+        known = before is not None and before.stride == stride
+        noise = before.noise if before is not None and known else autoregression.fit(r, usable, NOISE_ORDER)
+        taken = _taken(lay, at, J, r, noise, autoregression.whole(usable, len(noise)))
+        noise = autoregression.fit(np.vstack([r, taken]), usable, NOISE_ORDER)
+        if _flat(r, usable, noise):
             break
-    every = autoregression.fit(residual[first::stride], data.usable[first::stride], NOISE_ORDER)
-    noise = np.zeros(len(every) * stride)
-    noise[stride - 1 :: stride] = every
-    rows = autoregression.whole(data.usable, len(noise))
-    rows[np.arange(len(rows)) % stride != first] = False
-    e = autoregression.whiten(residual, noise)[rows]
-    score = np.array([column for answer in answers for column in answer])
-    score = autoregression.whiten(score, noise, data.starts)[:, rows]
-    score -= score.mean(axis=1, keepdims=True)
-    sd = float(e @ e / max(len(e), 1)) ** 0.5
-    temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / dt / stride))
-    return _Colour(noise, stride, rows, residual, temper)
+    inside = autoregression.whole(usable, len(noise))
+    white = autoregression.whiten(np.vstack([r, J]), noise)[:, inside]
+    e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
+    sd = (_power(e) / max(len(e), 1)) ** 0.5
+    temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / lay.step / stride))
+    # as many independent looks at the noise as the window holds: its variance over its spectrum at zero frequency
+    long_run = (sd / (1.0 - float(np.sum(noise)))) ** 2
+    looks = _power(r) / max(long_run, 1e-300)
+    return _Colour(noise, stride, phase % stride, inside, residual, temper * _student(looks) ** 2)
 
 
-def _regular(r: Array, usable: npt.NDArray[np.bool_]) -> bool:
-    """Whether the noise has content up to the end of the band, see CONTENT."""
-    both = usable[1:] & usable[:-1]
-    power = np.abs(np.fft.rfft(np.where(both, np.diff(r), 0.0))) ** 2
-    return bool(power[len(power) // 2 :].sum() >= CONTENT * power.sum())
+# Fewest looks that Student's t is taken for: below, its tails say more about the formula than about the noise.
+FEWEST_LOOKS = 4.0
+
+
+def _student(looks: float) -> float:
+    """How much wider Student's t is than a Gaussian at 95 % (Fisher & Cornish 1960, to second order).
+
+    >>> round(1.95996 * _student(10.0), 2)  # tables: 2.23
+    2.23
+    """
+    z2, v = 1.959964**2, max(looks, FEWEST_LOOKS)
+    return 1.0 + (z2 + 1.0) / (4.0 * v) + (5.0 * z2 * z2 + 16.0 * z2 + 3.0) / (96.0 * v * v)
+
+
+def _taken(
+    lay: rows.Layout, at: Point, look: Array, r: Array, noise: Array, inside: npt.NDArray[np.bool_]
+) -> Array:
+    """Return (3 m + 1, n): what else the answer and the offset may be, each direction by its own sd.
+
+    Args:
+        lay: of the rows.
+        at: the point.
+        look: (3 m, n) answers, and their derivatives by tau and by dead time, of unit gain.
+        r: (n,) residual.
+        noise: its colour so far.
+        inside: (n,) rows to weigh.
+    """
+    m = lay.inputs
+    J = np.vstack([look[:m], np.tile(at.K, 2)[:, None] * look[m:], np.ones(len(r))])
+    white = autoregression.whiten(np.vstack([r, J]), noise)[:, inside]
+    variance = _power(white[0]) / max(white.shape[1] - len(J), 1)
+    by_tau, by_dead_time = posterior.precision(lay.basis.box)
+    least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
+    information = white[1:] @ white[1:].T + np.diag(variance * least)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    value, vector = np.linalg.eigh(information / np.outer(size, size))
+    known = value > 1e-9
+    root = vector[:, known] / np.sqrt(value[known])
+    out: Array = variance**0.5 * (root.T / size) @ J
+    return out
+
+
+def _flat(r: Array, usable: npt.NDArray[np.bool_], noise: Array) -> bool:
+    """Whether the whitened residual has content up to the end of the band, see CONTENT."""
+    e = np.where(autoregression.whole(usable, len(noise)), autoregression.whiten(r, noise), 0.0)
+    power = np.abs(np.fft.rfft(e)[1:]) ** 2
+    # ten frequencies in a part at least: their mean is then known to a third
+    parts = min(8, len(power) // 10)
+    if parts < 2:
+        return True
+    share = power[len(power) % parts :].reshape(parts, -1).mean(axis=1)
+    return bool(share.min() >= CONTENT * share.mean())
 
 
 def _look(
-    data: Prepared, dt: float, box: posterior.Box, regions: Sequence[posterior.Region], colour: _Colour
-) -> posterior.Grid:
-    rows = colour.rows
-    y = autoregression.whiten(data.y, colour.noise)[rows]
-    past = autoregression.lagged(colour.residual, len(colour.noise))[rows, colour.stride - 1 :: colour.stride]
-    Z = np.column_stack([np.ones(int(rows.sum())), past])
-    cells = [posterior.lay(region, box) for region in regions]
-    # whitening the input once is whitening every answer to it: both are linear and do not change with time
-    X = [
-        posterior.columns(autoregression.whiten(u, colour.noise, data.starts), dt, c, data.starts)[:, rows]
-        for u, c in zip(data.u, cells, strict=True)
-    ]
-    return posterior.evaluate(y, X, Z, cells, colour.temper)
+    lay: rows.Layout, data: _Data, laid: Laid, colour: _Colour
+) -> tuple[posterior.Moments, posterior.Grid]:
+    pick, p = slice(colour.first, None, colour.stride), len(colour.noise)
+    r = colour.residual[pick]
+    past = np.zeros((p, len(r)))
+    for i, row in enumerate(past, 1):
+        row[i:] = r[:-i]
+    white = autoregression.whiten(np.vstack([data.X[:, pick], data.y[pick]]), colour.noise)
+    M = np.vstack([white, np.ones(len(r)), past])[:, colour.rows]
+    known = posterior.moments(M, lay.inputs, p + 1)
+    return known, posterior.evaluate(known, laid.W, laid.cells, colour.temper, laid.belief)
 
 
-def _middle(data: Prepared, dt: float, grid: posterior.Grid, colour: _Colour | None) -> Point:
+def _limits(
+    lay: rows.Layout, moments: posterior.Moments, grid: posterior.Grid, at: Point
+) -> tuple[posterior.Deviations, ...]:
+    """What the data allow at the point that was found."""
+    by_K, by_tau, by_dead_time = (
+        _spread(lay, w) for w in answers.with_slopes(lay.basis, at.tau, at.dead_time)
+    )
+    J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
+    return posterior.bounds(moments, J, grid.residual / max(moments.freedom, 1), lay.basis.box)
+
+
+def _middle(lay: rows.Layout, data: _Data, grid: posterior.Grid, fine: bool) -> Point:
     """Take the posterior's mean: where a lag cannot be told, the most likely cell is an accident.
 
-    Without a colour, the gains are those of plain least squares. On a coarse grid the weighted ones may be far off,
-    leave a residual that drifts, and a noise that drifts would then excuse any gain: a vicious circle.
+    On a coarse grid, take the most likely cell with the gains of plain least squares. A mean over valleys, or the
+    weighted gains, may be far off there and leave a residual that drifts; a noise that drifts would then excuse
+    any gain: a vicious circle.
     """
-    m = len(grid.cells)
-    weights = [posterior.marginal(grid, i) for i in range(m)]
+    if not fine:
+        best = np.unravel_index(int(np.argmax(grid.log)), grid.log.shape)
+        taus = np.array([c.tau[k] for c, k in zip(grid.cells, best, strict=True)])
+        dead_times = np.array([c.dead_time[k] for c, k in zip(grid.cells, best, strict=True)])
+        return _plain(data, _spread(lay, answers.weights(lay.basis, taus, dead_times)), taus, dead_times)
+    weights = [posterior.marginal(grid, i) for i in range(lay.inputs)]
     taus = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
     dead_times = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
-    answers = [
-        first_order.delayed(
-            u, first_order.lags(u, dt, np.array([tau]), data.starts)[0], dt, float(tau), np.array([theta])
-        )[0]
-        for u, tau, theta in zip(data.u, taus, dead_times, strict=True)
-    ]
-    if colour is None:
-        return _plain(data, answers, taus, dead_times)
-    gains = np.array([float(np.sum(grid.weight * K)) for K in grid.K])
-    residual = data.y - sum(K * x for K, x in zip(gains, answers, strict=True))
-    white = autoregression.whiten(residual, colour.noise)[colour.rows]
-    return Point(gains, taus, dead_times, float(white.mean()) / (1.0 - float(np.sum(colour.noise))))
+    nodes = _spread(lay, answers.weights(lay.basis, taus, dead_times))
+    return _point(data, nodes, taus, dead_times, np.array([np.vdot(grid.weight, K) for K in grid.K]))
 
 
-def _plain(data: Prepared, answers: Sequence[Array], taus: Array, dead_times: Array) -> Point:
+def _plain(data: _Data, nodes: Array, taus: Array, dead_times: Array) -> Point:
     """Gains and offset by plain least squares on given answers."""
-    X = np.column_stack([*answers, np.ones(len(data.y))])[data.usable]
-    theta: Array = np.asarray(np.linalg.lstsq(X, data.y[data.usable], rcond=None)[0], dtype=np.float64)
-    return Point(theta[:-1], taus, dead_times, float(theta[-1]))
+    gains = np.asarray(np.linalg.lstsq((nodes @ data.X).T, data.y, rcond=None)[0], dtype=np.float64)
+    return _point(data, nodes, taus, dead_times, gains)
 
 
-def _same(a: _Colour, b: _Colour) -> bool:
-    """Whether two looks at the noise agree, so that another pass would change nothing that counts.
+def _point(data: _Data, nodes: Array, taus: Array, dead_times: Array, gains: Array) -> Point:
+    w = gains @ nodes
+    return Point(gains, taus, dead_times, data.y_mean - float(w @ data.X_mean), w)
 
-    Coefficients to a quarter of their sd (1/sqrt(samples)), the residual itself to 5 %: its colour alone can
-    agree by chance while the gains still move.
-    """
-    apart = float(np.linalg.norm(a.residual - b.residual))
+
+# share of the residual that a pass may still move the simulation by: its colour would come out the same
+SAME = 0.05
+
+
+def _centred(now: posterior.Region, then: posterior.Region) -> bool:
+    """Whether a grid laid around one region still serves another: centre and widths to a quarter of an sd."""
     return (
-        len(a.noise) == len(b.noise)
-        and bool(np.all(np.abs(a.noise - b.noise) < 0.25 * int(b.rows.sum()) ** -0.5))
-        and apart <= 0.05 * float(np.linalg.norm(b.residual))
+        abs(now.tau - then.tau) <= 0.25 * then.tau_sd
+        and abs(now.dead_time - then.dead_time - then.slope * (now.tau - then.tau)) <= 0.25 * then.rest_sd
+        and 0.8 <= now.tau_sd / then.tau_sd <= 1.25
+        and 0.8 <= now.rest_sd / then.rest_sd <= 1.25
     )
 
 

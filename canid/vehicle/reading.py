@@ -122,7 +122,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicl
         messages=_messages(files, [*roles.values(), *(tracks or ())]),
         driver=Driver(**driver.model_dump()),
         armax=ArmaxSettings(**armax.model_dump()),
-        fopdt=FopdtSettings(**fopdt.model_dump()),
+        fopdt=fopdt.settings(),
         warnings=tuple(mistakes.warnings),
     )
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from canid.types import ArmaxSettings, Driver, FopdtSettings
+from canid.types import ArmaxSettings, Driver, FopdtSettings, Prior
 from canid.vehicle.mapping import LeadConfig
 
 _ARMAX, _FOPDT, _DRIVER, _LEAD = ArmaxSettings(), FopdtSettings(), Driver(), LeadConfig()
 Bus = Annotated[int, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+# Below 0.5 a sample counts less than half as soon as the next one comes: no estimate would be left.
+Forgetting = Annotated[float, Field(gt=0.5, le=1)]
 
 
 class Section(BaseModel):
@@ -88,7 +90,42 @@ class ArmaxSection(Section):
     nc: Annotated[int, Field(ge=0, le=10)] = _ARMAX.nc
     nk: Annotated[int, Field(ge=0, le=50)] = _ARMAX.nk
     start: Positive = _ARMAX.start
-    forgetting: Annotated[float, Field(gt=0, le=1)] = _ARMAX.forgetting
+    # One number, or several memories at once.
+    forgetting: Annotated[tuple[Forgetting, ...], Field(min_length=1, max_length=8)] = _ARMAX.forgetting
+
+    @field_validator("forgetting", mode="before")
+    @classmethod
+    def _one_or_several(cls, value: Any) -> Any:
+        return (
+            tuple(value) if isinstance(value, list) else (value,) if isinstance(value, int | float) else value
+        )
+
+    @field_validator("forgetting")
+    @classmethod
+    def _ascending(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if list(value) != sorted(set(value)):
+            raise ValueError("must ascend, the longest memory last")
+        return value
+
+
+class PriorSection(Section):
+    """What is believed of lags and dead times before any data."""
+
+    tau: Positive | None = None
+    tau_factor: Annotated[float, Field(gt=1.0, le=100.0)] | None = None
+    dead_time: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
+    dead_time_sd: Positive | None = None
+    same_tau: Positive | None = None
+    same_dead_time: Positive | None = None
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Self:
+        for a, b in (("tau", "tau_factor"), ("dead_time", "dead_time_sd")):
+            if (getattr(self, a) is None) != (getattr(self, b) is None):
+                raise ValueError(f"{a} and {b} belong together: give both or neither")
+        if all(value is None for value in self.model_dump().values()):
+            raise ValueError("is empty: state a belief, or leave the section out")
+        return self
 
 
 class FopdtSection(Section):
@@ -98,6 +135,14 @@ class FopdtSection(Section):
     refit: Positive = _FOPDT.refit
     tau_max: Positive = _FOPDT.tau_max
     dead_time_max: Positive = _FOPDT.dead_time_max
+    prior: PriorSection | None = None
+
+    def settings(self) -> FopdtSettings:
+        """Return them as the estimator takes them."""
+        plain = self.model_dump(exclude={"prior"})
+        if self.prior is not None:
+            plain["prior"] = Prior(**self.prior.model_dump(exclude_none=True))
+        return FopdtSettings(**plain)
 
 
 SECTIONS = ("name", "dbc", "signals", "lead", "driver", "armax", "fopdt")

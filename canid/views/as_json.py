@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from canid.types import Channel, Estimate, Event, Interval
+from canid.types import Channel, Estimate, Event, Interval, ResidualTests
 
 
 def number(x: float) -> float | None:
@@ -33,12 +33,27 @@ def channel(ch: Channel) -> dict[str, Any]:
         "dead_time": interval(ch.dead_time),
         "tau_plus_dead_time": interval(ch.tau_plus_dead_time),
         "status": ch.status.value,
+        "K_anytime": interval(ch.K_anytime),
+        "prior_weight": number(ch.prior_weight),
     }
 
 
 def channels(several: Mapping[str, Channel]) -> dict[str, Any]:
     """All inputs' answers."""
     return {name: channel(ch) for name, ch in several.items()}
+
+
+def residual_tests(tests: ResidualTests) -> dict[str, Any]:
+    """What the residuals say of the model."""
+    return {
+        "white": tests.white,
+        "statistic": number(tests.statistic),
+        "bound": number(tests.bound),
+        "left_over": list(tests.left_over),
+        "feedback": list(tests.feedback),
+        "stationary": tests.stationary,
+        "excitation_order": dict(tests.excitation_order),
+    }
 
 
 def estimate(e: Estimate) -> dict[str, Any]:
@@ -52,6 +67,8 @@ def estimate(e: Estimate) -> dict[str, Any]:
         "fit_percent": number(e.fit_percent),
         "excitation": {name: number(x) for name, x in e.excitation.items()},
         "used": number(e.used),
+        "residual_tests": None if e.residual_tests is None else residual_tests(e.residual_tests),
+        "headline": e.headline,
     }
 
 

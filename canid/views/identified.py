@@ -13,7 +13,7 @@ def to_json(told: Identified, log: str, vehicle: str) -> dict[str, Any]:
     """The object that docs/json.md describes."""
     armax = None
     if told.armax is not None:
-        fit = told.armax.fit
+        fit, tests = told.armax.fit, told.armax.residual_tests
         armax = {
             "orders": fit.orders._asdict(),
             "A": [float(x) for x in fit.A],
@@ -27,15 +27,16 @@ def to_json(told: Identified, log: str, vehicle: str) -> dict[str, Any]:
             "channels": as_json.channels(told.armax.channels),
             "poles": [[float(p.real), float(p.imag)] for p in fit.poles],
             "whiteness": {
-                "white": fit.whiteness.white,
-                "statistic": as_json.number(fit.whiteness.statistic),
-                "bound": as_json.number(fit.whiteness.bound),
+                "white": tests.white,
+                "statistic": as_json.number(tests.statistic),
+                "bound": as_json.number(tests.bound),
                 "lags": fit.whiteness.lags,
             },
             "cross": {
-                name: {"causal": bool(x.causal), "feedback": bool(x.feedback)}
-                for name, x in told.armax.cross.items()
+                name: {"causal": name not in tests.left_over, "feedback": name in tests.feedback}
+                for name in told.armax.channels
             },
+            "residual_tests": as_json.residual_tests(tests),
         }
     return {
         "log": log,
@@ -73,7 +74,6 @@ def text(told: Identified, log: str, vehicle: str) -> list[str]:
         lines.append("whole drive, ARMAX: no model (too few data, or none that is stable)")
         return lines
     fit, o = told.armax.fit, told.armax.fit.orders
-    white = fit.whiteness
     lines.append(
         f"whole drive, ARMAX({o.na},{o.nb},{o.nc}) with {o.nk} sample{'s' * (o.nk > 1)} of dead time"
     )
@@ -82,18 +82,7 @@ def text(told: Identified, log: str, vehicle: str) -> list[str]:
         "  poles "
         + ", ".join(f"{p.real:.3f}{p.imag:+.3f}j" if p.imag else f"{p.real:.3f}" for p in fit.poles)
     )
-    said = "white" if white.white else "not white: the noise or the dynamics have more order than the model"
-    lines.append(
-        f"  residual {said} (Ljung–Box {white.statistic:.0f}, bound {white.bound:.0f}, {white.lags} lags)"
-    )
-    for name, x in told.armax.cross.items():
-        left = (
-            "nothing of the answer is left in the residual"
-            if x.causal
-            else "part of the answer is not modelled"
-        )
-        loop = "; the loop is closed" if x.feedback else ""
-        lines.append(f"  residual against {words.INPUT_WORDS.get(name, name)}: {left}{loop}")
+    lines += [f"  {says}" for says in words.residual_tests(told.armax.residual_tests)]
     if told.orders:
         best = ", ".join(
             f"({c.orders.na},{c.orders.nb},{c.orders.nc}) nk {c.orders.nk}{' white' if c.white else ''}"

@@ -108,14 +108,23 @@ def _short(value: float) -> str:
 def _estimator(latest: Estimate, held: Estimate | None, output: str) -> list[RenderableType]:
     """Head, one row per input, sentence. Without an estimate now, the last good one stays, dimmed."""
     ok = latest.status is Status.OK
-    shown = latest if ok or held is None else held
-    head = Text(f"{latest.estimator:7}", style="bold")
+    # numbers that another estimator contradicts are shown as they are, in the colour of their status
+    now = ok or latest.status is Status.INCONSISTENT
+    shown = latest if now or held is None else held
+    style = (
+        "bold green" if latest.headline else COLOURS[latest.status].removeprefix("bold ") if now else "dim"
+    )
+    head = Text()
+    head.append(f"{words.READ if latest.headline else ' '} ", style="bold green")
+    head.append(f"{latest.estimator:7}", style="bold")
     head.append(f"{latest.status.value:13}", style=COLOURS[latest.status])
     if shown.fit_percent == shown.fit_percent:
         head.append(f"fit {shown.fit_percent:.0f} %   ")
     if shown.used == shown.used:
         head.append(f"from {shown.used:.0f} s of driving   ")
-    if not ok and held is not None:
+    if latest.headline:
+        head.append("the number to read", style="bold green")
+    if not now and held is not None:
         head.append(f"last told at {words.clock(held.t)}", style="yellow")
     table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 1, 0, 0))
     # widths of "headway error", "-16.45 [-22.28, -11.05] m/s² per m/s", "τ 0.06 [0.03, 0.20] s  θ ..."
@@ -124,8 +133,8 @@ def _estimator(latest: Estimate, held: Estimate | None, output: str) -> list[Ren
     for name, ch in shown.channels.items():
         table.add_row(
             Text(f" {words.INPUT_WORDS.get(name, name)}"),
-            _gain(ch, f"{words.OUTPUT_UNITS.get(output, '')} per {words.INPUT_UNITS.get(name, '')}", ok),
-            Text(_delays(ch), style="" if ok else "dim"),
+            _gain(ch, f"{words.OUTPUT_UNITS.get(output, '')} per {words.INPUT_UNITS.get(name, '')}", style),
+            Text(_delays(ch), style=style if latest.headline or not ok else ""),
         )
     swing = " · ".join(
         f"{words.INPUT_WORDS.get(name, name)} ±{x:.2g} {words.INPUT_UNITS.get(name, '')}"
@@ -136,10 +145,10 @@ def _estimator(latest: Estimate, held: Estimate | None, output: str) -> list[Ren
     return [head, table, Text(f" excitation: {swing or '–'}", style="dim"), says]
 
 
-def _gain(ch: Channel, unit: str, ok: bool) -> Text:
+def _gain(ch: Channel, unit: str, style: str) -> Text:
     if ch.status is Identifiable.NOT:
         return Text("–  not identifiable", style="dim")
-    text = Text(f"K {words.interval(ch.K)}", style="bold green" if ok else "dim")
+    text = Text(f"K {words.interval(ch.K)}", style=style)
     text.append(f" {unit}", style="not bold dim")
     return text
 

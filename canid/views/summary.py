@@ -16,6 +16,7 @@ class Tally:
         self.statuses: dict[str, dict[Status, int]] = {}
         self.last: dict[str, Estimate] = {}
         self.last_ok: dict[str, Estimate] = {}
+        self.read = ""  # whose number was the one to read, last
 
     def put(self, e: Estimate) -> None:
         """Count one estimate."""
@@ -24,6 +25,8 @@ class Tally:
         self.last[e.estimator] = e
         if e.status is Status.OK:
             self.last_ok[e.estimator] = e
+        if e.headline:
+            self.read = e.estimator
 
 
 def estimates(tally: Tally) -> list[str]:
@@ -35,7 +38,7 @@ def estimates(tally: Tally) -> list[str]:
             f"{status.value} {100 * n / total:.0f} %"
             for status, n in sorted(tally.statuses[name].items(), key=lambda item: -item[1])
         )
-        lines.append(f"{name}: {shares}")
+        lines.append(f"{name}: {shares}{f'  {words.READ} the one to read' if name == tally.read else ''}")
         e = tally.last_ok.get(name)
         if e is None:
             lines.append(f"  no estimate: {tally.last[name].says}")

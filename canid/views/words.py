@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from canid.types import Channel, Estimate, Identifiable, Interval
+from canid.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Status
 
+# before the estimate whose number is the one to read
+READ = "▶"
 SYMBOLS = {"K": "K", "tau": "τ", "dead_time": "θ", "tau_plus_dead_time": "τ+θ"}
 OUTPUT_UNITS = {"pedal": "%", "accel": "m/s²", "accel_command": "m/s²", "steering_angle": "°"}
 INPUT_UNITS = {"headway_error": "s", "range_rate": "m/s", "lateral_offset": "m"}
@@ -61,8 +63,42 @@ def channel(name: str, ch: Channel) -> str:
     return f"{words}: K {interval(ch.K)}  {lag(ch)}".rstrip()
 
 
+def residual_tests(tests: ResidualTests) -> list[str]:
+    """What the residuals say of the model, a line each.
+
+    Example:
+        >>> told = ResidualTests(True, 20.0, 41.6, (), ("range_rate",), True, {"range_rate": 18})
+        >>> for line in residual_tests(told): print(line)
+        residual white (Ljung–Box 20, bound 42)
+        residual against range rate: nothing of the answer is left in the residual; the loop is closed
+        residual steady: its size shows no trend
+        excitation of order 18 in range rate
+    """
+    if tests.statistic != tests.statistic:
+        return ["residual not tested: too few data"]
+    white = "white" if tests.white else "not white: the noise or the dynamics have more order than the model"
+    lines = [f"residual {white} (Ljung–Box {tests.statistic:.0f}, bound {tests.bound:.0f})"]
+    for name in tests.excitation_order:
+        left = (
+            "part of the answer is not modelled"
+            if name in tests.left_over
+            else "nothing of the answer is left in the residual"
+        )
+        loop = "; the loop is closed" if name in tests.feedback else ""
+        lines.append(f"residual against {INPUT_WORDS.get(name, name)}: {left}{loop}")
+    steady = "steady: its size shows no trend" if tests.stationary else "not steady: its size has a trend"
+    order = ", ".join(f"{n} in {INPUT_WORDS.get(name, name)}" for name, n in tests.excitation_order.items())
+    return [*lines, f"residual {steady}", f"excitation of order {order}"]
+
+
 def estimate(e: Estimate) -> str:
-    """One estimate in one plain line."""
-    parts = [f"{e.t:8.1f} s", f"{e.estimator:6}", f"{e.status.value:12}"]
+    """One estimate in one plain line; marked where it is the one to read.
+
+    Example:
+        >>> K = Channel(Interval(4.4, 3.6, 5.2), status=Identifiable.GAIN_ONLY)
+        >>> estimate(Estimate(60.0, "fopdt", Status.OK, "range rate: K only", {"range_rate": K}, headline=True))
+        '▶    60.0 s  fopdt   ok            range rate: K 4.40 [3.60, 5.20]'
+    """
+    parts = [f"{READ if e.headline else ' '}{e.t:8.1f} s", f"{e.estimator:6}", f"{e.status.value:12}"]
     told = [channel(name, ch) for name, ch in e.channels.items() if ch.status is not Identifiable.NOT]
-    return "  ".join(parts) + "  " + (" | ".join(told) if told and e.status.value == "ok" else e.says)
+    return "  ".join(parts) + "  " + (" | ".join(told) if told and e.status is Status.OK else e.says)

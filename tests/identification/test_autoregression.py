@@ -55,12 +55,6 @@ def test_whole_looks_at_every_predecessor():
         assert autoregression.whole(usable, p).tolist() == loop
 
 
-def test_whitening_holds_the_first_value_before_each_start():
-    """A constant stays a constant of (1 - sum phi) from the first sample of every piece on."""
-    out = autoregression.whiten(np.r_[np.full(5, 2.0), np.full(5, -3.0)], np.array([0.5, 0.2]), (5,))
-    assert np.allclose(out, np.r_[np.full(5, 0.6), np.full(5, -0.9)])
-
-
 def test_nothing_usable_gives_no_colour():
     """Too few or constant data give an empty model, not an error."""
     assert len(autoregression.fit(np.ones(50), np.full(50, False))) == 0

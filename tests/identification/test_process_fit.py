@@ -12,37 +12,6 @@ DT = 0.1
 K, TAU, THETA = (4.4, 5.6), (0.685, 0.4), (0.3, 0.2)
 
 
-def ornstein(n, dt, T, rng):
-    a, x = math.exp(-dt / T), rng.normal()
-    out = np.empty(n)
-    for k, w in enumerate(rng.normal(size=n) * math.sqrt(1 - a * a)):
-        x = a * x + w
-        out[k] = x
-    return out
-
-
-def follow(seed, seconds=70.0, noise=1.0):
-    """A driver (Grover 2021, case 1) behind a lead; vehicle v' = (0.8 (P-P0) - (v-v0)) / 20; at 100 Hz."""
-    rng, dt = np.random.default_rng(seed), 0.01
-    n = round(seconds / dt)
-    slow = ornstein(n, dt, 3.0, rng)
-    lead, x = np.empty(n), 0.0
-    for k in range(n):
-        x += dt / 3.0 * (slow[k] - x)
-        lead[k] = 25.0 + 2.2 * x
-    pedal_noise = noise * ornstein(n, dt, 1.0, rng)
-    v, gap, x1, x2 = lead[0], 1.8 * lead[0], 0.0, 0.0
-    headway_error, rate, pedal = np.zeros(n), np.zeros(n), np.zeros(n)
-    for k in range(n):
-        headway_error[k], rate[k] = gap / v - 1.8, lead[k] - v
-        x1 += (1 - math.exp(-dt / TAU[0])) * ((headway_error[k - 30] if k >= 30 else 0.0) - x1)
-        x2 += (1 - math.exp(-dt / TAU[1])) * ((rate[k - 20] if k >= 20 else 0.0) - x2)
-        pedal[k] = 20.0 + K[0] * x1 + K[1] * x2 + pedal_noise[k]
-        v += dt * (0.8 * (pedal[k] - 20.0) - (v - 25.0)) / 20.0
-        gap += dt * (lead[k] - v)
-    return pedal[::10], np.column_stack([headway_error, rate])[::10]
-
-
 def everything(y):
     return np.full(len(y), True)
 
@@ -68,7 +37,7 @@ def test_recovers_a_planted_driver_in_open_loop():
     assert sum(hits) >= 41
 
 
-def test_recovers_a_planted_driver_in_closed_loop():
+def test_recovers_a_planted_driver_in_closed_loop(follow):
     """With coloured pedal noise fed back through the vehicle, what is told of range rate is right."""
     gain, lag, total = [], [], []
     for seed in range(12):
@@ -88,7 +57,7 @@ def test_recovers_a_planted_driver_in_closed_loop():
     assert len(total) >= 8
 
 
-def test_a_drifting_noise_never_excuses_a_wild_gain():
+def test_a_drifting_noise_never_excuses_a_wild_gain(follow):
     """With nearly white pedal noise in the loop no cold start ends in a far valley (a third did, once)."""
     for seed in range(12):
         y, u = follow(300 + seed, noise=0.0)
@@ -98,7 +67,7 @@ def test_a_drifting_noise_never_excuses_a_wild_gain():
         assert abs(fit.point.K[1] - K[1]) < 1.2
 
 
-def test_never_claims_the_headway_lag():
+def test_never_claims_the_headway_lag(follow):
     """Headway error has no content where the lag acts: tau1 and theta1 are never told from a minute."""
     for seed in range(8):
         y, u = follow(100 + seed)
@@ -108,7 +77,7 @@ def test_never_claims_the_headway_lag():
         assert math.isnan(c.dead_time.low)
 
 
-def test_one_input_alone_is_wrong_and_both_are_right():
+def test_one_input_alone_is_wrong_and_both_are_right(follow):
     """The omitted second input biases K1 as measured in the literature; the joint fit does not."""
     joint, alone = [], []
     for seed in range(6):
@@ -119,7 +88,7 @@ def test_one_input_alone_is_wrong_and_both_are_right():
     assert np.median(alone) / K[0] - 1 > 0.25
 
 
-def test_tells_only_the_sum_where_only_the_sum_is_known():
+def test_tells_only_the_sum_where_only_the_sum_is_known(ornstein):
     """A slow input tells tau + theta but not how it divides."""
     rng = np.random.default_rng(1)
     u = first_order.response(first_order.response(rng.normal(size=645), DT, 1.2, 0.0).x, DT, 1.2, 0.0).x
@@ -146,7 +115,7 @@ def test_smoothed_noise_is_not_taken_for_knowledge():
         y = 0.5 * first_order.response(u, DT, 0.6, 0.4).x + 0.25 * noise / noise.std()
         fit = process_fit.fit_process(y, u[:, None], everything(y), DT)
         c = fit.channels[0]
-        strides.append(len(fit.noise) > process_fit.NOISE_ORDER)
+        strides.append(fit.stride > 1)
         told = zip(c[:4], (0.5, 0.6, 0.4, 1.0), strict=True)
         hits += [inside(i, truth) for i, truth in told if i.low == i.low]
     assert all(strides)
@@ -154,7 +123,7 @@ def test_smoothed_noise_is_not_taken_for_knowledge():
     assert np.mean(hits) > 0.85
 
 
-def test_a_constant_input_is_not_identifiable():
+def test_a_constant_input_is_not_identifiable(follow):
     """An input that never moves is the offset again; the other one is still told."""
     y, u = follow(3)
     u[:, 0] = 0.4
@@ -164,7 +133,7 @@ def test_a_constant_input_is_not_identifiable():
     assert all(c.status is Identifiable.NOT for c in still.channels)
 
 
-def test_a_drive_that_is_only_noise_tells_nothing():
+def test_a_drive_that_is_only_noise_tells_nothing(follow, ornstein):
     """Without any answer no gain is claimed."""
     claims = 0
     for seed in range(10):
@@ -179,7 +148,7 @@ def test_a_drive_that_is_only_noise_tells_nothing():
     assert claims <= 1
 
 
-def test_nonsense_where_not_usable_changes_nothing():
+def test_nonsense_where_not_usable_changes_nothing(follow):
     """Masked outputs may hold anything, and a mask in the middle costs width, not truth."""
     y, u = follow(5)
     usable = everything(y)
@@ -193,7 +162,7 @@ def test_nonsense_where_not_usable_changes_nothing():
     assert inside(a.channels[1].K, K[1])
 
 
-def test_inputs_before_a_break_do_not_speak_after_it():
+def test_inputs_before_a_break_do_not_speak_after_it(follow):
     """Other inputs before a new segment, or a long hole in them, leave the estimate of what follows alone."""
     y, u = follow(6, seconds=90.0)
     segment = np.zeros(len(y), np.int64)
@@ -212,14 +181,14 @@ def test_inputs_before_a_break_do_not_speak_after_it():
     assert a.used == len(y) - 200 - 45  # dead_time_max + tau_max settle in
 
 
-def test_short_holes_in_the_inputs_are_bridged():
+def test_short_holes_in_the_inputs_are_bridged(follow):
     """Missing input samples of up to half a second cost those samples, not the settle-in time."""
     y, u = follow(7)
     u[200:203] = math.nan
     assert process_fit.fit_process(y, u, everything(y), DT).used == len(y) - 45 - 3
 
 
-def test_a_warm_start_changes_nothing():
+def test_a_warm_start_changes_nothing(follow):
     """Started from an overlapping window the fit ends where a cold one does."""
     y, u = follow(8, seconds=75.0)
     before = process_fit.fit_process(y[:-5], u[:-5], everything(y[:-5]), DT)
@@ -232,13 +201,16 @@ def test_a_warm_start_changes_nothing():
 
 
 def test_exact_data_are_fitted_exactly():
-    """Without any noise the numbers are those planted, and nothing divides by zero."""
+    """Without any noise the numbers are those planted, to what the basis promises, and nothing divides by zero."""
     rng = np.random.default_rng(2)
     u = first_order.response(rng.normal(size=600), DT, 0.5, 0.0).x
     y = 3.0 + 5.0 * first_order.response(u, DT, 0.45, 0.233).x
     c = process_fit.fit_process(y, u[:, None], everything(y), DT).channels[0]
     assert c.status is Identifiable.OK
-    assert np.allclose([c.K.value, c.tau.value, c.dead_time.value], [5.0, 0.45, 0.233], rtol=2e-3)
+    assert abs(c.K.value / 5.0 - 1) < 1e-3
+    # answers.TOLERANCE: 3 ms and 0.7 ms for inputs as rough as this one
+    assert abs(c.tau.value - 0.45) < 3e-3
+    assert abs(c.dead_time.value - 0.233) < 0.7e-3
 
 
 def test_weak_data_are_no_error():

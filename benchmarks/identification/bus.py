@@ -1,0 +1,125 @@
+"""From a drive to what an identifier gets: readings on clocks of their own, then canid's way, or a plain one.
+
+canid's way is that of `canid.pipeline`, from the reading on: lead, smoothing, sampling, gate. The peers get the same
+readings joined by lines at 10 Hz, which is what a careful script does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.identification.loops import Drive
+from canid import gate, lead, sampling
+from canid.types import Driver, Reading
+
+GRID = 0.1  # s
+RADAR, CONTROL = 0.05, 0.02  # s between two messages
+GAP_SD, RATE_SD = 0.25, 0.12  # m, m/s
+
+
+class Seen(NamedTuple):
+    """A drive at 10 Hz."""
+
+    output: np.ndarray  # (n,) %
+    inputs: np.ndarray  # (n, 2) headway error s, range rate m/s
+    usable: np.ndarray  # (n,) bool
+    segment: np.ndarray  # (n,)
+
+
+class Stream(NamedTuple):
+    """One message as it came."""
+
+    t: np.ndarray  # (n,) s
+    roles: tuple[str, ...]
+    values: np.ndarray  # (n, roles)
+
+
+def clock(rng: np.random.Generator, period: float, end: float) -> np.ndarray:
+    """Return (n,) s: when a message comes, its first at random, in whole ns as logs keep them."""
+    return np.round(np.arange(rng.uniform(0.0, period), end, period) * 1e9) * 1e-9
+
+
+def sensed(drive: Drive, seed: int, noisy: bool = True) -> list[Stream]:
+    """Put the drive on a bus: radar at 20 Hz, pedal, brake and speed at 50 Hz, each with a clock of its own."""
+    rng = np.random.default_rng([seed, 5])
+    t = np.arange(len(drive.pedal)) * drive.dt
+    end = float(t[-1])
+
+    def seen(at: np.ndarray, *columns: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(at, t, column) for column in columns])
+
+    radar, pedal, brake, speed = (clock(rng, period, end) for period in (RADAR, CONTROL, CONTROL, CONTROL))
+    ahead = seen(radar, drive.gap, drive.range_rate)
+    if noisy and drive.uniform:
+        error = rng.uniform(-1.0, 1.0, ahead.shape) * 3.0**0.5 * (GAP_SD, RATE_SD)
+        step = np.array([0.1, 0.05])  # m, m/s; a radar's resolution
+        ahead = step * np.round((ahead + error) / step)
+    elif noisy:
+        ahead = ahead + rng.standard_normal(ahead.shape) * (GAP_SD, RATE_SD)
+    held = drive.brake[np.minimum((brake / drive.dt).astype(int), len(t) - 1)]
+    return [
+        Stream(radar, ("gap", "range_rate"), ahead),
+        Stream(pedal, ("pedal",), seen(pedal, drive.pedal)),
+        Stream(brake, ("brake",), held[:, None].astype(float)),
+        Stream(speed, ("speed",), seen(speed, drive.speed)),
+    ]
+
+
+def through_canid(streams: list[Stream], driver: Driver) -> Seen:
+    """Take the readings through canid's lead, sampling and gate."""
+    roles = {
+        role: sampling.Role(switch=role == "brake", needed=role != "brake")
+        for stream in streams
+        for role in stream.roles
+    }
+    if driver.task == "car_following":
+        roles |= sampling.MADE
+    rows = sorted((float(t), i, k) for i, s in enumerate(streams) for k, t in enumerate(s.t))
+    settings = lead.Settings()
+    follow, samples, judged = lead.init(), sampling.init(), gate.init()
+    out = []
+    for t, i, k in rows:
+        for role, value in zip(streams[i].roles, streams[i].values[k], strict=True):
+            follow, items = lead.step(follow, Reading(t, role, float(value)), settings)
+            for item in items:
+                if isinstance(item, Reading):
+                    samples = sampling.put(samples, item)
+        samples, points = sampling.take(samples, t, GRID, roles)
+        for at, values in points:
+            judged, sample = gate.step(judged, at, values, driver, GRID)
+            out.append(sample)
+    return Seen(
+        np.array([s.output for s in out]),
+        np.array([s.inputs for s in out]),
+        np.array([s.learn for s in out]),
+        np.array([s.segment for s in out]),
+    )
+
+
+def by_lines(streams: list[Stream], driver: Driver, held: bool = False) -> Seen:
+    """Join the readings by lines at 10 Hz, or hold the last one."""
+    begin = max(float(s.t[0]) for s in streams)
+    end = min(float(s.t[-1]) for s in streams)
+    at = np.arange(np.ceil(begin / GRID), np.floor(end / GRID) + 1) * GRID
+    columns: dict[str, np.ndarray] = {}
+    for stream in streams:
+        last = np.searchsorted(stream.t, at, side="right") - 1
+        for role, value in zip(stream.roles, stream.values.T, strict=True):
+            columns[role] = value[last] if held or role == "brake" else np.interp(at, stream.t, value)
+    if driver.task == "car_following":
+        headway = columns["gap"] / columns["speed"]
+        inputs = np.column_stack([headway - driver.headway_desired, columns["range_rate"]])
+    else:
+        inputs = columns["lateral_offset"][:, None]
+    n = len(at)
+    return Seen(columns[driver.output], inputs, np.full(n, True), np.zeros(n, dtype=np.int64))
+
+
+def exactly(drive: Drive) -> Seen:
+    """Take the drive at 10 Hz without any sensor between."""
+    every = round(GRID / drive.dt)
+    usable = drive.exact[::every]
+    inputs = np.column_stack(drive.inputs)[::every]
+    return Seen(drive.pedal[::every], inputs, usable, np.zeros(len(usable), dtype=np.int64))

@@ -1,0 +1,109 @@
+"""canid's own estimators, as the tables call them: every call into what is measured stands here, once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from canid.estimators import ESTIMATORS
+from canid.identification import armax_batch, armax_recursive, moments
+from canid.identification.process_fit import ProcessFit, fit_process
+from canid.types import ArmaxSettings, Channel, Estimate, Gate, Prior, Sample
+
+ORDERS = armax_batch.Orders()
+# as the estimator does live
+START = round(ArmaxSettings().start / 0.1)  # samples of the batch start
+LIVE = ArmaxSettings().forgetting
+
+
+def without_offset(theta: np.ndarray) -> np.ndarray:
+    """Return a1 a2 b1 b2 c1 of canid's a1 a2 b1 b2 c0 c1."""
+    return np.asarray(theta, float)[[0, 1, 2, 3, 5]]
+
+
+def batch(y: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Fit ARMAX(2,2,1) to one input at once: a1 a2 b1 b2 c1, NaN where nothing was found."""
+    fit = armax_batch.fit_armax(y, u[:, None], np.full(len(y), True), ORDERS)
+    return without_offset(fit.theta) if fit is not None else np.full(5, np.nan)
+
+
+def armax_channels(output: np.ndarray, inputs: np.ndarray, dt: float) -> list[Channel]:
+    """Fit ARMAX(2,2,1) to all inputs at once and say what it tells of each."""
+    names = tuple(map(str, range(inputs.shape[1])))
+    fit = armax_batch.fit_armax(output, inputs, np.full(len(output), True), ORDERS)
+    if fit is None:
+        return [Channel() for _ in names]
+    return list(moments.channels(names, fit.A, fit.B, ORDERS.nk, fit.covariance, dt).values())
+
+
+def recursion(
+    y: np.ndarray, u: np.ndarray, forgetting: float | None, precision: type = np.float64
+) -> Iterator[tuple[int, Any]]:
+    """Start on the first 15 s, then go on sample by sample: yields k and the state.
+
+    Args:
+        y: (n,).
+        u: (n,) one input.
+        forgetting: per sample, this one alone; None: as the live estimator does.
+        precision: `np.float32` runs the recursion in single precision.
+    """
+    fit = armax_batch.fit_armax(y[:START], u[:START, None], np.full(START, True), ORDERS)
+    if fit is None:
+        return
+    state = armax_recursive.begin(fit, LIVE if forgetting is None else (forgetting,), precision)
+    for k, (output, value) in enumerate(zip(y[START:].tolist(), u[START:].tolist(), strict=True), START):
+        state, _ = armax_recursive.step(state, ORDERS, output, (value,))
+        yield k, state
+
+
+def told(state: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return a1 a2 b1 b2 c1 of a recursion, and the (6, 6) covariance with the offset in it."""
+    theta, covariance = armax_recursive.told(state)
+    return without_offset(theta), np.asarray(covariance, float)
+
+
+def process(
+    output: np.ndarray,
+    inputs: np.ndarray,
+    dt: float,
+    usable: np.ndarray | None = None,
+    segment: np.ndarray | None = None,
+) -> ProcessFit:
+    """Fit first order plus dead time; the first 4.5 s are history only."""
+    usable = np.full(len(output), True) if usable is None else usable
+    return fit_process(output, inputs, usable, dt, segment=segment)
+
+
+# What a user might declare who has read the published drivers: centre and width of reference/identification.md, sec. 3.
+# It is near the truth of both loops, but for tau1 - tau2 of loop A (0.28 s).
+PRIOR = Prior(tau=0.35, tau_factor=2.0, dead_time=0.3, dead_time_sd=0.2, same_tau=0.25, same_dead_time=0.15)
+
+
+def with_prior(
+    output: np.ndarray, inputs: np.ndarray, dt: float, usable: np.ndarray, segment: np.ndarray
+) -> ProcessFit:
+    """Fit with a declared prior."""
+    return fit_process(output, inputs, usable, dt, segment=segment, prior=PRIOR)
+
+
+def live(
+    name: str, names: tuple[str, ...], y: np.ndarray, u: np.ndarray, dt: float, every: float
+) -> Iterator[Estimate]:
+    """Run one live estimator over (n,) outputs and (n, m) inputs; yields its last estimate every `every` s."""
+    make = dict(ESTIMATORS)[name]
+    estimator = make(names, dt)
+    state, last, due = estimator.init(), None, every
+    for k, (output, inputs) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
+        state, estimate = estimator.step(state, Sample(k * dt, output, tuple(inputs), Gate.OPEN, True, 0, {}))
+        last = estimate if estimate is not None else last
+        if k * dt >= due - 1e-9 and last is not None:
+            due += every
+            yield last
+
+
+def inside(channel: Channel, field: str, truth: float) -> bool | None:
+    """Whether an interval holds the truth; None where it was not told."""
+    interval = getattr(channel, field)
+    return bool(interval.low <= truth <= interval.high) if np.isfinite(interval.value) else None

@@ -1,0 +1,29 @@
+"""The list of tables. A new one is a file with `table(settings)` and a line here."""
+
+from benchmarks.identification.tables import (
+    anytime,
+    armax,
+    coverage,
+    deadtime,
+    floor,
+    following,
+    fopdt,
+    speed,
+    tracking,
+    verdict,
+    windup,
+)
+
+TABLES = (
+    ("armax", armax.table),
+    ("tracking", tracking.table),
+    ("windup", windup.table),
+    ("anytime", anytime.table),
+    ("fopdt", fopdt.table),
+    ("deadtime", deadtime.table),
+    ("coverage", coverage.table),
+    ("following", following.table),
+    ("verdict", verdict.table),
+    ("floor", floor.table),
+    ("time", speed.table),
+)

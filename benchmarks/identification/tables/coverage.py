@@ -1,0 +1,123 @@
+"""Do 95 % intervals hold the truth in 95 % of the runs, whatever the noise and the input."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.identification import canid_side, loop_a, open_loop, peers
+from benchmarks.identification.bus import GRID, exactly
+from benchmarks.identification.colours import COLOURS, REMNANT, Colour
+from benchmarks.identification.open_loop import Case
+from benchmarks.identification.table import Settings, Table, each
+
+CUTS = (0.05, 0.1, 0.2, 0.5)  # Hz
+FIELDS = ("K", "tau", "dead_time", "tau_plus_dead_time")
+
+
+def table(settings: Settings) -> list[Table]:
+    """Print how often each interval holds the truth, and how often it was told."""
+    out = []
+    for title, seconds, every, share in (
+        ("20 s at 100 Hz", 20.0, 1, 1),
+        ("60 s at 10 Hz", 60.0, 10, 1),
+    ):
+        some = settings.few(share) if share > 1 else settings
+        rows: list[tuple[object, ...]] = []
+        counted: list[tuple[float, int]] = []
+        for colour in COLOURS:
+            for cut in CUTS:
+                done = each(some, _canid, colour, cut, seconds, every)
+                rows.append((colour.name, cut, *_cells(done)))
+                counted += [(_share(done, i), _told(done, i)) for i in range(len(FIELDS))]
+        # a share of a few told intervals says nothing of a limit
+        enough = [share for share, told in counted if told >= 0.25 * some.runs]
+        notes = [
+            "Held of told: an interval that the verdict withholds is not counted. "
+            f"Cells told in at least a quarter of the runs: least {min(enough, default=np.nan):.3f}, "
+            f"mean {np.mean(enough) if enough else np.nan:.3f} of {len(enough)}."
+        ]
+        out.append(
+            Table(
+                f"Coverage of canid's 95 % intervals, {title}, 20 dB",
+                ("noise", "input Hz", "K", "tau", "dead time", "tau + dead time"),
+                rows,
+                tuple(notes),
+            )
+        )
+    out.append(_closed(settings))
+    if settings.peers:
+        out.append(_peers(settings))
+    return out
+
+
+def _closed(settings: Settings) -> Table:
+    rows: list[tuple[object, ...]] = []
+    for colour in (*COLOURS, REMNANT):
+        done = each(settings.few(2), _loop, colour)
+        rows.append((colour.name, *_cells(done)))
+    return Table(
+        "Coverage of canid's 95 % intervals, closed loop A by the remnant's colour, 60 s, inputs without sensor",
+        ("remnant", "K1", "K2", "tau2", "dead time 2", "tau2 + dead time 2", "ARMAX K1", "ARMAX K2"),
+        rows,
+        (f"{settings.few(2).runs} runs a row, held of told. ARMAX: batch, by moments.",),
+    )
+
+
+def _loop(seed: int, colour: Colour) -> list[bool | None]:
+    drive = loop_a.drive(seed, 60.0 + open_loop.HISTORY, colour=colour)
+    seen = exactly(drive)
+    one, two = drive.channels
+    first, second = canid_side.process(seen.output, seen.inputs, GRID).channels
+    armax = canid_side.armax_channels(seen.output, seen.inputs, GRID)
+    truth = (two.K, two.tau, two.dead_time, two.tau + two.dead_time)
+    return [
+        canid_side.inside(first, "K", one.K),
+        *(canid_side.inside(second, field, x) for field, x in zip(FIELDS, truth, strict=True)),
+        *(canid_side.inside(c, "K", x.K) for c, x in zip(armax, (one, two), strict=True)),
+    ]
+
+
+def _peers(settings: Settings) -> Table:
+    rows: list[tuple[object, ...]] = []
+    for peer in peers.INTERVALS:
+        for colour in COLOURS:
+            if why := peers.missing(peer):
+                rows.append((peer.name, colour.name, why))
+                continue
+            done = each(settings.few(4), _peer, peer, colour)
+            rows.append((peer.name, colour.name, *_cells(done)[:3]))
+    return Table(
+        "Coverage of nominal 95 % intervals of peers, 20 s at 100 Hz, 20 dB, input below 0.2 Hz",
+        ("method", "noise", "K", "tau", "dead time"),
+        rows,
+    )
+
+
+def _told(done: list[list[bool | None]], i: int) -> int:
+    return sum(run[i] is not None for run in done)
+
+
+def _share(done: list[list[bool | None]], i: int) -> float:
+    known = [bool(run[i]) for run in done if run[i] is not None]
+    return float(np.mean(known)) if known else np.nan
+
+
+def _cells(done: list[list[bool | None]]) -> list[str]:
+    return [
+        f"{_share(done, i):.3f} of {_told(done, i)}" if _told(done, i) else "not told"
+        for i in range(len(done[0]))
+    ]
+
+
+def _canid(seed: int, colour: Colour, cut: float, seconds: float, every: int) -> list[bool | None]:
+    run = open_loop.process(seed, Case(colour, cut, seconds=seconds), every=every)
+    channel = canid_side.process(run.y, run.u[:, None], run.dt).channels[0]
+    truth = (run.K, run.tau, run.dead_time, run.tau + run.dead_time)
+    return [canid_side.inside(channel, field, x) for field, x in zip(FIELDS, truth, strict=True)]
+
+
+def _peer(seed: int, peer: peers.Peer, colour: Colour) -> list[bool | None]:
+    run = open_loop.process(seed, Case(colour))
+    value, sd = peers.call(peer, run.y, run.u, run.dt, run.settle)
+    error = np.abs(np.asarray(value) - (run.K, run.tau, run.dead_time))
+    return [bool(e <= 1.96 * s) if np.isfinite(s) else None for e, s in zip(error, sd, strict=True)]

@@ -1,0 +1,123 @@
+"""What can be told apart: canid's verdict per channel against that of the Cramér-Rao bound, by the same limits."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+
+import numpy as np
+
+from benchmarks.identification import bounds, bus, canid_side, open_loop
+from benchmarks.identification.colours import COLOURS, REMNANT, Colour
+from benchmarks.identification.loops import LEADS, Drive, Lead
+from benchmarks.identification.open_loop import HISTORY, Case
+from benchmarks.identification.table import Settings, Table, each
+from benchmarks.identification.tables.following import LOOPS, seen_by_canid
+from canid.types import Identifiable
+
+ORDER = (Identifiable.OK, Identifiable.SUM_ONLY, Identifiable.GAIN_ONLY, Identifiable.NOT)
+CUTS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # Hz
+TAUS = (0.03, 0.15, 0.685)  # s
+# sd beyond these is a case nobody disputes; between them a run's own luck decides on which side it falls
+NEAR = 1.25
+
+
+def table(settings: Settings) -> list[Table]:
+    """Print agreement and confusion."""
+    return [_open(settings), _closed(settings, "exact"), _closed(settings, "canid")]
+
+
+def _open(settings: Settings) -> Table:
+    cases = [
+        Case(colour, cut, tau=tau, decibel=decibel, seconds=seconds)
+        for colour, cut, tau, decibel, seconds in itertools.product(
+            COLOURS, CUTS, TAUS, (10.0, 20.0), (20.0, 60.0)
+        )
+    ]
+    # every case is another world: runs are spread over them
+    per_case = max(1, settings.runs // 20)
+    cases = cases if settings.runs >= 20 else cases[:: max(len(cases) // (4 * settings.runs), 1)]
+    done = []
+    for case in cases:
+        done += each(settings._replace(runs=per_case), _one, case)
+    return _confusion(f"One input at 10 Hz, {len(cases)} cases, {len(done)} runs", done)
+
+
+def _one(seed: int, case: Case) -> tuple[Identifiable, Identifiable, bool]:
+    run = open_loop.process(seed, case, every=10)
+    # the bound sees the input as it was, and the output where canid sees it
+    fine = open_loop.process(seed, case._replace(colour=Colour("none", white=1.0)))
+    truth = bounds.Lag(run.K, run.tau, run.dead_time)
+    bound = bounds.process([fine.u], [truth], fine.dt, run.sigma, case.colour, fine.settle, 10)[0]
+    told = canid_side.process(run.y, run.u[:, None], run.dt).channels[0].status
+    return bounds.says(truth, bound), told, _near(truth, bound)
+
+
+def _closed(settings: Settings, how: str) -> Table:
+    done = []
+    # K1's channel is the point of it: both are judged
+    for loop, lead in itertools.product(LOOPS, LEADS):
+        for pair in each(settings.few(4), _two, loop, lead, how):
+            done += [(*row, i) for i, row in enumerate(pair)]
+    way = "through a noisy radar" if how == "canid" else "inputs without sensor"
+    table = _confusion(
+        f"Car following, {way}, 60 s, loops {' and '.join(LOOPS)}, leads {', '.join(x.name for x in LEADS)}",
+        [row[:3] for row in done],
+    )
+    headway = [row for row in done if row[3] == 0]
+    wrong = sum(told is Identifiable.OK and bound is not Identifiable.OK for bound, told, *_ in headway)
+    note = f'Headway channel: "ok" where the bound says no in {wrong} of {len(headway)}.'
+    return table._replace(notes=(*table.notes, note))
+
+
+def _two(seed: int, loop: str, lead: Lead, how: str) -> list[tuple[Identifiable, Identifiable, bool]]:
+    drive: Drive = LOOPS[loop](seed, 67.0, lead=lead)
+    keep = round((60.0 + HISTORY) / drive.dt)
+    cut = drive._replace(
+        **{x: getattr(drive, x)[-keep:] for x in ("pedal", "brake", "speed", "gap", "range_rate", "exact")}
+    )
+    # masked samples tell nothing to the bound either
+    limits = bounds.process(
+        cut.inputs,
+        cut.channels,
+        cut.dt,
+        cut.sigma,
+        REMNANT,
+        round(HISTORY / cut.dt),
+        round(bus.GRID / cut.dt),
+        usable=cut.exact,
+    )
+    seen = seen_by_canid(drive, seed) if how == "canid" else bus.exactly(cut)
+    fit = canid_side.process(seen.output, seen.inputs, bus.GRID, seen.usable, seen.segment)
+    return [
+        (bounds.says(truth, bound), channel.status, _near(truth, bound))
+        for truth, bound, channel in zip(cut.channels, limits, fit.channels, strict=True)
+    ]
+
+
+def _near(truth: bounds.Lag, bound: bounds.Bound) -> bool:
+    """Whether the bound's verdict hangs on less than a quarter: there the runs' own luck decides."""
+    verdicts = {bounds.says(truth, bounds.Bound(*(x * f for x in bound))) for f in (1.0 / NEAR, 1.0, NEAR)}
+    return len(verdicts) > 1
+
+
+def _confusion(title: str, done: list[tuple[Identifiable, Identifiable, bool]]) -> Table:
+    count = Counter((bound, told) for bound, told, _ in done)
+    rows: list[tuple[object, ...]] = [
+        (bound.value, *(count[bound, told] for told in ORDER)) for bound in ORDER
+    ]
+    same = np.mean([bound is told for bound, told, _ in done])
+    clear = [bound is told for bound, told, near in done if not near]
+    bold = sum(ORDER.index(told) < ORDER.index(bound) for bound, told, _ in done)
+    ok = sum(told is Identifiable.OK and bound is not Identifiable.OK for bound, told, _ in done)
+    return Table(
+        title,
+        ("bound says \\ canid says", *(x.value for x in ORDER)),
+        rows,
+        (
+            f"Agreement {100 * same:.1f} % of {len(done)}; "
+            f"{100 * np.mean(clear) if clear else np.nan:.1f} % of the {len(clear)} that are not within {NEAR} of a limit. "
+            f"canid says more than the bound in {100 * bold / len(done):.1f} %, "
+            f'"ok" where the bound says no in {ok}.',
+        ),
+    )

@@ -1,0 +1,327 @@
+"""`--state`: a restart goes on from what was learnt; a state that does not fit is told, and costs nothing else."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from canid import estimating, logs, pipeline, state_file
+from canid.cli.sessions import code_of
+from canid.cli.sessions import lines as sessions_lines
+from canid.errors import DONE, NOT_WRITTEN, USAGE, OutputError
+from canid.estimating import Estimating
+from canid.frames import open_log
+from canid.frames.bus import open_buses
+from canid.frames.send import onto
+from canid.saving.knowledge import Restored, keeping
+from canid.saving.sealed import seal, unseal
+from canid.session import Result, World, session
+from canid.types import Estimate, Event, Frame, Status
+from canid.vehicle import read_vehicle
+
+REPO = Path(__file__).parents[2]
+LOG = REPO / "replay_logs" / "following_urban.blf"
+
+
+def lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def ok(items: Iterable[Any]) -> set[str]:
+    """Which estimators say `ok` in these."""
+    return {x.estimator for x in items if isinstance(x, Estimate) and x.status is Status.OK}
+
+
+@pytest.fixture(scope="module")
+def learnt(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A minute of driving, saved as now."""
+    vehicle = read_vehicle("generic")
+    running = pipeline.build(vehicle)
+    state = running.init()
+    for frame in logs.window(open_log(LOG), 0.0, 60.0):
+        state, _ = running.step(state, frame)
+    known = pipeline.known(state)
+    assert known is not None
+    return keeping(vehicle, running).save(known, time.time())
+
+
+# --- replay ---
+
+
+def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
+    """The second half says `ok` within a second of data, where a fresh start takes twenty."""
+    state, out = tmp_path / "driver.json", tmp_path / "out.jsonl"
+    ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 45, "--state", state, "--json", out)
+    assert ran.code == DONE
+    when_saved = {e["estimator"] for e in lines(out) if e["t"] > 44.0 and e["status"] == "ok"}
+    assert "fopdt" in when_saved
+    assert json.loads(state.read_text())["vehicle"] == "Generic car-following vehicle"
+    ran = canid(
+        "replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 48, "--state", state, "--json", out
+    )
+    assert ran.code == DONE
+    assert "go on from the state that was saved 0 s ago" in ran.err
+    first = [e for e in lines(out) if e["t"] <= 46.0]
+    assert {e["estimator"] for e in first if e["status"] == "ok"} >= when_saved
+    assert 47.0 < json.loads(state.read_text())["session_time"] <= 48.0
+    ran = canid("replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 48, "--json", out)
+    assert not [e for e in lines(out) if e["status"] == "ok"]
+
+
+def test_python_replay_goes_on_too(tmp_path, learnt) -> None:
+    """A replay whose reader has seen enough saves its state as well."""
+    path = tmp_path / "driver.json"
+    told = logs.replay(LOG, "generic", state=path)
+    while next(told).t < 3.0:
+        pass
+    told.close()  # type: ignore[attr-defined]
+    assert 2.0 < json.loads(path.read_text())["session_time"] < 4.0
+
+
+def broken(learnt: bytes) -> dict[str, tuple[bytes, str]]:
+    fields = unseal(learnt)
+    assert isinstance(fields, dict)
+    return {
+        "damaged": (learnt[:5000] + b"#" + learnt[5001:], "is damaged: its checksum does not fit"),
+        "empty": (b"", "is empty"),
+        "truncated": (learnt[:-100], "is damaged"),
+        "newer": (learnt.replace(b": 1,", b": 3,", 1), "format 3, of a newer canid"),
+        "another vehicle": (seal({**fields, "vehicle": "Truck"}), 'is of the vehicle "Truck"'),
+        "old": (seal({**fields, "saved_utc": 1.0e9}), "h ago, more than 12 h"),
+        "another configuration": (
+            seal({**fields, "configuration": {**fields["configuration"], "driver": "0"}}),
+            "[driver] changed",
+        ),
+    }
+
+
+@pytest.mark.parametrize(
+    "how", ["damaged", "empty", "truncated", "newer", "another vehicle", "old", "another configuration"]
+)
+def test_a_refused_state_is_told_in_one_sentence_and_replaced(canid, tmp_path, learnt, how) -> None:
+    """Exit code 0; the estimates are those of a fresh start, to the last digit."""
+    data, sentence = broken(learnt)[how]
+    state, fresh, out = (tmp_path / name for name in ("driver.json", "fresh.jsonl", "out.jsonl"))
+    state.write_bytes(data)
+    part = ("replay", LOG, "--vehicle", "generic", "--stop", 4, "--json")
+    canid(*part, fresh)
+    ran = canid(*part, out, "--state", state)
+    assert ran.code == DONE
+    told = [line for line in ran.err.splitlines() if "state" in line]
+    assert len(told) == 1
+    assert sentence in told[0]
+    assert told[0].endswith("the estimators start anew")
+    assert out.read_text() == fresh.read_text()
+    assert isinstance(unseal(state.read_bytes()), dict)
+
+
+def test_somebody_elses_file_is_never_written_over(canid, tmp_path) -> None:
+    """A vehicle file or a log that is named by mistake stays what it is."""
+    other = tmp_path / "car.toml"
+    other.write_text("name = 'My car'\n")
+    ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 3, "--state", other)
+    assert ran.code == DONE
+    assert "none that canid has written: it is left as it is" in ran.err
+    assert other.read_text() == "name = 'My car'\n"
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [("replay", LOG), ("live", "-i", "virtual", "-c", "state", "--duration", "20")],
+    ids=lambda v: v[0],
+)
+def test_what_can_never_be_read_or_written_ends_it_before_it_begins(canid, tmp_path, verb) -> None:
+    """A folder is a mistake of usage (2), a folder that is missing one of writing (5); one line each."""
+    ran = canid(*verb, "--vehicle", "generic", "--state", tmp_path, "--json", tmp_path / "out.jsonl")
+    assert ran.code == USAGE
+    assert ran.err.splitlines()[-1].startswith(f"canid: {tmp_path} is no file")
+    ran = canid(*verb, "--vehicle", "generic", "--state", tmp_path / "none" / "driver.json")
+    assert ran.code == NOT_WRITTEN
+    assert "driver.json: the state cannot be written (No such file or directory)" in ran.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_sending_a_log_has_no_state(canid, tmp_path) -> None:
+    ran = canid("replay", LOG, "--onto", "-i", "virtual", "-c", "x", "--state", tmp_path / "driver.json")
+    assert ran.code == USAGE
+    assert "--state" in ran.line
+
+
+# --- live ---
+
+
+def test_live_says_what_it_refuses_and_ends_well(canid, tmp_path, learnt) -> None:
+    """With numbers on standard output the sentence stands on standard error; the code is 0."""
+    state = tmp_path / "driver.json"
+    state.write_bytes(learnt[:-1])
+    ran = canid(
+        "live", "-i", "virtual", "-c", "refuse", "--vehicle", "generic", "--duration", 4, "--state", state, "--json", "-"
+    )  # fmt: skip
+    assert ran.code == DONE
+    assert "the saved state is damaged: its checksum does not fit; the estimators start anew" in ran.err
+    # nothing was learnt: the old file is left for whoever wants to look at it
+    assert state.read_bytes() == learnt[:-1]
+
+
+OFTEN = """
+import sys
+from canid import estimating
+from canid.saving import knowledge
+knowledge.EVERY = 0.0
+sys.exit(estimating.main())
+"""
+
+
+def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
+    """A session on a bus: the restoring told, `ok` at once, the newer state in the file before the end and at the end."""
+    path = tmp_path / "driver.json"
+    path.write_bytes(learnt)
+    part = [f._replace(t=f.t - 60.0) for f in logs.window(open_log(LOG), 60.0, 63.0)]
+    config = {"interface": "virtual", "channel": str(tmp_path)}
+    buses = open_buses([config])
+    sender = threading.Thread(target=onto, args=(config, part, 1.0))
+    sender.start()
+    deadline = time.monotonic() + 60.0
+
+    def saved_meanwhile() -> bool:
+        assert time.monotonic() < deadline
+        return not sender.is_alive() and path.read_bytes() != learnt
+
+    child = [sys.executable, "-c", OFTEN, "generic"]
+    items = list(session(buses, "generic", stopped=saved_meanwhile, state=path, command=child))
+    told = [item.item for item in items if isinstance(item, Result)]
+    events = [x for x in told if isinstance(x, Event)]
+    assert [event.what for event in events] == ["state_restored"], events
+    # in 3 s a fresh start can say nothing
+    assert "fopdt" in ok(told)
+    last = items[-1]
+    assert isinstance(last, World)
+    assert last.unsaved == ""
+    vehicle = read_vehicle("generic")
+    found = keeping(vehicle, pipeline.build(vehicle)).restore(path.read_bytes(), time.time())
+    assert isinstance(found, Restored)
+    # the minute that was there, and what was driven now
+    assert found.known.time.t > 1.5
+    assert found.known.time.t + found.known.time.ahead > 61.0
+
+
+# The estimator's own child, which hands its state over after every message and fails once.
+FAILS_ONCE = """
+import os, sys, time
+from canid import estimating, pipeline
+from canid.saving import knowledge
+knowledge.EVERY = 0.0
+_, vehicle, marker, fault = sys.argv
+sys.argv = [sys.argv[0], vehicle]
+if not os.path.exists(marker):
+    open(marker, "w").close()
+    build = pipeline.build
+    def failing(vehicle):
+        running = build(vehicle)
+        def step(state, frame):
+            if frame.t > 62.0:
+                {"dies": lambda: os.kill(os.getpid(), 9), "hangs": lambda: time.sleep(1000)}[fault]()
+            return running.step(state, frame)
+        return running._replace(step=step)
+    pipeline.build = failing
+sys.exit(estimating.main())
+"""
+
+
+@pytest.mark.parametrize("fault", ["dies", "hangs"])
+def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, monkeypatch) -> None:
+    """Without any state file: the next child speaks within one second of the data that it gets."""
+    monkeypatch.setattr(estimating, "HANG", 3.0)
+    outputs: list[tuple[float, Any]] = []
+    command = [sys.executable, "-c", FAILS_ONCE, "generic", str(tmp_path / "failed"), fault]
+    running = Estimating("generic", lambda t, item: outputs.append((t, item)), command)
+    before = list(logs.window(open_log(LOG), 0.0, 60.0))
+    running.put(before)
+    wait(lambda: running.counts().done == len(before))
+    running.put([Frame(63.0, 0, 1, b"")])
+    wait(lambda: running.counts().restarts == 1 and running.counts().ready)
+    after = list(logs.window(open_log(LOG), 66.0, 68.0))
+    running.put(after)
+    assert running.close(60.0)
+    counts = running.counts()
+    assert counts.restarts == 1
+    assert counts.dropped == 1
+    assert counts.done == len(before) + len(after)
+    events = [item.what for _, item in outputs if isinstance(item, Event)]
+    assert events == ["estimator_restarted", "state_restored"]
+    when_it_failed = ok(item for t, item in outputs if 59.0 <= t <= 60.0)
+    assert "fopdt" in when_it_failed
+    assert ok(item for t, item in outputs if 66.0 <= t <= 67.0) >= when_it_failed
+
+
+def wait(done) -> None:
+    """Until it is so; a minute at most."""
+    deadline = time.monotonic() + 60.0
+    while not done():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+# dies of every state that it is given
+ALLERGIC = """
+import pickle, sys
+def say(kind, payload=None):
+    pickle.dump((kind, payload), sys.stdout.buffer)
+    sys.stdout.buffer.flush()
+say("ready")
+while True:
+    try:
+        batch = pickle.load(sys.stdin.buffer)
+    except EOFError:
+        break
+    if isinstance(batch, bytes):
+        sys.exit(1)
+    say("out", (len(batch), [], {}, []))
+say("end")
+"""
+
+
+def test_a_state_that_ends_a_child_is_not_given_to_the_next() -> None:
+    """One restart, not one after another."""
+    told: list[Any] = []
+    running = Estimating(
+        "generic", lambda t, item: told.append(item), [sys.executable, "-c", ALLERGIC], b"poison"
+    )
+    wait(lambda: running.counts().restarts == 1 and running.counts().ready)
+    running.put([Frame(0.1 * k, 0, 1, b"") for k in range(50)])
+    assert running.close(30.0)
+    assert running.counts().done == 50
+    assert running.counts().restarts == 1
+    assert running.state is None
+
+
+def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
+    tmp_path, learnt, monkeypatch
+) -> None:
+    """The session goes on; its last word, and the exit code, are that the state could not be saved."""
+    path = tmp_path / "driver.json"
+
+    def full(path: Path, _: bytes) -> None:
+        raise OutputError(f"{path}: the state cannot be written (No space left on device)")
+
+    monkeypatch.setattr(state_file, "write", full)
+    part = list(logs.window(open_log(LOG), 0.0, 1.5))
+    config = {"interface": "virtual", "channel": str(tmp_path)}
+    buses = open_buses([config])
+    sender = threading.Thread(target=onto, args=(config, part, 1.0))
+    sender.start()
+    items = list(session(buses, "generic", stopped=lambda: not sender.is_alive(), state=path))
+    last = items[-1]
+    assert isinstance(last, World)
+    assert last.unsaved == f"{path}: the state cannot be written (No space left on device)"
+    assert last.estimator is not None
+    assert last.estimator.done == last.estimator.offered == len(part)
+    assert code_of(last, lost=False) == NOT_WRITTEN
+    assert [line.says for line in sessions_lines(last) if line.wrong] == [last.unsaved]

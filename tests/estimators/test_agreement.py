@@ -1,0 +1,224 @@
+"""The estimators' contradiction is told when it stays, and one number at most is the one to read."""
+
+import itertools
+import math
+import pickle
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from canid.estimators import agreement
+from canid.types import Channel, Estimate, Identifiable, Interval, Status
+
+SILENT = (Status.CONVERGING, Status.NOT_EXCITED, Status.NO_LEAD, Status.NO_DRIVER, Status.STALE)
+
+
+UNTOLD = Interval()
+
+
+def band(low, high):
+    return Interval((low + high) / 2, low, high)
+
+
+def says(t, name, low, high, status=Status.OK, channel="range_rate", lag=UNTOLD):
+    ch = Channel(band(low, high), tau_plus_dead_time=lag, status=Identifiable.SUM_ONLY)
+    if status is not Status.OK:
+        ch = Channel()
+    return Estimate(t, name, status, "told", {"headway_error": Channel(), channel: ch})
+
+
+def listen(instants):
+    """All judged estimates, from lists of estimates of one instant each."""
+    state, out = agreement.init(), []
+    for estimates in instants:
+        state, told = agreement.step(state, estimates)
+        out += told
+    return out
+
+
+def both(t, armax, fopdt, **how):
+    return [says(t, "armax", *armax, **how), says(t, "fopdt", *fopdt, **how)]
+
+
+TIMES = [0.5 * k for k in range(41)]
+
+
+def test_intervals_that_touch_contradict_nothing():
+    """Overlap, however small, changes no status and no word."""
+    out = listen(both(t, (4.0, 5.0), (5.0, 6.0)) for t in TIMES)
+    assert {e.status for e in out} == {Status.OK}
+    assert {e.says for e in out} == {"told"}
+
+
+def test_a_contradiction_that_stays_is_told_of_both_with_its_reason():
+    """After five seconds apart, not before, both are inconsistent; the numbers stay, the sentence names them."""
+    out = listen(both(t, (7.0, 8.0), (5.0, 6.0)) for t in TIMES)
+    assert {e.t: e.status for e in out} == {
+        t: Status.INCONSISTENT if t >= agreement.PERSISTENT else Status.OK for t in TIMES
+    }
+    last = out[-2:]
+    assert [e.estimator for e in last] == ["armax", "fopdt"]
+    for e in last:
+        assert e.says.startswith("range rate: K is 5.50 [5.00, 6.00] by fopdt but 7.50 [7.00, 8.00] by armax")
+        assert "keep following" in e.says
+        assert math.isfinite(e.channels["range_rate"].K.value)
+        assert not e.headline
+
+
+def test_the_sum_of_the_delays_is_compared_too():
+    """K agrees, tau + dead time does not: the sentence says which, with its unit."""
+    out = listen(
+        [
+            says(t, "armax", 4.0, 6.0, lag=band(0.2, 0.4), channel="lateral_offset"),
+            says(t, "fopdt", 5.0, 6.0, lag=band(0.5, 0.7), channel="lateral_offset"),
+        ]
+        for t in TIMES
+    )
+    assert out[-1].status is Status.INCONSISTENT
+    assert "lateral offset: tau + dead time is 0.60 [0.50, 0.70] s by fopdt" in out[-1].says
+
+
+def test_one_look_of_agreement_starts_the_clock_anew():
+    """Apart for 4.5 s, once together, apart for 4.5 s: nothing is told; and a told contradiction ends at once."""
+    apart = [t % 5.0 != 0.0 for t in TIMES]
+    out = listen(
+        both(t, (7.0, 8.0) if a else (5.5, 8.0), (5.0, 6.0)) for t, a in zip(TIMES, apart, strict=True)
+    )
+    assert {e.status for e in out} == {Status.OK}
+    out = listen(both(t, (7.0, 8.0) if t < 10.0 else (5.5, 8.0), (5.0, 6.0)) for t in TIMES)
+    assert {e.t for e in out if e.status is Status.INCONSISTENT} == {t for t in TIMES if 5.0 <= t < 10.0}
+
+
+def test_another_contradiction_has_a_clock_of_its_own():
+    """K apart for 4 s and then the delays for 4 s is not one contradiction of 8 s."""
+    out = listen(
+        [
+            says(t, "armax", *((7.0, 8.0) if t < 4.0 else (5.0, 8.0)), lag=band(0.5, 0.6)),
+            says(t, "fopdt", 5.0, 6.0, lag=band(0.5, 0.6) if t < 4.0 else band(0.8, 0.9)),
+        ]
+        for t in TIMES
+        if t < 8.0
+    )
+    assert {e.status for e in out} == {Status.OK}
+
+
+@pytest.mark.parametrize("status", SILENT)
+def test_who_tells_nothing_contradicts_nobody(status):
+    """While one is silent the other is neither doubted nor changed, and has the headline."""
+    out = listen(
+        [says(t, "armax", 7.0, 8.0), says(t, "fopdt", 5.0, 6.0, status if t >= 3.0 else Status.OK)]
+        for t in TIMES
+    )
+    assert {e.status for e in out} == {Status.OK, status}
+    assert {e.estimator for e in out if e.headline and e.t >= 3.0} == {"armax"}
+    for e in out:
+        if e.status is status:
+            assert e == says(e.t, "fopdt", 0, 0, status)
+
+
+def test_an_old_estimate_contradicts_nobody_and_holds_no_headline():
+    """What was said longer ago than FRESH is about another moment."""
+    state = agreement.init()
+    for t in TIMES[:20]:
+        state, _ = agreement.step(state, both(t, (7.0, 8.0), (5.0, 6.0)))
+    alone = []
+    for t in TIMES[20:]:
+        state, told = agreement.step(state, [says(t, "armax", 7.0, 8.0)])
+        alone += told
+    limit = TIMES[19] + agreement.FRESH
+    assert {e.t for e in alone if e.status is Status.INCONSISTENT} == {e.t for e in alone if e.t <= limit}
+    assert {e.t for e in alone if e.headline} == {e.t for e in alone if e.t > limit}
+
+
+@pytest.mark.parametrize(
+    ("armax", "fopdt", "read"),
+    [
+        (Status.OK, Status.OK, "fopdt"),
+        (Status.OK, Status.CONVERGING, "armax"),
+        (Status.NOT_EXCITED, Status.OK, "fopdt"),
+        (Status.CONVERGING, Status.NOT_EXCITED, ""),
+    ],
+)
+def test_the_headline_follows_its_rule(armax, fopdt, read):
+    """FOPDT where it is ok, else ARMAX where it is, else none."""
+    out = listen([says(t, "armax", 5.0, 6.0, armax), says(t, "fopdt", 5.0, 6.0, fopdt)] for t in TIMES)
+    assert {e.estimator for e in out if e.headline} == ({read} if read else set())
+
+
+def test_two_that_speak_at_different_times_do_not_share_the_headline():
+    """ARMAX, a quarter of a second after FOPDT, does not take the headline from it."""
+    turns = [
+        [says(t / 4, "fopdt" if t % 2 else "armax", 5.0, 6.0)] for t in range(1, 40)
+    ]  # fopdt speaks first
+    assert {e.estimator for e in listen(turns) if e.headline} == {"fopdt"}
+
+
+def test_a_new_estimator_takes_part_by_itself():
+    """One that FIRST does not name is compared, and read where those named are silent."""
+    out = listen([says(t, "third", 5.0, 6.0), says(t, "armax", 9.0, 9.5)] for t in TIMES)
+    assert out[-1].status is out[-2].status is Status.INCONSISTENT
+    assert "by third" in out[-1].says
+    out = listen([says(t, "third", 5.0, 6.0), says(t, "armax", 0, 0, Status.CONVERGING)] for t in TIMES)
+    assert out[-2].headline
+
+
+def test_nobody_is_read_while_two_contradict_each_other():
+    """FOPDT, whose interval spans both others, is not doubted, and not the number to read either."""
+    out = listen(
+        [says(t, "armax", 7.0, 8.0), says(t, "fopdt", 4.0, 9.0), says(t, "third", 5.0, 6.0)] for t in TIMES
+    )
+    late = [e for e in out if e.t >= agreement.PERSISTENT]
+    assert {e.estimator for e in late if e.status is Status.OK} == {"fopdt"}
+    assert not any(e.headline for e in late)
+
+
+bands = st.tuples(st.floats(-10, 10), st.floats(0, 5)).map(lambda x: band(x[0], x[0] + x[1]))
+channels = st.builds(
+    lambda K, lag: Channel(K, tau_plus_dead_time=lag),
+    st.one_of(bands, st.just(Interval())),
+    st.one_of(bands, st.just(Interval())),
+)
+spoken = st.lists(
+    st.tuples(
+        st.sampled_from(["armax", "fopdt", "third"]),
+        st.sampled_from([*SILENT, Status.OK, Status.OK]),
+        channels,
+    ),
+    max_size=3,
+    unique_by=lambda x: x[0],
+)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.lists(st.tuples(st.floats(0.1, 3.0), spoken), max_size=40))
+def test_whatever_they_say_no_number_is_touched_and_one_is_read_at_most(turns):
+    """Only an ok estimate changes, only in status, sentence and headline; steps are pure and survive pickling."""
+    state, t = agreement.init(), 0.0
+    for wait, said in turns:
+        t += wait
+        estimates = [Estimate(t, name, status, "told", {"a": ch}) for name, status, ch in said]
+        before = pickle.dumps(state)
+        new, told = agreement.step(state, estimates)
+        assert pickle.dumps(state) == before
+        again = agreement.step(pickle.loads(before), estimates)
+        assert repr(again) == repr((new, told))
+        state = new
+        assert sum(e.headline for e in told) <= 1
+        assert not (any(e.headline for e in told) and any(e.status is Status.INCONSISTENT for e in told))
+        for e, judged in zip(estimates, told, strict=True):
+            plain = judged._replace(status=e.status, says=e.says, headline=False)
+            assert repr(plain) == repr(e)
+            if e.status is not Status.OK:
+                assert judged == e
+        doubted = [e for e in told if e.status is Status.INCONSISTENT]
+        for e in doubted:
+            others = [x for x in state.latest if x.estimator != e.estimator]
+            assert any(_apart(e, x) for x in others)
+
+
+def _apart(a, b):
+    """Written anew: some interval of one lies wholly beside the other's."""
+    pairs = itertools.product(("a",), ("K", "tau_plus_dead_time"))
+    bounds = [(getattr(a.channels[n], w), getattr(b.channels[n], w)) for n, w in pairs]
+    return any(max(x.low, y.low) > min(x.high, y.high) for x, y in bounds)

@@ -1,0 +1,103 @@
+"""`identify` tells along the drive what live told, and what its residuals say is true of the drive."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import canid
+from canid import drive, logs, pipeline
+from canid.estimators import armax
+from canid.frames import open_log
+from canid.types import AnyEstimator, Channel, Estimate, Estimator, Interval, Sample, Status
+from canid.vehicle import read_vehicle
+from canid.views import as_json, identified
+
+REPO = Path(__file__).parents[1]
+LOG = REPO / "replay_logs" / "following_urban.blf"
+UNTIL = 80.0  # s: both estimators are ok by then
+
+
+def live() -> list[Estimate]:
+    """What came out while the log ran."""
+    return [
+        item
+        for _, _, out in logs.run(open_log(LOG), read_vehicle("generic"), stop=UNTIL)
+        for item in out
+        if isinstance(item, Estimate)
+    ]
+
+
+def windows() -> list[Estimate]:
+    """What is told along the drive afterwards."""
+    vehicle = read_vehicle("generic")
+    trace = logs.read_drive(LOG, vehicle, estimating=False, stop=UNTIL).trace
+    return drive.windows(trace, vehicle.armax, vehicle.fopdt)
+
+
+def check_same() -> list[Estimate]:
+    """Each window is one of the live estimates, to the last digit; returns the live ones."""
+    told = live()
+    by_time = {(e.estimator, round(e.t, 6)): e for e in told}
+    reported = windows()
+    assert len(reported) >= 2 * (UNTIL // drive.EVERY - 1)
+    for e in reported:
+        assert repr(by_time[e.estimator, round(e.t, 6)]) == repr(e)
+    return told
+
+
+def test_windows_are_live_estimates() -> None:
+    """Status, numbers, sentence, headline: the same; and FOPDT carries the headline wherever it is ok."""
+    fopdt = [e for e in check_same() if e.estimator == "fopdt"]
+    assert any(e.status is Status.OK for e in fopdt)
+    assert all(e.headline == (e.status is Status.OK) for e in fopdt)
+
+
+def test_a_contradiction_is_told_live_and_along_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An estimator that tells three times the gain is found out by the other, with the same words in both."""
+
+    def wrong(names: tuple[str, ...], dt: float, settings: Any) -> AnyEstimator:
+        right = armax.make(names, dt, settings)
+
+        def step(state: Any, sample: Sample) -> tuple[Any, Estimate | None]:
+            state, e = right.step(state, sample)
+            if e is None:
+                return state, None
+            return state, e._replace(channels={name: tripled(ch) for name, ch in e.channels.items()})
+
+        return Estimator("armax", right.init, step)
+
+    def tripled(ch: Channel) -> Channel:
+        return ch._replace(K=Interval(*(3.0 * x for x in ch.K)))
+
+    estimators = (("armax", wrong), *pipeline.ESTIMATORS[1:])
+    monkeypatch.setattr(pipeline, "ESTIMATORS", estimators)
+    monkeypatch.setattr(drive, "ESTIMATORS", estimators)
+    doubted = [e for e in check_same() if e.status is Status.INCONSISTENT]
+    assert {e.estimator for e in doubted} == {"armax", "fopdt"}
+    assert not any(e.headline for e in doubted)
+    assert all("by fopdt but" in e.says and "by armax" in e.says for e in doubted)
+    assert all(math.isfinite(e.channels["range_rate"].K.value) for e in doubted)
+    line = as_json.estimate(doubted[-1])
+    assert line["status"] == "inconsistent"
+    assert line["channels"]["range_rate"]["K"]["value"] is not None
+
+
+def test_the_residuals_of_a_whole_drive() -> None:
+    """A simulated driver in closed loop: the loop is seen, and report and JSON tell the same tests."""
+    told = canid.identify(canid.read_trace(LOG, "generic"), select_orders=False)
+    assert told.armax is not None
+    tests = told.armax.residual_tests
+    assert tests.feedback
+    assert set(tests.excitation_order) == {"headway_error", "range_rate"}
+    assert min(tests.excitation_order.values()) >= 4  # enough for two parameters of each input and the poles
+    told_json = identified.to_json(told, "log", "vehicle")["armax"]
+    assert told_json["residual_tests"]["feedback"] == list(tests.feedback)
+    assert told_json["residual_tests"]["statistic"] == told_json["whiteness"]["statistic"]
+    assert [name for name, x in told_json["cross"].items() if x["feedback"]] == list(tests.feedback)
+    text = "\n".join(identified.text(told, "log", "vehicle"))
+    assert "the loop is closed" in text
+    assert f"Ljung–Box {tests.statistic:.0f}" in text
