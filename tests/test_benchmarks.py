@@ -18,7 +18,7 @@ import benchmarks.identification
 from benchmarks.identification import bounds, bus, colours, loop_a, loop_b, open_loop, peers
 from benchmarks.identification.lag import answer
 from benchmarks.identification.table import Settings, markdown
-from benchmarks.identification.tables import TABLES, anytime, floor, tracking, verdict, windup
+from benchmarks.identification.tables import TABLES, anytime, coverage, floor, tracking, verdict, windup
 from canid.types import Driver
 
 ROOT = Path(__file__).parents[1]
@@ -36,7 +36,8 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tracking, "SINGLE", (0.99,))
     monkeypatch.setattr(windup, "DRIVING", 60.0)
     monkeypatch.setattr(windup, "CRUISE", 60.0)
-    monkeypatch.setattr(anytime, "MINUTES", 0.75)
+    monkeypatch.setattr(anytime, "MINUTES", 0.5)
+    monkeypatch.setattr(coverage, "CUTS", (0.2,))
     monkeypatch.setattr(floor, "SECONDS", 40.0)
     monkeypatch.setattr(verdict, "LEADS", verdict.LEADS[1:2])
 

@@ -76,26 +76,20 @@ def test_frames_that_are_not_mapped_change_nothing() -> None:
     assert same(a, b[: len(a)])
 
 
-def test_windows_do_not_lead_each_other_astray(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A start from the window before can end where the noise must cancel the answer: then the whole box is searched.
+def test_windows_do_not_lead_each_other_astray() -> None:
+    """A window that starts where the one before ended never tells a gain that excludes the truth from above.
 
-    Without that guard the first minute of this hardly excited drive tells a gain of eight times the truth.
+    In the first minute of this hardly excited drive a noise that drifts can excuse a gain of eight times the truth.
     """
     rows = samples(canid.read_trace(REPO / "replay_logs" / "following_mixed.blf", "generic"))[:700]
-
-    def lowest() -> list[float]:
-        estimator = fopdt.make(("headway_error", "range_rate"), pipeline.DT)
-        state, lows = estimator.init(), []
-        for row in rows:
-            state, estimate = estimator.step(state, row)
-            if estimate is not None and estimate.channels["headway_error"].status is not Identifiable.NOT:
-                lows.append(estimate.channels["headway_error"].K.low)
-        return lows
-
-    assert lowest()
-    assert max(lowest()) < 6.04  # its truth
-    monkeypatch.setattr(process_fit, "CANCELLING", -math.inf)
-    assert max(lowest()) > 10.0
+    estimator = fopdt.make(("headway_error", "range_rate"), pipeline.DT)
+    state, lows = estimator.init(), []
+    for row in rows:
+        state, estimate = estimator.step(state, row)
+        if estimate is not None and estimate.channels["headway_error"].status is not Identifiable.NOT:
+            lows.append(estimate.channels["headway_error"].K.low)
+    assert lows
+    assert max(lows) < 6.04  # its truth
 
 
 @pytest.mark.parametrize("name", ["following_mixed.blf", "following_urban.blf", "following_motorway.asc"])

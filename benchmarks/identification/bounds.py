@@ -50,6 +50,7 @@ def process(
     every: int = 1,
     usable: np.ndarray | None = None,
     known: Sequence[int] = (),
+    box: tuple[float, float] | None = None,
 ) -> list[Bound]:
     """Bound each channel of y = b + sum K_i G_i u_i + noise.
 
@@ -63,6 +64,8 @@ def process(
         every: the output is seen at every so many samples.
         usable: (n,) samples that are seen at all; None: every one.
         known: channels whose tau and dead time are known.
+        box: s, where tau and dead time are known to end: they then tell as much as a uniform of that side does
+            (van Trees 1968, eq. 2.4-231). None: nothing is known.
     """
     columns = []
     for u, (K, tau, dead_time) in zip(inputs, truth, strict=True):
@@ -77,9 +80,12 @@ def process(
     W = whiten(J, colour, dt * every, None if usable is None else usable[rows]) / sigma
     free = [i for i in range(W.shape[1]) if not (i % 3 and i // 3 in known)]
     scale = np.linalg.norm(W, axis=0)
-    scaled = (W / scale)[:, free]
+    information = (W / scale).T @ (W / scale)
+    if box is not None:
+        ends = np.array([np.inf, *box] * len(truth) + [np.inf])
+        information += np.diag(12.0 / ends**2 / scale**2)
     covariance = np.zeros((W.shape[1], W.shape[1]))
-    covariance[np.ix_(free, free)] = np.linalg.inv(scaled.T @ scaled)
+    covariance[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
     covariance /= np.outer(scale, scale)
     out = []
     for i in range(len(truth)):

@@ -28,6 +28,16 @@ def whole(usable: npt.NDArray[np.bool_], p: int) -> npt.NDArray[np.bool_]:
     return out
 
 
+def chosen(rows: npt.NDArray[np.bool_]) -> slice | npt.NDArray[np.bool_]:
+    """Return an index of the chosen rows, a slice where they are one stretch: that copies nothing.
+
+    >>> chosen(np.array([False, True, True]))
+    slice(1, 3, None)
+    """
+    first, count = int(np.argmax(rows)), int(rows.sum())
+    return slice(first, first + count) if rows[first : first + count].all() else rows
+
+
 def whiten(x: Array, noise: Array) -> Array:
     """x_t - sum noise_i x_(t-i), along the last axis; the first p values lack what came before them.
 

@@ -107,22 +107,21 @@ class Moments(NamedTuple):
     freedom: int  # rows less nuisance columns and gains
 
 
-def moments(M: Array, inputs: int, nuisance: int) -> Moments:
+def moments(rows: Array, nuisance: Array, inputs: int) -> Moments:
     """Gather what the posterior needs.
 
     Args:
-        M: (m b + 1 + q, n) whitened rows: the basis' answers input by input, the output, the nuisance (offset, lagged
-            residuals).
+        rows: (m b + 1, n) whitened: the basis' answers input by input, and the output.
+        nuisance: (q, n) offset and lagged residuals.
         inputs: m.
-        nuisance: q.
     """
-    G = M @ M.T
-    b = len(M) - 1 - nuisance
-    out = G[b + 1 :, b + 1 :]
+    G, b = rows @ rows.T, len(rows) - 1
+    along, out = rows @ nuisance.T, nuisance @ nuisance.T
     # a trace of the diagonal keeps columns that are nearly the same from making the matrix singular
-    out = out + np.diag(1e-12 * np.diag(out) + 1e-300)
-    left = G[: b + 1, : b + 1] - G[: b + 1, b + 1 :] @ np.linalg.solve(out, G[b + 1 :, : b + 1])
-    return Moments(left[:b, :b], left[:b, b], float(left[b, b]), G[:b, :b], M.shape[1] - nuisance - inputs)
+    out[np.diag_indices(len(out))] *= 1.0 + 1e-12
+    left = G - along @ np.linalg.solve(out + 1e-300 * np.eye(len(out)), along.T)
+    freedom = rows.shape[1] - len(nuisance) - inputs
+    return Moments(left[:b, :b], left[:b, b], float(left[b, b]), G[:b, :b], freedom)
 
 
 def evaluate(

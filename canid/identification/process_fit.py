@@ -158,22 +158,32 @@ def layout(m: int, dt: float, tau_max: float, dead_time_max: float) -> rows.Layo
 class _Data(NamedTuple):
     """Rows made ready: finite, means taken out, zero where not usable."""
 
-    y: Array  # (n,)
-    X: Array  # (m b, n)
+    both: Array  # (m b + 1, n) answers and output
     usable: npt.NDArray[np.bool_]  # (n,)
     y_mean: float
     X_mean: Array  # (m b,)
 
+    @property
+    def X(self) -> Array:  # noqa: N802
+        """Return (m b, n) the basis' answers."""
+        return self.both[:-1]
+
+    @property
+    def y(self) -> Array:
+        """Return (n,) the output."""
+        return self.both[-1]
+
 
 def _ready(lay: rows.Layout, window: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
-    y, X = window[:, 0], np.ascontiguousarray(window[:, 2 + lay.inputs :].T)
-    if count < len(y):
-        y, X = np.where(usable, y, 0.0), np.where(usable, X, 0.0)
-    y_mean, X_mean = float(y.sum()) / count, X.sum(axis=1) / count
-    y, X = y - y_mean, X - X_mean[:, None]
-    if count < len(y):
-        y[~usable], X[:, ~usable] = 0.0, 0.0
-    return _Data(y, X, usable, y_mean, X_mean)
+    both = np.empty((window.shape[1] - 1 - lay.inputs, len(window)))
+    both[:-1], both[-1] = window[:, 2 + lay.inputs :].T, window[:, 0]
+    if count < len(window):
+        both[:, ~usable] = 0.0
+    mean = both.sum(axis=1) / count
+    both -= mean[:, None]
+    if count < len(window):
+        both[:, ~usable] = 0.0
+    return _Data(both, usable, float(mean[-1]), mean[:-1])
 
 
 def fit_rows(
@@ -317,7 +327,7 @@ def _colour(lay: rows.Layout, data: _Data, at: Point, simulated: Array, before: 
         if _flat(r, usable, noise):
             break
     inside = autoregression.whole(usable, len(noise))
-    white = autoregression.whiten(np.vstack([r, J]), noise)[:, inside]
+    white = autoregression.whiten(np.vstack([r, J]), noise)[:, autoregression.chosen(inside)]
     e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
     sd = (_power(e) / max(len(e), 1)) ** 0.5
     temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / lay.step / stride))
@@ -356,7 +366,7 @@ def _taken(
     """
     m = lay.inputs
     J = np.vstack([look[:m], np.tile(at.K, 2)[:, None] * look[m:], np.ones(len(r))])
-    white = autoregression.whiten(np.vstack([r, J]), noise)[:, inside]
+    white = autoregression.whiten(np.vstack([r, J]), noise)[:, autoregression.chosen(inside)]
     variance = _power(white[0]) / max(white.shape[1] - len(J), 1)
     by_tau, by_dead_time = posterior.precision(lay.basis.box)
     least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
@@ -386,12 +396,13 @@ def _look(
 ) -> tuple[posterior.Moments, posterior.Grid]:
     pick, p = slice(colour.first, None, colour.stride), len(colour.noise)
     r = colour.residual[pick]
-    past = np.zeros((p, len(r)))
-    for i, row in enumerate(past, 1):
+    nuisance = np.zeros((p + 1, len(r)))
+    nuisance[0] = 1.0
+    for i, row in enumerate(nuisance[1:], 1):
         row[i:] = r[:-i]
-    white = autoregression.whiten(np.vstack([data.X[:, pick], data.y[pick]]), colour.noise)
-    M = np.vstack([white, np.ones(len(r)), past])[:, colour.rows]
-    known = posterior.moments(M, lay.inputs, p + 1)
+    white = autoregression.whiten(data.both[:, pick], colour.noise)
+    inside = autoregression.chosen(colour.rows)
+    known = posterior.moments(white[:, inside], nuisance[:, inside], lay.inputs)
     return known, posterior.evaluate(known, laid.W, laid.cells, colour.temper, laid.belief)
 
 

@@ -23,7 +23,9 @@ noises = st.one_of(
 )
 # (start, length, what) in samples; a gap of 12 s shuts the gate, a short one only costs samples
 gaps = st.lists(
-    st.tuples(st.integers(50, 850), st.integers(1, 120), st.sampled_from(["lost", "input", "output", "gate"])),
+    st.tuples(
+        st.integers(50, 850), st.integers(1, 120), st.sampled_from(["lost", "input", "output", "gate"])
+    ),
     max_size=4,
 )
 
@@ -84,7 +86,10 @@ def stream(K, tau, dead_time, kind, decibel, gaps, seed):
     deadline=None,
     derandomize=True,
     suppress_health_check=list(HealthCheck),
-    phases=[Phase.explicit, Phase.generate],  # a failing drive is readable as it is, and shrinking takes minutes
+    phases=[
+        Phase.explicit,
+        Phase.generate,
+    ],  # a failing drive is readable as it is, and shrinking takes minutes
 )
 @given(
     K=st.one_of(st.floats(0.05, 50.0), st.floats(-50.0, -0.05)),

@@ -79,6 +79,22 @@ def test_fieller_is_the_set_of_ratios_that_the_data_do_not_reject():
     assert math.isnan(moments.ratio(0.5, 0.1, 0.01, 0.01, 0.0).value)
 
 
+def test_the_anytime_gain_is_the_plain_one_made_wider_by_what_was_learnt():
+    """With eight times the information of 15 s it is as wide as the theory says for 2 min; with less, wider."""
+    theta = np.array([-0.9, 0.0, 0.4, 0.1, 0.3, 0.2, 7.0, -0.5])
+    P = 1e-7 * np.eye(8)
+    shape = {"na": 2, "nb": 2, "inputs": 2}
+    for gained, times in ((8.0, 3.035 / 1.96), (1.0, 3.637 / 1.96)):
+        told = moments.anytime_gain(theta, P, gained * P, 150.0, **shape)
+        assert len(told) == 2
+        for i, interval in enumerate(told):
+            b = theta[2 + 2 * i : 4 + 2 * i].sum()
+            sums = [moments.SHARED_K**2 * v for v in (2e-7, 2e-7, 0.0)]
+            plain = moments.ratio(b, 0.1, *sums)
+            assert math.isclose(interval.value, b / 0.1, rel_tol=1e-6)
+            assert math.isclose(interval.high - interval.low, times * (plain.high - plain.low), rel_tol=0.01)
+
+
 def test_no_lag_is_claimed_for_a_lead_or_an_unstable_answer():
     """Negative variance, negative delay or a pole outside the circle: no tau, no gain where there is none."""
     lead = moments.channel(np.array([1.0, -0.5]), np.array([5.0, -4.0]), 1, 1e-10 * np.eye(3), DT)

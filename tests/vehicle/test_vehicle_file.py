@@ -170,6 +170,35 @@ def test_defaults_and_settings_arrive(tmp_path):
     assert pickle.loads(pickle.dumps(vehicle)) == vehicle
 
 
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("0.99", (0.99,)), ("1", (1.0,)), ("[0.98, 1]", (0.98, 1.0)), ("[0.999]", (0.999,))],
+)
+def test_forgetting_is_one_number_or_several(tmp_path, written, meant):
+    """A single number is one memory, a list several."""
+    assert read_vehicle(write(tmp_path, f"{GOOD}[armax]\nforgetting = {written}\n")).armax.forgetting == meant
+
+
+@pytest.mark.parametrize(
+    ("written", "says"),
+    [
+        ("[]", "armax.forgetting: "),
+        ("[1.0, 0.98]", "armax.forgetting: must ascend, the longest memory last"),
+        ("[0.98, 0.98]", "armax.forgetting: must ascend"),
+        ("[0.3, 1.0]", "armax.forgetting.0: must be greater than 0.5"),
+        ("1.5", "armax.forgetting.0: must be less than or equal to 1"),
+        ('"long"', "armax.forgetting: "),
+        ("true", "armax.forgetting"),
+    ],
+)
+def test_forgetting_that_makes_no_sense_is_named(tmp_path, written, says):
+    """Empty, descending, out of range or no numbers: one line each."""
+    assert any(
+        line.startswith(f"car.toml: {says}")
+        for line in mistakes(write(tmp_path, f"{GOOD}[armax]\nforgetting = {written}\n"))
+    )
+
+
 def test_a_range_that_cannot_be_meant_is_ignored_with_a_warning(tmp_path):
     """A DBC range in raw numbers would reject good data: it is ignored, and said once, with the remedy."""
     file = write(tmp_path, GOOD)

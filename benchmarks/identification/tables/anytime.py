@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from benchmarks.identification import canid_side, loop_a, open_loop
@@ -39,10 +41,10 @@ def table(settings: Settings) -> list[Table]:
                         world,
                         estimator,
                         f"K {name}",
-                        float(np.mean(cells[told, 0])),
-                        float(np.mean(cells[told, 2])),
-                        float(np.nanmedian(cells[:, 3])),
-                        float(np.nanmedian(cells[:, 4])),
+                        _of(np.mean, cells[told, 0]),
+                        _of(np.mean, cells[told, 2]),
+                        _of(np.median, cells[:, 3]),
+                        _of(np.median, cells[:, 4]),
                         int(told.sum()),
                     )
                 )
@@ -63,6 +65,12 @@ def table(settings: Settings) -> list[Table]:
             ("Width ratio: median over looks of anytime over plain, then over runs.",),
         )
     ]
+
+
+def _of(statistic: Callable[[np.ndarray], float], values: np.ndarray) -> float:
+    """Take a statistic of what is known; NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(statistic(known)) if len(known) else float("nan")
 
 
 def _table1(seed: int, estimator: str, names: tuple[str, ...], seconds: float) -> list[tuple[float, ...]]:
