@@ -16,7 +16,9 @@ from canid.types import Array
 
 # s; a person answers after 0.2 s or more, so nothing that the driver does at t has entered an input at t − 0.2 s
 LAG = 0.2
-# (m/s³)²·s; white jerk that gives the relative acceleration of following traffic, 0.6 m/s² over 2 s: 2·0.6²/2
+# (m/s³)²·s; white jerk of the relative motion. Traffic itself has 0.4 (0.6 m/s² over 2 s), but a filter that trusts it
+# delays a range rate that moves at 0.2 to 0.5 Hz by 7 to 30 ms, which the driver then seems to answer too soon. With
+# eight times that it is 1 to 8 ms, for an eighth more noise (0.040 m/s, reports at 20 Hz)
 JERK = 3.0
 # s; longer than this without a report and the target may be another one
 BRIDGE = 0.5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import pickle
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from canid import logs, pipeline
 from canid.drive import samples
 from canid.estimators import fopdt
 from canid.frames import open_log
-from canid.identification import process_fit
 from canid.types import Estimate, Frame, Gate, Identifiable, Sample, Status
 from canid.vehicle import read_vehicle
 

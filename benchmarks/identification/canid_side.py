@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from canid.estimators import ESTIMATORS
+from canid.estimators.armax import AGAIN
 from canid.identification import armax_batch, armax_recursive, moments
 from canid.identification.process_fit import ProcessFit, fit_process
 from canid.types import ArmaxSettings, Channel, Estimate, Gate, Prior, Sample
@@ -55,6 +56,10 @@ def recursion(
     state = armax_recursive.begin(fit, LIVE if forgetting is None else (forgetting,), precision)
     for k, (output, value) in enumerate(zip(y[START:].tolist(), u[START:].tolist(), strict=True), START):
         state, _ = armax_recursive.step(state, ORDERS, output, (value,))
+        n = k + 1
+        if forgetting is None and n == AGAIN * START:  # live, a second batch fit takes its place
+            fit = armax_batch.fit_armax(y[:n], u[:n, None], np.full(n, True), ORDERS)
+            state = armax_recursive.begin(fit, LIVE, precision) if fit is not None else state
         yield k, state
 
 

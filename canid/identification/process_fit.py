@@ -61,19 +61,11 @@ class Laid(NamedTuple):
     belief: Array | None  # log of the declared prior at each pair of cells
 
 
-class Before(NamedTuple):
-    """The colour of the noise at the last look: what the fit takes of the noise is weighed by it."""
-
-    noise: Array  # (p,)
-    stride: int  # in which a shorter one was too short; 1: nothing is known of it
-
-
 class Start(NamedTuple):
     """What the next window takes over from this one: only where to look first."""
 
     point: Point
     laid: Laid
-    before: Before | None
 
 
 class ProcessFit(NamedTuple):
@@ -166,12 +158,14 @@ class _Data(NamedTuple):
     @property
     def X(self) -> Array:  # noqa: N802
         """Return (m b, n) the basis' answers."""
-        return self.both[:-1]
+        answered: Array = self.both[:-1]
+        return answered
 
     @property
     def y(self) -> Array:
         """Return (n,) the output."""
-        return self.both[-1]
+        output: Array = self.both[-1]
+        return output
 
 
 def _ready(lay: rows.Layout, window: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
@@ -207,7 +201,7 @@ def fit_rows(
     data = _ready(lay, window, usable, count)
     known = start if start is not None else _cold(lay, data, prior)
     simulated = known.point.w @ data.X
-    colour = _colour(lay, data, known.point, simulated, known.before)
+    colour = _colour(lay, data, known.point, simulated)
     finished = 0
     for _ in range(PASSES):
         moments, grid = _look(lay, data, known.laid, colour)
@@ -216,7 +210,7 @@ def fit_rows(
         fine = fine and not any(posterior.missed(grid, i, box) for i in range(m))
         point = _middle(lay, data, grid, fine)
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.laid.regions, strict=True))
-        known = Start(point, known.laid if stays else _lay(lay, regions, prior), None)
+        known = Start(point, known.laid if stays else _lay(lay, regions, prior))
         last, simulated = simulated, point.w @ data.X
         moved = _power(simulated - last) / max(_power(colour.residual), 1e-300)
         same = moved <= SAME**2
@@ -226,8 +220,7 @@ def fit_rows(
             break
         if finished < SETTLED:
             # far from the posterior the residual holds the answer itself, and its band says nothing of the noise
-            before = Before(colour.noise, colour.stride if finished else 1)
-            colour = _colour(lay, data, point, simulated, before if finished or colour.stride == 1 else None)
+            colour = _colour(lay, data, point, simulated, colour.stride if finished else 1)
     fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
     told = fit_percent >= CANCELLING
     if not told and start is not None:
@@ -244,8 +237,7 @@ def fit_rows(
         temper=colour.temper,
         fit_percent=fit_percent,
         used=count,
-        # the next window looks at every stride again: its noise may have more content
-        start=known._replace(before=Before(colour.noise, 1) if colour.stride == 1 else None),
+        start=known,
     )
 
 
@@ -277,7 +269,7 @@ def _cold(lay: rows.Layout, data: _Data, prior: Prior | None) -> Start:
     m, n = lay.inputs, len(data.y)
     laid = _lay(lay, (posterior.whole_box(lay.basis.box),) * m, prior)
     white = _Colour(np.zeros(0), 1, 0, data.usable, np.zeros(n), 1.0)
-    return Start(_middle(lay, data, _look(lay, data, laid, white)[1], False), laid, None)
+    return Start(_middle(lay, data, _look(lay, data, laid, white)[1], False), laid)
 
 
 def _spread(lay: rows.Layout, w: Array) -> Array:
@@ -300,7 +292,7 @@ def _residual(data: _Data, simulated: Array) -> Array:
     return residual
 
 
-def _colour(lay: rows.Layout, data: _Data, at: Point, simulated: Array, before: Before | None) -> _Colour:
+def _colour(lay: rows.Layout, data: _Data, at: Point, simulated: Array, least: int = 1) -> _Colour:
     """Look at the noise from one point.
 
     Args:
@@ -308,20 +300,18 @@ def _colour(lay: rows.Layout, data: _Data, at: Point, simulated: Array, before: 
         data: the window.
         at: the point.
         simulated: (n,) the answer there, its mean taken out.
-        before: the colour of the last look; a shorter stride was found too short then.
+        least: stride; a shorter one was found too short in this fit already.
     """
     residual = _residual(data, simulated)
     each = answers.with_slopes(lay.basis, at.tau, at.dead_time)
     look = np.concatenate([_spread(lay, w) for w in each]) @ data.X
     # counted from the newest row, which is always taken
     phase = (len(residual) - 1) % STRIDES[-1]
-    for stride in STRIDES:
-        if before is not None and stride < before.stride:
-            continue
+    for stride in STRIDES[STRIDES.index(least) :]:
         pick = slice(phase % stride, None, stride)
         r, usable, J = residual[pick], data.usable[pick], look[:, pick]
-        known = before is not None and before.stride == stride
-        noise = before.noise if before is not None and known else autoregression.fit(r, usable, NOISE_ORDER)
+        # one round from the residual's own colour: from round to round a noise that drifts could excuse ever more drift
+        noise = autoregression.fit(r, usable, NOISE_ORDER)
         taken = _taken(lay, at, J, r, noise, autoregression.whole(usable, len(noise)))
         noise = autoregression.fit(np.vstack([r, taken]), usable, NOISE_ORDER)
         if _flat(r, usable, noise):

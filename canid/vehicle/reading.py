@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from canid.errors import ConfigError
-from canid.types import ArmaxSettings, Driver, FopdtSettings
+from canid.types import ArmaxSettings, Driver
 from canid.vehicle.database import Dbc, load, message_map
 from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, TrackMap, Vehicle
 from canid.vehicle.resolving import Mistakes, find_message, find_signal, signal_map

@@ -100,6 +100,27 @@ def test_residuals_of_a_wrong_model_are_told_to_be_coloured():
     assert not told[-1].residual_tests.white
 
 
+def test_no_number_where_the_residuals_hold_another_answer():
+    """Noise that resonates takes the poles, the answer stays in the residuals: a sentence, and no number."""
+    rng, refused = np.random.default_rng(1), 0
+    for seed in range(31, 35):
+        y, u = driven(seed, 120.0)
+        slow = np.zeros(len(y))  # an answer of 1.2 s, which leaves no pole for the resonance
+        ring, x = np.zeros(len(y)), rng.normal(size=len(y))
+        for k in range(4, len(y)):
+            slow[k] = slow[k - 1] + 0.08 * (5.0 * u[k - 4] - slow[k - 1])
+            ring[k] = 1.62 * ring[k - 1] - 0.95 * ring[k - 2] + x[k]
+        told, _ = said(samples(slow + 0.3 * slow.std() * ring / ring.std(), u))
+        spoken = told[-1]
+        assert spoken.status is not Status.OK
+        assert math.isnan(spoken.channels[NAME].K.value)
+        if spoken.status is Status.INCONSISTENT:
+            refused += 1
+            assert "set higher orders" in spoken.says
+            assert spoken.residual_tests.left_over == (NAME,)
+    assert refused >= 2
+
+
 @pytest.mark.parametrize("gated", [True, False], ids=["cruise", "still"])
 def test_twenty_minutes_of_cruise_leave_the_answer_alone_and_its_age_is_told(gated):
     """Through cruise control, and through a drive in which nothing moves, K stays; the first sentence after it
