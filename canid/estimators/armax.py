@@ -123,7 +123,11 @@ def make(
     memories = settings.forgetting
     if m < 1 or not dt > 0.0 or min(o) < 0 or o.nb < 1 or o.na < 1:
         raise ValueError(f"inputs {input_names}, dt = {dt} s, {settings}: na, nb >= 1")
-    if not memories or list(memories) != sorted(memories) or not 0.5 < memories[0] <= memories[-1] <= 1.0:
+    if (
+        not memories
+        or list(memories) != sorted(set(memories))
+        or not 0.5 < memories[0] <= memories[-1] <= 1.0
+    ):
         raise ValueError(f"forgetting {memories}: one or more in (0.5, 1], ascending")
     # the start needs at least five samples per parameter, whatever the settings say
     first = max(round(settings.start / dt), 6 * o.count(m))

@@ -16,7 +16,9 @@ from typing import NamedTuple
 # estimate is noisy: at 0.995 the mixture's standard deviation after a minute is the longest's to 0.5 %.
 HOME = 0.995
 
-# Probability per sample that another memory becomes the best: a change of the driver in half an hour or so.
+# Probability per sample that the longest of the others becomes the best: a change of the driver in half an hour
+# or so. For the shorter ones it is less in proportion to their length: the shorter, the noisier the estimate that
+# a chance evidence for it would put into the mixture (with equal ones, 1 minute in 800 ended 8 bounds off).
 LEAVE = 5e-5
 
 # Probability per sample that the longest becomes the best again: after a change it has to fill first, which
@@ -32,18 +34,28 @@ class Trust(NamedTuple):
     """How far each memory is believed; the last one is the longest."""
 
     weights: tuple[float, ...]  # sum one
+    leave: tuple[float, ...] = ()  # probability per sample that each of the others becomes the best
     odds: float = 0.0  # log odds of the mixture against the longest memory, at least 0
 
 
-def begin(count: int) -> Trust:
-    """Trust the longest of `count` memories.
+def begin(forgetting: Sequence[float]) -> Trust:
+    """Trust the longest memory.
 
-    >>> begin(1)
-    Trust(weights=(1.0,), odds=0.0)
+    Args:
+        forgetting: per sample, ascending; all but the last below one.
+
+    >>> trust = begin((0.98, 0.99, 1.0))
+    >>> [round(w, 5) for w in trust.weights], [round(1e5 * p, 2) for p in trust.leave]
+    ([0.00167, 0.00333, 0.995], [2.5, 5.0])
     """
-    if count == 1:
+    lengths = [1.0 / (1.0 - x) for x in forgetting[:-1]]
+    if not lengths:
         return Trust((1.0,))
-    return Trust((*[(1.0 - HOME) / (count - 1)] * (count - 1), HOME))
+    total = sum(lengths)
+    return Trust(
+        (*[(1.0 - HOME) * x / total for x in lengths], HOME),
+        tuple([LEAVE * x / lengths[-1] for x in lengths]),
+    )
 
 
 def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], variance: float) -> Trust:
@@ -55,7 +67,7 @@ def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], varian
         spreads: variance of each error over that of the noise, at least 1.
         variance: of the noise, positive.
 
-    >>> step(Trust((0.5, 0.5)), (0.0, 3.0), (1.0, 1.0), 1.0).weights[0] > 0.98
+    >>> step(Trust((0.5, 0.5), (1e-5,)), (0.0, 3.0), (1.0, 1.0), 1.0).weights[0] > 0.98
     True
     """
     if len(trust.weights) == 1:
@@ -65,16 +77,16 @@ def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], varian
     joint = [w * math.exp(x - top) for w, x in zip(trust.weights, likelihood, strict=True)]
     total = sum(joint)
     home = joint[-1] / total
-    away = [(1.0 - RETURN) * x / total + LEAVE * home for x in joint[:-1]]
+    away = [(1.0 - RETURN) * x / total + p * home for x, p in zip(joint, trust.leave, strict=False)]
     # the sum of the log ratios since they were last below zero (Page 1954)
     odds = max(0.0, trust.odds + math.log(total) - (likelihood[-1] - top))
-    return Trust((*away, 1.0 - sum(away)), odds)
+    return Trust((*away, 1.0 - sum(away)), trust.leave, odds)
 
 
 def refuted(trust: Trust) -> int | None:
     """Return the memory to begin anew from, or None while the longest stands.
 
-    >>> refuted(Trust((0.9, 0.1), 13.0))
+    >>> refuted(Trust((0.9, 0.1), (1e-5,), 13.0))
     0
     """
     if trust.odds <= REFUTED:
@@ -82,14 +94,13 @@ def refuted(trust: Trust) -> int | None:
     return max(range(len(trust.weights) - 1), key=trust.weights.__getitem__)
 
 
-def renew(trust: Trust, best: int) -> Trust:
-    """After the longest memory began anew from `best`: the two share what they have, and the odds are even.
+def renew(trust: Trust) -> Trust:
+    """After the longest memory began anew the odds are even; its weight grows back with what it then predicts.
 
-    >>> renew(Trust((0.8, 0.1, 0.1), 13.0), 0).weights
-    (0.45, 0.1, 0.45)
+    >>> renew(Trust((0.8, 0.1, 0.1), (1e-5, 1e-5), 13.0)).odds
+    0.0
     """
-    half = 0.5 * (trust.weights[best] + trust.weights[-1])
-    return Trust((*[half if i == best else w for i, w in enumerate(trust.weights[:-1])], half))
+    return trust._replace(odds=0.0)
 
 
 def shares(trust: Trust) -> tuple[float, ...]:

@@ -13,7 +13,7 @@ def follow(signal, trust=None):
     """Means of several memories of a noisy level: the trust after each sample, and the first refutation."""
     k = len(LAMBDAS)
     mean, weight = np.full(k, float(np.mean(signal[:100]))), np.full(k, 50.0)
-    trust, seen, refuted = trust or memories.begin(k), [], None
+    trust, seen, refuted = trust or memories.begin(LAMBDAS), [], None
     for t, y in enumerate(signal):
         errors = y - mean
         spreads = 1.0 + 1.0 / weight
@@ -54,7 +54,7 @@ def test_odds_are_a_test_martingale():
     rng = np.random.default_rng(2)
     wrong = 0
     for _ in range(40):
-        trust = memories.begin(2)
+        trust = memories.begin((0.99, 1.0))
         for e in rng.normal(size=1000):
             trust = memories.step(trust, (e - 0.3, e), (1.0, 1.0), 1.0)
             wrong += trust.odds > math.log(1000.0 * 40.0 / 0.01)
@@ -65,7 +65,7 @@ def test_odds_are_a_test_martingale():
 def test_weights_are_a_distribution_whatever_comes():
     """Errors of any size, alike or not: weights stay finite, positive, and sum to one."""
     rng = np.random.default_rng(3)
-    trust = memories.begin(4)
+    trust = memories.begin(LAMBDAS)
     for size in (0.0, 1e-9, 1.0, 1e6, 1e150):
         for _ in range(20):
             trust = memories.step(trust, (size * rng.normal(size=4)).tolist(), [1.0, 1.1, 2.0, 1e9], 1.0)
@@ -75,17 +75,18 @@ def test_weights_are_a_distribution_whatever_comes():
             assert trust.odds >= 0.0
 
 
-def test_renewal_shares_between_the_two_and_forgets_the_odds():
-    """The longest and the one it began anew from are equals, the others keep what they had."""
-    before = memories.Trust((0.2, 0.7, 0.1), 20.0)
-    after = memories.renew(before, 1)
-    assert np.allclose(after.weights, (0.2, 0.4, 0.4))
+def test_renewal_makes_the_odds_even():
+    """After the longest began anew it is not refuted again at once, and the weights stand."""
+    before = memories.Trust((0.2, 0.7, 0.1), (1e-5, 1e-5), 20.0)
+    after = memories.renew(before)
+    assert memories.refuted(before) == 1
     assert memories.refuted(after) is None
+    assert after.weights == before.weights
 
 
 def test_one_memory_needs_no_weights():
     """A bank of one is always believed and never refuted."""
-    trust = memories.begin(1)
+    trust = memories.begin((0.99,))
     assert memories.step(trust, (1e9,), (1.0,), 1.0) == trust
     assert memories.shares(trust) == (1.0,)
     assert memories.refuted(trust) is None
