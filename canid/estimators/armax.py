@@ -198,7 +198,7 @@ def make(
         if not learn:
             return state._replace(model=model), (math.nan, innovation)
         if model.restarts > before.restarts:
-            # what came before is of another driver, or another manner: collect anew
+            # what came before is of another driver, or another manner: collect anew for a fit of the new one
             state = state._replace(past=empty, recent=(), due=AGAIN * first)
         return state._replace(
             model=model,
