@@ -8,11 +8,15 @@ from typing import Any, NamedTuple
 from canid import clock, downtime, gate, lead, sampling
 from canid.estimators import ESTIMATORS, agreement
 from canid.smoothing import Noise
-from canid.types import TASK_INPUTS, AnyEstimator, Estimate, Event, Frame, Reading, Sample
+from canid.types import TASK_INPUTS, AnyEstimator, Estimate, Event, Frame, Reading, Sample, TrackReading
 from canid.vehicle import Vehicle, decoder
 
 # s; 10 Hz, the rate of Chen & Ulsoy 2001 and well above what a person's answer holds (below 1 Hz)
 DT = 0.1
+
+# the lead as the radar reported it, beside the smoothed one: smoothing makes gap and range rate agree with each other,
+# and a frozen report move, so what is wrong with the radar itself can be seen in these alone
+REPORTED = {"gap": "gap_reported", "range_rate": "range_rate_reported"}
 
 Output = Sample | Estimate | Event
 
@@ -56,8 +60,32 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, sampling.Role]:
     }
     if vehicle.driver.task == "car_following":
         following = {role: sampling.Role(needed=True) for role in ("gap", "range_rate")}
-        roles |= following | sampling.MADE
+        reported = {role: sampling.Role() for role in REPORTED.values()}
+        roles |= following | sampling.MADE | reported
     return roles
+
+
+def reported(reading: Reading | TrackReading, target: int) -> list[Reading]:
+    """Return what a radar's report says of the lead, unsmoothed, as readings of `REPORTED`.
+
+    Args:
+        reading: as decoded.
+        target: number of the followed track; -1: none, or the lead is given as signals.
+
+    Example:
+        >>> reported(Reading(1.0, "gap", 31.2), -1)
+        [Reading(t=1.0, role='gap_reported', value=31.2)]
+        >>> reported(TrackReading(1.0, 3, 31.2, -0.4, 0.1, True, False), 2)
+        []
+    """
+    if isinstance(reading, TrackReading):
+        if reading.track != target:
+            return []
+        pair = {"gap": reading.distance, "range_rate": reading.rate}
+        return [Reading(reading.t, REPORTED[role], value) for role, value in pair.items()]
+    if reading.role not in REPORTED:
+        return []
+    return [Reading(reading.t, REPORTED[reading.role], reading.value)]
 
 
 def estimators(vehicle: Vehicle, dt: float = DT) -> tuple[AnyEstimator, ...]:
@@ -108,6 +136,7 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
             kept: list[Reading | Event]
             if following:
                 follow, kept = lead.step(follow, reading, settings)
+                kept = [*kept, *reported(reading, follow.target)]
             else:
                 kept = [reading] if isinstance(reading, Reading) else []
             for item in kept:

@@ -1,0 +1,42 @@
+"""When something happens that lasts for a while: drawn at random, never two at once, none at either end."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Episodes = list[list[float]]
+
+MARGIN = 15.0  # s at both ends of the drive in which nothing happens
+APART = 4.0  # s between two episodes at least
+
+
+def draw(minutes: float, number: float, length: tuple[float, float], rng: np.random.Generator) -> Episodes:
+    """Draw about `number` episodes [start, stop] in s, at least one, of lengths uniform within `length`.
+
+    Each has a stretch of the drive for itself; one that does not fit there is cut.
+
+    >>> [[round(x, 1) for x in pair] for pair in draw(2.0, 2, (2.0, 4.0), np.random.default_rng(1))]
+    [[36.7, 40.6], [65.0, 67.6]]
+    """
+    room = 60.0 * minutes - 2.0 * MARGIN
+    count = max(min(round(number), int(room / (APART + length[0]))), 1)
+    share = room / count
+    out = []
+    for i in range(count):
+        long = min(float(rng.uniform(*length)), share - APART)
+        start = MARGIN + i * share + float(rng.uniform(0.0, share - APART - long))
+        out.append([round(start, 3), round(start + long, 3)])
+    return out
+
+
+def inside(episodes: Episodes, n: int, dt: float) -> npt.NDArray[np.bool_]:
+    """Tell which of n samples lie in an episode, the start belonging to it.
+
+    >>> inside([[0.2, 0.4]], 6, 0.1).tolist()
+    [False, False, True, True, False, False]
+    """
+    out = np.zeros(n, dtype=bool)
+    for start, stop in episodes:
+        out[round(start / dt) : round(stop / dt)] = True
+    return out

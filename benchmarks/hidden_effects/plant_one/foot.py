@@ -1,0 +1,57 @@
+"""From what the driver wants to what his foot does: effects that work on the demand in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from benchmarks.hidden_effects.planted import Array
+
+# (sample, demand %, remnant %) -> %
+Foot = Callable[[int, float, float], float]
+
+
+def footer(effects: Mapping[str, Mapping[str, float]], held: Array, dt: float, phase: float) -> Foot:
+    """Make the foot, to be called for samples 0, 1, ...
+
+    In this order: second_lag(tau s), periodic_task(amplitude %, frequency Hz) at a `phase` of 0..1, the remnant,
+    act_and_wait(interval s), backlash(width %, of the whole play), foot_rate(rate %/s), attention_gap where
+    `held` (n,) bool, pedal_ceiling(level %).
+    """
+    second = "second_lag" in effects
+    keep = math.exp(-dt / effects["second_lag"]["tau"]) if second else 0.0
+    task = effects.get("periodic_task", {"amplitude": 0.0, "frequency": 0.0})
+    size, turn = task["amplitude"], 2.0 * math.pi * task["frequency"] * dt
+    every = max(round(effects["act_and_wait"]["interval"] / dt), 1) if "act_and_wait" in effects else 0
+    play = 0.5 * effects.get("backlash", {}).get("width", 0.0)
+    most = effects.get("foot_rate", {}).get("rate", math.inf) * dt
+    level = effects.get("pedal_ceiling", {}).get("level", math.inf)
+    gone = held.tolist()
+    lag = acted = touched = moved = kept = last = 0.0
+
+    def foot(k: int, demand: float, remnant: float) -> float:
+        nonlocal lag, acted, touched, moved, kept, last
+        u = demand
+        if second:
+            # as of the driver's own lags: the mean of both ends of the step
+            lag = keep * lag + (1.0 - keep) * 0.5 * (last + u) if k else u
+            last, u = u, lag
+        if size:
+            u += size * math.sin(turn * k + 2.0 * math.pi * phase)
+        u += remnant
+        if every:
+            if k % every == 0:
+                acted = u
+            u = acted
+        if play:
+            touched = min(max(touched, u - play), u + play) if k else u
+            u = touched
+        if most < math.inf:
+            moved = min(max(u, moved - most), moved + most) if k else u
+            u = moved
+        if gone[k]:
+            u = kept
+        kept = u
+        return u if u < level else level
+
+    return foot

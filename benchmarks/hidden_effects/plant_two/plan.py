@@ -1,0 +1,139 @@
+"""What is drawn before a drive begins: driver, car, lead, effects with their strengths, when events happen."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.hidden_effects.plant_two.car import Car, draw_car
+from benchmarks.hidden_effects.plant_two.driver import Driver, Placed, changed_driver, draw_driver
+from benchmarks.hidden_effects.plant_two.episodes import EVENTS, episodes
+from benchmarks.hidden_effects.plant_two.foot import BEHIND
+from benchmarks.hidden_effects.plant_two.perception import PERCEIVED, Scene
+from benchmarks.hidden_effects.plant_two.remnant import DAMPING, unit_remnant
+from benchmarks.hidden_effects.plant_two.road import TRAFFIC, lead
+from benchmarks.hidden_effects.plant_two.strengths import USUAL, Situation, parameters
+from benchmarks.hidden_effects.planted import PROFILES, Array
+
+STEP = 0.01  # s
+IN_DRIVER = {**PERCEIVED, **BEHIND}
+# vehicle's effect -> the car's number that it sets, and whether it adds to what the car has of it anyway
+IN_CAR = {
+    "road_grade": ("grade", "sd", False),
+    "headwind": ("headwind", "speed", False),
+    "engine_braking": ("engine_braking", "strength", False),
+    "power_limit": ("power_limit", "power", False),
+    "gear_ratio": ("gear_ratio", "share", False),
+    "turbo_lag": ("turbo_lag", "tau", False),
+    "pedal_map": ("curvature", "curvature", False),
+    "actuator_lag": ("second_lag", "tau", True),
+}
+# m/s by which who cuts in from a slower lane is slower than the lead, and s within which that is over
+SLOWER, CATCHES_UP = 1.5, 6.0
+
+
+class Plan(NamedTuple):
+    """A drive before it is driven."""
+
+    seed: int
+    n: int
+    noise: str
+    profile: str
+    driver: Driver
+    car: Car
+    effects: dict[str, dict[str, float]]
+    episodes: dict[str, list[list[float]]]  # s
+    lead_speed: Array  # (n,) m/s
+    lead_accel: Array  # (n,) m/s²
+    damping: float  # of resonant noise
+
+    @property
+    def foot(self) -> list[str]:
+        """Effects that act on the pedal with its noise."""
+        return [e for e in self.effects if e in IN_DRIVER and IN_DRIVER[e][0][0] == "foot"]
+
+    def stretches(self, effect: str) -> Sequence[Sequence[float]]:
+        """[[start, stop], ...] s of an event, [] where it is not planted."""
+        return self.episodes.get(effect, [])
+
+
+def planned(
+    effects: Mapping[str, Mapping[str, float]],
+    seed: int,
+    minutes: float,
+    noise: str,
+    profile: str,
+    changes: Mapping[str, Any],
+) -> Plan:
+    """Draw a drive; see `plant`."""
+    for effect in effects:
+        if effect not in USUAL:
+            raise ValueError(f"simulator two does not know {effect!r}; it knows {', '.join(sorted(USUAL))}")
+    if profile not in PROFILES:
+        raise ValueError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
+    strange = set(changes) - {*Driver._fields, *Car._fields, "tau1", "tau2"}
+    if strange:
+        raise ValueError(f"neither the driver nor the car has {', '.join(sorted(strange))}")
+    n = round(minutes * 60.0 / STEP)
+    traffic = TRAFFIC[profile]
+    car = draw_car(chance(seed, "car"))
+    car = car._replace(**{name: float(changes[name]) for name in Car._fields if name in changes})
+    situation = Situation(traffic, car, n * STEP)
+    values = {e: parameters(e, p, situation, chance(seed, e, "strength")) for e, p in effects.items()}
+    for effect, (field, name, adds) in IN_CAR.items():
+        if effect in values:
+            car = car._replace(**{field: values[effect][name] + (getattr(car, field) if adds else 0.0)})
+    speed, accel = lead(traffic, n, STEP, chance(seed, "lead"))
+    if "cut_in" in values:
+        after = np.arange(n) * STEP - values["cut_in"]["time"]
+        late = np.where(after >= 0.0, np.exp(-np.maximum(after, 0.0) / CATCHES_UP), 0.0)
+        speed, accel = speed - SLOWER * late, accel + SLOWER / CATCHES_UP * late
+    driver = draw_driver(car.hold(float(speed.mean())), chance(seed, "driver"))
+    return Plan(
+        seed,
+        n,
+        noise,
+        profile,
+        changed_driver(driver, changes),
+        car,
+        values,
+        {
+            e: episodes(e, values[e], n * STEP, chance(seed, e, "episodes")) for e in values if e in EVENTS
+        },
+        speed,
+        accel,
+        float(chance(seed, "damping").uniform(*DAMPING)),
+    )
+
+
+def chance(seed: int, *purpose: str) -> np.random.Generator:
+    """One source of chance for each purpose: another effect changes neither the road nor the noise."""
+    return np.random.default_rng([seed, 2, zlib.crc32(" ".join(purpose).encode())])
+
+
+def hung(plan: Plan, without: str = "") -> list[Placed]:
+    """Start the driver's effects, all but one; the same plan gives the same effects each time."""
+    out = []
+    for effect, places in IN_DRIVER.items():
+        if effect in plan.effects and effect != without:
+            for place, make in places:
+                scene = Scene(
+                    STEP, plan.n, plan.driver, list(plan.stretches(effect)), chance(plan.seed, effect, "course")
+                )
+                out.append(Placed(effect, place, make(plan.effects[effect], scene)))
+    return out
+
+
+def remnant_of(plan: Plan, purpose: str) -> Array:
+    """Draw (n,) noise of the plan's kind and unit variance; not yet grown with the answer."""
+    return unit_remnant(plan.noise, plan.n, STEP, plan.damping, chance(plan.seed, "remnant", purpose))
+
+
+def cut_in_at(plan: Plan) -> tuple[int, float]:
+    """Sample at which another vehicle cuts in, and the share of the gap that is left; no sample: -1."""
+    values = plan.effects.get("cut_in")
+    return (-1, 1.0) if values is None else (math.ceil(values["time"] / STEP), values["share"])

@@ -1,0 +1,109 @@
+"""The driver's block: what he saw and what he did, as columns without holes, and which of them may be believed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.causal_inputs import Lagged, lagged
+from canid.diagnosis.likelihood import Output
+from canid.effects.cause import Seen
+from canid.findings import Flags
+from canid.types import Array, Gate, Trace
+
+# %; one step of an 8-bit pedal sensor: at or below it the foot may be off (as `canid.gate`)
+FLOOR = 0.5
+# s; the brake's foot needs so long to be back on the pedal
+FROM_BRAKE = 1.0
+# s over which the lead's acceleration is taken from its speed. Around the sample: nothing that the driver does moves
+# the lead, so its later speed carries nothing of his noise
+ACCEL_SPAN = 0.5
+# s; dead times up to here use all that was reported until now
+LAGS = 1.5
+# s; the longest memory of the driver that is modelled: dead time and three lags
+MEMORY = 2.5
+
+
+class DriverData(NamedTuple):
+    """Columns (n,) of one drive on its grid."""
+
+    seen: Seen  # undelayed; holes filled
+    known: Lagged  # gap and range rate at each lag, from what was reported until now
+    output: Output
+    pedal: bool  # is the output a pedal, with a floor?
+
+
+def filled(x: Array) -> Array:
+    """Fill holes: straight across, held at the ends; all missing: 0.
+
+    Example:
+        >>> filled(np.array([np.nan, 1.0, np.nan, 3.0]))
+        array([1., 1., 2., 3.])
+    """
+    known = np.isfinite(x)
+    if not known.any():
+        return np.zeros_like(x)
+    index = np.arange(x.size)
+    return np.interp(index, index[known], x[known])
+
+
+def slope(x: Array, dt: float) -> Array:
+    """Slope of the least-squares line through `ACCEL_SPAN` s around each sample, (n,) per s.
+
+    Example:
+        >>> slope(np.arange(8.0), 0.1)[3:5].round(6)
+        array([10., 10.])
+    """
+    k = max(round(ACCEL_SPAN / dt / 2), 1)
+    weights = np.arange(k, -k - 1, -1.0)
+    weights = weights / (dt * np.sum(weights * weights))
+    return np.convolve(np.pad(x, k, mode="edge"), weights, mode="valid")
+
+
+def prepare(trace: Trace, usable: Flags) -> DriverData:
+    """Lay out the columns.
+
+    Args:
+        trace: of a drive.
+        usable: (n,) samples that no mask has taken.
+    """
+    signals, n = trace.signals, trace.t.size
+    speed, gap = signals.get("speed", np.full(n, np.nan)), signals.get("gap", np.full(n, np.nan))
+    rate = signals.get("range_rate", np.full(n, np.nan))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        headway = np.where(speed > 1.0, gap / speed, np.nan)
+    known = np.isfinite(headway) & np.isfinite(rate) & np.isfinite(trace.output)
+    pedal = trace.signals.get("pedal") is not None and bool(
+        np.allclose(np.nan_to_num(trace.output), np.nan_to_num(trace.signals["pedal"]))
+    )
+    below = pedal & (trace.output <= FLOOR)
+    # the floor hides the demand, and so does the brake while the pedal is up: both are "below", not lost
+    hidden = np.array([gate in (Gate.PEDAL_FLOOR, Gate.BRAKE) for gate in trace.gate])
+    open_ = np.array([gate is Gate.OPEN for gate in trace.gate])
+    brake = np.nan_to_num(signals.get("brake", np.zeros(n))) > 0.5
+    back = _within(brake, FROM_BRAKE, trace.dt) & ~below
+    settled = ~_within(~(open_ | hidden) | ~known, MEMORY, trace.dt)
+    fine = usable & known & settled & ~back & (open_ | (hidden & below))
+    filled_speed = filled(speed)
+    reports = [filled(signals[role]) for role in ("gap", "range_rate")]
+    for k, role in enumerate(("gap_reported", "range_rate_reported")):
+        if role in signals and np.isfinite(signals[role]).mean() > 0.5 * np.isfinite(reports[k]).mean():
+            reports[k] = signals[role]
+    new = np.r_[True, np.diff(trace.segment) != 0] if n else np.zeros(0, dtype=bool)
+    known_then = lagged(reports[0], reports[1], new, round(LAGS / trace.dt), trace.dt)
+    lead_accel = slope(filled_speed + filled(rate), trace.dt)
+    t = trace.t - trace.t[0] if n else trace.t
+    seen = Seen(
+        t, float(t[-1]) if n else 0.0, filled(headway), filled(rate), filled(gap), filled_speed, lead_accel
+    )
+    nowhere = np.zeros(n, dtype=bool)
+    output = Output(filled(trace.output), fine, below & fine, FLOOR, nowhere, np.inf, trace.dt)
+    return DriverData(seen, known_then, output, pedal)
+
+
+def _within(flags: Flags, span: float, dt: float) -> Flags:
+    """True for `span` s after each flag."""
+    index = np.arange(flags.size)
+    last = np.maximum.accumulate(np.where(flags, index, -(10**9)))
+    return index - last <= round(span / dt)

@@ -1,0 +1,61 @@
+"""How much a cause explains, and how much of that a coloured or uneven noise would explain by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import qr, solve
+from scipy.stats import chi2
+
+from canid.diagnosis.solved import Solved
+from canid.types import Array
+
+# s; what is left of the noise's colour after whitening, and what its size does, has died away by then
+REACH = 5.0
+# chance that any candidate is named on a drive without causes, all of them together: half of what is promised, as
+# evidence is trusted to follow its law only so far
+FAMILY = 0.005
+
+
+def needed(parameters: int, tried: int) -> float:
+    """Evidence that chance exceeds once in FAMILY drives, with so many candidates (Bonferroni).
+
+    Example:
+        >>> round(needed(1, 20), 1)
+        13.4
+    """
+    return float(chi2.isf(FAMILY / max(tried, 1), max(parameters, 1)))
+
+
+def inflation(solved: Solved, of: list[int], dt: float) -> float:
+    """How much larger the score of some parameters spreads than the likelihood says: at least 1.
+
+    The likelihood believes that whitened residuals are white and of even size. The score's real spread is that of
+    its sums over `REACH` (Newey & West 1987); their ratio is by how much evidence is overstated (White 1982).
+
+    Args:
+        solved: a model.
+        of: indices into q.
+        dt: s.
+    """
+    J, e = solved.fitted.jacobian, solved.fitted.scored.e
+    columns = [solved.fitted.free.index(k) for k in of]
+    others = [k for k in range(J.shape[1]) if k not in columns]
+    G = J[:, columns]
+    if others:
+        Q = qr(J[:, others], mode="economic")[0]
+        G = G - Q @ (Q.T @ G)
+    bread = G.T @ G
+    if not np.all(np.diag(bread) > 1e-9 * np.maximum(np.sum(J[:, columns] ** 2, axis=0), 1e-300)):
+        return 1.0
+    meat = spread(G * e[:, None], round(REACH / dt))
+    ratio = np.linalg.eigvals(solve(bread, meat)).real
+    return max(float(ratio.max()), 1.0)
+
+
+def spread(g: Array, reach: int) -> Array:
+    """Sum of the autocovariances of g (n, k) up to a reach, tapered (Newey & West 1987): (k, k)."""
+    total: Array = g.T @ g
+    for lag in range(1, reach + 1):
+        cross = g[lag:].T @ g[:-lag]
+        total = total + (1 - lag / (reach + 1)) * (cross + cross.T)
+    return total

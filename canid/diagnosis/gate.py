@@ -1,0 +1,158 @@
+"""Does the model leave anything that its inputs could explain? The gate that a named cause must pass.
+
+Whitened residuals are held against families of functions of what the driver saw, none of them a cause of the
+catalogue: curves of one input, products of two, other delays, slow time. What the model's own parameters could still
+absorb is taken out of them. Each family is a score test that holds under uneven noise (White 1980).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.stats import chi2
+
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.driver_model import TAU, THETA2, lagged, parts
+from canid.diagnosis.evidence import spread
+from canid.diagnosis.likelihood import whitened
+from canid.diagnosis.solved import Solved
+from canid.types import Array
+
+# chance that a drive on which the model is right fails in any family
+FAMILY = 0.005
+# s; the noise's colour that whitening left has died away by then
+REACH = 2.0
+# of the residual's variance; what is significant but smaller than this is said, and blames nobody
+MATERIAL = 0.01
+# Hz; where the answers to a lead have their power
+SLOW = 0.05
+# directions of a family that are smaller than this share of its largest tell nothing of their own
+INDEPENDENT = 0.05
+
+
+class Family(NamedTuple):
+    """One family's outcome."""
+
+    name: str
+    says: str
+    p: float  # chance of more than was found
+    statistic: float
+    dimensions: int
+    share: float  # of the residual's variance that it would explain
+
+
+class Gate(NamedTuple):
+    """The gate's outcome."""
+
+    passed: bool
+    families: tuple[Family, ...]
+    bound: float  # a family's p must not be below
+    share: float  # of the residual's variance that the failed families would explain together
+
+
+def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
+    """Functions of what the driver saw, through his lag: (name, sentence, (n, k))."""
+    dt, q, seen = data.output.dt, solved.q, data.seen
+    tau = float(q[TAU])
+    fine = data.output.usable
+
+    def standard(x: Array) -> Array:
+        sd = float(np.std(x[fine]))
+        if sd < 1e-9:
+            return np.zeros_like(x)
+        out: Array = np.clip((x - np.mean(x[fine])) / sd, -4, 4)
+        return out
+
+    bare = solved.model._replace(effects=(), where=())
+    acted = parts(bare, data, q)
+    e, w = standard(acted.e), standard(acted.w)
+    v = standard(_late(seen.speed, float(q[THETA2]), dt))
+    g = standard(np.log(np.maximum(_late(seen.gap, float(q[THETA2]), dt), 1.0)))
+    a = standard(_late(seen.lead_accel, float(q[THETA2]), dt))
+    t = standard(seen.t)
+
+    def through(*columns: Array) -> Array:
+        return np.stack([lagged(c, tau, dt) for c in columns], axis=1)
+
+    y = standard(solved.fitted.model)
+    e1, w1 = standard(_late(acted.e, 1.0, dt)), standard(_late(acted.w, 1.0, dt))
+    e3, w3 = standard(_late(acted.e, 3.0, dt)), standard(_late(acted.w, 2.5, dt))
+    bends = [np.maximum(np.abs(x) - k, 0.0) * np.sign(x) for x in (w,) for k in (0.5, 1.2, 2.0)]
+    return [
+        ("range_rate curve", "a bend in the answer to relative speed", through(w * w, np.abs(w), w**3, *bends)),
+        ("headway curve", "a bend in the answer to headway", through(e * e, np.abs(e), e**3, np.sign(e))),
+        ("range_rate by gap", "an answer to relative speed that depends on the gap or the speed",
+         through(w * g, w * g * g, w * v, w * v * v, np.abs(w) * g)),
+        ("headway by speed", "an answer to headway that depends on the speed or the gap",
+         through(e * v, e * v * v, e * g, v, v * v, v**3, g, g * g)),
+        ("both", "an answer to headway that depends on relative speed", through(e * w, e * np.abs(w), e * e * w, e * w * w)),
+        ("delays", "answers that come later than one dead time", through(e1, w1, e3, w3)),
+        ("lead", "an answer to the lead's acceleration", through(a, np.abs(a), a * a * a)),
+        ("time", "answers that change along the drive", np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3]),
+        ("output", "an output that bends at its ends", np.stack([y * y, y**3, np.maximum(y - 1, 0), np.minimum(y + 1, 0)], axis=1)),
+    ]  # fmt: skip
+
+
+def _late(x: Array, delay: float, dt: float) -> Array:
+    k = round(delay / dt)
+    return np.r_[np.full(min(k, x.size), x[0]), x[: max(x.size - k, 0)]]
+
+
+def look(data: DriverData, solved: Solved, wander: Array | None = None) -> Gate:
+    """Hold what a model leaves against every family."""
+    J, e = solved.fitted.jacobian, solved.fitted.scored.e
+    extra = [] if wander is None else [np.where(solved.rows, whitened(solved.noise, wander), 0.0)[:, None]]
+    Q = qr(np.concatenate([J, *extra], axis=1), mode="economic")[0]
+    told = []
+    kept = []
+    slope = solved.fitted.scored.slope
+    for name, says, columns in families(data, solved):
+        X = np.where(solved.rows[:, None], whitened(solved.noise, columns) * slope[:, None], 0.0)
+        length = np.linalg.norm(X, axis=0)
+        X = X - Q @ (Q.T @ X)
+        left = np.linalg.norm(X, axis=0)
+        # what the model absorbs but for a thousandth is rounding
+        X = X[:, left > 0.03 * length] / np.maximum(left[left > 0.03 * length], 1e-12)
+        family = _test(name, says, X, e, columns, data, solved)
+        told.append(family)
+        kept.append(X)
+    bound = FAMILY / len(told)
+    failed = [family for family in told if family.p < bound and family.share >= MATERIAL]
+    share = max((family.share for family in failed), default=0.0)
+    return Gate(not failed, tuple(told), bound, share)
+
+
+def _test(
+    name: str, says: str, X: Array, e: Array, columns: Array, data: DriverData, solved: Solved
+) -> Family:
+    if not X.size:
+        return Family(name, says, 1.0, 0.0, 0, 0.0)
+    U, S, _ = np.linalg.svd(X, full_matrices=False)
+    U = U[:, INDEPENDENT * S[0] < S]
+    k = U.shape[1]
+    z = U.T @ e
+    meat = spread(U * e[:, None], round(REACH / data.output.dt))
+    # the larger of both spreads in each direction: neither few blocks nor an even noise may make a finding
+    values, vectors = np.linalg.eigh(meat)
+    scale = float(e @ e) / max(solved.fitted.scored.free, 1)
+    turned = vectors.T @ z
+    statistic = float(np.sum(turned**2 / np.maximum(values, scale)))
+    share = _share(U, z, data, solved)
+    return Family(name, says, float(chi2.sf(statistic, k)), statistic, k, share)
+
+
+def _share(U: Array, z: Array, data: DriverData, solved: Solved) -> float:
+    """Share of the residual's variance, beyond what chance explains.
+
+    What a slow structure with variance s explains of a noise with spectrum S is T·s/S (DESIGN, measured fact 9).
+    """
+    n = max(solved.fitted.scored.free, 1)
+    gain = max(float(z @ z) - U.shape[1], 0.0)
+    residual = (data.output.y - solved.fitted.model)[solved.rows & ~data.output.below]
+    A = solved.noise.A
+    turn = np.exp(-2j * np.pi * SLOW * data.output.dt * np.arange(A.size))
+    spectrum = solved.noise.sd**2 / float(abs(A @ turn) ** 2)
+    ratio = gain / n * spectrum / max(float(np.var(residual)), 1e-12)
+    return ratio / (1 + ratio)

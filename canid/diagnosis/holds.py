@@ -1,0 +1,144 @@
+"""Episodes in which the pedal stands still although the driver, as modelled, would move it.
+
+Two explanations of every sample are held against each other: the driver drives (model plus coloured noise), or the
+foot holds (the sample before, to within the sensor's step). The most likely path through both (Viterbi 1967) gives
+the episodes and their evidence. What the episodes look like names the cause: always at the same top level - a
+ceiling; nearly all the time and with a rhythm - act and wait; now and then - looking away.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.solved import Solved
+from canid.types import Array
+
+# s; a shorter standstill is a foot that turns round
+SHORTEST = 1.0
+# 1/s; an episode begins once a minute, and lasts some three seconds (Boer 2001; glances: Klauer et al. 2006)
+BEGINS, ENDS = 1 / 60.0, 1 / 3.0
+# of a sensor's step; rounding alone spreads a held value by 0.29 of it, and a foot trembles a little
+TREMBLE = 0.35
+# 2 Δ log likelihood that all episodes together must have above what each costs: a foot at rest between two motions
+# reached 12 on clean drives
+NEEDED = 30.0
+# and so many episodes, as one may be a rest: each alone must bear its own weight of evidence
+EPISODES = 2
+# of the time between the first and the last: a rhythm fills the drive, looking away does not
+FULL = 0.6
+
+
+class Holds(NamedTuple):
+    """What was found."""
+
+    effect: str  # "attention_gap", "act_and_wait", "pedal_ceiling"; "" for none
+    episodes: tuple[tuple[int, int], ...]  # [start, stop) samples
+    evidence: float
+    level: float  # % of the ceiling; NaN otherwise
+
+
+NONE = Holds("", (), 0.0, np.nan)
+
+
+def step_size(y: Array) -> float:
+    """Return the sensor's step: the least difference that occurs often.
+
+    Example:
+        >>> round(step_size(np.array([0.0, 0.4, 0.4, 1.2, 0.8, 0.4, 0.8, 0.0])), 3)
+        0.4
+    """
+    d = np.abs(np.diff(y))
+    d = d[d > 1e-6]
+    return float(np.quantile(d, 0.02)) if d.size else 1e-3
+
+
+def look(data: DriverData, solved: Solved) -> Holds:
+    """Find episodes in what a model leaves."""
+    if not data.pedal:
+        return NONE  # an acceleration never stands still
+    y, noise = data.output.y, solved.noise
+    step = step_size(y[data.output.usable])
+    held_sd = max(TREMBLE * step, 1e-3)
+    free = data.output.usable & ~data.output.below
+    # innovations also where rows do not count after a masked stretch: there the noise is as wide as it can be
+    sd = noise.sd * noise.size
+    e = np.where(solved.rows, solved.fitted.scored.e, 0.0)
+    driving = -0.5 * e * e - np.log(np.maximum(sd, 0.5 * held_sd))
+    moved = np.r_[np.inf, np.diff(y)]
+    holding = -0.5 * np.minimum((moved / held_sd) ** 2, 400.0) - np.log(held_sd)
+    gain = np.where(free & solved.rows, holding - driving, -50.0)
+    top = _ceiling(data, gain, y, step)
+    if top.effect:
+        return top
+    spans, evidence = episodes(gain, data.output.dt)
+    if len(spans) < EPISODES or evidence < NEEDED:
+        return NONE
+    if _fills(spans, free):
+        return Holds("act_and_wait", spans, evidence, np.nan)
+    return Holds("attention_gap", spans, evidence, np.nan)
+
+
+def episodes(gain: Array, dt: float) -> tuple[tuple[tuple[int, int], ...], float]:
+    """Most likely episodes, and twice the log likelihood that they gain.
+
+    Args:
+        gain: (n,) log likelihood of holding over driving.
+        dt: s.
+
+    Example:
+        >>> episodes(np.r_[np.full(20, -3.0), np.full(20, 2.0), np.full(20, -3.0)], 0.1)[0]
+        ((20, 40),)
+    """
+    enter, leave = np.log(BEGINS * dt), np.log(ENDS * dt)
+    stay = np.log1p(-ENDS * dt) - np.log1p(-BEGINS * dt)
+    drive, hold = 0.0, enter
+    begun = np.zeros(gain.size, dtype=bool)  # best way into holding at t is from driving at t − 1
+    ended = np.zeros(gain.size, dtype=bool)
+    for t, g in enumerate(gain.tolist()):
+        into, on = drive + enter, hold + stay
+        out = hold + leave
+        begun[t] = into >= on
+        ended[t] = out > drive
+        drive, hold = max(drive, out), max(into, on) + g
+    spans = []
+    state = hold > drive
+    stop = gain.size
+    for t in range(gain.size - 1, -1, -1):
+        if state and begun[t]:
+            spans.append((t, stop))
+            state = False
+        elif not state and ended[t]:
+            state, stop = True, t
+    out, total = [], 0.0
+    for start, end in reversed(spans):
+        won = float(gain[start:end].sum()) + enter + leave
+        if (end - start) * dt >= SHORTEST - 1e-9 and won > 0:
+            out.append((start, end))
+            total += 2 * won
+    return tuple(out), total
+
+
+def _fills(spans: tuple[tuple[int, int], ...], free: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> bool:
+    held = sum(stop - start for start, stop in spans)
+    return held > FULL * max(int(free.sum()), 1)
+
+
+def _ceiling(data: DriverData, gain: Array, y: Array, step: float) -> Holds:
+    """Episodes at one level that is the highest of all."""
+    free = data.output.usable & ~data.output.below
+    if not free.any():
+        return NONE
+    level = float(y[free].max())
+    at = y >= level - 1.5 * step
+    spans, evidence = episodes(np.where(at, gain, -50.0), data.output.dt)
+    if len(spans) < EPISODES or evidence < NEEDED:
+        return NONE
+    # of all episodes, those at the top must be the rule: a gaze that ends at the top by chance is not a ceiling
+    all_spans, _ = episodes(gain, data.output.dt)
+    if len(spans) < 0.5 * len(all_spans):
+        return NONE
+    levels = [float(np.median(y[start:stop])) for start, stop in spans]
+    return Holds("pedal_ceiling", spans, evidence, float(np.median(levels)))

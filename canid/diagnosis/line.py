@@ -1,0 +1,70 @@
+"""A line in the residual's spectrum: a swing with a rhythm of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.driver_model import with_effects
+from canid.diagnosis.evidence import needed
+from canid.diagnosis.search import Candidate, priced
+from canid.diagnosis.solved import Solved, solve
+from canid.effects.cause import Effect
+from canid.types import Array
+
+# Hz; slower is a drift, faster no foot swings
+SLOWEST, FASTEST = 0.03, 1.2
+# bins either side that tell how high the spectrum is around a line, and of those left out next to it
+AROUND, NEXT = 25, 2
+
+
+def spectrum(e: Array, dt: float) -> tuple[Array, Array]:
+    """Frequencies (m,) Hz and twice the periodogram over its own surroundings (m,): chi-squared with 2 if no line.
+
+    Any colour that is smooth is taken out by the surroundings; a line is one bin wide.
+
+    Example:
+        >>> t = np.arange(6000) * 0.1
+        >>> f, over = spectrum(np.random.default_rng(1).normal(size=6000) + 0.3 * np.sin(2 * np.pi * 0.2 * t), 0.1)
+        >>> round(float(f[np.argmax(over)]), 3)
+        0.2
+    """
+    power: Array = np.abs(np.fft.rfft(e)) ** 2
+    f: Array = np.fft.rfftfreq(e.size, dt).astype(np.float64)
+    index = np.flatnonzero((f >= SLOWEST) & (f <= FASTEST))
+    over = np.empty(index.size)
+    for k, at in enumerate(index.tolist()):
+        near = np.r_[power[max(at - AROUND, 1) : max(at - NEXT, 1)], power[at + NEXT + 1 : at + AROUND + 1]]
+        # the median of an exponential is ln 2 of its mean
+        over[k] = 2 * power[at] / (np.median(near) / np.log(2)) if near.size else 0.0
+    return f[index], over
+
+
+def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple[Candidate | None, float]:
+    """Search a line; None where none stands out. Beside it: the evidence that it would need.
+
+    Args:
+        effect: `periodic_task`.
+        data: what is explained.
+        without: the model so far.
+        tried: candidates of the whole search.
+    """
+    f, over = spectrum(without.fitted.scored.e, data.output.dt)
+    if not f.size:
+        return None, np.inf
+    bound = needed(2, tried * f.size)
+    at = int(np.argmax(over))
+    if over[at] < 0.6 * bound:
+        return None, bound
+    t = data.seen.t
+    rows = without.rows
+    phase = 2 * np.pi * f[at] * t
+    shape = np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    residual = data.output.y - without.fitted.model
+    a, b = np.linalg.lstsq(shape[rows], residual[rows], rcond=None)[0]
+    own = [float(np.hypot(a, b)), float(f[at]), float(np.arctan2(b, a))]
+    model = with_effects((*without.model.effects, effect))
+    solved = solve(data, model.effects, np.r_[without.q, own], without.noise, rows)
+    found = priced(effect, solved, without, data.output.dt)
+    # how far it stands above its surroundings counts, if that is less: a bump of the noise is no line
+    return found._replace(evidence=min(found.evidence, float(over[at]) * 1.15)), bound

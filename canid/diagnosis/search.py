@@ -1,0 +1,122 @@
+"""Which cause explains most, one after another: screened along its direction, then fitted in full."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import qr
+
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.driver_model import DESIRED, K1, OFFSET, pedal, with_effects
+from canid.diagnosis.evidence import inflation
+from canid.diagnosis.likelihood import whitened
+from canid.diagnosis.solved import Solved, solve
+from canid.effects.cause import Effect
+from canid.types import Array
+
+# quantiles of the headway at which a desired one is tried, where a cause makes it visible
+DESIRED_AT = (0.3, 0.5, 0.7)
+# a candidate whose direction explains less than this is not fitted: a full fit finds a little more than its
+# direction at a start, but not four times as much
+WORTH = 3.0
+# at most so many candidates are fitted in full per step
+FITTED = 9
+
+
+class Candidate(NamedTuple):
+    """One cause added to a model."""
+
+    effect: Effect
+    solved: Solved
+    evidence: float  # 2 Δ log likelihood over the model without it, robust
+    parameters: int  # that it added
+
+
+class Start(NamedTuple):
+    """Where a candidate's fit begins, and what its direction explains there."""
+
+    q: Array
+    explains: float
+
+
+def starts(effect: Effect, data: DriverData, without: Solved) -> Iterator[Array]:
+    """Parameters at which a cause may begin: the model without it, and the cause's own."""
+    free = data.output.usable & ~data.output.below
+    base = without.q
+    own = [parameter.starts or _found(effect.id, parameter.name, data) for parameter in effect.parameters]
+    desired = (
+        [float(x) for x in np.quantile(data.seen.headway[free], DESIRED_AT)]
+        if effect.centred and not without.model.centred
+        else [float(base[DESIRED])]
+    )
+    for headway, values in product(desired, product(*own)):
+        q = np.r_[base, values]
+        q[OFFSET] += q[K1] * (headway - q[DESIRED])
+        q[DESIRED] = headway
+        yield q
+
+
+def _found(effect: str, parameter: str, data: DriverData) -> tuple[float, ...]:
+    """Starts that only the drive itself can tell."""
+    free = data.output.usable & ~data.output.below
+    if (effect, parameter) == ("gain_change", "time"):
+        return tuple(float(x) for x in np.linspace(0.1, 0.9, 17) * data.seen.drive)
+    if (effect, parameter) == ("comfort_speed", "speed"):
+        return tuple(float(x) for x in np.quantile(data.seen.speed[free], (0.3, 0.5, 0.7, 0.85)))
+    if (effect, parameter) == ("pedal_ceiling", "level"):
+        return tuple(float(x) for x in np.quantile(data.output.y[free], (0.7, 0.85, 0.94, 0.98)))
+    raise ValueError(f"{effect}.{parameter} has no starts")
+
+
+def screen(effect: Effect, data: DriverData, without: Solved) -> list[Start]:
+    """Price every start by what its direction explains of the residual, the model's own directions taken out."""
+    model = with_effects((*without.model.effects, effect))
+    Q = qr(without.fitted.jacobian, mode="economic")[0]
+    e = without.fitted.scored.e
+    slope = without.fitted.scored.slope
+    out = []
+    for q in starts(effect, data, without):
+        d = whitened(without.noise, pedal(model, data, q) - without.fitted.model) * slope
+        d = d - Q @ (Q.T @ d)
+        size = float(d @ d)
+        along = float(d @ e)
+        # −e·d is how far along the direction the residual lies; a start of the wrong sign explains nothing
+        explains = along * along / size if size > 1e-9 and along < 0 else 0.0
+        out.append(Start(q, explains))
+    return sorted(out, key=lambda start: -start.explains)
+
+
+def tried(effect: Effect, data: DriverData, without: Solved, start: Start, begins: int = 2) -> Candidate:
+    """Fit a candidate in full."""
+    begin = [start.q]
+    best: Solved | None = None
+    for q in begin[:begins]:
+        solved = solve(data, (*without.model.effects, effect), q, without.noise, without.rows)
+        if best is None or solved.deviance < best.deviance:
+            best = solved
+    assert best is not None
+    return priced(effect, best, without, data.output.dt)
+
+
+def priced(effect: Effect, solved: Solved, without: Solved, dt: float) -> Candidate:
+    """Tell the evidence of a cause: what it gains in likelihood over how far chance would spread it."""
+    own = list(range(len(without.q), len(solved.q)))
+    gained = max(without.deviance - solved.deviance, 0.0)
+    added = len(solved.fitted.free) - len(without.fitted.free)
+    return Candidate(effect, solved, gained / inflation(solved, own, dt), added)
+
+
+def candidates(effects: tuple[Effect, ...], data: DriverData, without: Solved) -> list[Candidate]:
+    """Try every cause that is not in the model yet; best first."""
+    have = {effect.id for effect in without.model.effects}
+    screened = [
+        (effect, screen(effect, data, without)[0])
+        for effect in effects
+        if effect.kind == "curve" and effect.id not in have
+    ]
+    screened.sort(key=lambda pair: -pair[1].explains)
+    worth = [pair for pair in screened if pair[1].explains > WORTH][:FITTED]
+    return [tried(effect, data, without, start) for effect, start in worth]

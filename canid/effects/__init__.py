@@ -1,0 +1,58 @@
+"""The catalogue of causes: one file each; a new cause is a file and a line here."""
+
+from canid.effects import (
+    act_and_wait,
+    asymmetric_gain,
+    attention_gap,
+    backlash,
+    brake_overlap,
+    comfort_speed,
+    cruise_control,
+    cut_in,
+    delay_drift,
+    gain_change,
+    gain_drift,
+    gear_shift,
+    headway_dead_zone,
+    headway_drift,
+    lead_acceleration,
+    looming_gain,
+    looming_threshold,
+    pedal_ceiling,
+    periodic_task,
+    relative_speed_dead_zone,
+    second_lag,
+    speed_gain,
+    stale_signal,
+    standstill_gap,
+)
+from canid.effects.cause import Effect
+
+CATALOGUE: tuple[Effect, ...] = (
+    # the driver
+    headway_dead_zone.EFFECT,
+    relative_speed_dead_zone.EFFECT,
+    looming_threshold.EFFECT,
+    looming_gain.EFFECT,
+    asymmetric_gain.EFFECT,
+    gain_drift.EFFECT,
+    gain_change.EFFECT,
+    headway_drift.EFFECT,
+    delay_drift.EFFECT,
+    attention_gap.EFFECT,
+    act_and_wait.EFFECT,
+    standstill_gap.EFFECT,
+    speed_gain.EFFECT,
+    comfort_speed.EFFECT,
+    second_lag.EFFECT,
+    lead_acceleration.EFFECT,
+    pedal_ceiling.EFFECT,
+    backlash.EFFECT,
+    periodic_task.EFFECT,
+    # masks: no human there, or no valid input
+    cruise_control.EFFECT,
+    gear_shift.EFFECT,
+    cut_in.EFFECT,
+    brake_overlap.EFFECT,
+    stale_signal.EFFECT,
+)

@@ -1,0 +1,82 @@
+"""The model that is held against the present: a regression of what comes next, with a memory of minutes.
+
+An autoregression with exogenous inputs, y = Σ a y(t−k) + Σ b u(t−k) + c (Ljung 1999, eq. 4.7), fitted by least squares
+with exponential forgetting (eq. 11.4) on its normal equations: they lose no definiteness, and a second of data is one
+product of matrices. The order is high enough to take up the noise's colour, so that what is left is new.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.types import NAN, Array
+
+# share of a column's own square that is added to it: keeps collinear columns solvable, moves no number
+_RIDGE = 1e-7
+# an innovation counts for no more than this many standard deviations in the variance: one jolt is no new scatter
+_JOLT = 4.0
+
+
+class State(NamedTuple):
+    """What the past told."""
+
+    normal: Array  # (m + 1, m + 1) Σ [X y]ᵀ [X y], forgetting
+    rows: float  # Σ weights
+    theta: Array  # (m,); 0 where a column is not fitted
+    mean: Array  # (m,) of the columns
+    variance: float  # of the innovations; NaN: not known yet
+
+
+def init(columns: int) -> State:
+    """Know nothing of a model with so many columns, the last one a constant 1."""
+    nothing = np.zeros((columns + 1, columns + 1))
+    return State(nothing, 0.0, np.zeros(columns), np.zeros(columns), NAN)
+
+
+def innovations(state: State, X: Array, y: Array) -> Array:
+    """Return what the past did not tell of y (n,): (n,)."""
+    new: Array = y - X @ state.theta
+    return new
+
+
+def learn(state: State, X: Array, y: Array, fitted: Array, memory: float) -> State:
+    """Take rows in.
+
+    Args:
+        state: from `init` or the step before.
+        X: (n, m) columns, the last one 1.
+        y: (n,) what came.
+        fitted: (p,) indices of the columns that the model has; the others only have their means kept.
+        memory: rows after which a weight has fallen to 1/e.
+
+    Example:
+        >>> rng = np.random.default_rng(1)
+        >>> X = np.column_stack([rng.standard_normal(500), np.ones(500)])
+        >>> state = learn(init(2), X, 3.0 * X[:, 0] + 1.0 + 0.1 * rng.standard_normal(500), np.arange(2), 1e4)
+        >>> np.round(state.theta, 1)
+        array([3., 1.])
+    """
+    n = len(y)
+    if not n:
+        return state
+    kept = 1.0 - 1.0 / memory
+    both = np.column_stack((X, y))
+    normal = state.normal * kept**n + both.T @ both
+    rows = state.rows * kept**n + n
+    e = y - X @ state.theta
+    theta = np.zeros(len(state.theta))
+    gram = normal[np.ix_(fitted, fitted)]
+    diagonal = np.arange(len(fitted))
+    gram[diagonal, diagonal] *= 1.0 + _RIDGE
+    gram[diagonal, diagonal] += np.finfo(float).tiny ** 0.5
+    theta[fitted] = np.linalg.solve(gram, normal[fitted, -1])
+    if state.variance != state.variance:
+        left = float(normal[-1, -1] - normal[-1, :-1] @ theta)
+        variance = left / (rows - len(fitted)) if rows > 2 * len(fitted) and left > 0 else NAN
+    else:
+        share = 1.0 - kept**n
+        bounded = np.minimum(e * e, _JOLT**2 * state.variance)
+        variance = (1.0 - share) * state.variance + share * float(bounded.mean())
+    return State(normal, rows, theta, normal[-2, :-1] / rows, variance)

@@ -1,0 +1,138 @@
+"""What a figure of the page is: data and layout as plotly takes them, with the words that stand under it.
+
+Colours are names, `"@before"`; the page's script puts in what the style sheet says for light, dark and paper.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from canid.types import Array
+
+Spec = dict[str, Any]
+
+# px between the panels of a grid
+GUTTER = 58
+# px that a figure leaves for its axes: left, right, top (legend), bottom
+MARGIN = {"l": 62, "r": 18, "t": 34, "b": 44}
+# digits that a plot can show: a screen has some 2,000 px, which is 4 digits
+DIGITS = 5
+
+
+class Figure(NamedTuple):
+    """One figure."""
+
+    name: str  # id in the page
+    title: str
+    says: str  # what to see in it, under the figure
+    alt: str  # what it is, for those who do not see it
+    height: int  # px
+    data: list[Spec]
+    layout: Spec
+
+
+def script(figures: Sequence[Figure]) -> str:
+    r"""Write figures as the JSON that stands in the page's script element.
+
+    Example:
+        >>> script([Figure("a", "", "", "", 100, [{"x": [1.0], "name": "</script>"}], {})])
+        '{"a": {"height": 100, "data": [{"x": [1.0], "name": "\\u003c/script>"}], "layout": {}}}'
+    """
+    specs = {f.name: {"height": f.height, "data": f.data, "layout": f.layout} for f in figures}
+    return json.dumps(specs, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+
+
+def listed(array: Array) -> list[Any]:
+    """Write an array as lists that JSON can hold: five digits, null for NaN.
+
+    Example:
+        >>> listed(np.array([[0.1234567, np.nan]]))
+        [[0.12346, None]]
+    """
+    if array.ndim > 1:
+        return [listed(row) for row in array]
+    return [float(f"{x:.{DIGITS}g}") if math.isfinite(x) else None for x in array.tolist()]
+
+
+def times(t: Array) -> list[float]:
+    """Write times: to a millisecond, however late in the log.
+
+    Example:
+        >>> times(np.array([35999.1004]))
+        [35999.1]
+    """
+    return [round(x, 3) for x in t.tolist()]
+
+
+def line(x: list[Any], y: Array, name: str, colour: str, *, axes: tuple[str, str] = ("x", "y"), **more: Any) -> Spec:
+    """Draw a line. One name is one entry in the legend, and clicking it hides all that have it."""
+    return {
+        "type": "scatter", "mode": "lines", "x": x, "y": listed(y), "name": name, "legendgroup": name,
+        "xaxis": axes[0], "yaxis": axes[1], "line": {"color": f"@{colour}", "width": 1.2}, **more,
+    }  # fmt: skip
+
+
+def axis(title: str = "", **more: Any) -> Spec:
+    """An axis in the style of the page."""
+    return {
+        "title": {"text": title, "standoff": 6, "font": {"size": 12}}, "gridcolor": "@grid", "linecolor": "@rule", "showline": True,
+        "ticks": "outside", "ticklen": 3, "tickcolor": "@rule", "zeroline": False, "automargin": False, **more,
+    }  # fmt: skip
+
+
+def layout(axes: Mapping[str, Spec], **more: Any) -> Spec:
+    """The layout that all figures share: legend above, no title of its own, colours of the page."""
+    return {
+        "margin": dict(MARGIN), "paper_bgcolor": "@page", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "closest",
+        "font": {"family": "system-ui, 'Segoe UI', 'DejaVu Sans', sans-serif", "size": 12, "color": "@ink"},
+        "hoverlabel": {"bgcolor": "@panel", "bordercolor": "@rule", "font": {"color": "@ink"}},
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "top", "yref": "container"},
+        "dragmode": "zoom", **axes, **more,
+    }  # fmt: skip
+
+
+def spans(count: int, gap: float) -> list[tuple[float, float]]:
+    """Divide 0 to 1 into equal spans with a gap between them.
+
+    Example:
+        >>> spans(2, 0.1)
+        [(0.0, 0.45), (0.55, 1.0)]
+    """
+    width = (1.0 - gap * (count - 1)) / count
+    return [(round(k * (width + gap), 6), round(k * (width + gap) + width, 6)) for k in range(count)]
+
+
+def suffix(k: int) -> str:
+    """Plotly's count of axes: "", "2", "3", ...
+
+    Example:
+        >>> suffix(0), suffix(1)
+        ('', '2')
+    """
+    return "" if k == 0 else str(k + 1)
+
+
+def note(text: str, x: float, y: float, **more: Any) -> Spec:
+    """A text on the figure; x and y are shares of the plot unless `xref`, `yref` say otherwise."""
+    return {"text": text, "x": x, "y": y, "xref": "paper", "yref": "paper", "showarrow": False, **more}
+
+
+def dashed(**where: Any) -> Spec:
+    """A dashed line: a threshold."""
+    return {"type": "line", "line": {"color": "@muted", "width": 1, "dash": "dash"}, **where}
+
+
+def rms(x: Array) -> float:
+    """Root mean square of what is measured; NaN for nothing.
+
+    Example:
+        >>> float(rms(np.array([3.0, np.nan, -3.0])))
+        3.0
+    """
+    known = x[np.isfinite(x)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else math.nan
