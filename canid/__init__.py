@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from canid.diagnosis.diagnosing import diagnose as diagnose
     from canid.drive import identify as identify
     from canid.errors import CanidError as CanidError
     from canid.logs import read_drive as read_drive
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "CanidError": "errors",
+    "diagnose": "diagnosis.diagnosing",
     "identify": "drive",
     "live": "session",
     "read_drive": "logs",

@@ -101,10 +101,11 @@ class Plant(Protocol):
 
     `effects`: id -> {parameter: value}; {} draws a plausible strength by the seed; no effect at all is a clean drive.
     What is measured wrongly (`sensing`, `stale_signal`) stands in `truth` alone and is done by who senses the drive:
-    columns stay true. Columns: pedal, speed, gap, range_rate (lead - own, positive = opening), accel, brake, lead_valid, cruise_active,
-    clutch, grade, altitude, gnss_speed, gear, engine_speed. The remnant is inside the loop. `truth` holds simulator,
-    seed, profile, noise, minutes, driver {K1, K2, tau1, tau2, dead_time1, dead_time2, headway_desired, offset,
-    noise_sd}, car {...}, effects {id: {parameter: value}}, and for events episodes {id: [[start, stop], ...]}.
+    columns stay true. Columns: pedal, speed, gap, range_rate (lead - own, positive = opening), accel, brake, lead_valid,
+    cruise_active, clutch, grade, altitude, gnss_speed, gear, engine_speed. The remnant is inside the loop.
+    `truth` holds simulator, seed, profile, noise, minutes, driver {K1, K2, tau1, tau2, dead_time1, dead_time2,
+    headway_desired, offset, noise_sd}, car {...}, effects {id: {parameter: value}}, and for events
+    episodes {id: [[start, stop], ...]} in s.
     """
 
     def __call__(

@@ -60,10 +60,7 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
 
     def standard(x: Array) -> Array:
         sd = float(np.std(x[fine]))
-        if sd < 1e-9:
-            return np.zeros_like(x)
-        out: Array = np.clip((x - np.mean(x[fine])) / sd, -4, 4)
-        return out
+        return np.asarray(np.clip((x - np.mean(x[fine])) / max(sd, 1e-9), -4, 4), dtype=np.float64)
 
     bare = solved.model._replace(effects=(), where=())
     acted = parts(bare, data, q)
@@ -91,7 +88,8 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
         ("delays", "answers that come later than one dead time", through(e1, w1, e3, w3)),
         ("lead", "an answer to the lead's acceleration", through(a, np.abs(a), a * a * a)),
         ("time", "answers that change along the drive", np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3]),
-        ("output", "an output that bends at its ends", np.stack([y * y, y**3, np.maximum(y - 1, 0), np.minimum(y + 1, 0)], axis=1)),
+        ("output", "an output that bends at its ends",
+         np.stack([y * y, y**3, np.maximum(y - 1, 0), np.minimum(y + 1, 0)], axis=1)),
     ]  # fmt: skip
 
 
@@ -155,4 +153,4 @@ def _share(U: Array, z: Array, data: DriverData, solved: Solved) -> float:
     turn = np.exp(-2j * np.pi * SLOW * data.output.dt * np.arange(A.size))
     spectrum = solved.noise.sd**2 / float(abs(A @ turn) ** 2)
     ratio = gain / n * spectrum / max(float(np.var(residual)), 1e-12)
-    return ratio / (1 + ratio)
+    return float(ratio / (1 + ratio))

@@ -44,15 +44,18 @@ NONE = Holds("", (), 0.0, np.nan)
 
 
 def step_size(y: Array) -> float:
-    """Return the sensor's step: the least difference that occurs often.
+    """Return the sensor's step: the least distance between two levels at which it stood still.
 
     Example:
-        >>> round(step_size(np.array([0.0, 0.4, 0.4, 1.2, 0.8, 0.4, 0.8, 0.0])), 3)
+        >>> round(step_size(np.array([0.0, 0.0, 0.4, 0.4, 0.61, 1.2, 1.2, 0.8, 0.8])), 3)
         0.4
     """
+    # between two messages a sample is interpolated; a repeat is a level of the sensor itself
+    levels = np.unique(np.round(y[1:][np.diff(y) == 0], 6))
+    if levels.size >= 3:
+        return float(np.quantile(np.diff(levels), 0.1))
     d = np.abs(np.diff(y))
-    d = d[d > 1e-6]
-    return float(np.quantile(d, 0.02)) if d.size else 1e-3
+    return float(np.quantile(d, 0.1)) if d.size else 1e-3
 
 
 def look(data: DriverData, solved: Solved) -> Holds:

@@ -7,7 +7,7 @@ import numpy as np
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import with_effects
 from canid.diagnosis.evidence import needed
-from canid.diagnosis.search import Candidate, priced
+from canid.diagnosis.search import Candidate, priced_in
 from canid.diagnosis.solved import Solved, solve
 from canid.effects.cause import Effect
 from canid.types import Array
@@ -65,6 +65,6 @@ def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple
     own = [float(np.hypot(a, b)), float(f[at]), float(np.arctan2(b, a))]
     model = with_effects((*without.model.effects, effect))
     solved = solve(data, model.effects, np.r_[without.q, own], without.noise, rows)
-    found = priced(effect, solved, without, data.output.dt)
+    found = priced_in(effect, solved, without, data.output.dt)
     # how far it stands above its surroundings counts, if that is less: a bump of the noise is no line
     return found._replace(evidence=min(found.evidence, float(over[at]) * 1.15)), bound

@@ -98,15 +98,17 @@ def tried(effect: Effect, data: DriverData, without: Solved, start: Start, begin
         if best is None or solved.deviance < best.deviance:
             best = solved
     assert best is not None
-    return priced(effect, best, without, data.output.dt)
+    return priced_in(effect, best, without, data.output.dt)
 
 
-def priced(effect: Effect, solved: Solved, without: Solved, dt: float) -> Candidate:
-    """Tell the evidence of a cause: what it gains in likelihood over how far chance would spread it."""
-    own = list(range(len(without.q), len(solved.q)))
+def priced_in(effect: Effect, solved: Solved, without: Solved, dt: float) -> Candidate:
+    """Tell the evidence of any cause of a model."""
+    where = solved.model.where[[e.id for e in solved.model.effects].index(effect.id)]
     gained = max(without.deviance - solved.deviance, 0.0)
     added = len(solved.fitted.free) - len(without.fitted.free)
-    return Candidate(effect, solved, gained / inflation(solved, own, dt), added)
+    return Candidate(
+        effect, solved, gained / inflation(solved, list(range(where.start, where.stop)), dt), added
+    )
 
 
 def candidates(effects: tuple[Effect, ...], data: DriverData, without: Solved) -> list[Candidate]:

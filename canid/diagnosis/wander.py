@@ -57,7 +57,7 @@ def look(data: DriverData, solved: Solved) -> Wander | None:
     walk = np.tril(np.ones((knots, knots)))[:, 1:]  # steps -> wish
     shape = B @ walk
     noise, added, wish = solved.noise, np.zeros(n), np.zeros(knots)
-    best, variance = np.inf, 0.0
+    best, variance, plain = np.inf, 0.0, np.nan
     profile = np.empty(STEPS.size)
     for _ in range(TURNS):
         scored = score(data.output, solved.rows, noise, solved.fitted.model)
@@ -70,6 +70,8 @@ def look(data: DriverData, solved: Solved) -> Wander | None:
         X = X - Q @ (Q.T @ X)
         gram, b = X.T @ X, X.T @ e
         free = int(rows.sum())
+        if plain != plain:
+            plain = 2 * free * float(np.log(noise.sd)) + float(e @ e)
         for k, q in enumerate(STEPS):
             factor = cho_factor(np.eye(knots - 1) + q * q * gram)
             won = q * q * float(b @ cho_solve(factor, b))
@@ -81,10 +83,9 @@ def look(data: DriverData, solved: Solved) -> Wander | None:
         steps = variance**2 * cho_solve(cho_factor(np.eye(knots - 1) + variance**2 * gram), b)
         added, wish = shape @ steps, walk @ steps
         noise = colour(data.output, data.output.y - solved.fitted.model - added, noise.A.size - 1, noise.size)
-    plain = 2 * solved.fitted.scored.free * np.log(solved.noise.sd) + solved.fitted.scored.cost
     inside = STEPS[profile <= best + 3.84]
     curve = np.interp(data.seen.t, EVERY * np.arange(knots), wish)
     sd = float(np.std(curve))
     # a random walk's spread over the drive is proportional to its step
-    told = Interval(sd, sd * inside.min() / variance, sd * inside.max() / variance)
+    told = Interval(sd, float(sd * inside.min() / variance), float(sd * inside.max() / variance))
     return Wander(float(plain - best), told, added - added[solved.rows].mean(), curve - curve.mean(), noise)

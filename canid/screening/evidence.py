@@ -2,17 +2,17 @@
 
 An innovation e that the past does not tell, and whose sign is as likely + as −, makes
 
-    exp(λ d − λ² d²/2),   d = z e / variance
+    exp(λ d − λ² d²/2),   d = w ψ(e),   ψ odd and rising,
 
-a bet that nobody wins on average, however the size of e changes with time or state (de la Peña 1999, lemma 6.1):
-z is the direction that is tested, known before e. Products of such bets that begin anew whenever they fall below 1
-are an e-detector (Shin, Ramdas & Rinaldo 2024, "E-detectors", def. 2.2 and prop. 2.3): the mean time between its
-false alarms is at least the threshold, in looks. K of them side by side need K times the threshold.
+a bet that nobody wins on average, however the size of e changes with time or state (de la Peña 1999, lemma 6.1); the
+weight w is known before e. Products of such bets that begin anew whenever they fall below 1 are an e-detector (Shin,
+Ramdas & Rinaldo 2024, "E-detectors", def. 2.2, prop. 2.3): the mean time between its false alarms is at least the
+threshold, in looks. K of them side by side need K times the threshold.
 
-A margin makes the null wider: a model that is off by a share |ρ| ≤ margin of z (e = ρ z + noise) still fits. The bet on
-d − margin z²/variance remains fair: with m = that margin ≥ 0 and f(x) = exp(x − x²/2) the mean over both signs,
-f(a − m) + f(−a − m), is largest at m = 0 while a ≤ 1, where it is 2 exp(−a²/2) cosh a ≤ 2; for a > 1 it is at most
-f(1) + f(1 − 2a) < 1.65 + 0.23 < 2.
+A margin makes the null wider: a model that is off by a share |ρ| ≤ margin of z (e = ρ z + noise) still fits. With
+m ≥ 0 what the margin leaves, the bet is on ψ(e − m). It stays fair: for e = ±a, f(x) = exp(x − x²/2), p = ψ(a − m) and
+−q = ψ(−a − m) we have q ≥ |p|, and f(p) + f(−q) ≤ 2: f rises up to 1, so for p ≤ 1 it is at most
+f(p) + f(−p) = 2 exp(−p²/2) cosh p ≤ 2, and for p > 1 at most f(1) + f(−1) < 2.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ import numpy as np
 
 from canid.types import NAN, Array
 
-# Bets: how large a ρ beyond the margin each is best at. Changes by 10 %, by 30 % and by all of it.
+# λ; each is best where ρ z is that many standard deviations beyond the margin, w included
 STAKES = np.array([0.1, 0.3, 1.0])
 _SIGNS = np.array([-1.0, 1.0])
 
 # How far above the threshold evidence may pile up: e^3 more than needed, so that it is gone soon after its cause
 BEYOND = 3.0
+# standard deviations; ψ is straight up to here, and no jolt counts for more (Huber's, three times as wide)
 JOLT = 3.0
 
 
@@ -66,7 +67,7 @@ def step(
         t: s, when this look's data begin.
         e: (n,) innovations.
         z: (n, d) what a misfit of ρ = 1 in each direction would add to them; known before them.
-        variance: of e, roughly: it only sets which stake fits best.
+        variance: of e, roughly: it only sets what the stakes are best at.
         margin: (d,) the |ρ| that is no misfit.
         threshold: log.
 
@@ -77,19 +78,20 @@ def step(
         ...     z = rng.standard_normal((5, 1))
         ...     noise = rng.standard_normal(5)
         ...     e = noise - (0.8 * z[:, 0] if k >= 30 else 0.0)
-        ...     state = step(state, float(k), e, z, 1.0, np.array([0.2]), 16.0)
+        ...     state = step(state, float(k), e, z, 1.0, np.array([0.2]), 14.0)
         >>> found = strongest(state)
-        >>> found.level > 16, 25 < found.since < 35, -1.2 < found.share < -0.5
+        >>> found.level > 14, 25 < found.since < 35, -1.2 < found.share < -0.5
         (True, True, True)
     """
     sd = variance**0.5
     size = np.abs(z) / sd
-    product = z * e[:, None] / variance
-    energy = size * size
-    toward = _SIGNS[:, None] * (np.sign(z) * (e / sd)[:, None])[:, :, None, None]  # (n, d, 2, 1)
+    surprise = e / sd
+    toward = _SIGNS[:, None] * (np.sign(z) * surprise[:, None])[:, :, None, None]  # (n, d, 2, 1)
     beyond = np.clip(toward - (margin * size)[:, :, None, None], -JOLT, JOLT)
+    # w = |z|/sd tells most where the misfit is small; where it is large, a bet of more than everything loses
     d = STAKES * np.minimum(size, 1.0)[:, :, None, None] * beyond
     gained: Array = (d - 0.5 * d * d).sum(axis=0)
+    product, energy = z * e[:, None] / variance, size * size
     anew = state.level <= 0.0
     moved, told = product.sum(axis=0)[:, None, None], energy.sum(axis=0)[:, None, None]
     return State(
@@ -101,7 +103,7 @@ def step(
 
 
 def strongest(state: State) -> Found:
-    """Return the strongest evidence; (0 levels: none)."""
+    """Return the strongest evidence."""
     at = np.unravel_index(int(np.argmax(state.level)), state.level.shape)
     told = float(state.told[at])
     share = float(state.moved[at]) / told if told > 0 else NAN

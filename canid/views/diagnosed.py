@@ -7,7 +7,7 @@ from typing import Any
 from canid.findings import Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Verdict
 from canid.types import Array
 from canid.views import as_json
-from canid.views.measures import measure, number, percent, role_unit, shifted, spoken, stretch
+from canid.views.measures import measure, number, percent, role_unit, shifted, stretch
 from canid.views.table import columns
 
 VERDICT_WORDS = {
@@ -51,7 +51,9 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
 
 
 def _about(report: Report, log: str, vehicle: str) -> list[str]:
-    lines = [f"{log}: {vehicle}, {number(duration(report), 's')}, {number(used_time(report), 's')} of them used"]
+    lines = [
+        f"{log}: {vehicle}, {number(duration(report), 's')}, {number(used_time(report), 's')} of them used"
+    ]
     before, after = report.baseline.fit_percent, report.extended.fit_percent
     if before == before:
         fit = f"simulation fits {number(before, '%')}"
@@ -188,7 +190,11 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "masked": [{"effect": m.effect, **_stretch(m.start, m.stop)} for m in report.masked],
         "blocks": [block._asdict() for block in report.blocks],
         "worst": [
-            {**_stretch(w.start, w.stop), "before": as_json.number(w.before), "after": as_json.number(w.after)}
+            {
+                **_stretch(w.start, w.stop),
+                "before": as_json.number(w.before),
+                "after": as_json.number(w.after),
+            }
             for w in report.worst
         ],
         "maps": [_map(m) for m in report.maps],
@@ -252,13 +258,3 @@ def numbers(array: Array) -> list[Any]:
         [[1.0, None]]
     """
     return [numbers(row) if getattr(row, "ndim", 0) else as_json.number(float(row)) for row in array]
-
-
-def says_undecided(effects: tuple[str, ...]) -> str:
-    """Name what could not be decided, for people.
-
-    Example:
-        >>> says_undecided(("standstill_gap", "range_offset"))
-        'standstill gap or range offset'
-    """
-    return " or ".join(spoken(effect) for effect in effects)

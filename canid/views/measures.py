@@ -104,6 +104,16 @@ def spoken(name: str) -> str:
     return INPUT_WORDS.get(name, name.replace("_", " "))
 
 
+def either(names: tuple[str, ...]) -> str:
+    """Name causes that cannot be told apart.
+
+    Example:
+        >>> either(("standstill_gap", "range_offset"))
+        'standstill gap or range offset'
+    """
+    return " or ".join(map(spoken, names))
+
+
 def shifted(key: str, output: str) -> tuple[str, str]:
     """Name and unit of a parameter in `Report.shifts`.
 

@@ -116,7 +116,8 @@ def operating_map(d: Drive, x: str, y: str) -> OperatingMap:
     count, *_ = np.histogram2d(*at, bins=edges)
     with np.errstate(invalid="ignore"):
         before, after = (
-            np.histogram2d(*at, bins=edges, weights=(d.pedal - s)[d.used])[0] / np.where(count >= 30, count, NAN)
+            np.histogram2d(*at, bins=edges, weights=(d.pedal - s)[d.used])[0]
+            / np.where(count >= 30, count, NAN)
             for s in (d.before, d.after)
         )
     return OperatingMap(x, y, *edges, before, after, count * DT)
@@ -129,7 +130,8 @@ def spectra(d: Drive) -> Spectra:
     f, before = welch(residuals[0], **of)
     after = welch(residuals[1], **of)[1]
     both = [
-        {name: coherence(r, d.inputs[name], **of)[1] for name in ("headway_error", "range_rate")} for r in residuals
+        {name: coherence(r, d.inputs[name], **of)[1] for name in ("headway_error", "range_rate")}
+        for r in residuals
     ]
     windows = 2 * len(d.t) / of["nperseg"]
     return Spectra(f, before, after, *both, float(1 - 0.01 ** (1 / max(windows - 1, 1))))
@@ -159,11 +161,25 @@ def tried(named: tuple[str, ...], rivals: tuple[str, ...]) -> tuple[Tried, ...]:
             evidence = float(np.round(rng.chisquare(1) * 2, 2))
             outcome, why = "rejected", "the evidence stays below what chance alone gives one candidate of 30"
             if expected < 15 and effect not in (*named, *rivals):
-                evidence, outcome, why = NAN, "not_testable", "a typical strength would leave no trace on this drive"
+                evidence, outcome, why = (
+                    NAN,
+                    "not_testable",
+                    "a typical strength would leave no trace on this drive",
+                )
             elif step == 1 and effect in named:
-                evidence, expected, outcome, why = 96.4, 140.2, "accepted", "the largest evidence, and it passes the gate"
+                evidence, expected, outcome, why = (
+                    96.4,
+                    140.2,
+                    "accepted",
+                    "the largest evidence, and it passes the gate",
+                )
             elif step == 1 and effect in rivals:
-                evidence, expected, outcome, why = 92.1, 88.0, "rival", "explains the same data within 6 of the best"
+                evidence, expected, outcome, why = (
+                    92.1,
+                    88.0,
+                    "rival",
+                    "explains the same data within 6 of the best",
+                )
             elif step == 2 and effect in (*named, *rivals):
                 continue
             elif step == 1 and effect in ("speed_gain", "asymmetric_gain"):
@@ -174,12 +190,34 @@ def tried(named: tuple[str, ...], rivals: tuple[str, ...]) -> tuple[Tried, ...]:
 
 def checks(failed: bool) -> tuple[Check, ...]:
     return (
-        Check("kinematic consistency", True, 0.991, 0.9, "slope of d(gap)/dt over range rate is 1 within 10 %", ""),
-        Check("stale signals", not failed, 3.4 if failed else 0.2, 1.0, "share of exact repeats of a signal that moves", "%"),
+        Check(
+            "kinematic consistency",
+            True,
+            0.991,
+            0.9,
+            "slope of d(gap)/dt over range rate is 1 within 10 %",
+            "",
+        ),
+        Check(
+            "stale signals",
+            not failed,
+            3.4 if failed else 0.2,
+            1.0,
+            "share of exact repeats of a signal that moves",
+            "%",
+        ),
         Check("clock", None, NAN, 20.0, "no second clock in this log: own acceleration is not mapped", "ms"),
         Check("floor", True, 7.0, 50.0, "share of the time with the pedal at 0 %", "%"),
         Check("whiteness", True, 31.2, 41.6, "Ljung–Box of the innovations, 99 %", "", gate=True),
-        Check("left-over structure", not failed, 88.0 if failed else 44.0, 65.0, "41 generic regressors, p < 0.001", "", gate=True),
+        Check(
+            "left-over structure",
+            not failed,
+            88.0 if failed else 44.0,
+            65.0,
+            "41 generic regressors, p < 0.001",
+            "",
+            gate=True,
+        ),
     )
 
 
@@ -194,12 +232,20 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
     rivals = ("speed_gain",) if verdict is Verdict.ONE_OF else ()
     effect = "headway_dead_zone"
     plain = {
-        "headway_error": channel(Interval(4.42, 3.58, 5.21), Interval(1.12, 0.4, 1.9), Interval(0.31, 0.1, 0.8)),
-        "range_rate": channel(Interval(6.91, 6.52, 7.3), Interval(0.52, 0.38, 0.69), Interval(0.61, 0.52, 0.7)),
+        "headway_error": channel(
+            Interval(4.42, 3.58, 5.21), Interval(1.12, 0.4, 1.9), Interval(0.31, 0.1, 0.8)
+        ),
+        "range_rate": channel(
+            Interval(6.91, 6.52, 7.3), Interval(0.52, 0.38, 0.69), Interval(0.61, 0.52, 0.7)
+        ),
     }
     freed = {
-        "headway_error": channel(Interval(7.71, 6.6, 8.8), Interval(0.56, 0.2, 0.95), Interval(0.47, 0.2, 0.8)),
-        "range_rate": channel(Interval(6.63, 6.31, 6.96), Interval(0.36, 0.27, 0.47), Interval(0.6, 0.53, 0.67)),
+        "headway_error": channel(
+            Interval(7.71, 6.6, 8.8), Interval(0.56, 0.2, 0.95), Interval(0.47, 0.2, 0.8)
+        ),
+        "range_rate": channel(
+            Interval(6.63, 6.31, 6.96), Interval(0.36, 0.27, 0.47), Interval(0.6, 0.53, 0.67)
+        ),
     }
     after = freed if named else plain
     finding = Finding(
@@ -228,7 +274,9 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         for what in ("K", "tau", "dead_time")
     }
     closed = tuple(
-        Trajectory(role, d.inputs[role], d.inputs[role] + off, d.inputs[role] + 0.6 * off, Interval(0.22, 0.09, 0.33))
+        Trajectory(
+            role, d.inputs[role], d.inputs[role] + off, d.inputs[role] + 0.6 * off, Interval(0.22, 0.09, 0.33)
+        )
         for role, off in (
             ("gap", 3.0 * np.sin(d.t / 23) * np.cos(d.t / 7)),
             ("speed", 0.5 * np.sin(d.t / 19)),

@@ -47,10 +47,13 @@ def footer(effects: Mapping[str, Mapping[str, float]], held: Array, dt: float, p
             touched = min(max(touched, u - play), u + play) if k else u
             u = touched
         if most < math.inf:
-            moved = min(max(u, moved - most), moved + most) if k else u
+            # the accelerator alone: who brakes is quick
+            at = moved if moved > 0.0 else 0.0
+            moved = min(max(u, at - most), at + most) if k and u > 0.0 else u
             u = moved
         if gone[k]:
-            u = kept
+            # nobody looks away with his foot on the brake: it is off both pedals then
+            u = kept if kept > 0.0 else 0.0
         kept = u
         return u if u < level else level
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +14,8 @@ from benchmarks.hidden_effects.plant_one import episodes, lead, remnant, strengt
 from benchmarks.hidden_effects.plant_one.car import Car
 from benchmarks.hidden_effects.plant_one.driver import Driver
 from benchmarks.hidden_effects.plant_one.episodes import Episodes
-from benchmarks.hidden_effects.plant_one.foot import footer
-from benchmarks.hidden_effects.planted import NOISES, PROFILES, Array, Planted
+from benchmarks.hidden_effects.plant_one.foot import Foot, footer
+from benchmarks.hidden_effects.planted import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
 
 DT = 0.02  # s
 NAME = "plant_one"
@@ -39,6 +39,16 @@ STATE_REST, STATE_SIZE = 0.35, 6.0
 HILLS = (300.0, 2500.0)  # m, lengths of the road's waves
 # 1/s², 1/s, s, m: a cruise controller with a constant time gap (ISO 15622 asks for no more)
 CRUISE_GAP, CRUISE_RATE, CRUISE_HEADWAY, CRUISE_REST = 0.06, 0.45, 1.6, 3.0
+
+
+class Driven(NamedTuple):
+    """One drive, and the driver once more along it."""
+
+    columns: dict[str, Array]
+    demand: Array  # (n,) %
+    remnant: Array  # (n,) %
+    emergency: float  # s of emergency braking
+    again: Callable[[str], Array]  # effect -> (n,) % of demand along this very trajectory without it
 
 
 class Drawn(NamedTuple):
@@ -110,9 +120,11 @@ def plant(
     }
     if "road_grade" in settled:
         car = car._replace(grade_sd=settled["road_grade"]["sd"])
-    happens = {name: _episodes(name, how, minutes, _rng(seed, name + " when")) for name, how in settled.items()}
+    happens = {
+        name: _episodes(name, how, minutes, _rng(seed, name + " when")) for name, how in settled.items()
+    }
     drawn = Drawn(driver, car, settled, {name: when for name, when in happens.items() if when})
-    columns, demand, noises, panic = _drive(drawn, ahead, seed, noise)
+    driven = _drive(drawn, ahead, seed, noise)
     truth: dict[str, Any] = {
         "simulator": NAME,
         "seed": seed,
@@ -123,9 +135,10 @@ def plant(
         "car": car._asdict(),
         "effects": settled,
         "episodes": drawn.episodes,
-        "emergency": panic,
+        "emergency": driven.emergency,
     }
-    return Planted(DT, columns, demand, noises, truth)
+    without = {name: driven.again(name) for name in settled if name in EFFECTS["driver"] + OUTSIDE}
+    return Planted(DT, driven.columns, driven.demand, driven.remnant, truth, without)
 
 
 def _rng(seed: int, purpose: str) -> np.random.Generator:
@@ -180,8 +193,8 @@ def _cut_in(ahead: Array, when: Episodes, rng: np.random.Generator) -> Array:
     return np.maximum(out, lead.SLOWEST)
 
 
-def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> tuple[dict[str, Array], Array, Array, float]:
-    """Close the loop: columns, demand, remnant, s of emergency braking. Plain floats: numpy's are ten times slower one by one."""
+def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> Driven:
+    """Close the loop. Plain floats: numpy's are ten times slower one by one."""
     driver, car, effects, happens = drawn
     n = len(ahead)
     still = [happens.get(name, []) for name in ("cruise_control", "gear_shift", "brake_overlap", "cut_in")]
@@ -193,15 +206,26 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> tuple[dict[str,
     lead_accel = np.gradient(foreign, DT)
     for k in cuts:
         lead_accel[k - 1 : k + 1] = lead_accel[k + 1]
-    hidden = drivers.curves(n, DT, _rng(seed, "curves")).tolist() if "speed_wander_bias" in effects else [0.0] * n
-    wanted = np.full(n, driver.headway_desired)
-    if "headway_drift" in effects:
-        wanted += drivers.wander(n, DT, effects["headway_drift"]["sd"], _rng(seed, "wander"))
+    hidden = (
+        drivers.curves(n, DT, _rng(seed, "curves")).tolist() if "speed_wander_bias" in effects else [0.0] * n
+    )
     world = drivers.World([], [], [], [], lead_accel.tolist(), hidden)
-    answer = drivers.answerer(driver, effects, world, wanted.tolist(), DT, n)
-    held = episodes.inside(happens.get("attention_gap", []), n, DT)
-    phase = float(_rng(seed, "phase").uniform())
-    quiet, noisy = (footer(effects, held, DT, phase) for _ in range(2))
+
+    def person(has: Mapping[str, Mapping[str, float]]) -> tuple[Callable[[int], float], Foot]:
+        """The driver with these effects, from the start: his answer in `world`, and his foot."""
+        wanted = np.full(n, driver.headway_desired)
+        if "headway_drift" in has:
+            wanted += drivers.wander(n, DT, has["headway_drift"]["sd"], _rng(seed, "wander"))
+        held = episodes.inside(happens["attention_gap"] if "attention_gap" in has else [], n, DT)
+        phase = float(_rng(seed, "phase").uniform())
+        return drivers.answerer(driver, has, world, wanted.tolist(), DT, n), footer(has, held, DT, phase)
+
+    def again(name: str) -> Array:
+        answer, foot = person({other: how for other, how in effects.items() if other != name})
+        return np.array([foot(k, answer(k), 0.0) for k in range(n)])
+
+    answer, quiet = person(effects)
+    _, noisy = person(effects)
     e = (driver.noise_sd * remnant.unit(noise, n, DT, _rng(seed, "remnant"))).tolist()
     grows = noise == "state"
     gust = (car.gust_sd * remnant.unit("ar1", n, DT, _rng(seed, "gust"))).tolist()
@@ -213,7 +237,7 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> tuple[dict[str,
     x, way = cars.begin(v, rest), 0.0
     out = {role: np.zeros(n) for role in ("pedal", "accel", "brake", "grade")}
     pedals, accels, brakes, grades = out.values()
-    demand, noises, panic = np.empty(n), np.empty(n), 0
+    demand, remnants, panic = np.empty(n), np.empty(n), 0
     for k in range(n):
         v = x.v
         if k in cuts:
@@ -224,8 +248,12 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> tuple[dict[str,
         world.gap.append(gap)
         world.speed.append(v)
         wish = answer(k)
-        r = e[k] * (STATE_REST + (1.0 - STATE_REST) * abs(wish - driver.offset) / STATE_SIZE) if grows else e[k]
-        demand[k], noises[k] = quiet(k, wish, 0.0), r
+        r = (
+            e[k] * (STATE_REST + (1.0 - STATE_REST) * abs(wish - driver.offset) / STATE_SIZE)
+            if grows
+            else e[k]
+        )
+        demand[k], remnants[k] = quiet(k, wish, 0.0), r
         u = noisy(k, wish, r)
         pedal = min(max(u, 0.0), 100.0)
         brake, engine, coupled = max(-u - car.slack, 0.0), pedal, 1.0
@@ -259,7 +287,7 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> tuple[dict[str,
         "clutch": np.array(shifting, dtype=float),
         **_beside(speed, out["grade"], np.array(shifting), bool(still[1])),
     }
-    return columns, demand, noises, round(panic * DT, 3)
+    return Driven(columns, demand, remnants, round(panic * DT, 3), again)
 
 
 def _beside(speed: Array, grade: Array, shifting: Array, manual: bool) -> dict[str, Array]:

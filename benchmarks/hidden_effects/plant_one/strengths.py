@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.plant_one.car import Car
 from benchmarks.hidden_effects.plant_one.lead import ROADS
-from benchmarks.hidden_effects.planted import EFFECTS, FREEZES, OUTSIDE, Array
+from benchmarks.hidden_effects.planted import FREEZES, Array
 
 
 class Scene(NamedTuple):
@@ -101,23 +101,22 @@ STRENGTHS: dict[str, Callable[[Scene], dict[str, float]]] = {
     "pedal_map": lambda s: {"curvature": s.of(0.2, 0.6)},
     "actuator_lag": lambda s: {"tau": s.of(0.15, 0.4)},
     # outside the catalogue
-    "saturating_speed": lambda s: {"limit": s.of(0.5, 1.5)},
-    "quadratic_headway": lambda s: {"curvature": s.of(0.5, 1.5)},
+    "saturating_speed": lambda s: {"limit": s.of(1.0, 2.0)},
+    "quadratic_headway": lambda s: {"curvature": s.of(2.0, 4.0)},
     "speed_wander_bias": lambda s: {"depth": s.of(4.0, 9.0)},
     "preview_gap_rate": lambda s: {"preview": s.of(2.0, 6.0)},
     "headway_hysteresis": lambda s: {"width": s.of(0.3, 0.9)},
-    "foot_rate": lambda s: {"rate": s.of(3.0, 8.0)},
+    "foot_rate": lambda s: {"rate": s.of(2.5, 6.0)},
     "lingering_error": lambda s: {"gain": s.of(0.04, 0.12), "time": s.of(15.0, 40.0)},
     "aroused_gain": lambda s: {"growth": s.of(0.3, 0.9), "time": s.of(15.0, 40.0)},
 }
-NAMES = (*(name for names in EFFECTS.values() for name in names), *OUTSIDE)
 
 
 def check(effects: Mapping[str, Mapping[str, float]]) -> None:
     """Refuse names that this simulator does not know."""
-    unknown = sorted(set(effects) - set(NAMES))
+    unknown = sorted(set(effects) - set(STRENGTHS))
     if unknown:
-        raise ValueError(f"effects {', '.join(unknown)} are not known; known are {', '.join(NAMES)}")
+        raise ValueError(f"effects {', '.join(unknown)} are not known; known are {', '.join(STRENGTHS)}")
 
 
 def settle(name: str, given: Mapping[str, float], scene: Scene) -> dict[str, float]:
@@ -126,7 +125,9 @@ def settle(name: str, given: Mapping[str, float], scene: Scene) -> dict[str, flo
     Raises ValueError for a parameter that the effect does not have.
     """
     # the ceiling alone costs a drive to draw
-    drawn = {"level": float("nan")} if name == "pedal_ceiling" and "level" in given else STRENGTHS[name](scene)
+    drawn = (
+        {"level": float("nan")} if name == "pedal_ceiling" and "level" in given else STRENGTHS[name](scene)
+    )
     unknown = sorted(set(given) - set(drawn))
     if unknown:
         raise ValueError(f"{name} has no {', '.join(unknown)}, but {', '.join(drawn) or 'no parameter'}")

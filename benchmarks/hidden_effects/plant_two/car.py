@@ -24,7 +24,7 @@ class Car(NamedTuple):
     """A compact car. The small values of the effects' parameters are what every car has of them."""
 
     gain: float = 0.034  # m/s² per % pedal
-    brake: float = 0.085  # m/s² per % below `BRAKES`
+    brake: float = 0.13  # m/s² per % below `BRAKES`; with much less a linear driver runs into the lead
     rolling: float = 0.17  # m/s²
     drag: float = 3.2e-4  # 1/m
     first_lag: float = 0.10  # s, manifold
@@ -53,7 +53,7 @@ def draw_car(rng: np.random.Generator) -> Car:
     """Draw a car: its mass, its engine, its brakes."""
     return Car(
         gain=rng.uniform(0.028, 0.040),
-        brake=rng.uniform(0.07, 0.11),
+        brake=rng.uniform(0.11, 0.16),
         rolling=rng.uniform(0.13, 0.2),
         drag=rng.uniform(2.6e-4, 3.8e-4),
         first_lag=rng.uniform(0.06, 0.14),

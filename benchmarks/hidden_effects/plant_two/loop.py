@@ -12,7 +12,7 @@ from benchmarks.hidden_effects.plant_two.car import BRAKES, REVOLUTIONS, SHIFTS,
 from benchmarks.hidden_effects.plant_two.driver import answering
 from benchmarks.hidden_effects.plant_two.plan import STEP, Plan, chance, cut_in_at, hung, remnant_of
 from benchmarks.hidden_effects.plant_two.road import KNOT, TRAFFIC, hills, wind
-from benchmarks.hidden_effects.plant_two.shapes import above, window
+from benchmarks.hidden_effects.plant_two.shapes import above, switch, window
 from benchmarks.hidden_effects.planted import Array
 
 # m; bumpers do not pass through each other
@@ -29,6 +29,10 @@ RESTING = 0.4
 # acceleration)
 BEHIND_LEAD, STANDSTILL, PULL, DAMP = 1.6, 4.0, 0.12, 0.6
 HARDEST, FIRMEST = -3.0, 1.5
+# The car's emergency brake: m/s², and the gap that it keeps free: m, s at the own speed, s at the closing speed. A linear
+# driver who follows a lead at 5 m/s would touch it once in some ten minutes.
+EMERGENCY = 4.0
+FREE, FREE_OWN, FREE_CLOSING = 1.5, 0.35, 1.0
 
 
 class Driven(NamedTuple):
@@ -89,6 +93,7 @@ def driven(plan: Plan) -> Driven:
             pedal = throttle = min(max(x * held, 0.0), 100.0)
             # below the floor the foot crosses to the brake: softly within 1 %
             brake = car.brake * above(BRAKES - x, 0.0, 0.2) if x < 0.0 else 0.0
+        brake += EMERGENCY * switch(FREE + FREE_OWN * v + FREE_CLOSING * max(-w, 0.0) - gap, 0.25)
         pressed = brake > 0.05
         if rest(t):
             brake, pressed = brake + RESTING, True

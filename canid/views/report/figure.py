@@ -69,7 +69,9 @@ def times(t: Array) -> list[float]:
     return [round(x, 3) for x in t.tolist()]
 
 
-def line(x: list[Any], y: Array, name: str, colour: str, *, axes: tuple[str, str] = ("x", "y"), **more: Any) -> Spec:
+def line(
+    x: list[Any], y: Array, name: str, colour: str, *, axes: tuple[str, str] = ("x", "y"), **more: Any
+) -> Spec:
     """Draw a line. One name is one entry in the legend, and clicking it hides all that have it."""
     return {
         "type": "scatter", "mode": "lines", "x": x, "y": listed(y), "name": name, "legendgroup": name,
@@ -80,8 +82,8 @@ def line(x: list[Any], y: Array, name: str, colour: str, *, axes: tuple[str, str
 def axis(title: str = "", **more: Any) -> Spec:
     """An axis in the style of the page."""
     return {
-        "title": {"text": title, "standoff": 6, "font": {"size": 12}}, "gridcolor": "@grid", "linecolor": "@rule", "showline": True,
-        "ticks": "outside", "ticklen": 3, "tickcolor": "@rule", "zeroline": False, "automargin": False, **more,
+        "title": {"text": title, "standoff": 6, "font": {"size": 12}}, "gridcolor": "@grid", "zeroline": False,
+        "linecolor": "@rule", "showline": True, "ticks": "outside", "ticklen": 3, "tickcolor": "@rule", **more,
     }  # fmt: skip
 
 
@@ -91,7 +93,8 @@ def layout(axes: Mapping[str, Spec], **more: Any) -> Spec:
         "margin": dict(MARGIN), "paper_bgcolor": "@page", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "closest",
         "font": {"family": "system-ui, 'Segoe UI', 'DejaVu Sans', sans-serif", "size": 12, "color": "@ink"},
         "hoverlabel": {"bgcolor": "@panel", "bordercolor": "@rule", "font": {"color": "@ink"}},
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "top", "yref": "container"},
+        "legend": {"orientation": "h", "font": {"size": 11}, "x": 0, "xanchor": "left", "xref": "container",
+                   "y": 1, "yanchor": "top", "yref": "container"},
         "dragmode": "zoom", **axes, **more,
     }  # fmt: skip
 
@@ -125,6 +128,23 @@ def note(text: str, x: float, y: float, **more: Any) -> Spec:
 def dashed(**where: Any) -> Spec:
     """A dashed line: a threshold."""
     return {"type": "line", "line": {"color": "@muted", "width": 1, "dash": "dash"}, **where}
+
+
+def running_rms(x: Array, samples: int) -> Array:
+    """Root mean square over the samples around each one; NaN where half of them or more are not measured.
+
+    Example:
+        >>> running_rms(np.array([0.0, 3.0, 3.0, 3.0, np.nan, np.nan]), 3).round(2)
+        array([2.12, 2.45, 3.  , 3.  ,  nan,  nan])
+    """
+    known = np.isfinite(x)
+    window = np.ones(min(samples, len(x)))
+    here = np.convolve(np.ones(len(x)), window, "same")
+    count = np.convolve(known, window, "same")
+    total = np.convolve(np.where(known, x, 0.0) ** 2, window, "same")
+    mean: Array = np.divide(total, count, out=np.full(len(x), math.nan), where=count > here / 2)
+    running: Array = np.sqrt(np.maximum(mean, 0.0))
+    return running
 
 
 def rms(x: Array) -> float:

@@ -45,24 +45,37 @@ def frequency(report: Report) -> Figure | None:
     x = listed(of.frequency[up])
     low, high = math.log10(of.frequency[up][0]), math.log10(of.frequency[-1])
     rows_of = [*of.coherence_before.values(), *of.coherence_after.values()]
-    most = min(max([LEAST_COHERENCE, *(1.1 * float(np.nanmax(c[up])) for c in rows_of if np.isfinite(c[up]).any())]), 1.0)
+    most = min(
+        max([LEAST_COHERENCE, *(1.1 * float(np.nanmax(c[up])) for c in rows_of if np.isfinite(c[up]).any())]),
+        1.0,
+    )
     data: list[Spec] = []
     axes: Spec = {}
     titles, shapes = [], []
     for k in range(1 + len(names)):
         ends = (f"x{suffix(k)}", f"y{suffix(k)}")
         column, row = columns[k % across], rows[k // across]
-        pair = (of.before, of.after) if k == 0 else (of.coherence_before[names[k - 1]], of.coherence_after[names[k - 1]])
+        pair = (
+            (of.before, of.after)
+            if k == 0
+            else (of.coherence_before[names[k - 1]], of.coherence_after[names[k - 1]])
+        )
         data += _pair(report, x, (pair[0][up], pair[1][up]), ends, first=k == 0)
         axes[f"xaxis{suffix(k)}"] = axis(
             "frequency (Hz)" if k + across >= 1 + len(names) else "",
             type="log", range=[low, high], domain=column, anchor=ends[1],
             tickvals=TICKS, ticktext=[f"{f:g}" for f in TICKS], tickangle=0, hoverformat=".3g", matches="x" if k else None,
         )  # fmt: skip
-        scale = {"type": "log", "dtick": 1, "tickformat": "~g"} if k == 0 else {"range": [0, most], "nticks": 5}
+        scale = (
+            {"type": "log", "dtick": 1, "tickformat": "~g"} if k == 0 else {"range": [0, most], "nticks": 5}
+        )
         axes[f"yaxis{suffix(k)}"] = axis("", domain=row, anchor=ends[0], hoverformat=".2g", **scale)
-        title = f"spectrum of the residual ({unit})" if k == 0 else f"coherence with {spoken(names[k - 1])} (0 to 1)"
-        titles.append(note(title, column[0], row[1], xanchor="left", yanchor="bottom", font={"size": 11, "color": "@ink"}))
+        title = f"spectrum ({unit})" if k == 0 else f"coherence with {spoken(names[k - 1])}"
+        titles.append(
+            note(
+                title, column[0], row[1], xanchor="left", yanchor="bottom", font={"size": 11, "color": "@ink"}
+            )
+        )
         if k and math.isfinite(of.level):
             shapes.append(
                 dashed(xref=f"{ends[0]} domain", yref=ends[1], x0=0, x1=1, y0=of.level, y1=of.level)
@@ -78,7 +91,9 @@ def frequency(report: Report) -> Figure | None:
     )
 
 
-def _pair(report: Report, x: list[float], pair: tuple[Array, Array], ends: tuple[str, str], *, first: bool) -> list[Spec]:
+def _pair(
+    report: Report, x: list[float], pair: tuple[Array, Array], ends: tuple[str, str], *, first: bool
+) -> list[Spec]:
     before = "baseline" if report.findings else "simulation"
     lines = [line(x, pair[0], before, "before", axes=ends, showlegend=first)]
     if report.findings:
@@ -94,7 +109,10 @@ def _says(report: Report, of: Spectra) -> str:
         if report.findings:
             text += f" before and {_bands(of.frequency[up], of.coherence_after[name][up] > of.level)} after"
         says.append(text + ".")
-    total = [number(float(np.sqrt(np.trapezoid(s, of.frequency))), role_unit(report.output)) for s in (of.before, of.after)]
+    total = [
+        number(float(np.sqrt(np.trapezoid(s, of.frequency))), role_unit(report.output))
+        for s in (of.before, of.after)
+    ]
     power = " → ".join(total if report.findings else total[:1])
     return (
         f"Dashed: {number(of.level)}, above which a coherence is no chance (99 %). Where the residual follows an input, the "

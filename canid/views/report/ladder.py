@@ -37,7 +37,9 @@ def ladder(report: Report) -> Figure | None:
     names = order(report)
     place = {name: len(names) - 1 - k for k, name in enumerate(names)}
     columns = spans(len(steps), 0.03)
-    top = max((_root(x) for row in report.tried for x in (row.evidence, row.expected, row.needed)), default=1.0)
+    top = max(
+        (_root(x) for row in report.tried for x in (row.evidence, row.expected, row.needed)), default=1.0
+    )
     data: list[Spec] = []
     axes: Spec = {
         "yaxis": axis(
@@ -50,12 +52,18 @@ def ladder(report: Report) -> Figure | None:
         rows = [row for row in report.tried if row.step == step]
         data += _bars(rows, place, f"x{suffix(k)}", every=report.tried, first=k == 0)
         axes[f"xaxis{suffix(k)}"] = axis(
-            "evidence, 2 Δ log likelihood", domain=columns[k], range=[0, 1.06 * top], fixedrange=True, **_ticks(top)
+            "evidence, 2 Δ log likelihood",
+            domain=columns[k],
+            range=[0, 1.06 * top],
+            fixedrange=True,
+            **_ticks(top),
         )
         titles.append(
             note(_step_title(report, step), columns[k][0], 1.0, xanchor="left", yanchor="bottom", yshift=2)
         )
-    brackets = [shape for finding in report.findings for shape in _bracket((finding.effect, *finding.rivals), place)]
+    brackets = [
+        shape for finding in report.findings for shape in _bracket((finding.effect, *finding.rivals), place)
+    ]
     return Figure(
         "ladder",
         "Evidence for each cause",
@@ -79,7 +87,9 @@ def order(report: Report) -> list[str]:
     for row in report.tried:
         known = row.evidence if math.isfinite(row.evidence) else -math.inf
         best[row.effect] = max(best.get(row.effect, -math.inf), known)
-    first = [name for finding in report.findings for name in (finding.effect, *finding.rivals) if name in best]
+    first = [
+        name for finding in report.findings for name in (finding.effect, *finding.rivals) if name in best
+    ]
     return list(dict.fromkeys([*first, *sorted(best, key=lambda name: -best[name])]))
 
 
@@ -109,10 +119,14 @@ def _bars(
     needed = {"symbol": "line-ns", "size": 11, "line": {"width": 2, "color": "@before"}}
     expected = {"symbol": "diamond-open", "size": 7, "color": "@ink"}
     for name, values, marker in (
-        ("needed, all candidates counted", [r.needed for r in rows], needed),
-        ("a typical strength would give", [r.expected for r in rows], expected),
+        ("needed", [r.needed for r in rows], needed),
+        ("expected at a typical strength", [r.expected for r in rows], expected),
     ):
-        known = [(_root(x), place[r.effect], number(x)) for x, r in zip(values, rows, strict=True) if math.isfinite(x)]
+        known = [
+            (_root(x), place[r.effect], number(x))
+            for x, r in zip(values, rows, strict=True)
+            if math.isfinite(x)
+        ]
         data.append({
             "type": "scatter", "mode": "markers", "x": [x for x, _, _ in known], "y": [y for _, y, _ in known],
             "name": name, "legendgroup": name, "marker": marker, "xaxis": xaxis, "yaxis": "y", "showlegend": first,
@@ -124,8 +138,9 @@ def _bars(
 def _written(rows: Sequence[Tried], place: dict[str, int], xaxis: str) -> Spec:
     """Where no bar can be, the reason stands in words."""
     return {
-        "type": "scatter", "mode": "text", "x": [0.0] * len(rows), "y": [place[r.effect] for r in rows],
-        "text": [" not testable"] * len(rows), "textposition": "middle right", "xaxis": xaxis, "yaxis": "y",
+        "type": "scatter", "mode": "text", "xaxis": xaxis, "yaxis": "y",
+        "x": [max(_root(r.expected), _root(r.needed)) for r in rows], "y": [place[r.effect] for r in rows],
+        "text": ["  not testable"] * len(rows), "textposition": "middle right",
         "textfont": {"size": 10, "color": "@muted"}, "hovertext": [r.why for r in rows], "hoverinfo": "text",
         "showlegend": False, "cliponaxis": False,
     }  # fmt: skip

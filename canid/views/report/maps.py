@@ -67,7 +67,10 @@ def _colours(unit: str, largest: float) -> Spec:
     return {
         "cmin": -largest, "cmax": largest, "cmid": 0.0,
         "colorscale": [[0.0, "@low"], [0.5, "@page"], [1.0, "@high"]],
-        "colorbar": {"title": {"text": f"mean ({unit})", "side": "right"}, "thickness": 12, "outlinewidth": 0, "x": 1.01},
+        "colorbar": {
+            "title": {"text": f"mean ({unit})", "side": "right", "font": {"size": 12}}, "tickfont": {"size": 11},
+            "thickness": 12, "outlinewidth": 0, "x": 1.01, "ypad": 0,
+        },
     }  # fmt: skip
 
 
@@ -84,6 +87,8 @@ def _says(of: OperatingMap, sides: list[tuple[str, Array]], unit: str) -> str:
     says = f"Largest mean residual: {number(float(before[i, j]), unit)} at {cell} ({there} there)"
     if len(sides) > 1:
         says += f", with the extended model {number(float(sides[1][1][i, j]), unit)}"
-    spread = [number(float(np.sqrt(np.nansum(z**2 * of.seconds) / np.nansum(of.seconds))), unit) for _, z in sides]
+    spread = [
+        number(float(np.sqrt(np.nansum(z**2 * of.seconds) / np.nansum(of.seconds))), unit) for _, z in sides
+    ]
     says += f". Weighted by time, the map's rms is {' → '.join(spread)}."
     return says + " Blank: never there, or too briefly. A pattern, not a single cell, points to a cause."

@@ -5,6 +5,7 @@
   const figures = JSON.parse(document.getElementById("figures").textContent);
   const plots = [...document.querySelectorAll(".plot")];
   const PAPER = 700; // px: what @page leaves of A4 at 96 px per inch
+  const LOWER = 0.8; // on paper figures are narrower, and may be lower: fewer gaps at the ends of pages
   const CONFIG = {
     displaylogo: false,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
@@ -22,32 +23,28 @@
     return Object.fromEntries(Object.entries(value).map(([key, x]) => [key, painted(x, colour)]));
   };
 
-  const draw = (plot, width) => {
+  const draw = (plot, width, scale = 1) => {
     const style = getComputedStyle(root);
     const { data, layout, height } = figures[plot.dataset.figure];
     const of = painted({ data, layout }, (name) => style.getPropertyValue(`--${name}`).trim());
     // what the reader has zoomed stays zoomed
-    return Plotly.react(plot, of.data, { ...of.layout, width, height, uirevision: "kept" }, CONFIG);
+    return Plotly.react(plot, of.data, { ...of.layout, width, height: scale * height, uirevision: "kept" }, CONFIG);
   };
-  const drawAll = (width) => plots.map((plot) => draw(plot, width ?? plot.clientWidth));
+  const drawAll = () => plots.forEach((plot) => draw(plot, plot.clientWidth));
 
-  let closed = [];
   window.addEventListener("beforeprint", () => {
     root.classList.add("paper");
-    closed = [...document.querySelectorAll("details:not([open])")];
-    closed.forEach((details) => { details.open = true; });
-    drawAll(PAPER);
+    plots.forEach((plot) => draw(plot, PAPER, LOWER));
   });
   window.addEventListener("afterprint", () => {
     root.classList.remove("paper");
-    closed.forEach((details) => { details.open = false; });
     drawAll();
   });
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => drawAll());
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
   let waiting = 0;
   window.addEventListener("resize", () => {
     window.clearTimeout(waiting);
-    waiting = window.setTimeout(() => drawAll(), 150);
+    waiting = window.setTimeout(drawAll, 150);
   });
 
   // one after another, so that the page can be read and scrolled meanwhile

@@ -8,6 +8,7 @@ import numpy as np
 
 from canid.findings import Flags, Report
 from canid.types import Array
+from canid.views.diagnosed import step
 from canid.views.measures import number, role_unit, spoken, stretch
 from canid.views.report.figure import (
     MARGIN,
@@ -18,6 +19,7 @@ from canid.views.report.figure import (
     line,
     note,
     rms,
+    running_rms,
     spans,
     suffix,
     times,
@@ -25,10 +27,12 @@ from canid.views.report.figure import (
 from canid.views.report.thinning import MOST, kept
 
 # px
-STRIP_HEIGHT = 440
+STRIP_HEIGHT = 540
 WINDOW_HEIGHT = 190
 # windows side by side: three are still readable on A4
 WINDOWS_ACROSS = 3
+# s of the running rms: longer than the driver's noise, shorter than a manoeuvre
+WINDOW = 15.0
 
 
 def strip(report: Report) -> Figure | None:
@@ -39,18 +43,15 @@ def strip(report: Report) -> Figure | None:
     unit = role_unit(report.output)
     close = inside(report.t, [(w.start, w.stop) for w in report.worst])
     found = bool(report.findings)
-    residuals = {"before": report.measured - before, "after": report.measured - after}
-    data = [
-        _drawn(report.t, report.measured, close, "measured", "measured", "y"),
-        _drawn(report.t, before, close, _before(report), "before", "y"),
-        *([_drawn(report.t, after, close, "extended simulation", "after", "y")] if found else []),
-        _drawn(report.t, residuals["before"], close, _before(report), "before", "y2", showlegend=False),
-    ]
-    if found:
+    sides = [("before", _before(report), before)] + [("after", "extended simulation", after)] * found
+    data = [_drawn(report.t, report.measured, close, "measured", "measured", "y")]
+    for colour, name, simulated in sides:
+        residual = report.measured - simulated
+        running = running_rms(np.where(report.used, residual, math.nan), _samples(report))
         data += [
-            _drawn(
-                report.t, residuals["after"], close, "extended simulation", "after", "y2", showlegend=False
-            )
+            _drawn(report.t, simulated, close, name, colour, "y"),
+            _drawn(report.t, residual, close, name, colour, "y2", showlegend=False),
+            _drawn(report.t, running, close, name, colour, "y3", showlegend=False),
         ]
     shapes = [
         *_shade([(w.start, w.stop) for w in report.worst], "worst windows", "worst"),
@@ -58,20 +59,27 @@ def strip(report: Report) -> Figure | None:
         *_shade(_unused(report), "left out: not usable", "shade-unused"),
     ]
     labels = [
-        note(str(k + 1), (w.start + w.stop) / 2, 1.0, xref="x", yanchor="top", font={"color": "@ink", "size": 12})
+        note(
+            str(k + 1),
+            (w.start + w.stop) / 2,
+            1.0,
+            xref="x",
+            yanchor="top",
+            font={"color": "@ink", "size": 12},
+        )
         for k, w in enumerate(report.worst)
     ]
-    top, bottom = (0.46, 1.0), (0.0, 0.40)
     axes = {
-        "xaxis": axis("time in the log (s)", anchor="y2", domain=[0, 1], hoverformat=".1f"),
-        "yaxis": axis(f"{spoken(report.output)} ({unit})", domain=top),
-        "yaxis2": axis(f"residual ({unit})", domain=bottom, zeroline=True, zerolinecolor="@rule"),
+        "xaxis": axis("time in the log (s)", anchor="y3", domain=[0, 1], hoverformat=".1f"),
+        "yaxis": axis(f"{spoken(report.output)} ({unit})", domain=[0.53, 1.0]),
+        "yaxis2": axis(f"residual ({unit})", domain=[0.23, 0.49], zeroline=True, zerolinecolor="@rule"),
+        "yaxis3": axis(f"its rms ({unit})", domain=[0.0, 0.19], rangemode="tozero", nticks=4),
     }
     return Figure(
         "strip",
         "Measured and simulated",
-        _strip_says(report, residuals["before"], residuals["after"]),
-        f"Two panels over time: {spoken(report.output)} measured and simulated, and the residual of the simulation",
+        _strip_says(report, report.measured - before, report.measured - after),
+        f"Three panels over time: {spoken(report.output)} measured and simulated, the residual, and its running rms",
         STRIP_HEIGHT,
         data,
         layout(axes, shapes=shapes, annotations=labels, hovermode="x"),
@@ -103,7 +111,9 @@ def windows(report: Report) -> Figure | None:
                 line(x, report.extended.simulated[at], "extended simulation", "after", axes=names, showlegend=first)
             )  # fmt: skip
         last_row = k + across >= len(report.worst)
-        axes[f"xaxis{suffix(k)}"] = axis("time (s)" if last_row else "", domain=column, anchor=names[1], nticks=5)
+        axes[f"xaxis{suffix(k)}"] = axis(
+            "time (s)" if last_row else "", domain=column, anchor=names[1], nticks=5
+        )
         title = f"{spoken(report.output)} ({unit})" if k % across == 0 else ""
         axes[f"yaxis{suffix(k)}"] = axis(title, domain=row, anchor=names[0], nticks=5)
         change = f"{number(window.before, unit)}"
@@ -147,6 +157,10 @@ def runs(flags: Flags) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def _samples(report: Report) -> int:
+    return max(round(WINDOW / step(report)), 1) if step(report) else 1
+
+
 def _before(report: Report) -> str:
     return "baseline simulation" if report.findings else "simulation"
 
@@ -176,10 +190,12 @@ def _shade(stretches: list[tuple[float, float]], name: str, colour: str) -> list
 def _strip_says(report: Report, before: Array, after: Array) -> str:
     unit = role_unit(report.output)
     used = report.used
-    says = f"The residual (measured minus simulated) has {number(rms(before[used]), unit)} rms with the baseline"
+    says = (
+        f"The residual (measured minus simulated) has {number(rms(before[used]), unit)} rms with the baseline"
+    )
     if report.findings:
         says += f" and {number(rms(after[used]), unit)} with the extended model"
-    says += " over the used samples."
+    says += f" over the used samples; the lowest panel has it over {number(WINDOW, 's')} around each instant."
     if report.worst:
         says += " Yellow, numbered: the worst windows, 1 the worst."
     masked, unused = sum(m.stop - m.start for m in report.masked), sum(b - a for a, b in _unused(report))

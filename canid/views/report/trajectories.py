@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from canid.findings import Report
+from canid.findings import Report, Trajectory
+from canid.types import Array
 from canid.views.measures import number, percent, role_unit, spoken
-from canid.views.report.figure import MARGIN, Figure, Spec, axis, layout, line, rms, spans, suffix, times
+from canid.views.report.figure import MARGIN, Figure, Spec, axis, layout, line, rms, suffix, times
 from canid.views.report.strip import inside
 from canid.views.report.thinning import MOST, kept
 
-ROW_HEIGHT = 190  # px
+ROW_HEIGHT = 270  # px, trajectory and error of one quantity
+# shares of a figure's height: between two panels, and of a quantity's own
+GAP = 0.03
+TRAJECTORY, ERROR = 0.58, 0.42
 
 
 def trajectories(report: Report) -> Figure | None:
@@ -16,29 +20,42 @@ def trajectories(report: Report) -> Figure | None:
     if not report.closed_loop:
         return None
     keep = inside(report.t, [(w.start, w.stop) for w in report.worst])
-    rows = spans(len(report.closed_loop), 0.07)[::-1]
+    panels = [panel for of in report.closed_loop for panel in _panels(report, of)]
     data: list[Spec] = []
     axes: Spec = {}
-    for k, of in enumerate(report.closed_loop):
-        pairs = [("measured", of.measured, "measured"), (_before(report), of.before, "before")]
-        pairs += [("extended model", of.after, "after")] if report.findings else []
-        for name, y, colour in pairs:
+    top = 1.0
+    room = 1.0 - GAP * (len(panels) - 1)
+    for k, (title, share, lines) in enumerate(panels):
+        height = room * share / len(report.closed_loop)
+        for name, y, colour in lines:
             at = kept(y, keep)
-            data.append(
-                line(times(report.t[at]), y[at], name, colour, axes=("x", f"y{suffix(k)}"), showlegend=k == 0)
-            )
-        axes[f"yaxis{suffix(k)}"] = axis(f"{spoken(of.role)} ({role_unit(of.role)})", domain=rows[k], hoverformat=".2f")
-    bottom = f"y{suffix(len(rows) - 1)}"
+            x, shown = times(report.t[at]), k == 0
+            data.append(line(x, y[at], name, colour, axes=("x", f"y{suffix(k)}"), showlegend=shown))
+        domain = [max(top - height, 0.0), top]
+        axes[f"yaxis{suffix(k)}"] = axis(title, domain=domain, hoverformat=".2f", nticks=5)
+        top -= height + GAP
+    bottom = f"y{suffix(len(panels) - 1)}"
     axes["xaxis"] = axis("time in the log (s)", anchor=bottom, domain=[0, 1], hoverformat=".1f")
     return Figure(
         "closed-loop",
         "Trajectories in closed loop",
         _says(report),
-        f"{' and '.join(spoken(of.role) for of in report.closed_loop)} over time, measured and simulated in closed loop",
-        MARGIN["t"] + MARGIN["b"] + ROW_HEIGHT * len(rows),
+        f"{' and '.join(spoken(of.role) for of in report.closed_loop)} over time: measured, simulated in closed loop, error",
+        MARGIN["t"] + MARGIN["b"] + ROW_HEIGHT * len(report.closed_loop),
         data,
         layout(axes, hovermode="x"),
     )
+
+
+def _panels(report: Report, of: Trajectory) -> list[tuple[str, float, list[tuple[str, Array, str]]]]:
+    """The trajectory, and under it its error: title, share of the height, lines with name and colour."""
+    sides = [(_before(report), of.before, "before")]
+    sides += [("extended model", of.after, "after")] if report.findings else []
+    unit = role_unit(of.role)
+    return [
+        (f"{spoken(of.role)} ({unit})", TRAJECTORY, [("measured", of.measured, "measured"), *sides]),
+        (f"error ({unit})", ERROR, [(name, y - of.measured, colour) for name, y, colour in sides]),
+    ]
 
 
 def _before(report: Report) -> str:
@@ -57,5 +74,7 @@ def _says(report: Report) -> str:
             )
         says += "."
     if len(report.t) > MOST:
-        says += " Lines are thinned to the extremes of each bucket; in the worst windows every sample is drawn."
+        says += (
+            " Lines are thinned to the extremes of each bucket; in the worst windows every sample is drawn."
+        )
     return says

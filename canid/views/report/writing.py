@@ -10,7 +10,17 @@ from markupsafe import Markup
 
 from canid.findings import Report, Verdict
 from canid.views.diagnosed import duration, used_time
-from canid.views.measures import decimals, measure, number, percent, role_unit, shifted, spoken, stretch
+from canid.views.measures import (
+    decimals,
+    either,
+    measure,
+    number,
+    percent,
+    role_unit,
+    shifted,
+    spoken,
+    stretch,
+)
 from canid.views.report.figure import script
 from canid.views.report.frequency import frequency
 from canid.views.report.ladder import OUTCOMES, ladder
@@ -50,7 +60,14 @@ def page(report: Report) -> str:
         >>> "drive longer" in page(short)
         True
     """
-    drawn = (strip(report), windows(report), *maps(report), frequency(report), ladder(report), trajectories(report))
+    drawn = (
+        strip(report),
+        windows(report),
+        *maps(report),
+        frequency(report),
+        ladder(report),
+        trajectories(report),
+    )
     figures = [figure for figure in drawn if figure is not None]
     plotly = _plotly() if figures else None
     environment = Environment(
@@ -61,7 +78,7 @@ def page(report: Report) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        measure=measure, percent=percent, number=number, spoken=spoken, decimals=decimals, undecided=_undecided
+        measure=measure, percent=percent, number=number, spoken=spoken, decimals=decimals, either=either
     )
     return environment.get_template("page.html.j2").render(
         report=report,
@@ -82,10 +99,6 @@ def page(report: Report) -> str:
         style=_text("page.css"),
         script=_text("page.js"),
     )
-
-
-def _undecided(effects: tuple[str, ...]) -> str:
-    return " or ".join(spoken(effect) for effect in effects)
 
 
 def _text(name: str) -> Markup:

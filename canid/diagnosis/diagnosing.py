@@ -1,0 +1,341 @@
+"""A drive in, a report out: what the simulation gets wrong, the cause, the better model, and what it gains."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis import gate, held_out, intervals, masks, naming, residual, separable
+from canid.diagnosis.driver_data import DriverData, prepare
+from canid.diagnosis.naming import Named, Search
+from canid.diagnosis.solved import Solved, baseline
+from canid.effects import CATALOGUE
+from canid.effects.cause import Effect
+from canid.findings import (
+    Blocked,
+    Check,
+    Finding,
+    Fit,
+    Flags,
+    Masked,
+    NotTestable,
+    Report,
+    Tried,
+    Verdict,
+    no_fit,
+)
+from canid.types import NAN, Array, Gate, Interval, Trace
+
+# s of driving that a diagnosis needs: less than two minutes tell no cause from chance (evidence grows with time)
+LEAST = 90.0
+# m/s and output units; a lead that moves less excites nothing, an output that moves less answers nothing
+STILL_RATE, STILL_OUTPUT = 0.05, 1e-3
+# innovation over residual below which the output's noise has no content at this rate (a smoothed acceleration):
+# whitening it would amplify rounding, so every second sample is left out until it has
+CONTENT = 0.04
+COARSEST = 0.8  # s
+
+
+class Prepared(NamedTuple):
+    """A drive that can be diagnosed."""
+
+    trace: Trace
+    data: DriverData
+    fitted: Solved
+
+
+def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum: float = LEAST) -> Report:
+    """Diagnose a drive.
+
+    Args:
+        trace: from `read_trace`.
+        catalogue: the causes that may be named.
+        minimum: s of driving that must be there.
+
+    Returns:
+        a `Report`; what the drive cannot tell is a verdict, never an exception.
+
+    Example:
+        >>> import canid
+        >>> report = canid.diagnose(canid.read_trace("replay_logs/following_urban.blf", "generic"))
+        >>> report.verdict.value
+        'adequate'
+    """
+    usable, masked = masks.recognise(trace)
+    steps = [f"{trace.t.size} samples at {trace.dt:g} s"]
+    if masked:
+        lost = sum(m.stop - m.start for m in masked)
+        steps.append(f"masked before any fit: {lost:.0f} s ({', '.join(sorted({m.effect for m in masked}))})")
+    missing = lacking(trace, usable, masked, minimum)
+    if missing:
+        return nothing(trace, missing, masked, steps)
+    prepared = ready(trace, usable)
+    if prepared is None:
+        return nothing(
+            trace, "too few samples in a row in which a person drives behind a lead", masked, steps
+        )
+    if prepared.trace.dt > trace.dt * 1.5:
+        steps.append(
+            f"the output has no content above {0.5 / prepared.trace.dt:.2g} Hz: looked at every {prepared.trace.dt:.1f} s"
+        )
+    drivers = tuple(effect for effect in catalogue if effect.where == "driver" and effect.kind != "mask")
+    searched = naming.search_causes(prepared.data, drivers, prepared.fitted)
+    assert searched is not None
+    return _report(prepared, searched, drivers, masked, steps)
+
+
+def ready(trace: Trace, usable: Flags) -> Prepared | None:
+    """Fit the baseline at the rate at which the output has content."""
+    while True:
+        data = prepare(trace, usable)
+        fitted = baseline(data)
+        if fitted is None:
+            return None
+        left = (data.output.y - fitted.fitted.model)[data.output.usable & ~data.output.below]
+        if fitted.noise.sd >= CONTENT * float(np.std(left)) or 2 * trace.dt > COARSEST + 1e-9:
+            return Prepared(trace, data, fitted)
+        trace, usable = thinned(trace), usable[::2]
+
+
+def thinned(trace: Trace) -> Trace:
+    """Every second sample."""
+    return trace._replace(
+        dt=2 * trace.dt,
+        t=trace.t[::2],
+        output=trace.output[::2],
+        inputs=trace.inputs[::2],
+        gate=trace.gate[::2],
+        learn=trace.learn[::2],
+        segment=trace.segment[::2],
+        signals={role: x[::2] for role, x in trace.signals.items()},
+    )
+
+
+def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: float) -> str:
+    """Say what is missing for a diagnosis, and what to do; "": nothing."""
+    need = f"drive {minimum / 60:.2g} min or more behind a lead whose speed changes"
+    if trace.input_names != ("headway_error", "range_rate"):
+        return "the diagnosis knows car following only: this vehicle's task is another one"
+    n = trace.t.size
+    if n * trace.dt < minimum:
+        return f"the log lasts {n * trace.dt:.0f} s; {need}"
+    for role in ("speed", "gap", "range_rate"):
+        known = np.isfinite(trace.signals.get(role, np.full(n, NAN)))
+        if known.sum() * trace.dt < minimum:
+            what = "no lead" if role != "speed" and known.any() else f"no {role}"
+            return f"{what}: `{role}` is there for {known.sum() * trace.dt:.0f} s only; {need}"
+    if np.isfinite(trace.output).sum() * trace.dt < minimum:
+        return "the driver's output is not in the log; map it in the vehicle file ([driver] output)"
+    follows = np.array([g in (Gate.OPEN, Gate.PEDAL_FLOOR, Gate.BRAKE) for g in trace.gate])
+    seconds = float((usable & follows).sum() * trace.dt)
+    if seconds < minimum:
+        why = sorted({m.effect for m in masked})
+        because = f" (the rest: {', '.join(why)})" if why else ""
+        return f"a person follows a lead for {seconds:.0f} s only{because}; {need}"
+    here = usable & follows & np.isfinite(trace.output) & np.isfinite(trace.signals["range_rate"])
+    if float(np.std(trace.output[here])) < STILL_OUTPUT:
+        return "the driver's output never moves: is it the right signal, and does a person drive?"
+    if float(np.std(trace.signals["range_rate"][here])) < STILL_RATE:
+        return f"the lead's speed never changes, so nothing is answered; {need}"
+    return ""
+
+
+def nothing(trace: Trace, why: str, masked: tuple[Masked, ...], steps: list[str]) -> Report:
+    """Report that there is not enough to say anything."""
+    n = trace.t.size
+    return Report(
+        verdict=Verdict.NOT_ENOUGH_DATA, says=f"NOT ENOUGH DATA: {why}", output=masks.output_role(trace), t=trace.t,
+        measured=trace.output, used=np.zeros(n, dtype=bool), baseline=no_fit(n), extended=no_fit(n), findings=(),
+        unexplained=Interval(), gain=Interval(), not_testable=(), candidates_tried=0, tried=(), checks=(),
+        masked=masked, blocks=(), worst=(), maps=(), spectra=None, closed_loop=(), shifts={}, advice=(why,),
+        steps=(*steps, "stopped: not enough data"),
+    )  # fmt: skip
+
+
+def _report(
+    prepared: Prepared,
+    searched: Search,
+    drivers: tuple[Effect, ...],
+    masked: tuple[Masked, ...],
+    steps: list[str],
+) -> Report:
+    trace, original = prepared.trace, prepared.data
+    dt = trace.dt
+    before, solved = searched.before, searched.solved
+    held = gate.look(searched.data, solved)
+    before_out = before.fitted.model
+    after_out = held_out.simulated(searched, searched.data, solved, searched.wander)
+    used = original.output.usable & ~original.output.below
+    base = _fit(before, before_out, original, dt)
+    extended = _fit(solved, after_out, original, dt)
+    errors = held_out.errors(original, searched) if searched.named else None
+    total = Interval() if errors is None else held_out.gain(*errors, dt)
+    fitted = intervals.parameters(solved, dt)
+    findings = tuple(_finding(one, searched, original, fitted, held.passed, total) for one in searched.named)
+    verdict = _verdict(findings, held.passed)
+    priced = separable.shown(drivers, original, before)
+    expected = {one.effect.id: one.expected for one in priced}
+    undecided = separable.undecided(priced, len(drivers))
+    rivals = {rival for finding in findings for rival in finding.rivals}
+    tried = tuple(
+        Tried(
+            s.effect.id, s.effect.where, s.step, s.evidence, s.needed, expected.get(s.effect.id, NAN),
+            "accepted" if s.accepted else "rival" if s.effect.id in rivals else "rejected",
+            "" if s.accepted else "another one explained more" if s.evidence > s.needed else "chance does as much",
+        )
+        for s in searched.steps
+    )  # fmt: skip
+    r0 = np.where(used, original.output.y - before_out, 0.0)
+    r1 = np.where(used, original.output.y - after_out, 0.0)
+    seen = original.seen
+    steps = [
+        *steps,
+        f"baseline fitted on {int(before.rows.sum())} samples; noise autoregressive of order {before.noise.A.size - 1}",
+        *(_step(one) for one in searched.named),
+        f"{len({s.effect.id for s in searched.steps})} causes fitted in full, {len(drivers)} looked at",
+        "gate passed" if held.passed else "gate failed: " + "; ".join(_failed(held)),
+    ]
+    says = _says(verdict, findings, held, total, len(drivers))
+    return Report(
+        verdict=verdict, says=says, output=masks.output_role(trace), t=trace.t, measured=trace.output, used=used,
+        baseline=base, extended=extended, findings=findings, unexplained=_unexplained(held), gain=total,
+        not_testable=tuple(undecided), candidates_tried=len(drivers), tried=tried,
+        checks=_gate_checks(held), masked=masked,
+        blocks=(Blocked("driver", _state(verdict), says),),
+        worst=residual.worst(trace.t, r0, r1, used, dt),
+        maps=(
+            residual.operating_map(("speed", seen.speed), ("headway", seen.headway), r0, r1, used, dt),
+            residual.operating_map(("range_rate", seen.range_rate), ("gap", seen.gap), r0, r1, used, dt),
+        ),
+        spectra=residual.spectra(r0, r1, {"headway_error": seen.headway, "range_rate": seen.range_rate}, used, dt),
+        closed_loop=(), shifts=_shifts(base, extended) if findings else {},
+        advice=tuple(dict.fromkeys(_advice(undecided, findings))), steps=tuple(steps),
+    )  # fmt: skip
+
+
+def _fit(solved: Solved, out: Array, data: DriverData, dt: float) -> Fit:
+    used = data.output.usable & ~data.output.below
+    y = data.output.y[used]
+    left = y - out[used]
+    spread = float(np.linalg.norm(y - y.mean()))
+    percent = 100 * (1 - float(np.linalg.norm(left)) / spread) if spread > 0 else NAN
+    shown = np.maximum(out, 0.0) if data.pedal else out
+    return Fit(intervals.channels(solved, dt), percent, shown, float(np.std(left)))
+
+
+def _finding(
+    one: Named,
+    searched: Search,
+    data: DriverData,
+    fitted: dict[str, dict[str, Interval]],
+    passed: bool,
+    gain: Interval,
+) -> Finding:
+    told = dict(fitted.get(one.effect.id, {}))
+    if one.told is not None:
+        told = {one.effect.parameters[0].name: one.told}
+    if one.episodes and one.effect.id != "pedal_ceiling":
+        told = _rhythm(one, float((data.output.usable.sum()) * data.output.dt))
+    says = one.effect.says
+    for name, iv in told.items():
+        says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+    return Finding(
+        effect=one.effect.id, where=one.effect.where, rivals=one.rivals, surrogate=not passed, parameters=told,
+        units={p.name: p.unit for p in one.effect.parameters}, gain=gain, says=says, evidence=one.evidence,
+        needed=one.needed, episodes=one.episodes,
+    )  # fmt: skip
+
+
+def _rhythm(one: Named, seconds: float) -> dict[str, Interval]:
+    """How often and how long, or at what interval, from the episodes themselves."""
+    starts = np.array([start for start, _ in one.episodes])
+    lengths = np.array([stop - start for start, stop in one.episodes])
+    n = len(lengths)
+    if one.effect.id == "act_and_wait":
+        gaps = np.diff(starts)
+        return {"interval": Interval(*(float(x) for x in np.quantile(gaps, (0.5, 0.25, 0.75))))}
+    rate = 60 * n / seconds
+    # a count's spread is its square root; a mean's that of its values over the root of their number
+    wide = 1.96 * rate / np.sqrt(n)
+    mean, sd = float(lengths.mean()), float(lengths.std(ddof=1) / np.sqrt(n)) if n > 1 else NAN
+    return {
+        "per_minute": Interval(rate, max(rate - wide, 0.0), rate + wide),
+        "duration": Interval(mean, mean - 1.96 * sd, mean + 1.96 * sd),
+    }
+
+
+def _verdict(findings: tuple[Finding, ...], passed: bool) -> Verdict:
+    if not passed:
+        return Verdict.UNEXPLAINED
+    if not findings:
+        return Verdict.ADEQUATE
+    return Verdict.ONE_OF if any(finding.rivals for finding in findings) else Verdict.NAMED
+
+
+def _state(verdict: Verdict) -> str:
+    return {Verdict.ADEQUATE: "adequate", Verdict.UNEXPLAINED: "unexplained"}.get(verdict, "wrong")
+
+
+def _failed(held: gate.Gate) -> list[str]:
+    failed = [f for f in held.families if f.p < held.bound and f.share >= gate.MATERIAL]
+    return [f"{f.says} (p {f.p:.1g}, {100 * f.share:.0f} % of the residual)" for f in failed]
+
+
+def _says(
+    verdict: Verdict, findings: tuple[Finding, ...], held: gate.Gate, gain: Interval, tried: int
+) -> str:
+    better = ""
+    if gain.value == gain.value:
+        better = f" Error variance {-100 * gain.value:+.0f} % [{-100 * gain.high:.0f}, {-100 * gain.low:.0f}] on data that did not fit it."
+    if verdict is Verdict.ADEQUATE:
+        return f"ADEQUATE: none of {tried} causes explains more than chance, and the residual holds nothing of the inputs."
+    if verdict is Verdict.UNEXPLAINED:
+        what = "; ".join(_failed(held))
+        helped = ", ".join(finding.effect for finding in findings)
+        surrogate = f" {helped} helps, but is not the cause." if findings else ""
+        return f"UNEXPLAINED: the residual holds {what}.{surrogate}{better}"
+    if verdict is Verdict.ONE_OF:
+        sets = " and ".join("one of {" + ", ".join((f.effect, *f.rivals)) + "}" for f in findings)
+        return f"ONE OF: {sets}.{better}"
+    return f"CAUSE: {' '.join(finding.says for finding in findings)}{better} The gate is passed."
+
+
+def _unexplained(held: gate.Gate) -> Interval:
+    """Share of the residual's variance that the strongest failed family would explain."""
+    failed = [f for f in held.families if f.p < held.bound and f.share >= gate.MATERIAL]
+    if not failed:
+        return Interval(0.0, 0.0, max((f.share for f in held.families), default=0.0))
+    worst = max(failed, key=lambda f: f.share)
+    # the statistic is a noncentral chi-squared: its standard deviation is sqrt(2 (k + 2 λ))
+    spread = 1.96 * float(np.sqrt(2 * (worst.dimensions + 2 * worst.statistic))) / max(worst.statistic, 1e-9)
+    return Interval(worst.share, max(worst.share * (1 - spread), 0.0), min(worst.share * (1 + spread), 1.0))
+
+
+def _gate_checks(held: gate.Gate) -> tuple[Check, ...]:
+    return tuple(
+        Check(f"gate: {f.name}", not (f.p < held.bound and f.share >= gate.MATERIAL), f.p, held.bound,
+              f"{f.says}: chance {f.p:.2g} over {f.dimensions} directions, {100 * f.share:.1f} % of the residual's variance")
+        for f in held.families
+    )  # fmt: skip
+
+
+def _shifts(before: Fit, after: Fit) -> dict[str, tuple[Interval, Interval]]:
+    out = {}
+    for name, channel in after.channels.items():
+        first = before.channels[name]
+        for what in ("K", "tau", "dead_time", "tau_plus_dead_time"):
+            out[f"{name} {what}"] = (getattr(first, what), getattr(channel, what))
+    return out
+
+
+def _step(one: Named) -> str:
+    return f"{one.effect.id} accepted: evidence {one.evidence:.0f}, needed {one.needed:.0f}"
+
+
+def _advice(undecided: list[NotTestable], findings: tuple[Finding, ...]) -> list[str]:
+    by = {effect.id: effect for effect in CATALOGUE}
+    rivals = [f"{f.effect}: {by[f.effect].decides}" for f in findings if f.rivals and by[f.effect].decides]
+    return rivals + [
+        f"{' or '.join(n.effects)}: {by[n.effects[0]].decides}" for n in undecided if by[n.effects[0]].decides
+    ]

@@ -1,0 +1,85 @@
+"""Intervals of a fitted driver and of his causes: as wide as the score really spreads, not as the likelihood believes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from canid.diagnosis.driver_model import K1, K2, TAU, THETA1, THETA2
+from canid.diagnosis.evidence import REACH, spread
+from canid.diagnosis.solved import Solved
+from canid.types import Array, Channel, Identifiable, Interval
+
+SIGMAS = 1.96
+# told as in the estimators: a gain at 3 standard deviations, the sum of both delays within 0.3 s, each within 0.1 s
+GAIN_KNOWN = 3.0
+SUM_KNOWN, EACH_KNOWN = 0.3, 0.12  # s
+
+
+def covariance(solved: Solved, dt: float) -> Array:
+    """Covariance of the free parameters (k, k): the sandwich (White 1982), nowhere narrower than the likelihood's."""
+    J, e = solved.fitted.jacobian, solved.fitted.scored.e
+    scale = np.linalg.norm(J, axis=0)
+    scale[scale == 0] = 1.0
+    J = J / scale
+    # a direction that the data do not know is wide, not singular
+    bread = np.linalg.inv(J.T @ J + 1e-8 * np.eye(J.shape[1]))
+    robust = bread @ spread(J * e[:, None], round(REACH / dt)) @ bread
+    plain = bread
+    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(plain), 1.0))
+    out: Array = plain * wider[:, None] * wider[None, :] / scale[:, None] / scale[None, :]
+    return out
+
+
+def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf) -> Interval:
+    """95 %, within what is possible.
+
+    Example:
+        >>> interval(0.1, 0.1, low=0.0)
+        Interval(value=0.1, low=0.0, high=0.296)
+    """
+    return Interval(float(value), float(max(value - SIGMAS * sd, low)), float(min(value + SIGMAS * sd, high)))
+
+
+def parameters(solved: Solved, dt: float) -> dict[str, dict[str, Interval]]:
+    """Intervals of every cause's parameters: effect id -> name -> interval."""
+    C = covariance(solved, dt)
+    place = {k: i for i, k in enumerate(solved.fitted.free)}
+    told: dict[str, dict[str, Interval]] = {}
+    for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
+        told[effect.id] = {
+            p.name: interval(solved.q[k], float(np.sqrt(C[place[k], place[k]])), p.low, p.high)
+            for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
+        }
+    return told
+
+
+def channels(solved: Solved, dt: float) -> Mapping[str, Channel]:
+    """The driver's two answers."""
+    C = covariance(solved, dt)
+    place = {k: i for i, k in enumerate(solved.fitted.free)}
+
+    def sd(*of: int) -> float:
+        index = [place[k] for k in of]
+        return float(np.sqrt(C[np.ix_(index, index)].sum()))
+
+    q = solved.q
+    out = {}
+    for name, gain, theta in (("headway_error", K1, THETA1), ("range_rate", K2, THETA2)):
+        if abs(q[gain]) < GAIN_KNOWN * sd(gain):
+            status = Identifiable.NOT
+        elif sd(TAU, theta) > SUM_KNOWN:
+            status = Identifiable.GAIN_ONLY
+        elif max(sd(TAU), sd(theta)) > EACH_KNOWN:
+            status = Identifiable.SUM_ONLY
+        else:
+            status = Identifiable.OK
+        out[name] = Channel(
+            K=interval(q[gain], sd(gain)),
+            tau=interval(q[TAU], sd(TAU), 0.0),
+            dead_time=interval(q[theta], sd(theta), 0.0),
+            tau_plus_dead_time=interval(q[TAU] + q[theta], sd(TAU, theta), 0.0),
+            status=status,
+        )
+    return out

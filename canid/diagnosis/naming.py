@@ -1,0 +1,206 @@
+"""Which causes, one after another, each refitted jointly with those before it, and each still needed at the end."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis import holds, likelihood, line, search, wander
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.evidence import needed
+from canid.diagnosis.search import Candidate
+from canid.diagnosis.solved import Solved, baseline, sized, solve
+from canid.effects.cause import Effect
+from canid.types import Array, Interval
+
+# causes that are looked for at most: with more, no drive of an hour tells them apart
+MOST = 4
+# 2 Δ log likelihood within which another cause explains the same data as well: a chance of 1 in 20 of e^3
+RIVAL = 6.0
+# s before an episode in which nothing of it is in the noise's memory yet
+EDGE = 0.5
+
+
+class Named(NamedTuple):
+    """One cause that was accepted."""
+
+    effect: Effect
+    evidence: float
+    needed: float
+    rivals: tuple[str, ...]
+    episodes: tuple[tuple[float, float], ...] = ()  # s
+    told: Interval | None = (
+        None  # of its one parameter, where that is not fitted (a wander's size, a ceiling)
+    )
+    level: float = np.nan
+
+
+class Step(NamedTuple):
+    """One candidate at one step."""
+
+    effect: Effect
+    step: int
+    evidence: float
+    needed: float
+    accepted: bool
+
+
+class Search(NamedTuple):
+    """What the search ended with."""
+
+    before: Solved  # the baseline, on all the data
+    data: DriverData  # with what was taken out of it: episodes masked, a wander subtracted, a ceiling marked
+    solved: Solved  # with all causes
+    named: tuple[Named, ...]
+    steps: tuple[Step, ...]
+    wander: wander.Wander | None
+    held: holds.Holds
+
+
+def search_causes(
+    data: DriverData, effects: tuple[Effect, ...], fitted: Solved | None = None
+) -> Search | None:
+    """Search, one cause after another; None: too few data for a baseline.
+
+    Args:
+        data: the driver's columns.
+        effects: candidates of the driver's block.
+        fitted: the baseline, where the caller has it.
+    """
+    before = baseline(data) if fitted is None else fitted
+    if before is None:
+        return None
+    by = {effect.id: effect for effect in effects}
+    m = len(effects)
+    solved, named, steps = before, list[Named](), list[Step]()
+    wandering: wander.Wander | None = None
+    held = holds.NONE
+    curves = tuple(effect for effect in effects if effect.kind == "curve" and effect.planted)
+    for step in range(1, MOST + 1):
+        if not held.effect:
+            found = holds.look(data, solved)
+            if found.effect in by:
+                held = found
+                data, solved = _without_holds(data, solved, found)
+                dt = data.output.dt
+                spans = tuple(
+                    (float(data.seen.t[a]), float(data.seen.t[b - 1]) + dt) for a, b in found.episodes
+                )
+                told = _told(found, data)
+                named.append(
+                    Named(by[found.effect], found.evidence, holds.NEEDED, (), spans, told, found.level)
+                )
+                steps.append(Step(by[found.effect], step, found.evidence, holds.NEEDED, True))
+                continue
+        options: list[tuple[float, Step, Candidate | wander.Wander]] = []
+        for candidate in search.candidates(curves, data, solved):
+            # a ceiling that was seen in the pedal itself needs no second one
+            if held.effect == "pedal_ceiling" and candidate.effect.id == "pedal_ceiling":
+                continue
+            bound = needed(candidate.parameters, m)
+            options.append(_option(candidate.effect, step, candidate.evidence, bound, candidate))
+        if "periodic_task" in by and not any(n.effect.id == "periodic_task" for n in named):
+            swing, bound = line.look(by["periodic_task"], data, solved, m)
+            if swing is not None:
+                options.append(_option(swing.effect, step, swing.evidence, bound, swing))
+        if "headway_drift" in by and wandering is None:
+            drift = wander.look(data, solved)
+            if drift is not None:
+                bound = needed(1, m)
+                options.append(_option(by["headway_drift"], step, drift.evidence, bound, drift))
+        options.sort(key=lambda option: -option[0])
+        won = bool(options) and options[0][0] > 0
+        steps += [option[1]._replace(accepted=won and k == 0) for k, option in enumerate(options)]
+        if not won:
+            break
+        _, first, best = options[0]
+        if isinstance(best, wander.Wander):
+            wandering = best
+            data = data._replace(output=data.output._replace(y=data.output.y - best.added))
+            solved = solve(data, solved.model.effects, solved.q, best.noise, solved.rows)
+            named.append(Named(first.effect, first.evidence, first.needed, (), (), best.sd))
+        else:
+            solved = best.solved
+            # the noise's size again, now that a cause is out of it
+            noise = sized(data, solved.fitted, solved.noise, solved.rows)
+            solved = solve(data, solved.model.effects, solved.q, noise, solved.rows)
+            named.append(Named(first.effect, first.evidence, first.needed, ()))
+    solved, named = _still_needed(data, solved, named, m)
+    named = [_with_rivals(one, data, solved, curves, m) for one in named]
+    return Search(before, data, solved, tuple(named), tuple(steps), wandering, held)
+
+
+def _option(
+    effect: Effect, step: int, evidence: float, bound: float, what: Candidate | wander.Wander
+) -> tuple[float, Step, Candidate | wander.Wander]:
+    return evidence - bound, Step(effect, step, evidence, bound, accepted=False), what
+
+
+def _told(found: holds.Holds, data: DriverData) -> Interval | None:
+    if found.effect == "pedal_ceiling":
+        half = holds.step_size(data.output.y[data.output.usable])
+        return Interval(found.level, found.level - half, found.level + half)
+    return None
+
+
+def _without_holds(data: DriverData, solved: Solved, found: holds.Holds) -> tuple[DriverData, Solved]:
+    """Take the episodes out of what is fitted: masked, or at a ceiling, where they tell only that the demand was above."""
+    n = data.seen.t.size
+    at = np.zeros(n, dtype=bool)
+    edge = round(EDGE / data.output.dt) if found.effect != "pedal_ceiling" else 0
+    for start, stop in found.episodes:
+        at[max(start - 1, 0) : min(stop + edge, n)] = True
+    output = data.output
+    if found.effect == "pedal_ceiling":
+        above = output.usable & ~output.below & (output.y >= found.level - 0.5 * holds.step_size(output.y))
+        output = output._replace(above=above, ceiling=found.level)
+    elif found.effect == "attention_gap":
+        output = output._replace(usable=output.usable & ~at, below=output.below & ~at)
+    data = data._replace(output=output)
+    rows = likelihood.counted(output, solved.noise.A.size - 1)
+    if int(rows.sum()) < 300:
+        return data, solved
+    return data, solve(data, solved.model.effects, solved.q, solved.noise, rows)
+
+
+def _still_needed(data: DriverData, solved: Solved, named: list[Named], m: int) -> tuple[Solved, list[Named]]:
+    """Drop what the others have made superfluous."""
+    while len(solved.model.effects) > 1:
+        priced = []
+        for effect in solved.model.effects:
+            without = _dropped(data, solved, effect)
+            candidate = search.priced_in(effect, solved, without, data.output.dt)
+            priced.append(
+                (candidate.evidence - needed(candidate.parameters, m), effect, without, candidate.evidence)
+            )
+        worst = min(priced, key=lambda one: one[0])
+        for _, effect, _, evidence in priced:
+            named = [n._replace(evidence=evidence) if n.effect.id == effect.id else n for n in named]
+        if worst[0] > 0:
+            break
+        solved = worst[2]
+        named = [n for n in named if n.effect.id != worst[1].id]
+    return solved, named
+
+
+def _dropped(data: DriverData, solved: Solved, effect: Effect) -> Solved:
+    """The model without one of its causes."""
+    kept = [
+        (e, w) for e, w in zip(solved.model.effects, solved.model.where, strict=True) if e.id != effect.id
+    ]
+    first = solved.model.where[0].start
+    q: Array = np.concatenate([solved.q[:first], *(solved.q[w] for _, w in kept)])
+    return solve(data, [e for e, _ in kept], q, solved.noise, solved.rows)
+
+
+def _with_rivals(one: Named, data: DriverData, solved: Solved, curves: tuple[Effect, ...], m: int) -> Named:
+    """Name the causes that explain the same as well as this one."""
+    fixed = tuple(rival for rival in one.effect.rivals)
+    if one.effect.id not in {effect.id for effect in solved.model.effects} or one.effect.kind != "curve":
+        return one._replace(rivals=fixed)
+    without = _dropped(data, solved, one.effect)
+    have = {effect.id for effect in solved.model.effects}
+    swaps = search.candidates(tuple(e for e in curves if e.id not in have), data, without)
+    close = [c.effect.id for c in swaps if c.solved.deviance - solved.deviance < RIVAL]
+    return one._replace(rivals=tuple(dict.fromkeys([*fixed, *close])))
