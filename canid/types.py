@@ -209,6 +209,39 @@ class Estimate(NamedTuple):
     headline: bool = False  # the one number to read, by the rule in docs/design.md
 
 
+# --- screened --------------------------------------------------------------------------------------
+
+
+class Watch(Enum):
+    """What can be said of one block of the loop just now. The member's value is its public name."""
+
+    FITS = "fits"
+    MISFIT = "misfit"
+    LEARNING = "learning"  # too little was seen of it to hold anything against it
+    UNSEEN = "unseen"  # nothing of it is to be seen just now
+
+
+class Watched(NamedTuple):
+    """One block of the loop: does its model still fit?"""
+
+    state: Watch
+    since: float  # s, since when it does not; NaN: it does, or nobody knows
+    says: str
+    evidence: float  # log of the strongest evidence against it
+    needed: float  # log of what would be a misfit
+
+
+class Screened(NamedTuple):
+    """Whether the models that were learnt over the last minutes still fit, and since when not."""
+
+    t: float
+    fits: bool  # no block is a misfit; true also while nothing can be said, see `blocks`
+    since: float  # s, since when the suspected block does not fit; before this session's start: negative; NaN: fits
+    block: str  # the suspected one: "driver", "vehicle" or "sensing"; "": none
+    says: str
+    blocks: Mapping[str, Watched]
+
+
 S = TypeVar("S")
 
 

@@ -287,9 +287,13 @@ def _says(
 ) -> str:
     better = ""
     if gain.value == gain.value:
-        better = f" Error variance {-100 * gain.value:+.0f} % [{-100 * gain.high:.0f}, {-100 * gain.low:.0f}] on data that did not fit it."
+        change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
+        better = f" Error variance {change:+.0f} % [{low:+.0f}, {high:+.0f}] on data that did not fit it."
     if verdict is Verdict.ADEQUATE:
-        return f"ADEQUATE: none of {tried} causes explains more than chance, and the residual holds nothing of the inputs."
+        return (
+            f"ADEQUATE: none of {tried} causes explains more than chance, "
+            "and the residual holds nothing of the inputs."
+        )
     if verdict is Verdict.UNEXPLAINED:
         what = "; ".join(_failed(held))
         helped = ", ".join(finding.effect for finding in findings)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from canid.diagnosis.driver_model import K1, K2, TAU, THETA1, THETA2
+from canid.diagnosis.driver_model import HIGH, K1, K2, TAU, THETA1, THETA2
 from canid.diagnosis.evidence import REACH, spread
 from canid.diagnosis.solved import Solved
 from canid.types import Array, Channel, Identifiable, Interval
@@ -77,9 +77,9 @@ def channels(solved: Solved, dt: float) -> Mapping[str, Channel]:
             status = Identifiable.OK
         out[name] = Channel(
             K=interval(q[gain], sd(gain)),
-            tau=interval(q[TAU], sd(TAU), 0.0),
-            dead_time=interval(q[theta], sd(theta), 0.0),
-            tau_plus_dead_time=interval(q[TAU] + q[theta], sd(TAU, theta), 0.0),
+            tau=interval(q[TAU], sd(TAU), 0.0, HIGH[TAU]),
+            dead_time=interval(q[theta], sd(theta), 0.0, HIGH[theta]),
+            tau_plus_dead_time=interval(q[TAU] + q[theta], sd(TAU, theta), 0.0, HIGH[TAU] + HIGH[theta]),
             status=status,
         )
     return out

@@ -46,12 +46,12 @@ def operating_map(
     b = np.clip(np.searchsorted(edges[1], y[1][used]) - 1, 0, BINS - 1)
     cell = a * BINS + b
     count = np.bincount(cell, minlength=BINS * BINS)
-    seconds: Array = (count * dt).reshape(BINS, BINS)
+    seconds = np.asarray((count * dt).reshape(BINS, BINS), dtype=np.float64)
     means = []
     for r in (before, after):
         total = np.bincount(cell, weights=r[used], minlength=BINS * BINS)
         mean = (total / np.maximum(count, 1)).reshape(BINS, BINS)
-        means.append(np.where(seconds >= SEEN_FOR, mean, np.nan))
+        means.append(np.asarray(np.where(seconds >= SEEN_FOR, mean, np.nan), dtype=np.float64))
     return OperatingMap(x[0], y[0], edges[0], edges[1], means[0], means[1], seconds)
 
 

@@ -12,7 +12,7 @@ threshold, in looks. K of them side by side need K times the threshold.
 A margin makes the null wider: a model that is off by a share |ρ| ≤ margin of z (e = ρ z + noise) still fits. With
 m ≥ 0 what the margin leaves, the bet is on ψ(e − m). It stays fair: for e = ±a, f(x) = exp(x − x²/2), p = ψ(a − m) and
 −q = ψ(−a − m) we have q ≥ |p|, and f(p) + f(−q) ≤ 2: f rises up to 1, so for p ≤ 1 it is at most
-f(p) + f(−p) = 2 exp(−p²/2) cosh p ≤ 2, and for p > 1 at most f(1) + f(−1) < 2.
+f(|p|) + f(−|p|) = 2 exp(−p²/2) cosh p ≤ 2, and for p > 1 at most f(1) + f(−1) < 2.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SIGNS = np.array([-1.0, 1.0])
 
 # How far above the threshold evidence may pile up: e^3 more than needed, so that it is gone soon after its cause
 BEYOND = 3.0
-# standard deviations; ψ is straight up to here, and no jolt counts for more (Huber's, three times as wide)
+# standard deviations; ψ is straight up to here and flat beyond: of normal innovations 1 in 370 is larger
 JOLT = 3.0
 
 

@@ -14,8 +14,10 @@ from canid.types import NAN
 
 # rows; as long as the predictors' own memory
 MEMORY = 1500.0
-# A foot that has never rested may: no row of repetition is a surprise of more than this. 18 s alone are needed then
+# How often a repetition is followed by another one before anything was learnt, and as how many rows (30 s) that
+# counts: a foot that has never rested may. Some 25 s are a hold then, and no few repetitions are a habit
 RESTS = 0.85
+_BELIEVED = 150.0
 # what a held output does per row: a last bit flickers
 _FLICKERS = 1e-3
 # output units; below the resolution of any sensor
@@ -48,7 +50,8 @@ def step(state: State, t: float, output: float, threshold: float) -> State:
     same = abs(output - state.last) < _SAME
     if not state.repeats:
         return state._replace(last=output, repeats=same)
-    usual = min(max((state.again + 1.0) / (state.after + 2.0), RESTS), 1.0 - 2.0 * _FLICKERS)
+    often = (state.again + _BELIEVED * RESTS) / (state.after + _BELIEVED)
+    usual = min(max(often, RESTS), 1.0 - 2.0 * _FLICKERS)
     gained = log((1.0 - _FLICKERS) / usual) if same else log(_FLICKERS / (1.0 - usual))
     fresh = state.level <= 0.0
     level = min((0.0 if fresh else state.level) + gained, threshold + BEYOND)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.types import NAN, Array
 
@@ -41,7 +42,7 @@ def innovations(state: State, X: Array, y: Array) -> Array:
     return new
 
 
-def learn(state: State, X: Array, y: Array, fitted: Array, memory: float) -> State:
+def learn(state: State, X: Array, y: Array, fitted: npt.NDArray[np.intp], memory: float) -> State:
     """Take rows in.
 
     Args:

@@ -79,9 +79,7 @@ def accelerate(car: Car, v: float, dt: float) -> Accelerate:
     # m/s; the torque changes over this range about a shift
     width = 0.5
 
-    def step(
-        throttle: float, brake: float, slope: float, wind: float, speed: float, engaged: bool
-    ) -> float:
+    def step(throttle: float, brake: float, slope: float, wind: float, speed: float, engaged: bool) -> float:
         nonlocal first, second, braked
         command = throttle * (max(throttle, 0.01) / MAP_CENTRE) ** car.curvature
         first += (command - first) * into

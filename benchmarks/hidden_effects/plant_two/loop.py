@@ -52,7 +52,9 @@ def driven(plan: Plan) -> Driven:
     unit = remnant_of(plan, "own").tolist()
     ahead, ahead_accel = plan.lead_speed.tolist(), plan.lead_accel.tolist()
     gusts = wind(car.headwind, car.gusts, n, STEP, chance(plan.seed, "wind")).tolist()
-    road = hills(car.grade, 1.2 * TRAFFIC[plan.profile].fastest * n * STEP, chance(plan.seed, "hills")).tolist()
+    road = hills(
+        car.grade, 1.2 * TRAFFIC[plan.profile].fastest * n * STEP, chance(plan.seed, "hills")
+    ).tolist()
     cruise = _stretch(plan.stretches("cruise_control"))
     rest = _stretch(plan.stretches("brake_overlap"))
     shift = _shift(plan.stretches("gear_shift"))

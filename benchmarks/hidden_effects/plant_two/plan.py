@@ -101,9 +101,7 @@ def planned(
         changed_driver(driver, changes),
         car,
         values,
-        {
-            e: episodes(e, values[e], n * STEP, chance(seed, e, "episodes")) for e in values if e in EVENTS
-        },
+        {e: episodes(e, values[e], n * STEP, chance(seed, e, "episodes")) for e in values if e in EVENTS},
         speed,
         accel,
         float(chance(seed, "damping").uniform(*DAMPING)),
@@ -122,7 +120,11 @@ def hung(plan: Plan, without: str = "") -> list[Placed]:
         if effect in plan.effects and effect != without:
             for place, make in places:
                 scene = Scene(
-                    STEP, plan.n, plan.driver, list(plan.stretches(effect)), chance(plan.seed, effect, "course")
+                    STEP,
+                    plan.n,
+                    plan.driver,
+                    list(plan.stretches(effect)),
+                    chance(plan.seed, effect, "course"),
                 )
                 out.append(Placed(effect, place, make(plan.effects[effect], scene)))
     return out

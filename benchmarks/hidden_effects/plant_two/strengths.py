@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.plant_two.car import Car
 from benchmarks.hidden_effects.plant_two.road import Traffic
+from benchmarks.hidden_effects.planted import FREEZES
 
 
 class Situation(NamedTuple):
@@ -92,19 +93,23 @@ def parameters(
     if effect == "cruise_control":
         drawn["duration"] = min(drawn["duration"], 0.25 * seconds)
         drawn["start"] = rng.uniform(0.15, 0.6) * seconds
+    if effect == "stale_signal":
+        drawn["signal"] = float(rng.integers(len(FREEZES)))
     if effect == "comfort_speed":
         # felt in the upper half of the speeds that the lead drives
         drawn["speed"] = traffic.slowest + rng.uniform(0.5, 0.75) * (traffic.fastest - traffic.slowest)
     if effect == "pedal_ceiling":
-        # enough to hold the highest speed: a car that cannot follow shows no answers
-        drawn["level"] = car.hold(traffic.fastest) + rng.uniform(4.0, 14.0)
+        # enough to hold the highest speed, for a car that cannot follow shows no answers, and more where the lead is brisk
+        drawn["level"] = car.hold(traffic.fastest) + traffic.firm * rng.uniform(3.5, 12.0)
     if effect == "power_limit":
         # W/kg; so too for the engine
         top = traffic.fastest
         drawn["power"] = top * (car.rolling + car.drag * top * top) * rng.uniform(1.3, 2.0)
     unknown = set(given) - set(drawn)
     if unknown:
-        raise ValueError(f"{effect} has {', '.join(drawn) or 'no parameter'}, not {', '.join(sorted(unknown))}")
+        raise ValueError(
+            f"{effect} has {', '.join(drawn) or 'no parameter'}, not {', '.join(sorted(unknown))}"
+        )
     return {**drawn, **{name: float(value) for name, value in given.items()}}
 
 

@@ -29,6 +29,8 @@ ACROSS = 3
 TICKS = (0.01, 0.03, 0.1, 0.3, 1, 3)  # Hz
 # a coherence axis shows at least this much, so that noise does not look large
 LEAST_COHERENCE = 0.4
+# bands that the sentence names, the widest
+MOST_BANDS = 3
 
 
 def frequency(report: Report) -> Figure | None:
@@ -122,8 +124,15 @@ def _says(report: Report, of: Spectra) -> str:
 
 
 def _bands(frequency: Array, above: Flags) -> str:
-    """Say where it is above; single bins are chance and are left out."""
+    """Say where it is above; single bins are chance and are left out.
+
+    Example:
+        >>> _bands(np.array([0.1, 0.2, 0.3, 0.4]), np.array([False, True, True, False]))
+        'above it at 0.2–0.3 Hz'
+    """
     found = [(frequency[a], frequency[b]) for a, b in runs(above) if b > a]
     if not found:
         return "nowhere above it"
-    return "above it at " + ", ".join(f"{a:.2g}–{b:.2g} Hz" for a, b in found)
+    widest = sorted(sorted(found, key=lambda band: band[0] - band[1])[:MOST_BANDS])
+    more = f" and {len(found) - MOST_BANDS} more" if len(found) > MOST_BANDS else ""
+    return "above it at " + ", ".join(f"{a:.2g}–{b:.2g} Hz" for a, b in widest) + more
