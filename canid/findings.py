@@ -44,7 +44,9 @@ class Finding(NamedTuple):
     units: Mapping[str, str]  # parameter -> unit
     gain: Interval  # relative reduction of the simulation's error variance on data that chose nothing
     says: str
-    evidence: float  # 2 Δ log likelihood over the model without it, robust against the noise's own colour and size
+    evidence: (
+        float  # 2 Δ log likelihood over the model without it, robust against the noise's own colour and size
+    )
     needed: float  # what the evidence had to exceed, all candidates counted
     episodes: tuple[tuple[float, float], ...] = ()  # s; when, for causes that come and go
 
@@ -163,7 +165,9 @@ class Report(NamedTuple):
     baseline: Fit
     extended: Fit  # the baseline again where nothing was found
     findings: tuple[Finding, ...]
-    unexplained: Interval  # share of the extended model's residual variance that an unknown cause holds; NaN: not told
+    unexplained: (
+        Interval  # share of the extended model's residual variance that an unknown cause holds; NaN: not told
+    )
     gain: Interval  # of all findings together, open loop, on data that chose nothing
     not_testable: tuple[NotTestable, ...]
     candidates_tried: int

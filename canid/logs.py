@@ -234,7 +234,7 @@ def read_drive(
                 samples.append(item)
             elif isinstance(item, Estimate):
                 estimates.append(item)
-            else:
+            elif isinstance(item, Event):
                 events.append(item)
     shown = health(log, car, state, frames, last, events)
     if not frames:

@@ -1,4 +1,4 @@
-"""One frame in; samples, estimates and events out: the composition that live, replay and batch share."""
+"""One frame in; samples, estimates, screens and events out: the composition that live, replay and batch share."""
 
 from __future__ import annotations
 
@@ -7,8 +7,19 @@ from typing import Any, NamedTuple
 
 from canid import clock, downtime, gate, lead, sampling
 from canid.estimators import ESTIMATORS, agreement
+from canid.screening import watch
 from canid.smoothing import Noise
-from canid.types import TASK_INPUTS, AnyEstimator, Estimate, Event, Frame, Reading, Sample, TrackReading
+from canid.types import (
+    TASK_INPUTS,
+    AnyEstimator,
+    Estimate,
+    Event,
+    Frame,
+    Reading,
+    Sample,
+    Screened,
+    TrackReading,
+)
 from canid.vehicle import Vehicle, decoder
 
 # s; 10 Hz, the rate of Chen & Ulsoy 2001 and well above what a person's answer holds (below 1 Hz)
@@ -18,7 +29,7 @@ DT = 0.1
 # and a frozen report move, so what is wrong with the radar itself can be seen in these alone
 REPORTED = {"gap": "gap_reported", "range_rate": "range_rate_reported"}
 
-Output = Sample | Estimate | Event
+Output = Sample | Estimate | Screened | Event
 
 
 class State(NamedTuple):
@@ -32,14 +43,16 @@ class State(NamedTuple):
     estimators: tuple[Any, ...]
     time: downtime.State = downtime.State()  # of the estimators
     agreement: agreement.State = agreement.State()  # among them
+    screen: watch.State | None = None  # None: not estimating
 
 
 class Known(NamedTuple):
-    """What outlives a restart: what the estimators have learnt, and where their time stands."""
+    """What outlives a restart: what the estimators and the screen have learnt, and where their time stands."""
 
     time: downtime.State
     estimators: tuple[Any, ...]
     agreement: agreement.State
+    screen: watch.State
 
 
 class Pipeline(NamedTuple):
@@ -99,7 +112,7 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
 
     Args:
         vehicle: from `read_vehicle`.
-        estimating: False leaves the estimators out: only samples and events come.
+        estimating: False leaves the estimators and the screen out: only samples and events come.
         dt: step of the grid, s.
 
     Returns:
@@ -112,10 +125,13 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
     noise = Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
     settings = lead.Settings(vehicle.lead.tracks is not None, vehicle.lead.in_path, noise)
     running = estimators(vehicle, dt) if estimating else ()
+    screen = watch.make(TASK_INPUTS[driver.task])
 
     def init() -> State:
         states = tuple(estimator.init() for estimator in running)
-        return State(clock.init(), decode_init(), lead.init(), sampling.init(), gate.init(), states)
+        watching = screen.init() if estimating else None
+        lists = clock.init(), decode_init(), lead.init(), sampling.init(), gate.init(), states
+        return State(*lists, screen=watching)
 
     def step(state: State, frame: Frame) -> tuple[State, list[Output]]:
         out: list[Output] = []
@@ -146,6 +162,7 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
                     samples = sampling.put(samples, item)
         samples, points = sampling.take(samples, now.latest, dt, roles)
         judged, states, time, agreed = state.gate, state.estimators, state.time, state.agreement
+        watching = state.screen
         for t, values in points:
             judged, sample = gate.step(judged, t, values, driver, dt)
             out.append(sample)
@@ -159,22 +176,27 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
             states = tuple(stepped)
             agreed, told = agreement.step(agreed, spoken)
             out += [estimate._replace(t=t) for estimate in told]
-        return State(now, decoded, follow, samples, judged, states, time, agreed), out
+            if watching is not None:
+                watching, screened = screen.step(watching, own)
+                if screened is not None:
+                    out.append(watch.moved(screened, t - own.t))
+        return State(now, decoded, follow, samples, judged, states, time, agreed, watching), out
 
     def resume(state: State, known: Known) -> State:
         time, pause = downtime.resume(known.time, dt, len(TASK_INPUTS[driver.task]))
         pairs = zip(running, known.estimators, strict=True)
         paused = tuple(estimator.step(inner, pause)[0] for estimator, inner in pairs)
-        return state._replace(estimators=paused, time=time, agreement=known.agreement)
+        watching, _ = screen.step(known.screen, pause)
+        return state._replace(estimators=paused, time=time, agreement=known.agreement, screen=watching)
 
     return Pipeline(init, step, resume)
 
 
 def known(state: State) -> Known | None:
     """Return what outlives a restart; None where no sample has come that could have added to it."""
-    if state.time.t != state.time.t or state.time.resumed:
+    if state.screen is None or state.time.t != state.time.t or state.time.resumed:
         return None
-    return Known(state.time, state.estimators, state.agreement)
+    return Known(state.time, state.estimators, state.agreement, state.screen)
 
 
 def run(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[tuple[State, Output]]:

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.hidden_effects import fixed_lag, quantised
 from benchmarks.hidden_effects.grid import Came, sampled
 from benchmarks.hidden_effects.planted import Array, Planted
-from benchmarks.hidden_effects.sensors import Message, noise, sense
+from benchmarks.hidden_effects.sensors import noise, sense
 from canid import gate, lead, pipeline
 from canid.frames import write_log
 from canid.logs import trace as as_trace
@@ -117,7 +117,8 @@ def trace(planted: Planted, vehicle: Vehicle | None = None, seed: int | None = N
         for message in messages
         for role, (t, value) in quantised.readings(message, car).items()
     }
-    came |= _lead(came, every, car)
+    reported = {of: came[role] for role, of in pipeline.REPORTED.items()}
+    came |= reported | _lead(came, every, car)
     t, columns = sampled(came, pipeline.sampled_roles(car), every, pipeline.DT)
     rows = zip(t.tolist(), *(x.tolist() for x in columns.values()), strict=True)
     judged, samples = gate.init(), []

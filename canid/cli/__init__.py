@@ -24,6 +24,7 @@ VERBS = (
     ("record", "record a bus without loss; listens only"),
     ("replay", "the live view from a recorded log, or the log onto a virtual bus"),
     ("identify", "the driver's parameters from logs: table and JSON"),
+    ("diagnose", "what the simulation gets wrong, which cause, and what a better model gains"),
     ("simulate", "make a log with known truth"),
     ("check", "does the vehicle file fit this log or bus, and what is missing"),
     ("init", "propose a vehicle file from a DBC"),

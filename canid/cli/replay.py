@@ -7,7 +7,7 @@ import time
 
 from canid.cli import options, show
 from canid.errors import DAMAGED, DONE, ConfigError
-from canid.types import Estimate, Event, Sample
+from canid.types import Estimate, Event, Sample, Screened
 from canid.views.screen import BusLine, View
 
 
@@ -67,9 +67,11 @@ def run(args: argparse.Namespace) -> int:
                     if isinstance(item, Estimate):
                         tally.put(item)
                         show.write_json(sink, item)
+                    elif isinstance(item, Screened):
+                        show.write_json(sink, item)
                     elif isinstance(item, Event):
                         events.append(item)
-                if out and isinstance(out[-1], Sample | Estimate):
+                if out and isinstance(out[-1], Sample | Estimate | Screened):
                     at = f"{100 * log.progress:.0f} % of the log"
                     screen.lines([BusLine(f"{frames:,} frames   {at}")])
         finally:

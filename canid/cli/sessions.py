@@ -12,7 +12,7 @@ from canid.cli.interrupt import Interrupt
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.frames.bus import ReceiveOnlyBus
 from canid.session import Result, World, session
-from canid.types import Estimate
+from canid.types import Estimate, Screened
 from canid.views import as_json, summary, world
 from canid.views.screen import BusLine, View
 
@@ -86,7 +86,7 @@ def watch(
                 screen.lines(lines(item), item.output)
                 return
             screen.put(item.item)
-            if isinstance(item.item, Estimate):
+            if isinstance(item.item, Estimate | Screened):
                 show.write_json(sink, item.item)
                 if sink is not None:
                     sink.flush()

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable
 from typing import Any, Protocol, TextIO
 
-from canid.types import Estimate, Event, Sample, Status
+from canid.types import Estimate, Event, Sample, Screened, Status
 from canid.views import as_json, words
 from canid.views.screen import BusLine, View, render, update
 
@@ -20,10 +20,13 @@ SAME_EVERY = 30.0
 REDRAW = 8.0
 
 
+Shown = Sample | Estimate | Screened | Event
+
+
 class Display(Protocol):
     """Takes what the pipeline puts out."""
 
-    def put(self, item: Sample | Estimate | Event) -> None:
+    def put(self, item: Shown) -> None:
         """Show one output."""
 
     def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
@@ -36,7 +39,7 @@ class Display(Protocol):
 class Silent:
     """Shows nothing but what happened: the numbers go to standard output as JSON."""
 
-    def put(self, item: Sample | Estimate | Event) -> None:
+    def put(self, item: Shown) -> None:
         """Say an event, drop the rest."""
         if isinstance(item, Event):
             print(f"canid: {item.says}", file=sys.stderr, flush=True)
@@ -56,8 +59,9 @@ class Plain:
         self._stream = stream
         self._said: dict[str, Estimate] = {}
         self._wrong: set[str] = set()
+        self._suspected = ""
 
-    def put(self, item: Sample | Estimate | Event) -> None:
+    def put(self, item: Shown) -> None:
         """Write a line where something has changed."""
         if isinstance(item, Event):
             print(f"canid: {item.says}", file=sys.stderr, flush=True)
@@ -68,6 +72,9 @@ class Plain:
             if before is None or before.status is not item.status or item.t - before.t >= every - 1e-6:
                 self._said[item.estimator] = item
                 print(words.estimate(item), file=self._stream, flush=True)
+        elif isinstance(item, Screened) and item.block != self._suspected:
+            self._suspected = item.block
+            print(words.screened(item), file=self._stream, flush=True)
 
     def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Say once what is wrong."""
@@ -93,7 +100,7 @@ class Screen:
         self._live = Live(render(view), console=Console(file=stream), auto_refresh=False, transient=False)
         self._live.start()
 
-    def put(self, item: Sample | Estimate | Event) -> None:
+    def put(self, item: Shown) -> None:
         """Take it into the view, and redraw now and then."""
         self._view = update(self._view, item)
         self._redraw()
@@ -132,7 +139,7 @@ class Progress:
     """A progress bar on a terminal, nothing elsewhere."""
 
     def __init__(self, label: str) -> None:
-        """Start it at 0."""
+        """Start it: it only says that something goes on, until `to` says how far."""
         self._bar: Any = None
         self._drawn = 0.0
         if is_terminal(sys.stderr):
@@ -142,7 +149,7 @@ class Progress:
 
             columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
             self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
-            self._task = self._bar.add_task(label, total=1.0)
+            self._task = self._bar.add_task(label, total=None)
             self._bar.start()
 
     def to(self, fraction: float) -> None:
@@ -150,7 +157,7 @@ class Progress:
         now = time.monotonic()
         if self._bar is not None and now - self._drawn > 1.0 / REDRAW:
             self._drawn = now
-            self._bar.update(self._task, completed=fraction)
+            self._bar.update(self._task, total=1.0, completed=fraction)
 
     def close(self) -> None:
         """Take it away."""
@@ -159,7 +166,8 @@ class Progress:
             self._bar = None
 
 
-def write_json(file: TextIO | None, estimate: Estimate) -> None:
-    """One estimate as one line."""
+def write_json(file: TextIO | None, item: Estimate | Screened) -> None:
+    """One estimate, or what the screen says, as one line."""
     if file is not None:
-        file.write(as_json.line(as_json.estimate(estimate)) + "\n")
+        told = as_json.estimate(item) if isinstance(item, Estimate) else as_json.screened(item)
+        file.write(as_json.line(told) + "\n")

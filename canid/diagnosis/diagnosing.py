@@ -163,7 +163,7 @@ def _report(
     trace, original = prepared.trace, prepared.data
     dt = trace.dt
     before, solved = searched.before, searched.solved
-    held = gate.look(searched.data, solved)
+    held = gate.look(searched.data, solved, _explained(searched))
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.wander)
     used = original.output.usable & ~original.output.below
@@ -171,9 +171,11 @@ def _report(
     extended = _fit(solved, after_out, original, dt)
     errors = held_out.errors(original, searched) if searched.named else None
     total = Interval() if errors is None else held_out.gain(*errors, dt)
+    # a cause that makes the simulation of other data worse is not the cause
+    sound = held.passed and not total.high < 0
     fitted = intervals.parameters(solved, dt)
     findings = tuple(_finding(one, searched, original, fitted, held.passed, total) for one in searched.named)
-    verdict = _verdict(findings, held.passed)
+    verdict = _verdict(findings, sound)
     priced = separable.shown(drivers, original, before)
     expected = {one.effect.id: one.expected for one in priced}
     undecided = separable.undecided(priced, len(drivers))
@@ -253,8 +255,9 @@ def _rhythm(one: Named, seconds: float) -> dict[str, Interval]:
     lengths = np.array([stop - start for start, stop in one.episodes])
     n = len(lengths)
     if one.effect.id == "act_and_wait":
-        gaps = np.diff(starts)
-        return {"interval": Interval(*(float(x) for x in np.quantile(gaps, (0.5, 0.25, 0.75))))}
+        # the frequency grid's step, to either side
+        half = 0.005 * one.level**2
+        return {"interval": Interval(one.level, one.level - half, one.level + half)}
     rate = 60 * n / seconds
     # a count's spread is its square root; a mean's that of its values over the root of their number
     wide = 1.96 * rate / np.sqrt(n)
@@ -277,9 +280,16 @@ def _state(verdict: Verdict) -> str:
     return {Verdict.ADEQUATE: "adequate", Verdict.UNEXPLAINED: "unexplained"}.get(verdict, "wrong")
 
 
+def _explained(searched: Search) -> float:
+    """Variance that the causes took from the residual, over what they left, on the samples that both models count."""
+    rows = searched.before.rows & searched.solved.rows
+    y = searched.data.output.y
+    left = float(np.var((y - searched.solved.fitted.model)[rows]))
+    return max(float(np.var((y - searched.before.fitted.model)[rows])) / max(left, 1e-12) - 1, 0.0)
+
+
 def _failed(held: gate.Gate) -> list[str]:
-    failed = [f for f in held.families if f.p < held.bound and f.share >= gate.MATERIAL]
-    return [f"{f.says} (p {f.p:.1g}, {100 * f.share:.0f} % of the residual)" for f in failed]
+    return [f"{f.says} (p {f.p:.1g}, {100 * f.share:.0f} % of the residual)" for f in held.failed]
 
 
 def _says(
@@ -295,7 +305,7 @@ def _says(
             "and the residual holds nothing of the inputs."
         )
     if verdict is Verdict.UNEXPLAINED:
-        what = "; ".join(_failed(held))
+        what = "; ".join(_failed(held)) or "a structure that does not carry over to other parts of the drive"
         helped = ", ".join(finding.effect for finding in findings)
         surrogate = f" {helped} helps, but is not the cause." if findings else ""
         return f"UNEXPLAINED: the residual holds {what}.{surrogate}{better}"
@@ -307,10 +317,9 @@ def _says(
 
 def _unexplained(held: gate.Gate) -> Interval:
     """Share of the residual's variance that the strongest failed family would explain."""
-    failed = [f for f in held.families if f.p < held.bound and f.share >= gate.MATERIAL]
-    if not failed:
+    if not held.failed:
         return Interval(0.0, 0.0, max((f.share for f in held.families), default=0.0))
-    worst = max(failed, key=lambda f: f.share)
+    worst = max(held.failed, key=lambda f: f.share)
     # the statistic is a noncentral chi-squared: its standard deviation is sqrt(2 (k + 2 λ))
     spread = 1.96 * float(np.sqrt(2 * (worst.dimensions + 2 * worst.statistic))) / max(worst.statistic, 1e-9)
     return Interval(worst.share, max(worst.share * (1 - spread), 0.0), min(worst.share * (1 + spread), 1.0))
@@ -318,7 +327,7 @@ def _unexplained(held: gate.Gate) -> Interval:
 
 def _gate_checks(held: gate.Gate) -> tuple[Check, ...]:
     return tuple(
-        Check(f"gate: {f.name}", not (f.p < held.bound and f.share >= gate.MATERIAL), f.p, held.bound,
+        Check(f"gate: {f.name}", f not in held.failed, f.p, held.bound,
               f"{f.says}: chance {f.p:.2g} over {f.dimensions} directions, {100 * f.share:.1f} % of the residual's variance")
         for f in held.families
     )  # fmt: skip

@@ -14,14 +14,14 @@ from canid.effects.cause import Effect, Seen
 from canid.types import Array
 
 # of the baseline, in this order, before those of the causes
-BASE = ("offset", "K1", "K2", "tau", "dead_time1", "dead_time2", "headway_desired")
-OFFSET, K1, K2, TAU, THETA1, THETA2, DESIRED = range(7)
+BASE = ("offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired")
+OFFSET, K1, K2, TAU1, TAU2, THETA1, THETA2, DESIRED = range(8)
 # physical box: gains of either sign, so that a sign error shows; lags and dead times as in FopdtSettings
-LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.2)
-HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 1.6, 6.0)
+LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2)
+HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0)
 # m/s; below it a headway means nothing
 SLOWEST = 1.0
-SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.5)
+SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5)
 
 
 class DriverModel(NamedTuple):
@@ -170,7 +170,8 @@ def pedal(model: DriverModel, data: DriverData, q: Array) -> Array:
     """
     dt = data.output.dt
     of = parts(model, data, q)
-    out = lagged(q[OFFSET] + of.gain * (q[K1] * of.e + q[K2] * of.w) + of.extra, float(q[TAU]), dt)
+    first = lagged(of.gain * q[K1] * of.e, float(q[TAU1]), dt)
+    out: Array = q[OFFSET] + first + lagged(of.gain * q[K2] * of.w + of.extra, float(q[TAU2]), dt)
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.foot is None:
             continue

@@ -14,6 +14,7 @@ import numpy as np
 
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.solved import Solved
+from canid.findings import Flags
 from canid.types import Array
 
 # s; a shorter standstill is a foot that turns round
@@ -27,8 +28,14 @@ TREMBLE = 0.35
 NEEDED = 30.0
 # and so many episodes, as one may be a rest: each alone must bear its own weight of evidence
 EPISODES = 2
-# of the time between the first and the last: a rhythm fills the drive, looking away does not
-FULL = 0.6
+# of the drive that a rhythm of holds fills at least; looking away does not
+FULL = 0.5
+# standard deviations above chance that a rhythm must have: 300 frequencies are looked at
+BEATS = 8.0
+# %; there the pedal itself ends
+PHYSICAL = 99.0
+# times that a ceiling must have been reached
+CEILING_TOUCHED = 3
 
 
 class Holds(NamedTuple):
@@ -37,7 +44,7 @@ class Holds(NamedTuple):
     effect: str  # "attention_gap", "act_and_wait", "pedal_ceiling"; "" for none
     episodes: tuple[tuple[int, int], ...]  # [start, stop) samples
     evidence: float
-    level: float  # % of the ceiling; NaN otherwise
+    level: float  # % of the ceiling, s of the rhythm; NaN otherwise
 
 
 NONE = Holds("", (), 0.0, np.nan)
@@ -73,14 +80,17 @@ def look(data: DriverData, solved: Solved) -> Holds:
     moved = np.r_[np.inf, np.diff(y)]
     holding = -0.5 * np.minimum((moved / held_sd) ** 2, 400.0) - np.log(held_sd)
     gain = np.where(free & solved.rows, holding - driving, -50.0)
-    top = _ceiling(data, gain, y, step)
+    top = _ceiling(data, y, step)
     if top.effect:
         return top
+    interval, beats = _rhythm(y, free, step, data.output.dt)
+    if beats > BEATS:
+        moves = np.flatnonzero((np.abs(np.diff(y, prepend=y[0])) > 0.5 * step) & free)
+        spans = tuple((int(a), int(b)) for a, b in zip(moves[:-1], moves[1:], strict=True))
+        return Holds("act_and_wait", spans, beats * BEATS, interval)
     spans, evidence = episodes(gain, data.output.dt)
     if len(spans) < EPISODES or evidence < NEEDED:
         return NONE
-    if _fills(spans, free):
-        return Holds("act_and_wait", spans, evidence, np.nan)
     return Holds("attention_gap", spans, evidence, np.nan)
 
 
@@ -124,24 +134,47 @@ def episodes(gain: Array, dt: float) -> tuple[tuple[tuple[int, int], ...], float
     return tuple(out), total
 
 
-def _fills(spans: tuple[tuple[int, int], ...], free: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> bool:
-    held = sum(stop - start for start, stop in spans)
-    return held > FULL * max(int(free.sum()), 1)
+def _ceiling(data: DriverData, y: Array, step: float) -> Holds:
+    """A highest level at which the pedal stands far longer than just below it.
 
-
-def _ceiling(data: DriverData, gain: Array, y: Array, step: float) -> Holds:
-    """Episodes at one level that is the highest of all."""
+    A density falls towards its end; the seconds at the top against those at the levels below it are the evidence
+    (twice the log likelihood ratio of two Poisson counts of seconds).
+    """
     free = data.output.usable & ~data.output.below
     if not free.any():
         return NONE
-    level = float(y[free].max())
-    at = y >= level - 1.5 * step
-    spans, evidence = episodes(np.where(at, gain, -50.0), data.output.dt)
-    if len(spans) < EPISODES or evidence < NEEDED:
+    dt, level = data.output.dt, float(y[free].max())
+    if level >= PHYSICAL:
         return NONE
-    # of all episodes, those at the top must be the rule: a gaze that ends at the top by chance is not a ceiling
-    all_spans, _ = episodes(gain, data.output.dt)
-    if len(spans) < 0.5 * len(all_spans):
+    at = free & (y >= level - 0.5 * step)
+    below = free & ~at & (y >= level - 3.5 * step)
+    top, expected = float(at.sum()) * dt, max(float(below.sum()) * dt / 3, 1.0)
+    if top <= expected:
         return NONE
-    levels = [float(np.median(y[start:stop])) for start, stop in spans]
-    return Holds("pedal_ceiling", spans, evidence, float(np.median(levels)))
+    evidence = 2 * (top * float(np.log(top / expected)) - (top - expected))
+    edges = np.flatnonzero(np.diff(np.r_[False, at, False].astype(np.int8)))
+    spans = tuple((int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * dt >= 0.3)
+    if len(spans) < CEILING_TOUCHED or evidence < NEEDED:
+        return NONE
+    return Holds("pedal_ceiling", spans, evidence, level)
+
+
+def _rhythm(y: Array, free: Flags, step: float, dt: float) -> tuple[float, float]:
+    """Interval (s) of the rhythm in which the pedal moves, and the evidence for it; 0 where there is none.
+
+    The moments at which it moves, as points on a circle of the rhythm's length, within half a minute each (Rayleigh).
+    """
+    moves = np.flatnonzero((np.abs(np.diff(y, prepend=y[0])) > 0.5 * step) & free)
+    share = moves.size / max(int(free.sum()), 1)
+    if moves.size < 20 or share > 1 - FULL:
+        return 0.0, 0.0
+    f = np.arange(0.25, 3.2, 0.01)
+    window = moves // round(30 / dt)
+    power = np.zeros(f.size)
+    for w in np.unique(window):
+        t = moves[window == w] * dt
+        power += 2 * np.abs(np.exp(2j * np.pi * np.outer(f, t)).sum(axis=1)) ** 2 / t.size
+    # every window adds a chi-squared with 2 degrees of freedom
+    expected = 2.0 * np.unique(window).size
+    k = int(np.argmax(power))
+    return float(1 / f[k]), float(power[k] - expected) / max(np.sqrt(2 * expected), 1.0)

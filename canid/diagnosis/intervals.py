@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from canid.diagnosis.driver_model import HIGH, K1, K2, TAU, THETA1, THETA2
+from canid.diagnosis.driver_model import HIGH, K1, K2, TAU1, TAU2, THETA1, THETA2
 from canid.diagnosis.evidence import REACH, spread
 from canid.diagnosis.solved import Solved
 from canid.types import Array, Channel, Identifiable, Interval
@@ -66,20 +66,20 @@ def channels(solved: Solved, dt: float) -> Mapping[str, Channel]:
 
     q = solved.q
     out = {}
-    for name, gain, theta in (("headway_error", K1, THETA1), ("range_rate", K2, THETA2)):
+    for name, gain, tau, theta in (("headway_error", K1, TAU1, THETA1), ("range_rate", K2, TAU2, THETA2)):
         if abs(q[gain]) < GAIN_KNOWN * sd(gain):
             status = Identifiable.NOT
-        elif sd(TAU, theta) > SUM_KNOWN:
+        elif sd(tau, theta) > SUM_KNOWN:
             status = Identifiable.GAIN_ONLY
-        elif max(sd(TAU), sd(theta)) > EACH_KNOWN:
+        elif max(sd(tau), sd(theta)) > EACH_KNOWN:
             status = Identifiable.SUM_ONLY
         else:
             status = Identifiable.OK
         out[name] = Channel(
             K=interval(q[gain], sd(gain)),
-            tau=interval(q[TAU], sd(TAU), 0.0, HIGH[TAU]),
+            tau=interval(q[tau], sd(tau), 0.0, HIGH[tau]),
             dead_time=interval(q[theta], sd(theta), 0.0, HIGH[theta]),
-            tau_plus_dead_time=interval(q[TAU] + q[theta], sd(TAU, theta), 0.0, HIGH[TAU] + HIGH[theta]),
+            tau_plus_dead_time=interval(q[tau] + q[theta], sd(tau, theta), 0.0, HIGH[tau] + HIGH[theta]),
             status=status,
         )
     return out

@@ -18,7 +18,9 @@ from canid.types import Array, Interval
 MOST = 4
 # 2 Δ log likelihood within which another cause explains the same data as well: a chance of 1 in 20 of e^3
 RIVAL = 6.0
-# s before an episode in which nothing of it is in the noise's memory yet
+# 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
+VALLEY = 1.0
+# s after an episode in which the foot finds its way back
 EDGE = 0.5
 
 
@@ -94,7 +96,8 @@ def search_causes(
                 steps.append(Step(by[found.effect], step, found.evidence, holds.NEEDED, True))
                 continue
         options: list[tuple[float, Step, Candidate | wander.Wander]] = []
-        for candidate in search.candidates(curves, data, solved):
+        solved, tried = _tried(curves, data, solved)
+        for candidate in tried:
             # a ceiling that was seen in the pedal itself needs no second one
             if held.effect == "pedal_ceiling" and candidate.effect.id == "pedal_ceiling":
                 continue
@@ -129,6 +132,18 @@ def search_causes(
     solved, named = _still_needed(data, solved, named, m)
     named = [_with_rivals(one, data, solved, curves, m) for one in named]
     return Search(before, data, solved, tuple(named), tuple(steps), wandering, held)
+
+
+def _tried(curves: tuple[Effect, ...], data: DriverData, solved: Solved) -> tuple[Solved, list[Candidate]]:
+    """Try the parametric causes; where a fit shows that the model without it had ended in a side valley, try again."""
+    found = search.candidates(curves, data, solved)
+    if found:
+        best = max(found, key=lambda candidate: candidate.evidence - 6 * candidate.parameters)
+        k = solved.q.size
+        again = solve(data, solved.model.effects, best.solved.q[:k], best.solved.noise, solved.rows)
+        if again.deviance < solved.deviance - VALLEY:
+            return again, search.candidates(curves, data, again)
+    return solved, found
 
 
 def _option(

@@ -14,7 +14,8 @@ from canid.diagnosis.driver_model import (
     K1,
     K2,
     OFFSET,
-    TAU,
+    TAU1,
+    TAU2,
     THETA1,
     THETA2,
     DriverModel,
@@ -30,7 +31,7 @@ from canid.types import Array
 # turns of "parameters given the noise, noise given the parameters"; the third moves an evidence by less than 0.1
 TURNS = 3
 # a driver as the literature has him: where every first fit begins (Grover 2021, table 4.2; reaction times in following)
-BEGIN = {K1: 5.0, K2: 5.0, TAU: 0.4, THETA1: 0.4, THETA2: 0.4}
+BEGIN = {K1: 5.0, K2: 5.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
 # s, dead times from which the baseline's fit begins beside that: the cost has a valley for each
 BEGIN_THETA2 = (0.2, 0.6, 1.0)
 

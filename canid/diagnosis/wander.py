@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, qr
 
 from canid.diagnosis.driver_data import DriverData
-from canid.diagnosis.driver_model import K1, TAU, THETA1, delayed, lagged
+from canid.diagnosis.driver_model import K1, TAU1, THETA1, delayed, lagged
 from canid.diagnosis.likelihood import Noise, colour, score, whitened
 from canid.diagnosis.solved import Solved
 from canid.effects.headway_drift import EVERY
@@ -44,7 +44,7 @@ def shapes(data: DriverData, q: Array) -> Array:
     columns = np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(knots)[None, :]))
     dt = data.output.dt
     return np.stack(
-        [-q[K1] * lagged(delayed(c, float(q[THETA1]), dt), float(q[TAU]), dt) for c in columns.T], axis=1
+        [-q[K1] * lagged(delayed(c, float(q[THETA1]), dt), float(q[TAU1]), dt) for c in columns.T], axis=1
     )
 
 

@@ -30,7 +30,9 @@ def recognise(drive: Drive) -> Flags:
     n, signals = drive.t.size, drive.signals
     out = np.zeros(n, dtype=bool)
     if not drive.person:
-        return out  # the output is the controller's own, or the car's: who drives is the vehicle file's matter
+        return (
+            out  # the output is the controller's own, or the car's: who drives is the vehicle file's matter
+        )
     if "cruise_active" in signals:
         active: Flags = np.nan_to_num(signals["cruise_active"]) > 0.5
         return active

@@ -10,6 +10,7 @@ from canid.errors import OutputError
 from canid.saving.fingerprint import fingerprint
 from canid.saving.plain import Form, MismatchError, form
 from canid.saving.sealed import Refused, seal, unseal
+from canid.screening import watch
 from canid.types import Event
 from canid.vehicle import Vehicle
 
@@ -61,7 +62,7 @@ def keeping(vehicle: Vehicle, running: pipeline.Pipeline, dt: float = pipeline.D
         >>> vehicle = read_vehicle("generic")
         >>> running = pipeline.build(vehicle)
         >>> state = running.init()
-        >>> known = pipeline.Known(downtime.State(t=12.3), state.estimators, state.agreement)
+        >>> known = pipeline.Known(downtime.State(t=12.3), state.estimators, state.agreement, state.screen)
         >>> save, restore = keeping(vehicle, running)
         >>> restore(save(known, 1e9), 1e9 + 60.0).known.time.t
         12.3
@@ -128,7 +129,7 @@ def go_on(
 def _form(state: pipeline.State) -> Form:
     """The plain form of `Known`, whose types are those of the estimators that this pipeline runs."""
     kinds = tuple(type(inner) for inner in state.estimators)
-    return form(tuple[downtime.State, tuple[kinds], type(state.agreement)])  # type: ignore[valid-type, misc]
+    return form(tuple[downtime.State, tuple[kinds], type(state.agreement), watch.State])  # type: ignore[valid-type, misc]
 
 
 def _configuration(vehicle: Vehicle, dt: float, body: Form) -> dict[str, str]:

@@ -16,6 +16,8 @@ from canid.types import NAN, Array
 
 # times the learnt variance; a standard deviation of up to three times that of the last minutes still fits
 GROWN = 9.0
+# no square counts for more, in times GROWN: 3 s of the largest are needed, one jolt is no new scatter
+_JOLT = 4.0
 STAKES = np.array([0.1, 0.5])
 
 
@@ -37,11 +39,12 @@ def step(state: State, t: float, e: Array, variance: float, threshold: float) ->
     Example:
         >>> state = init()
         >>> for k in range(20):
-        ...     state = step(state, float(k), np.full(5, 5.0 if k >= 10 else 1.0), 1.0, 14.0)
+        ...     state = step(state, float(k), np.full(5, 7.0 if k >= 10 else 1.0), 1.0, 14.0)
         >>> bool(state.level.max() > 14), float(state.since[state.level.argmax()])
         (True, 10.0)
     """
-    gained = np.log1p(STAKES * (e * e / (GROWN * variance) - 1.0)[:, None]).sum(axis=0)
+    bounded = np.minimum(e * e / (GROWN * variance), _JOLT)
+    gained = np.log1p(STAKES * (bounded - 1.0)[:, None]).sum(axis=0)
     anew = state.level <= 0.0
     return State(
         np.minimum(np.where(anew, 0.0, state.level) + gained, threshold + BEYOND),

@@ -154,6 +154,19 @@ def make(names: Sequence[str]) -> Screen:
     return Screen(init, step)
 
 
+def moved(screened: Screened, by: float) -> Screened:
+    """Bring what was said in another time to a time that is `by` seconds ahead of it.
+
+    Example:
+        >>> moved(Screened(90.0, False, 80.0, "driver", "", {}), -60.0).since
+        20.0
+    """
+    if not by:
+        return screened
+    blocks = {name: of._replace(since=of.since + by) for name, of in screened.blocks.items()}
+    return screened._replace(t=screened.t + by, since=screened.since + by, blocks=blocks)
+
+
 def _lags(p: Predictor, window: int, width: int) -> Lags:
     """Prepare the look-up of a predictor's columns in a window of so many looks."""
     newest = np.arange((window - 1) * LOOK, window * LOOK, dtype=np.intp)
@@ -230,7 +243,7 @@ def _watched(block: str, was: bool, predictors: Sequence[Predictor], state: Stat
         needs = " or ".join(p.needs for p, _ in own)
         return Watched(Watch.UNSEEN, NAN, f"needs {needs}", 0.0, needed)
     p, strongest = max(seen, key=lambda pair: _level(pair[1]))
-    level, since, says = _against(p, strongest)
+    level, since, says = _against(p, strongest, needed)
     if block == "driver" and state.held.level > level:
         level, since, says = state.held.level, state.held.since, "the driver's output is held where it was"
     if level >= needed or (was and level >= 0.5 * needed):
@@ -241,14 +254,19 @@ def _watched(block: str, was: bool, predictors: Sequence[Predictor], state: Stat
     return Watched(Watch.FITS, NAN, "fits what was learnt", max(level, 0.0), needed)
 
 
-def _against(p: Predictor, one: Followed) -> tuple[float, float, str]:
+def _against(p: Predictor, one: Followed, needed: float) -> tuple[float, float, str]:
     """The strongest evidence against a predictor: level, since when, in words."""
     found = evidence.strongest(one.misfit)
     at = int(one.scatter.level.argmax())
     spread = float(one.scatter.level[at])
-    if spread > found.level:
+    # a direction says more than scatter, which any misfit brings with it once it is large
+    if spread > found.level and found.level < 0.5 * needed:
         return spread, float(one.scatter.since[at]), f"{p.name} is foretold far worse than before"
-    return found.level, found.since, p.misfits[found.direction].says.format(times=1.0 + found.share)
+    return (
+        max(found.level, spread),
+        found.since,
+        p.misfits[found.direction].says.format(times=1.0 + found.share),
+    )
 
 
 def _told(t: float, watched: dict[str, Watched]) -> Screened:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from canid.types import Channel, Estimate, Event, Interval, ResidualTests
+from canid.types import Channel, Estimate, Event, Interval, ResidualTests, Screened, Watched
 
 
 def number(x: float) -> float | None:
@@ -70,6 +70,29 @@ def estimate(e: Estimate) -> dict[str, Any]:
         "residual_tests": None if e.residual_tests is None else residual_tests(e.residual_tests),
         "headline": e.headline,
     }
+
+
+def watched(w: Watched) -> dict[str, Any]:
+    """What the screen says of one block."""
+    return {
+        "state": w.state.value,
+        "since": number(w.since),
+        "says": w.says,
+        "evidence": number(w.evidence),
+        "needed": number(w.needed),
+    }
+
+
+def screened(s: Screened) -> dict[str, Any]:
+    """What the screen says, as a line of its own.
+
+    Example:
+        >>> screened(Screened(60.0, True, float("nan"), "", "fits", {}))["screen"]["since"] is None
+        True
+    """
+    told = {"fits": s.fits, "since": number(s.since), "block": s.block, "says": s.says}
+    blocks = {name: watched(w) for name, w in s.blocks.items()}
+    return {"t": round(s.t, 6), "screen": told | {"blocks": blocks}}
 
 
 def event(e: Event) -> dict[str, Any]:

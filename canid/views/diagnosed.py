@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import Any
 
 from canid.findings import Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Verdict
-from canid.types import Array
+from canid.types import Array, Interval
 from canid.views import as_json
 from canid.views.measures import measure, number, percent, role_unit, shifted, stretch
 from canid.views.table import columns
+from canid.views.words import SYMBOLS
 
 VERDICT_WORDS = {
     Verdict.ADEQUATE: "ADEQUATE",
@@ -33,13 +36,13 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
         log: name of the log.
         vehicle: name of the vehicle.
     """
-    lines = [f"{VERDICT_WORDS[report.verdict]}: {report.says}", *_about(report, log, vehicle)]
+    lines = [f"{VERDICT_WORDS[report.verdict]}: {sentence(report)}", *_about(report, log, vehicle)]
     for finding in report.findings:
         lines += ["", *_finding(finding)]
     if report.unexplained.value == report.unexplained.value:
         lines += ["", f"share of the residual that no cause explains: {percent(report.unexplained)}"]
     lines += _headed("not to be decided on this drive", _undecided(report))
-    lines += _headed("the drive that would decide", report.advice)
+    lines += _headed("the drive that would decide", advice(report))
     lines += _headed("the driver, before and after" if report.findings else "the driver", _shifts(report))
     failed = [f"✗ {c.name}: {c.says} ({number(c.value, c.unit)}, limit {number(c.limit, c.unit)})"
               for c in report.checks if c.passed is False]  # fmt: skip
@@ -89,7 +92,7 @@ def _undecided(report: Report) -> list[str]:
 
 def _shifts(report: Report) -> list[str]:
     rows = []
-    for key, (before, after) in report.shifts.items():
+    for key, (before, after) in told(report).items():
         name, unit = shifted(key, report.output)
         both = (before, after) if report.findings else (before,)
         rows.append((f"{name} ({unit})" if unit else name, *map(measure, both)))
@@ -107,6 +110,33 @@ def _worst(report: Report) -> list[str]:
 
 def _headed(title: str, lines: list[str] | tuple[str, ...], *, always: bool = False) -> list[str]:
     return ["", title, *(f"  {line}" for line in lines)] if lines or always else []
+
+
+def sentence(report: Report) -> str:
+    """Return the verdict line without the word in capitals that it may begin with.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> sentence(SimpleNamespace(says="ONE OF: {a, b}."))
+        '{a, b}.'
+    """
+    return re.sub(r"^[A-Z][A-Z ]+: ", "", report.says)
+
+
+def told(report: Report) -> dict[str, tuple[Interval, Interval]]:
+    """Return the parameters, before and after, of which at least one model can tell something."""
+    shifts = report.shifts or {
+        f"{name} {what}": (getattr(channel, what), getattr(report.extended.channels.get(name, channel), what))
+        for name, channel in report.baseline.channels.items()
+        for what in SYMBOLS
+    }
+    return {key: both for key, both in shifts.items() if any(math.isfinite(iv.value) for iv in both)}
+
+
+def advice(report: Report) -> list[str]:
+    """Return what to drive, without what the reasons of `not_testable` say already."""
+    said = " ".join(of.why for of in report.not_testable)
+    return [line for line in report.advice if line.partition(": ")[2] not in said or ": " not in line]
 
 
 def duration(report: Report) -> float:
@@ -226,7 +256,7 @@ def _stretch(start: float, stop: float) -> dict[str, float | None]:
 
 def _tried(row: Tried) -> dict[str, Any]:
     numbers = {name: as_json.number(getattr(row, name)) for name in ("evidence", "needed", "expected")}
-    return row._asdict() | numbers
+    return row._asdict() | numbers | {"step": int(row.step)}
 
 
 def _map(of: OperatingMap) -> dict[str, Any]:

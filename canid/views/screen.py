@@ -9,7 +9,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from canid.types import Channel, Estimate, Event, Gate, Identifiable, Sample, Status
+from canid.types import Channel, Estimate, Event, Gate, Identifiable, Sample, Screened, Status, Watch
 from canid.views import words
 
 COLOURS = {
@@ -42,15 +42,18 @@ class View(NamedTuple):
     held: tuple[Estimate, ...] = ()  # the last "ok" of each estimator
     lines: tuple[BusLine, ...] = ()
     events: tuple[Event, ...] = ()
+    screened: Screened | None = None  # the latest
     truth: tuple[tuple[str, str], ...] = ()  # (channel, known values), in a demonstration
 
 
-def update(view: View, item: Sample | Estimate | Event) -> View:
+def update(view: View, item: Sample | Estimate | Screened | Event) -> View:
     """Take one output of the pipeline into the view."""
     if isinstance(item, Sample):
         return view._replace(t=item.t, sample=item)
     if isinstance(item, Event):
         return view._replace(events=(*view.events[-2:], item))
+    if isinstance(item, Screened):
+        return view._replace(t=max(view.t, item.t), screened=item)
     others = tuple(e for e in view.estimates if e.estimator != item.estimator)
     view = view._replace(t=max(view.t, item.t), estimates=tuple(sorted((*others, item), key=_by_name)))
     if item.status is Status.OK:
@@ -69,6 +72,8 @@ def render(view: View) -> RenderableType:
     held = {e.estimator: e for e in view.held}
     for latest in view.estimates:
         parts += [Text(), *_estimator(latest, held.get(latest.estimator), view.output)]
+    if view.screened is not None:
+        parts += [Text(), _screened(view.screened)]
     if view.truth:
         known = Text("truth  ", style="bold magenta")
         known.append("   ".join(f"{name}: {values}" for name, values in view.truth), style="magenta")
@@ -99,6 +104,13 @@ def _now(view: View) -> Text:
     else:
         text.append("\nsettling: the estimators wait until what was before has died away", style="cyan")
     return text
+
+
+def _screened(s: Screened) -> Text:
+    """Does the model still fit, and since when not."""
+    known = any(block.state is Watch.FITS for block in s.blocks.values())
+    style = "bold red" if not s.fits else "green" if known else "dim"
+    return Text("  screen ", style="bold").append(words.misfit(s), style=style)
 
 
 def _short(value: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from canid.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Status
+from canid.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Screened, Status
 
 # before the estimate whose number is the one to read
 READ = "▶"
@@ -102,3 +102,26 @@ def estimate(e: Estimate) -> str:
     parts = [f"{READ if e.headline else ' '}{e.t:8.1f} s", f"{e.estimator:6}", f"{e.status.value:12}"]
     told = [channel(name, ch) for name, ch in e.channels.items() if ch.status is not Identifiable.NOT]
     return "  ".join(parts) + "  " + (" | ".join(told) if told and e.status is Status.OK else e.says)
+
+
+def misfit(s: Screened) -> str:
+    """Say since when which block is suspected, or what fits.
+
+    Example:
+        >>> misfit(Screened(90.0, False, 62.0, "vehicle", "it accelerates 0.6 times as strongly", {}))
+        'since 1:02.0 the model does not fit; vehicle suspected: it accelerates 0.6 times as strongly'
+    """
+    if s.fits:
+        return s.says
+    since = f"since {clock(s.since)}" if s.since >= 0 else "since before this start"
+    return f"{since} the model does not fit; {s.block} suspected: {s.says}"
+
+
+def screened(s: Screened) -> str:
+    """What the screen says in one plain line.
+
+    Example:
+        >>> screened(Screened(90.0, True, float("nan"), "", "fits what was learnt: driver", {}))
+        '     90.0 s  screen  fits          fits what was learnt: driver'
+    """
+    return f" {s.t:8.1f} s  {'screen':6}  {'fits' if s.fits else 'misfit':12}  {misfit(s)}"

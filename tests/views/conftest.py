@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -137,12 +135,13 @@ def spectra(d: Drive) -> Spectra:
     return Spectra(f, before, after, *both, float(1 - 0.01 ** (1 / max(windows - 1, 1))))
 
 
-CANDIDATES = (
-    "headway_dead_zone speed_gain looming_threshold asymmetric_gain looming_gain relative_speed_dead_zone "
-    "gain_change gain_drift headway_drift attention_gap pedal_ceiling act_and_wait standstill_gap comfort_speed "
-    "lead_acceleration backlash periodic_task delay_drift second_lag range_offset radar_latency clock_skew road_grade "
-    "headwind engine_braking power_limit gear_ratio turbo_lag pedal_map actuator_lag"
-).split()
+CANDIDATES = [
+    "headway_dead_zone", "speed_gain", "looming_threshold", "asymmetric_gain", "looming_gain", "relative_speed_dead_zone",
+    "gain_change", "gain_drift", "headway_drift", "attention_gap", "pedal_ceiling", "act_and_wait", "standstill_gap",
+    "comfort_speed", "lead_acceleration", "backlash", "periodic_task", "delay_drift", "second_lag", "range_offset",
+    "radar_latency", "clock_skew", "road_grade", "headwind", "engine_braking", "power_limit", "gear_ratio", "turbo_lag",
+    "pedal_map", "actuator_lag",
+]  # fmt: skip
 SENSING = ("range_offset", "radar_latency", "clock_skew")
 VEHICLE = CANDIDATES[CANDIDATES.index("road_grade") :]
 
@@ -265,7 +264,8 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         Verdict.NAMED: "the driver does not react to small headway errors (±0.34 [0.28, 0.41] s); "
         "the simulation's error variance falls by 31 % [24, 37] on data that chose nothing",
         Verdict.ONE_OF: "headway_dead_zone or speed_gain: this drive cannot tell which",
-        Verdict.UNEXPLAINED: "something is wrong that no known cause explains; headway_dead_zone helps and leaves structure behind",
+        Verdict.UNEXPLAINED: "something is wrong that no known cause explains; "
+        "headway_dead_zone helps and leaves structure behind",
     }[verdict]
     found = () if verdict is Verdict.ADEQUATE else (finding,)
     shifts = {
@@ -295,16 +295,26 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         Interval(0.19, 0.08, 0.31) if verdict is Verdict.UNEXPLAINED else Interval(0.02, 0.0, 0.06),
         Interval(0.31, 0.24, 0.37) if found else Interval(0.0, -0.02, 0.02),
         (
-            NotTestable(("standstill_gap", "range_offset"), "same shape: a stop behind the lead, or a second range sensor, decides"),
+            NotTestable(
+                ("standstill_gap", "range_offset"),
+                "same shape: a stop behind the lead, or a second range sensor, decides",
+            ),
             NotTestable(("second_lag",), "below 0.5 Hz it cannot be told from dead time"),
             NotTestable(("power_limit",), "the pedal never went above 60 %: full load on a slope would show it"),
         ),
         len(CANDIDATES),
         tried((effect,) if found else (), rivals),
         checks(verdict is Verdict.UNEXPLAINED),
-        (Masked("cruise_control", float(0.31 * d.t[-1]), float(0.36 * d.t[-1])), Masked("gear_shift", float(0.72 * d.t[-1]), float(0.73 * d.t[-1]))),
         (
-            Blocked("driver", "wrong" if named else "unexplained" if found else "adequate", "the residual follows the headway error"),
+            Masked("cruise_control", float(0.31 * d.t[-1]), float(0.36 * d.t[-1])),
+            Masked("gear_shift", float(0.72 * d.t[-1]), float(0.73 * d.t[-1])),
+        ),
+        (
+            Blocked(
+                "driver",
+                "wrong" if named else "unexplained" if found else "adequate",
+                "the residual follows the headway error",
+            ),
             Blocked("vehicle", "adequate", "pedal to speed: no structure left"),
             Blocked("sensing", "not_testable", "no redundant signal for range"),
         ),

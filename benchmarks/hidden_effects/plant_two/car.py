@@ -108,13 +108,3 @@ def accelerate(car: Car, v: float, dt: float) -> Accelerate:
         return slopes
 
     return step
-
-
-def gear(speed: float) -> tuple[float, float]:
-    """Gear and engine speed (rpm) at a speed.
-
-    >>> gear(30.0)
-    (6.0, 2280.0)
-    """
-    chosen = sum(speed > s for s in SHIFTS)
-    return chosen + 1.0, max(REVOLUTIONS[chosen] * speed, 850.0)

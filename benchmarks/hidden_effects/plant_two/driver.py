@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -131,7 +131,7 @@ def _earlier(said: list[float], at: float) -> float:
     return said[i] + (at - i) * (said[i + 1] - said[i])
 
 
-def changed_driver(driver: Driver, changes: dict[str, Any]) -> Driver:
+def changed_driver(driver: Driver, changes: Mapping[str, Any]) -> Driver:
     """Replace what `changes` names; it may give the common lag as lag, tau1 or tau2.
 
     Raises:

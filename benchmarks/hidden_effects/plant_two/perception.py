@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.hidden_effects.plant_two.driver import WALK, Driver, Touch
+from benchmarks.hidden_effects.plant_two.driver import WALK, Touch
 from benchmarks.hidden_effects.plant_two.road import wander
 from benchmarks.hidden_effects.plant_two.shapes import above, dead_zone, hyperbolic_dead_zone, switch
 
@@ -18,14 +18,8 @@ class Scene(NamedTuple):
 
     dt: float  # s
     n: int
-    driver: Driver
     episodes: list[list[float]]  # of the effect at hand, s
     rng: np.random.Generator  # of the effect at hand
-
-    @property
-    def seconds(self) -> float:
-        """Length of the drive."""
-        return self.n * self.dt
 
 
 Values = Mapping[str, float]

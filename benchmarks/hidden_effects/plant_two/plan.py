@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,7 +56,7 @@ class Plan(NamedTuple):
         """Effects that act on the pedal with its noise."""
         return [e for e in self.effects if e in IN_DRIVER and IN_DRIVER[e][0][0] == "foot"]
 
-    def stretches(self, effect: str) -> Sequence[Sequence[float]]:
+    def stretches(self, effect: str) -> list[list[float]]:
         """[[start, stop], ...] s of an event, [] where it is not planted."""
         return self.episodes.get(effect, [])
 
@@ -119,13 +119,8 @@ def hung(plan: Plan, without: str = "") -> list[Placed]:
     for effect, places in IN_DRIVER.items():
         if effect in plan.effects and effect != without:
             for place, make in places:
-                scene = Scene(
-                    STEP,
-                    plan.n,
-                    plan.driver,
-                    list(plan.stretches(effect)),
-                    chance(plan.seed, effect, "course"),
-                )
+                rng = chance(plan.seed, effect, "course")
+                scene = Scene(STEP, plan.n, plan.stretches(effect), rng)
                 out.append(Placed(effect, place, make(plan.effects[effect], scene)))
     return out
 

@@ -74,7 +74,7 @@ def _brake_pulses(traffic: Traffic, n: int, dt: float, rng: np.random.Generator)
         first, last = round(t / dt), min(round((t + length) / dt), n)
         out[first:last] -= depth
         t += length + rng.exponential(traffic.brakes)
-    return out.tolist()  # type: ignore[no-any-return]
+    return out.tolist()
 
 
 def _ou(memory: float, n: int, dt: float, rng: np.random.Generator) -> Array:

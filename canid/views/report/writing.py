@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from canid.findings import Report, Verdict
-from canid.views.diagnosed import duration, used_time
+from canid.views.diagnosed import advice, duration, sentence, told, used_time
 from canid.views.measures import (
     decimals,
     either,
@@ -84,6 +84,9 @@ def page(report: Report) -> str:
         report=report,
         title=TITLES[report.verdict],
         unit=role_unit(report.output),
+        sentence=sentence(report),
+        shifts=told(report),
+        advice=advice(report),
         duration=duration(report),
         used_time=used_time(report),
         figures={figure.name: figure for figure in figures},

@@ -1,0 +1,345 @@
+"""The page: complete in every verdict, loads nothing, escapes what it is given, and its plots are plotly's."""
+
+import json
+import math
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from canid.findings import Report, Verdict
+from canid.types import Interval
+from canid.views.report import page, writing
+from canid.views.report.figure import script
+from canid.views.report.ladder import ladder, order
+from canid.views.report.strip import runs, strip
+from canid.views.report.thinning import MOST, kept
+
+ReportOf = Callable[..., Report]
+# DESIGN and reference: the order in which an engineer asks
+SECTIONS = [
+    "verdict",
+    "time",
+    "where",
+    "evidence",
+    "undecided",
+    "parameters",
+    "checks",
+    "loop",
+    "steps",
+    "provenance",
+]
+FIGURES = {"strip", "windows", "map-1", "map-2", "frequency", "ladder", "closed-loop"}
+# attributes with which an element loads or leads somewhere
+LOADING = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href")
+# elements without an end
+VOID = {"meta", "link", "br"}
+
+
+class Read(HTMLParser):
+    """What stands in a page: tags, attributes, text by element."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.text: list[tuple[str, str]] = []
+        self.unclosed: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.unclosed.append(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.text.append((self.open[-1] if self.open else "", data))
+
+    def words(self) -> str:
+        return " ".join(data for tag, data in self.text if tag not in ("script", "style"))
+
+    def of(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.tags if name == tag]
+
+
+def figures(html: str) -> dict:
+    """The plots as the script will find them."""
+    return json.loads(
+        re.search(r'<script type="application/json" id="figures">(.*?)</script>', html, re.S)[1]
+    )
+
+
+@pytest.fixture(scope="module")
+def html(named: Report) -> str:
+    return page(named)
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_every_section_is_there_in_order(report_of: ReportOf, verdict: Verdict) -> None:
+    """Whatever the verdict: ten sections, each with a heading that names it, and the verdict's sentence at the top."""
+    report = report_of(verdict)
+    read = Read(page(report))
+    sections = read.of("section")
+    assert [attrs["id"] for attrs in sections] == SECTIONS
+    headings = {attrs["id"] for attrs in read.of("h2")}
+    assert {attrs["aria-labelledby"] for attrs in sections} == headings
+    assert len(read.of("h1")) == 1
+    assert report.says in read.words()
+    assert read.unclosed == []
+    assert read.open == []
+    ids = [attrs["id"] for _, attrs in read.tags if attrs.get("id")]
+    assert len(ids) == len(set(ids))
+    # every link inside the page leads to something
+    assert {attrs["href"][1:] for attrs in read.of("a")} <= set(ids)
+
+
+def test_the_page_loads_nothing(html: str) -> None:
+    """No element names a file or a host: the page is the same on a machine without any network."""
+    read = Read(html)
+    for tag, attrs in read.tags:
+        for name in LOADING:
+            value = attrs.get(name)
+            assert value is None or value.startswith("#") or (tag, value) == ("link", "data:,"), (
+                tag,
+                name,
+                value,
+            )
+    css = " ".join(data for tag, data in read.text if tag == "style")
+    assert "url(" not in css
+    assert "@import" not in css
+    own = [data for tag, data in read.text if tag == "script"][-1]
+    assert "http" not in own
+    assert "fetch" not in own
+
+
+def test_all_plots_are_there_and_each_has_words(html: str) -> None:
+    """Every figure has data, an alternative text and a sentence on what to see; none is drawn twice or left over."""
+    read = Read(html)
+    plots = [attrs for attrs in read.of("div") if attrs.get("class") == "plot"]
+    assert [attrs["data-figure"] for attrs in plots] == list(figures(html))
+    assert set(figures(html)) == FIGURES
+    assert all(attrs["role"] == "img" and len(attrs["aria-label"]) > 20 for attrs in plots)
+    captions = [data for tag, data in read.text if tag == "figcaption" and data.strip()]
+    assert len(captions) == len(plots)
+    assert all(len(caption) > 60 for caption in captions)
+
+
+def test_plotly_knows_every_property(html: str) -> None:
+    """plotly's own schema accepts data and layout, once colours stand for their names."""
+
+    def coloured(value: object) -> object:
+        if isinstance(value, str):
+            return "#123456" if value.startswith("@") else value
+        if isinstance(value, list):
+            return [coloured(x) for x in value]
+        return {key: coloured(x) for key, x in value.items()} if isinstance(value, dict) else value
+
+    for name, spec in figures(html).items():
+        drawn = go.Figure(coloured({"data": spec["data"], "layout": spec["layout"]}))
+        assert len(drawn.data) == len(spec["data"]) > 0, name
+
+
+def test_every_colour_is_in_the_style_sheet(html: str) -> None:
+    """A colour that the style sheet does not have would be drawn black, on black at night."""
+    wanted = set(re.findall(r'"@([\w-]+)"', json.dumps(figures(html))))
+    assert len(wanted) > 8
+    css = next(data for tag, data in Read(html).text if tag == "style")
+    light, dark = css.split("prefers-color-scheme: dark")
+    for scheme in (light, dark):
+        assert wanted <= set(re.findall(r"--([\w-]+):", scheme))
+
+
+def test_what_the_log_says_is_escaped(named: Report) -> None:
+    """A file or a signal may be called anything; nothing of it becomes markup or ends a script."""
+    evil = '</script><img src=x onerror="alert(1)">&{{ 7*7 }}'
+    finding = named.findings[0]._replace(
+        effect=evil, says=evil, parameters={evil: Interval(1, 0, 2)}, units={evil: evil}, rivals=(evil,)
+    )
+    report = named._replace(
+        says=evil,
+        findings=(finding,),
+        tried=tuple(row._replace(effect=evil, why=evil) for row in named.tried[:1]),
+        steps=(evil,),
+        advice=(evil,),
+        checks=tuple(check._replace(name=evil, says=evil, unit=evil) for check in named.checks),
+        masked=tuple(mask._replace(effect=evil) for mask in named.masked),
+        provenance=named.provenance._replace(log=evil, command=evil, versions={evil: evil}),
+    )  # fmt: skip
+    html = page(report)
+    read = Read(html)
+    assert read.of("img") == []
+    assert read.words().count("{{ 7*7 }}") >= 10
+    assert [attrs["id"] for attrs in read.of("section")] == SECTIONS
+    assert evil in json.dumps(figures(html), ensure_ascii=False).replace('\\"', '"')
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_no_word_of_a_programmer_is_shown(report_of: ReportOf, verdict: Verdict) -> None:
+    """No NaN, None or array in what is read, and no NaN in what is drawn."""
+    html = page(report_of(verdict))
+    words = re.findall(r"\w+", Read(html).words())
+    assert {"nan", "NaN", "None", "True", "False", "inf", "array", "Undefined"} & set(words) == set()
+    if 'id="figures"' in html:
+        json.loads(json.dumps(figures(html)), parse_constant=lambda word: pytest.fail(word))
+
+
+def test_a_surrogate_is_not_the_title(report_of: ReportOf) -> None:
+    """The verdict `unexplained` names no cause in its heading, and calls what helped a surrogate."""
+    read = Read(page(report_of(Verdict.UNEXPLAINED)))
+    title = next(data for tag, data in read.text if tag == "h1")
+    assert title.strip() == "Unexplained"
+    assert "surrogate" in read.words()
+    assert "headway dead zone" in next(data for tag, data in Read(page(report_of())).text if tag == "h1")
+
+
+def test_unused_models_and_empty_reports_say_so(report_of: ReportOf) -> None:
+    """Nothing was fitted: no plot, no empty table, a sentence in every section."""
+    html = page(report_of(Verdict.NOT_ENOUGH_DATA))
+    read = Read(html)
+    assert read.of("figure") == []
+    assert 'id="figures"' not in html
+    assert len(html) < 100_000  # plotly.js is left out where there is nothing to draw
+    for words in (
+        "No cause was found",
+        "Nothing could be simulated",
+        "No cause was tried",
+        "Nothing could be told",
+    ):
+        assert words in read.words()
+    assert "drive 5 min" in read.words()
+
+
+def test_without_plotly_the_page_says_how_to_get_it(named: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No plots, every table, and one line on what to install."""
+    monkeypatch.setattr(writing, "find_spec", lambda name: None)
+    read = Read(page(named))
+    assert read.of("script") == []
+    assert [attrs for attrs in read.of("div") if attrs.get("class") == "plot"] == []
+    assert "pip install 'canid[report]'" in read.words()
+    assert len(read.of("table")) >= 10
+    assert [attrs["id"] for attrs in read.of("section")] == SECTIONS
+
+
+def test_the_same_report_is_the_same_page(named: Report, html: str) -> None:
+    assert page(named) == html
+
+
+# --- the plots --------------------------------------------------------------------------------------------
+
+
+def test_ten_minutes_are_drawn_sample_by_sample(named: Report) -> None:
+    """6,000 samples are all in the plot, with the log's own times and values to five digits."""
+    figure = strip(named)
+    measured = next(trace for trace in figure.data if trace["name"] == "measured")
+    assert len(measured["x"]) == len(named.t) == 6000
+    assert np.allclose(measured["x"], named.t, atol=1e-3)
+    assert np.allclose(measured["y"], named.measured, rtol=1e-4)
+    assert "thinned" not in figure.says
+
+
+def test_an_hour_is_thinned_and_says_so(report_of: ReportOf) -> None:
+    """About MOST points per line, all of them in the worst windows, both extremes of the drive kept."""
+    report = report_of(Verdict.NAMED, minutes=60)
+    figure = strip(report)
+    worst = np.zeros(len(report.t), dtype=bool)
+    for window in report.worst:
+        worst |= (report.t >= window.start) & (report.t <= window.stop)
+    for trace in figure.data:
+        assert len(trace["x"]) < 1.2 * MOST + worst.sum(), trace["name"]
+    measured = next(trace for trace in figure.data if trace["name"] == "measured")
+    assert np.isin(np.round(report.t[worst], 3), measured["x"]).all()
+    assert max(measured["y"]) == pytest.approx(report.measured.max(), rel=1e-4)
+    assert "thinned to the smallest and the largest of every 12 samples" in figure.says
+    # an hour's page is no more than twice that of ten minutes, without plotly.js
+    specs = [len(script([strip(r)])) for r in (report, report_of())]
+    assert specs[0] < 2 * specs[1]
+
+
+def test_thinning_loses_no_peak_and_closes_no_gap() -> None:
+    """Against a plain loop: every bucket's extremes are there, and what was not measured stays a gap."""
+    rng = np.random.default_rng(3)
+    for n in (6001, 20_000, 36_007):
+        y = rng.standard_normal(n).cumsum()
+        y[rng.random(n) < 0.02] = np.nan
+        y[n // 3 : n // 2] = np.nan
+        at = kept(y, np.zeros(n, dtype=bool), most=2000)
+        assert (np.diff(at) > 0).all()
+        size = math.ceil(2 * n / 2000)
+        for start in range(0, n, size):
+            bucket = y[start : start + size]
+            here = y[at[(at >= start) & (at < start + size)]]
+            if np.isfinite(bucket).any():
+                assert np.nanmin(here) == np.nanmin(bucket)
+                assert np.nanmax(here) == np.nanmax(bucket)
+        # neighbours that are drawn as a line had nothing unmeasured between them
+        drawn = np.isfinite(y[at])
+        for a, b in zip(at[:-1][drawn[:-1] & drawn[1:]], at[1:][drawn[:-1] & drawn[1:]], strict=True):
+            assert np.isfinite(y[a : b + 1]).all()
+
+
+def test_masked_and_unused_stretches_and_worst_windows_are_shaded(named: Report) -> None:
+    """Every masked stretch and every worst window is in a shade's path; what is masked is not shaded twice."""
+    used = named.used.copy()
+    used[100:150] = False
+    figure = strip(named._replace(used=used))
+    shades = {shape["name"]: shape["path"] for shape in figure.layout["shapes"]}
+    assert shades["left out: masked"].count("Z") == len(named.masked)
+    assert shades["worst windows"].count("Z") == len(named.worst)
+    assert shades["left out: not usable"] == "M10.000,0V1H14.900V0Z"
+    for window in named.worst:
+        assert f"M{window.start:.3f},0V1H{window.stop:.3f}V0Z" in shades["worst windows"]
+
+
+def test_the_ladder_has_one_bar_per_candidate(report_of: ReportOf) -> None:
+    """Every candidate of a step has its row once: a bar as long as the root of its evidence, or the words why not."""
+    report = report_of(Verdict.ONE_OF)
+    figure = ladder(report)
+    names = order(report)
+    assert sorted(names) == sorted({row.effect for row in report.tried})
+    assert names[:2] == ["headway_dead_zone", "speed_gain"]  # found, and its rival beside it
+    for axis, step in (("x", 1), ("x2", 2)):
+        rows = [row for row in report.tried if row.step == step]
+        bars = {y: x for trace in figure.data if trace["type"] == "bar" and trace["xaxis"] == axis
+                for x, y in zip(trace["x"], trace["y"], strict=True)}  # fmt: skip
+        words = {
+            y
+            for trace in figure.data
+            if trace.get("mode") == "text" and trace["xaxis"] == axis
+            for y in trace["y"]
+        }
+        assert len(bars) + len(words) == len(rows)
+        for row in rows:
+            place = len(names) - 1 - names.index(row.effect)
+            if row.outcome == "not_testable":
+                assert place in words
+            else:
+                assert bars[place] ** 2 == pytest.approx(max(row.evidence, 0.0), abs=1e-9)
+    # the bracket joins the two, and there is none where nobody rivals
+    ends = {y for shape in figure.layout["shapes"] for y in (shape["y0"], shape["y1"])}
+    assert ends == {len(names) - 1 + 0.35, len(names) - 2 - 0.35}
+    assert ladder(report_of()).layout["shapes"] == []
+
+
+def test_runs_are_found_as_a_loop_finds_them() -> None:
+    rng = np.random.default_rng(5)
+    for n in (0, 1, 2, 50):
+        flags = rng.random(n) < 0.5
+        expected, start = [], None
+        for k, flag in enumerate([*flags, False]):
+            if flag and start is None:
+                start = k
+            elif not flag and start is not None:
+                expected.append((start, k - 1))
+                start = None
+        assert runs(flags) == expected
