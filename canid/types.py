@@ -236,7 +236,7 @@ class Screened(NamedTuple):
 
     t: float
     fits: bool  # no block is a misfit; true also while nothing can be said, see `blocks`
-    since: float  # s, since when the suspected block does not fit; before this session's start: negative; NaN: fits
+    since: float  # s, since when they do not, or do again; NaN: nothing was wrong so far; < 0: before this session
     block: str  # the suspected one: "driver", "vehicle" or "sensing"; "": none
     says: str
     blocks: Mapping[str, Watched]

@@ -233,7 +233,11 @@ def _seen(planted: Planted, effects: Sequence[str]) -> tuple[Array, Array, float
     late = given.get("radar_latency", {}).get("delay", 0.0) + (
         rate * done if rate >= 0.0 else -rate * (1.0 - done)
     )
-    gap, relative, speed = np.interp(t - late, t, c["gap"]), np.interp(t - late, t, c["range_rate"]), c["speed"]
+    gap, relative, speed = (
+        np.interp(t - late, t, c["gap"]),
+        np.interp(t - late, t, c["range_rate"]),
+        c["speed"],
+    )
     gap = gap + given.get("range_offset", {}).get("distance", 0.0)
     relative = relative * (1.0 + given.get("range_rate_scale", {}).get("share", 0.0))
     if "range_rate_sign" in given:

@@ -67,8 +67,7 @@ def metric(remnant: Array, white: float, scale: Array, seen: npt.NDArray[np.bool
     phi = solve_toeplitz(r[:-1], r[1:])
     taps = np.concatenate([[1.0], -phi]) / np.sqrt(r[0] - phi @ r[1:])
     W = csr_array(
-        diags_array(taps[::-1], offsets=np.arange(ORDER + 1), shape=(n - ORDER, n))
-        @ diags_array(1.0 / scale)
+        diags_array(taps[::-1], offsets=np.arange(ORDER + 1), shape=(n - ORDER, n)) @ diags_array(1.0 / scale)
     )
     hidden = np.flatnonzero(~seen)
     if not len(hidden):

@@ -22,8 +22,8 @@ def through(how: SignalMap, values: Array) -> Array:
     """What remains of (m,) values once they were written into frames and read again, NaN for nothing.
 
     >>> from canid.vehicle import read_vehicle
-    >>> through(read_vehicle("generic").roles["pedal"].how, np.array([12.3, -5.0, 500.0, NAN])).tolist()
-    [12.4, 0.0, 100.0, nan]
+    >>> through(read_vehicle("generic").roles["pedal"].how, np.array([12.3, -5.0, NAN])).tolist()
+    [12.4, 0.0, nan]
     """
     lowest, highest = how.bits.reach
     if how.kind == "bool":

@@ -167,7 +167,8 @@ class Progress:
 
 
 def write_json(file: TextIO | None, item: Estimate | Screened) -> None:
-    """One estimate, or what the screen says, as one line."""
-    if file is not None:
-        told = as_json.estimate(item) if isinstance(item, Estimate) else as_json.screened(item)
-        file.write(as_json.line(told) + "\n")
+    """One estimate, or what the screen says, as one line; the screen has nothing to say before the first misfit."""
+    if file is None or (isinstance(item, Screened) and item.since != item.since):
+        return
+    told = as_json.screened(item) if isinstance(item, Screened) else as_json.estimate(item)
+    file.write(as_json.line(told) + "\n")

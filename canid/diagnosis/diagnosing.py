@@ -172,7 +172,7 @@ def _report(
     errors = held_out.errors(original, searched) if searched.named else None
     total = Interval() if errors is None else held_out.gain(*errors, dt)
     # a cause that makes the simulation of other data worse is not the cause
-    sound = held.passed and not total.high < 0
+    sound = held.passed and not (searched.solved.model.effects and total.high < 0)
     fitted = intervals.parameters(solved, dt)
     findings = tuple(_finding(one, searched, original, fitted, held.passed, total) for one in searched.named)
     verdict = _verdict(findings, sound)
@@ -251,7 +251,6 @@ def _finding(
 
 def _rhythm(one: Named, seconds: float) -> dict[str, Interval]:
     """How often and how long, or at what interval, from the episodes themselves."""
-    starts = np.array([start for start, _ in one.episodes])
     lengths = np.array([stop - start for start, stop in one.episodes])
     n = len(lengths)
     if one.effect.id == "act_and_wait":

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import qr, solve
+from scipy.linalg import qr
 from scipy.stats import chi2
 
 from canid.diagnosis.solved import Solved
 from canid.types import Array
 
+# of a direction's own size; keeps the inverse of two that coincide finite
+RIDGE = 1e-6
 # s; what is left of the noise's colour after whitening, and what its size does, has died away by then
 REACH = 5.0
 # chance that any candidate is named on a drive without causes, all of them together: half of what is promised, as
@@ -48,7 +50,9 @@ def inflation(solved: Solved, of: list[int], dt: float) -> float:
     if not np.all(np.diag(bread) > 1e-9 * np.maximum(np.sum(J[:, columns] ** 2, axis=0), 1e-300)):
         return 1.0
     meat = spread(G * e[:, None], round(REACH / dt))
-    ratio = np.linalg.eigvals(solve(bread, meat)).real
+    # to unit length, and no direction narrower than rounding: two parameters that do the same here are one
+    scale = np.sqrt(np.outer(np.diag(bread), np.diag(bread)))
+    ratio = np.linalg.eigvals(np.linalg.solve(bread / scale + RIDGE * np.eye(len(bread)), meat / scale)).real
     return max(float(ratio.max()), 1.0)
 
 

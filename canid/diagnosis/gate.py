@@ -66,7 +66,7 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
     def standard(x: Array) -> Array:
         sd = float(np.std(x[fine]))
         scaled = (x - np.mean(x[fine])) / max(sd, 1e-9)
-        return np.minimum(np.maximum(scaled, -4.0), 4.0)
+        return np.asarray(np.minimum(np.maximum(scaled, -4.0), 4.0))
 
     bare = solved.model._replace(effects=(), where=())
     acted = parts(bare, data, q)
@@ -132,9 +132,7 @@ def look(data: DriverData, solved: Solved, explained: float = 0.0) -> Gate:
     return Gate(not failed, tuple(told), tuple(failed), bound, material, share)
 
 
-def _test(
-    name: str, says: str, X: Array, e: Array, columns: Array, data: DriverData, solved: Solved
-) -> Family:
+def _test(name: str, says: str, X: Array, e: Array, data: DriverData, solved: Solved) -> Family:
     if not X.size:
         return Family(name, says, 1.0, 0.0, 0, 0.0)
     U, S, _ = np.linalg.svd(X, full_matrices=False)

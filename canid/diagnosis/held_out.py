@@ -30,7 +30,7 @@ def simulated(search: Search, data: DriverData, extended: Solved, drift: wander.
     out = extended.fitted.model + (drift.added if drift is not None else 0.0)
     if search.held.effect == "pedal_ceiling":
         out = np.minimum(out, search.held.level)
-    elif search.held.effect in ("attention_gap", "act_and_wait"):
+    elif search.held.effect == "attention_gap":
         out = out.copy()
         for start, stop in search.held.episodes:
             out[start:stop] = out[start]

@@ -8,6 +8,7 @@ ceiling; nearly all the time and with a rhythm - act and wait; now and then - lo
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ def look(data: DriverData, solved: Solved) -> Holds:
     interval, beats = _rhythm(y, free, step, data.output.dt)
     if beats > BEATS:
         moves = np.flatnonzero((np.abs(np.diff(y, prepend=y[0])) > 0.5 * step) & free)
-        spans = tuple((int(a), int(b)) for a, b in zip(moves[:-1], moves[1:], strict=True))
+        spans = tuple((int(a), int(b)) for a, b in pairwise(moves.tolist()))
         return Holds("act_and_wait", spans, beats * BEATS, interval)
     spans, evidence = episodes(gain, data.output.dt)
     if len(spans) < EPISODES or evidence < NEEDED:

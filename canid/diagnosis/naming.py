@@ -18,6 +18,9 @@ from canid.types import Array, Interval
 MOST = 4
 # 2 Δ log likelihood within which another cause explains the same data as well: a chance of 1 in 20 of e^3
 RIVAL = 6.0
+# how much more evidence a cause beside a ceiling needs, in parts of what it needs alone: a foot that meets a soft limit
+# is bent there, and causes were named for that bend with up to twice what chance gives
+CLIPPED = 2.0
 # 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
 VALLEY = 1.0
 # s after an episode in which the foot finds its way back
@@ -94,6 +97,8 @@ def search_causes(
                     Named(by[found.effect], found.evidence, holds.NEEDED, (), spans, told, found.level)
                 )
                 steps.append(Step(by[found.effect], step, found.evidence, holds.NEEDED, True))
+                if found.effect == "act_and_wait":
+                    break  # what he decides between two moments is not seen: nothing finer can be told of him
                 continue
         options: list[tuple[float, Step, Candidate | wander.Wander]] = []
         solved, tried = _tried(curves, data, solved)
@@ -112,6 +117,11 @@ def search_causes(
             if drift is not None:
                 bound = needed(1, m)
                 options.append(_option(by["headway_drift"], step, drift.evidence, bound, drift))
+        if held.effect == "pedal_ceiling":
+            options = [
+                (o[0] - CLIPPED * o[1].needed, o[1]._replace(needed=(1 + CLIPPED) * o[1].needed), o[2])
+                for o in options
+            ]
         options.sort(key=lambda option: -option[0])
         won = bool(options) and options[0][0] > 0
         steps += [option[1]._replace(accepted=won and k == 0) for k, option in enumerate(options)]

@@ -46,6 +46,17 @@ class Drive(NamedTuple):
     person: bool  # is the output a person's: a pedal, a steering wheel?
 
 
+class Sensed(NamedTuple):
+    """What the sensors say at an instant, or along a drive: floats or columns (n,)."""
+
+    t: Value  # s since the drive's first sample
+    drive: float  # s, how long the drive lasts
+    gap: Value  # m
+    range_rate: Value  # m/s
+    speed: Value  # m/s
+    age: Value  # s; how much older the radar's report is than its time stamp says
+
+
 class CarSeen(NamedTuple):
     """What the car's engine and body feel, floats or columns (n,); NaN columns where nobody measures it.
 
@@ -116,6 +127,7 @@ class Effect(NamedTuple):
     dead_time: Callable[[Params, Seen], Value] | None = None  # s, added to both dead times
     foot: Foot | None = None
     car: Car | None = None
+    sense: Callable[[Params, Sensed], Sensed] | None = None  # what is -> what is measured
     mask: Callable[[Drive], Flags] | None = None  # (n,) samples that say nothing of the driver
     recovery: float = 0.0  # s after a mask until the driver's answer is his own again
     planted: tuple[tuple[float, ...], ...] = ()  # strengths at which a 10 to 60 min drive must show it

@@ -34,7 +34,7 @@ def recognise(drive: Drive) -> Flags:
 
     Example:
         >>> t = np.arange(100) * 0.1
-        >>> signals = {"gap": np.where(t < 5, 30.0, 30.0 + t), "range_rate": np.full(100, 1.0), "speed": 20 + t}
+        >>> signals = {"gap": np.where(t < 5, 30.0, 30.0 + t), "range_rate": 1 + 0.01 * t, "speed": 20 + t}
         >>> flags = recognise(Drive(t, 0.1, signals, np.zeros(100), True))
         >>> bool(flags[:50].all()), bool(flags[50:].any())
         (True, False)

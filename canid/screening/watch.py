@@ -61,6 +61,7 @@ class State(NamedTuple):
     followed: tuple[Followed, ...]
     held: held.State
     misfits: tuple[bool, ...] = (False,) * len(BLOCKS)
+    again: float = NAN  # s, since when all fits again; NaN: nothing was wrong so far
     said: tuple[str, ...] = ()  # what was said last
     said_at: float = NAN  # s
 
@@ -142,8 +143,10 @@ def make(names: Sequence[str]) -> Screen:
             block: _watched(block, was, predictors, state, needed[block])
             for block, was in zip(BLOCKS, state.misfits, strict=True)
         }
-        state = state._replace(misfits=tuple(of.state is Watch.MISFIT for of in watched.values()))
-        told = _told(sample.t, watched)
+        misfits = tuple(of.state is Watch.MISFIT for of in watched.values())
+        again = sample.t if any(state.misfits) and not any(misfits) else state.again
+        state = state._replace(misfits=misfits, again=again)
+        told = _told(sample.t, watched, again)
         key = (told.block, *(of.state.value for of in watched.values()))
         # what was learnt changes by the second while it is little: no news
         fresh = key != state.said and bool(state.said)
@@ -269,7 +272,7 @@ def _against(p: Predictor, one: Followed, needed: float) -> tuple[float, float, 
     )
 
 
-def _told(t: float, watched: dict[str, Watched]) -> Screened:
+def _told(t: float, watched: dict[str, Watched], again: float) -> Screened:
     """Sum the blocks up."""
 
     def of(state: Watch) -> str:
@@ -284,4 +287,4 @@ def _told(t: float, watched: dict[str, Watched]) -> Screened:
         ("unseen", Watch.UNSEEN),
     ]
     says = "; ".join(f"{words}: {of(state)}" for words, state in parts if of(state))
-    return Screened(t, True, NAN, "", says, watched)
+    return Screened(t, True, again, "", says, watched)

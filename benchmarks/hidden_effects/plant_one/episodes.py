@@ -11,13 +11,15 @@ MARGIN = 15.0  # s at both ends of the drive in which nothing happens
 APART = 4.0  # s between two episodes at least
 
 
-def draw(minutes: float, number: float, length: tuple[float, float], rng: np.random.Generator) -> Episodes:
+def draw(
+    minutes: float, number: float, length: tuple[float, float], dt: float, rng: np.random.Generator
+) -> Episodes:
     """Draw about `number` episodes [start, stop] in s, at least one, of lengths uniform within `length`.
 
-    Each has a stretch of the drive for itself; one that does not fit there is cut.
+    Each has a stretch of the drive for itself; one that does not fit there is cut. Both ends are whole steps of dt.
 
-    >>> [[round(x, 1) for x in pair] for pair in draw(2.0, 2, (2.0, 4.0), np.random.default_rng(1))]
-    [[36.7, 40.6], [65.0, 67.6]]
+    >>> draw(2.0, 2, (2.0, 4.0), 0.1, np.random.default_rng(1))
+    [[51.1, 54.1], [96.7, 99.0]]
     """
     room = 60.0 * minutes - 2.0 * MARGIN
     count = max(min(round(number), int(room / (APART + length[0]))), 1)
@@ -26,7 +28,7 @@ def draw(minutes: float, number: float, length: tuple[float, float], rng: np.ran
     for i in range(count):
         long = min(float(rng.uniform(*length)), share - APART)
         start = MARGIN + i * share + float(rng.uniform(0.0, share - APART - long))
-        out.append([round(start, 3), round(start + long, 3)])
+        out.append([round(round(x / dt) * dt, 9) for x in (start, start + long)])
     return out
 
 

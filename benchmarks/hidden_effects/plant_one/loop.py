@@ -161,14 +161,14 @@ def _episodes(name: str, how: Mapping[str, float], minutes: float, rng: np.rando
     if name == "cruise_control":
         number = 1 if minutes < 5.0 else 2
         each = how["share"] * 60.0 * minutes / number
-        return episodes.draw(minutes, number, (0.9 * each, 1.1 * each), rng)
+        return episodes.draw(minutes, number, (0.9 * each, 1.1 * each), DT, rng)
     if name == "attention_gap":
         length = max(0.6 * how["duration"], GLANCE[0]), min(1.4 * how["duration"], GLANCE[1])
     elif name in LENGTHS:
         length = LENGTHS[name]
     else:
         return []
-    return episodes.draw(minutes, how["per_minute"] * minutes, length, rng)
+    return episodes.draw(minutes, how["per_minute"] * minutes, length, DT, rng)
 
 
 def _road(n: int, sd: float, longest: float, rng: np.random.Generator) -> list[float]:

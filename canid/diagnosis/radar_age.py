@@ -1,0 +1,172 @@
+"""How much older than the own speed the radar's reports are: the own motion shows in the range rate at once, or late.
+
+    range_rate(t) = lead speed(t − δ) − own speed(t − δ) + noise
+
+With the right δ, range_rate(t) + own speed(t − δ) is the lead's speed, in which nothing of the own motion is left. The
+lead does not answer the own car, but the own car answers the lead, some tenths of a second later; so what is *new* in
+the lead's speed tells nothing of the own motion, and regressing the one on the other is unbiased only causally: an
+autoregression whitens the lead's speed, and δ is where its innovations hold nothing of the own acceleration (prediction
+errors, Ljung 1999, ch. 13.4).
+
+Radar noise spoils this: the driver has seen the lead better than the radar did, his motion therefore tells something
+of the lead that the radar's reports do not, and δ comes out too large. The second estimate errs to the other side: it
+takes out of the own motion what answers the lead, by a regression in which the radar's noise is compensated, and uses
+only what remains, the driver's own unrest, as an instrument. What both agree on is told.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from canid.diagnosis.causal_inputs import roughness
+from canid.diagnosis.driver_data import slope
+from canid.findings import Flags
+from canid.identification.autoregression import whole
+from canid.types import Array
+
+# samples; four seconds hold what a lead's foot and a radar's noise make of an autoregression
+ORDER = 40
+# s; how long own motion goes on answering what the lead did, and how many smooth curves describe it
+ANSWERS, CURVES = 15.0, 9
+# s into the past over which the driver's unrest tells of the own motion
+UNREST = 1.5
+# s; of one block of the score's spread
+BLOCK = 20.0
+ROUNDS = 8
+# s; no step further, and no age further from 0
+FURTHEST = 0.2
+
+
+class Age(NamedTuple):
+    """An age with its doubt, s."""
+
+    value: float
+    sd: float
+
+
+class Looked(NamedTuple):
+    """What the two estimates say."""
+
+    plain: Age  # of prediction errors: errs to the old side
+    instrument: Age  # of the driver's unrest: errs to the young side
+    drift: Age  # of the age over the drive
+    blocks: int
+
+
+def look(rate: Array, speed: Array, usable: Flags, dt: float) -> Looked | None:
+    """Estimate the age of the reports; None: too little in a row.
+
+    Args:
+        rate: (n,) m/s, as reported.
+        speed: (n,) m/s, own.
+        usable: (n,) both are there; a new stretch of True begins behind each False.
+        dt: s.
+    """
+    reach = round(ANSWERS / dt)
+    rows = np.flatnonzero(whole(usable, reach + ORDER))
+    if rows.size < 100 * ORDER / 4 or float(np.std(speed[rows])) < 1e-6:
+        return None
+    plain, drift, blocks = _plain(rate, speed, rows, dt)
+    instrument = _instrument(rate, speed, rows, dt)
+    if plain is None or instrument is None or drift is None:
+        return None
+    return Looked(plain, instrument, drift, blocks)
+
+
+class _At(NamedTuple):
+    """All that depends on the age, whitened."""
+
+    innovation: Array  # (n,) of the lead's speed
+    motion: Array  # (n,) own acceleration through the same filter: d innovation / d age
+    filter: Array  # (ORDER + 1,)
+    lead: Array  # (n,) m/s, mean 0
+
+
+def _at(rate: Array, speed: Array, rows: Array, age: Array, dt: float) -> _At:
+    t = np.arange(speed.size) * dt
+    then = np.interp(t - age, t, speed)
+    lead = rate + then
+    lead = np.where(np.isfinite(lead), lead, 0.0)
+    lead = lead - lead[rows].mean()
+    past = np.stack([lead[rows - k] for k in range(1, ORDER + 1)], axis=1)
+    phi = np.linalg.lstsq(past, lead[rows], rcond=None)[0]
+    A = np.concatenate([[1.0], -phi])
+    motion = -slope(then, dt)
+    return _At(lfilter(A, [1.0], lead), lfilter(A, [1.0], motion), A, lead)
+
+
+def _sandwich(scores: Array, rows: Array, dt: float) -> tuple[Array, int]:
+    """Covariance of a sum of scores (n, k), from its blocks."""
+    _, block = np.unique(rows * dt // BLOCK, return_inverse=True)
+    sums = np.stack([np.bincount(block, weights=column) for column in scores.T], axis=1)
+    return sums.T @ sums, len(sums)
+
+
+def _plain(rate: Array, speed: Array, rows: Array, dt: float) -> tuple[Age | None, Age | None, int]:
+    """Age in the middle of the drive, and its change over the drive."""
+    n = speed.size
+    u = np.arange(n) / n - 0.5
+    q = np.zeros(2)
+    for _ in range(ROUNDS):
+        at = _at(rate, speed, rows, np.clip(q[0] + q[1] * u, -1.0, 2.0), dt)
+        # the filter forgets in seconds, in which u stands still
+        J = np.stack([at.motion[rows], (at.motion * u)[rows]], axis=1)
+        bread = J.T @ J
+        if np.linalg.cond(bread) > 1e8:
+            return None, None, 0
+        move = -np.linalg.solve(bread, J.T @ at.innovation[rows])
+        q = q + np.clip(move, -FURTHEST, FURTHEST)
+        if np.abs(move).max() < 1e-3:
+            break
+    meat, blocks = _sandwich(J * at.innovation[rows, None], rows, dt)
+    inverse = np.linalg.inv(bread)
+    sd = np.sqrt(np.diag(inverse @ meat @ inverse))
+    return Age(float(q[0]), float(sd[0])), Age(float(q[1]), float(sd[1])), blocks
+
+
+def curves(dt: float) -> Array:
+    """Smooth answers from 0 to `ANSWERS` s, finer near 0: raised cosines over logarithmic time (CURVES, m)."""
+    u = np.log(np.arange(round(ANSWERS / dt)) * dt + 0.5)
+    centre = np.linspace(np.log(0.7), np.log(0.6 * ANSWERS + 0.5), CURVES)
+    wide = 2 * (centre[1] - centre[0])
+    bumps = 0.5 * (1 + np.cos(np.clip((u - centre[:, None]) / wide * np.pi, -np.pi, np.pi)))
+    out: Array = bumps / bumps.sum(axis=1, keepdims=True)
+    return out
+
+
+def _instrument(rate: Array, speed: Array, rows: Array, dt: float) -> Age | None:
+    shapes = curves(dt)
+    noise = roughness(rate, 2) ** 2
+    own = slope(speed, dt)
+    own = own - own[rows].mean()
+    lags = round(UNREST / dt)
+    age = 0.0
+    for _ in range(ROUNDS):
+        at = _at(rate, speed, rows, np.full(speed.size, age), dt)
+        answers = np.stack([lfilter(b, [1.0], at.lead) for b in shapes], axis=1)
+        here = answers[rows] - answers[rows].mean(axis=0)
+        # E[noisy' noisy] = E[true' true] + n σ² B B': the noise's part is known
+        gram = here.T @ here - rows.size * noise * (shapes @ shapes.T)
+        if np.linalg.eigvalsh(gram).min() <= 0:
+            return None
+        answer = np.linalg.solve(gram, here.T @ own[rows]) @ shapes
+        unrest = own - lfilter(answer, [1.0], at.lead)
+        unrest = unrest - unrest[rows].mean()
+        past = np.stack([unrest[rows - k] for k in range(1, lags + 1)], axis=1)
+        weights = np.linalg.lstsq(past, at.motion[rows], rcond=None)[0]
+        z = past @ weights
+        # the radar's noise is in both: it entered the unrest through the answer that was taken out
+        shared = np.convolve(np.concatenate([[0.0], weights]), answer)[: ORDER + 1]
+        overlap = -noise * rows.size * float(shared @ at.filter[: shared.size])
+        grip = float(z @ at.motion[rows])
+        if abs(grip) < 1e-12:
+            return None
+        move = -(float(z @ at.innovation[rows]) - overlap) / grip
+        age += float(np.clip(move, -FURTHEST, FURTHEST))
+        if abs(move) < 1e-3 or abs(age) > 2.0:
+            break
+    meat, _ = _sandwich((z * at.innovation[rows])[:, None], rows, dt)
+    return Age(age, float(np.sqrt(meat[0, 0])) / abs(grip))
