@@ -167,8 +167,8 @@ def baseline(
                     damping *= 0.1
                     break
                 damping *= 10.0
-            # a hundredth of a likelihood ratio is nothing
-            if before - cost < 1e-3 or damping >= 1e8:
+            # a thousandth of a likelihood ratio is nothing, and so is a ten-thousandth part of a large one
+            if before - cost < 1e-3 + 1e-4 * cost or damping >= 1e8:
                 break
         if best is None or cost < best[0]:
             best = cost, p, c

@@ -26,8 +26,34 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default="mixed",
         help="what the vehicle ahead does, or lane; default: mixed",
     )
+    parser.add_argument(
+        "--hide",
+        action="append",
+        type=hidden,
+        default=[],
+        metavar="EFFECT[=VALUE,...]",
+        help="a cause that the driver carries, for `canid diagnose` to find; may be given several times",
+    )
     options.force(parser)
     options.json_file(parser)
+
+
+def hidden(text: str) -> tuple[str, tuple[float, ...]]:
+    """Read EFFECT or EFFECT=VALUE,...
+
+    Example:
+        >>> hidden("gain_change=0.4,200")
+        ('gain_change', (0.4, 200.0))
+    """
+    from canid.simulation.hidden import PLANTABLE
+
+    name, _, numbers = text.partition("=")
+    if name not in PLANTABLE:
+        raise argparse.ArgumentTypeError(f"{name!r} cannot be hidden; choose from {', '.join(PLANTABLE)}")
+    try:
+        return name, tuple(float(x) for x in numbers.split(",") if x)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: what follows = must be numbers") from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -37,7 +63,9 @@ def run(args: argparse.Namespace) -> int:
     from canid.vehicle import read_vehicle
 
     vehicle = read_vehicle(args.vehicle or ("generic_lane" if args.profile == "lane" else "generic"))
-    simulation = simulate(minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise)
+    simulation = simulate(
+        minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise, hide=dict(args.hide)
+    )
     out = Path(args.out)
     beside = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
     for path in (out, beside):

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import lfilter, savgol_filter
 
 from canid.diagnosis.causal_inputs import roughness
 from canid.diagnosis.driver_data import slope
@@ -35,6 +35,9 @@ ANSWERS, CURVES = 15.0, 9
 UNREST = 1.5
 # s; of one block of the score's spread
 BLOCK = 20.0
+# s around each sample, of a parabola that smooths the own speed. Without it a wheel's noise decides: between two
+# samples noise is averaged, so ages that fall there would leave less of it, whatever the truth
+SMOOTHED = 0.9
 ROUNDS = 8
 # s; no step further, and no age further from 0
 FURTHEST = 0.2
@@ -69,6 +72,7 @@ def look(rate: Array, speed: Array, usable: Flags, dt: float) -> Looked | None:
     rows = np.flatnonzero(whole(usable, reach + ORDER))
     if rows.size < 100 * ORDER / 4 or float(np.std(speed[rows])) < 1e-6:
         return None
+    speed = savgol_filter(speed, 2 * round(SMOOTHED / dt / 2) + 1, 2)
     plain, drift, blocks = _plain(rate, speed, rows, dt)
     instrument = _instrument(rate, speed, rows, dt)
     if plain is None or instrument is None or drift is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from canid.simulation.car import Car
 from canid.simulation.driver import DriverTruth, draw_driver
@@ -42,6 +42,7 @@ def simulate(
     cut_in: float | None = None,
     grade_sd: float = 0.8,
     car: Car | None = None,
+    hide: Mapping[str, Sequence[float] | None] | None = None,
 ) -> Simulation:
     """Simulate a drive in closed loop at 100 Hz: behind another vehicle, or keeping the lane.
 
@@ -59,6 +60,7 @@ def simulate(
         cut_in: s; another vehicle cuts in between the two.
         grade_sd: standard deviation of the road's slope, %.
         car: the car that is driven.
+        hide: causes of the catalogue that the driver carries: id -> parameters; None or (): a strength that shows.
 
     Returns:
         Columns of what truly happened, and the truth.
@@ -80,7 +82,9 @@ def simulate(
     if profile == "lane":
         if isinstance(driver, DriverTruth):
             raise ValueError("profile 'lane' takes a driver of type Steering")
+        if hide:
+            raise ValueError("profile 'lane' hides nothing: the catalogue is of car following")
         return keep_lane(minutes, seed, driver or Steering(), car or Car())
     if isinstance(driver, Steering):
         raise ValueError(f"profile {profile!r} takes a driver of type DriverTruth")
-    return follow(minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car())
+    return follow(minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car(), hide or {})

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from canid.effects.cause import Seen
 from canid.simulation.car import GRAVITY, Car, gearbox, road_grade
 from canid.simulation.driver import DriverTruth, answer, draw_driver
+from canid.simulation.hidden import Hidden, perceive, plant
+from canid.simulation.hidden import foot as make_foot
 from canid.simulation.leads import LEADS, speed_profile
 from canid.simulation.noise import unit_noise
 from canid.types import Array
@@ -41,6 +44,7 @@ def follow(
     cut_in: float | None,
     grade_sd: float,
     car: Car,
+    hide: Mapping[str, Sequence[float] | None],
 ) -> Simulation:
     """Simulate car following; see `simulate`."""
     n = round(minutes * 60 / DT)
@@ -60,7 +64,10 @@ def follow(
         after = np.arange(n) * DT - cut_in
         # Who cuts in comes from a slower lane: 1.5 m/s slower, and has the lead's speed some 5 s later.
         lead = np.where(after >= 0, lead - 1.5 * np.exp(-np.maximum(after, 0) / 5.0), lead)
-    columns = _loop(lead, foot, grade, truth, car, noise == "state", cut_in)
+    planted = plant(
+        hide, n * DT, float(lead.mean()), car.hold(float(lead.mean())), np.random.default_rng([seed, 9])
+    )
+    columns = _loop(lead, foot, grade, truth, car, noise == "state", cut_in, planted)
     columns |= _beside(columns, grade, rng["road"])
     t = columns["t"]
     valid = np.ones(n)
@@ -83,7 +90,7 @@ def follow(
         "cut_in": cut_in,
         "grade_sd": grade_sd,
         "car": car._asdict(),
-        "hidden": None,
+        "hidden": planted.truth or None,
     }
     return Simulation(DT, columns, facts, seed)
 
@@ -96,6 +103,7 @@ def _loop(
     car: Car,
     grows: bool,
     cut_in: float | None,
+    hidden: Hidden,
 ) -> dict[str, Array]:
     """Close the loop. Plain floats: numpy scalars would make it ten times slower."""
     n = len(lead)
@@ -107,21 +115,41 @@ def _loop(
     gap = truth.headway_desired * v
     error: list[float] = []
     rate: list[float] = []
+    seen_rate: list[float] = []
     demand, speed, gaps, accel, noise = (np.empty(n) for _ in range(5))
-    y1 = y2 = 0.0
+    # what a cause adds goes through the lag and dead time of the answer to range rate
+    third = answer(1.0, truth.tau2, truth.dead_time2, DT)
+    added: list[float] = []
+    move, planted = make_foot(hidden, DT), bool(hidden.effects or hidden.episodes)
+    lead_accel = np.gradient(lead, DT).tolist()
+    y1 = y2 = y3 = 0.0
     drive, brake = max(truth.offset, 0.0), 0.0
     a = 0.0
     cut = -1 if cut_in is None else round(cut_in / DT)
     for k in range(n):
         if k == cut:
             gap *= 0.55  # a gap of 2 s becomes one of 1.1 s: uncomfortable, not dangerous
-        error.append(gap / max(v, _CRAWL) - truth.headway_desired)
-        rate.append(vl[k] - v)
-        y1, y2 = first.step(y1, error, k), second.step(y2, rate, k)
-        answered = truth.K1 * y1 + truth.K2 * y2
+        headway, closing = gap / max(v, _CRAWL), vl[k] - v
+        seen_rate.append(closing)
+        then = k
+        if planted:
+            seen = Seen(k * DT, n * DT, headway, closing, gap, v, lead_accel[k])
+            acted = perceive(hidden, headway - truth.headway_desired, closing, seen)
+            error.append(acted.e)
+            rate.append(acted.w)
+            added.append(acted.extra)
+            then = max(k - round(acted.later / DT), 0) if acted.later > 0 else k
+            y3 = third.step(y3, added, then)
+        else:
+            error.append(headway - truth.headway_desired)
+            rate.append(closing)
+        y1, y2 = first.step(y1, error, then), second.step(y2, rate, then)
+        answered = truth.K1 * y1 + truth.K2 * y2 + y3
         # State-dependent noise: a foot that moves more errs more; of the same size at an answer of 6 %.
         n_k = e[k] * (0.25 + abs(answered) / 8.0) if grows else e[k]
         u = truth.offset + answered + n_k
+        if planted:
+            u = move(u, k * DT)
         demand[k], speed[k], gaps[k], noise[k] = u, v, gap, n_k
         drive = decay * drive + (1 - decay) * min(max(u, 0.0), 100.0)
         brake = decay * brake + (1 - decay) * max(-u, 0.0)
@@ -138,7 +166,7 @@ def _loop(
         "speed": speed,
         "accel": accel,
         "gap": gaps,
-        "range_rate": np.array(rate),
+        "range_rate": np.array(seen_rate),
         "lead_speed": lead,
         "headway": gaps / np.maximum(speed, _CRAWL),
         "noise": noise,

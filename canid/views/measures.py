@@ -132,4 +132,5 @@ def shifted(key: str, output: str) -> tuple[str, str]:
 
 
 def _with_unit(text: str, unit: str) -> str:
-    return f"{text} {unit}" if unit else text
+    # "1" is how a parameter says that it has no unit
+    return f"{text} {unit}" if unit not in ("", "1") else text

@@ -50,6 +50,14 @@ def file(named: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def short(report_of: ReportOf, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two minutes: drawn in no time."""
+    path = tmp_path_factory.mktemp("page") / "short.html"
+    path.write_text(page(report_of(Verdict.ONE_OF, minutes=2)), encoding="utf-8")
+    return path
+
+
 class Looked:
     """A page that was opened, and what went wrong on the way."""
 
@@ -101,11 +109,11 @@ def test_every_plot_is_drawn_and_nothing_is_asked_for(look: Callable[..., Looked
     assert seen.tell("document.documentElement.scrollWidth <= window.innerWidth")
 
 
-def test_colours_follow_the_reader(look: Callable[..., Looked]) -> None:
+def test_colours_follow_the_reader(look: Callable[..., Looked], short: Path) -> None:
     """Night draws light lines on dark ground, day dark ones on light; changing over redraws."""
     line = "getComputedStyle(document.querySelector('.plot path.js-line')).stroke"
     ground = "getComputedStyle(document.documentElement).backgroundColor"
-    seen = look(color_scheme="dark").drawn()
+    seen = look(short, color_scheme="dark").drawn()
     night = (seen.tell(line), seen.tell(ground))
     seen.page.emulate_media(color_scheme="light")
     seen.page.wait_for_function(f"{line} !== '{night[0]}'")
@@ -119,9 +127,9 @@ def test_colours_follow_the_reader(look: Callable[..., Looked]) -> None:
     assert seen.wrong == []
 
 
-def test_it_prints_on_a4(look: Callable[..., Looked], tmp_path: Path) -> None:
+def test_it_prints_on_a4(look: Callable[..., Looked], short: Path, tmp_path: Path) -> None:
     """From a dark screen: plots no wider than the paper and in the light colours, and all as before afterwards."""
-    seen = look(color_scheme="dark").drawn()
+    seen = look(short, color_scheme="dark").drawn()
     widths = "[...document.querySelectorAll('.plot .main-svg')].map(svg => svg.getBoundingClientRect().width)"
     before = seen.tell(widths)
     seen.tell("window.dispatchEvent(new Event('beforeprint'))")
@@ -141,17 +149,17 @@ def _boxes(pdf: bytes) -> list[str]:
     return [found.decode() for found in re.findall(rb"/MediaBox\s*\[([^\]]+)\]", pdf)]
 
 
-def test_zoom_is_kept_when_the_window_changes(look: Callable[..., Looked]) -> None:
-    """Who has zoomed into a minute still sees that minute after turning the screen."""
-    seen = look().drawn()
-    seen.tell("Plotly.relayout(document.querySelector('[data-figure=strip]'), {'xaxis.range': [100, 160]})")
+def test_zoom_is_kept_when_the_window_changes(look: Callable[..., Looked], short: Path) -> None:
+    """Who has zoomed into half a minute still sees it after turning the screen."""
+    seen = look(short).drawn()
+    seen.tell("Plotly.relayout(document.querySelector('[data-figure=strip]'), {'xaxis.range': [20, 50]})")
     seen.page.set_viewport_size({"width": 900, "height": 900})
     seen.page.wait_for_function("document.querySelector('[data-figure=strip]')._fullLayout.width < 900")
-    assert seen.tell("document.querySelector('[data-figure=strip]')._fullLayout.xaxis.range") == [100, 160]
+    assert seen.tell("document.querySelector('[data-figure=strip]')._fullLayout.xaxis.range") == [20, 50]
 
 
-def test_without_javascript_the_words_and_tables_are_there(look: Callable[..., Looked]) -> None:
-    seen = look(java_script_enabled=False)
+def test_without_javascript_the_words_and_tables_are_there(look: Callable[..., Looked], file: Path) -> None:
+    seen = look(file, java_script_enabled=False)
     text = seen.page.inner_text("body")
     for words in ("headway dead zone", "31 [24, 37] %", "The plots need JavaScript", "canid diagnose"):
         assert words in text

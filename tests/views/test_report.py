@@ -296,7 +296,7 @@ def test_masked_and_unused_stretches_and_worst_windows_are_shaded(named: Report)
     shades = {shape["name"]: shape["path"] for shape in figure.layout["shapes"]}
     assert shades["left out: masked"].count("Z") == len(named.masked)
     assert shades["worst windows"].count("Z") == len(named.worst)
-    assert shades["left out: not usable"] == "M10.000,0V1H14.900V0Z"
+    assert shades["left out: not fitted"] == "M10.000,0V1H14.900V0Z"
     for window in named.worst:
         assert f"M{window.start:.3f},0V1H{window.stop:.3f}V0Z" in shades["worst windows"]
 

@@ -180,10 +180,13 @@ def _bracket(names: tuple[str, ...], place: dict[str, int]) -> list[Spec]:
 
 
 def _says(report: Report) -> str:
+    shown = len({row.effect for row in report.tried})
+    rest = "; those without a bar were looked at, but not fitted in full" * (shown < report.candidates_tried)
     says = (
-        f"{report.candidates_tried} candidates tried; the threshold counts all of them. Bars are as long as the square root "
-        "of the evidence. A cause counts where its bar passes the mark; a diamond left of the mark says that this drive "
-        "could hardly have shown the cause at a typical strength, so that a short bar there means nothing."
+        f"{report.candidates_tried} candidates tried; the threshold counts all of them{rest}. Bars are as long as the "
+        "square root of the evidence. Of those that pass the mark the one that explains most is taken, and the others are "
+        "tried again beside it. A diamond left of the mark says that this drive could hardly have shown the cause at a "
+        "typical strength, so that a short bar there means nothing."
     )
     groups = [(f.effect, *f.rivals) for f in report.findings if f.rivals]
     if groups:

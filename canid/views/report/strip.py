@@ -46,8 +46,8 @@ def strip(report: Report) -> Figure | None:
     sides = [("before", _before(report), before)] + [("after", "extended simulation", after)] * found
     data = [_drawn(report.t, report.measured, close, "measured", "measured", "y")]
     for colour, name, simulated in sides:
-        residual = report.measured - simulated
-        running = running_rms(np.where(report.used, residual, math.nan), _samples(report))
+        residual = np.where(report.used, report.measured - simulated, math.nan)
+        running = running_rms(residual, _samples(report))
         data += [
             _drawn(report.t, simulated, close, name, colour, "y"),
             _drawn(report.t, residual, close, name, colour, "y2", showlegend=False),
@@ -56,7 +56,7 @@ def strip(report: Report) -> Figure | None:
     shapes = [
         *_shade([(w.start, w.stop) for w in report.worst], "worst windows", "worst"),
         *_shade([(m.start, m.stop) for m in report.masked], "left out: masked", "shade-mask"),
-        *_shade(_unused(report), "left out: not usable", "shade-unused"),
+        *_shade(_unused(report), "left out: not fitted", "shade-unused"),
     ]
     labels = [
         note(
@@ -202,7 +202,9 @@ def _strip_says(report: Report, before: Array, after: Array) -> str:
     if masked:
         says += f" Dark grey: masked, {number(masked, 's')} in sum."
     if unused:
-        says += f" Light grey: not usable, {number(unused, 's')} in sum."
+        says += (
+            f" Light grey: not fitted (such as no lead, brake, pedal at 0 %), {number(unused, 's')} in sum."
+        )
     if len(report.t) > MOST:
         size = -(-2 * len(report.t) // MOST)
         says += (

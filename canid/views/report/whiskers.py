@@ -7,6 +7,7 @@ import math
 from markupsafe import Markup
 
 from canid.types import Interval
+from canid.views.measures import decimals
 
 # px
 WIDTH, HEIGHT, EDGE = 150, 22, 6
@@ -43,18 +44,20 @@ def whiskers(before: Interval, after: Interval) -> Markup:
     )
 
 
-def shift(before: Interval, after: Interval, digits: int) -> str:
+def shift(before: Interval, after: Interval) -> str:
     """Say how far a parameter has moved, and whether out of its former interval.
 
     Example:
-        >>> shift(Interval(4.42, 3.58, 5.21), Interval(7.71, 6.6, 8.8), 1)
+        >>> shift(Interval(4.42, 3.58, 5.21), Interval(7.71, 6.6, 8.8))
         '+3.3 (+74 %), outside the former interval'
-        >>> shift(Interval(), Interval(7.71, 6.6, 8.8), 1)
+        >>> shift(Interval(), Interval(7.71, 6.6, 8.8))
         '–'
     """
     if not (math.isfinite(before.value) and math.isfinite(after.value)):
         return "–"
+    digits = max(decimals(before), decimals(after))
     by = after.value - before.value
-    share = f" ({100 * by / abs(before.value):+.0f} %)" if before.value else ""
+    moved = round(by, digits) + 0.0  # no "-0.0"
+    share = f" ({100 * by / abs(before.value):+.0f} %)" if moved and before.value else ""
     inside = before.low <= after.value <= before.high
-    return f"{by:+.{digits}f}{share}, {'within' if inside else 'outside'} the former interval"
+    return f"{moved:+.{digits}f}{share}, {'within' if inside else 'outside'} the former interval"

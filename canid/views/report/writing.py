@@ -11,7 +11,6 @@ from markupsafe import Markup
 from canid.findings import Report, Verdict
 from canid.views.diagnosed import advice, duration, sentence, told, used_time
 from canid.views.measures import (
-    decimals,
     either,
     measure,
     number,
@@ -77,9 +76,7 @@ def page(report: Report) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(
-        measure=measure, percent=percent, number=number, spoken=spoken, decimals=decimals, either=either
-    )
+    environment.filters.update(measure=measure, percent=percent, number=number, spoken=spoken, either=either)
     return environment.get_template("page.html.j2").render(
         report=report,
         title=TITLES[report.verdict],

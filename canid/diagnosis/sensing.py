@@ -1,0 +1,308 @@
+"""The sensing block: what two signals say of the same thing must agree, whoever drives.
+
+Nothing here rests on a model of the driver or of the car. Where there is no second signal, that is said.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from canid.diagnosis import blocks, kinematics, radar_age
+from canid.diagnosis.blocks import Told
+from canid.diagnosis.driver_data import filled
+from canid.diagnosis.masks import view
+from canid.effects import (
+    clock_skew,
+    cut_in,
+    radar_latency,
+    range_offset,
+    range_rate_scale,
+    range_rate_sign,
+    speed_scale,
+    stale_signal,
+)
+from canid.effects.cause import Effect
+from canid.findings import Blocked, Check, Finding, Flags, NotTestable
+from canid.types import NAN, Array, Interval, Trace
+
+# chance that any cause of this block is named on a drive without one, all tests together
+FAMILY = 0.001
+TESTS = 4  # scale and sign of the range rate; scale of the speed; age of the radar's reports; its drift
+# less than this is what sensors are sold with, not a cause: a Doppler radar's speed is good to 1 %, a wheel's radius
+# changes by 0.5 % with load and temperature, and a report of a 20 Hz radar is 25 ms old on average
+SCALE, SPEED, AGE, SKEW = 0.02, 0.005, 0.03, 0.05
+# half an interval wider than this tells nothing of an age (s): they are between 0.05 and 0.3
+AGE_KNOWN, SKEW_KNOWN = 0.1, 0.15
+# times the reports' own noise, and m/s: more than this between gap and range rate is a disagreement
+DISAGREES, SMALL = 3.0, 0.03
+# m/s; below it a car creeps, and radars lose their Doppler
+CREEP = 2.0
+# s over which two speeds are averaged before they are compared: satellites are late by up to half a second
+AVERAGED = 5.0
+# m/s; what lateness may leave between two right speeds
+SPEEDS_DIFFER = 0.5
+
+
+class Sensing(NamedTuple):
+    """What one test adds."""
+
+    findings: tuple[Finding, ...] = ()
+    not_testable: tuple[NotTestable, ...] = ()
+    checks: tuple[Check, ...] = ()
+
+
+Looked = tuple[tuple[Finding, ...], tuple[NotTestable, ...], tuple[Check, ...], Blocked]
+
+
+def look(trace: Trace) -> Looked:
+    """Hold the sensors against each other.
+
+    Args:
+        trace: of a drive.
+
+    Returns:
+        findings, what this drive cannot decide, the checks that were made, and the block's line.
+    """
+    signals, n = trace.signals, trace.t.size
+    gap = signals.get("gap_reported", signals.get("gap"))
+    rate = signals.get("range_rate_reported", signals.get("range_rate"))
+    speed = signals.get("speed")
+    if gap is None or rate is None or speed is None:
+        return (), (), (), Blocked("sensing", "not_testable", "No gap, range rate and speed to be compared.")
+    drive = view(trace)
+    doubtful = np.zeros(n, dtype=bool)
+    for effect in (stale_signal.EFFECT, cut_in.EFFECT):
+        assert effect.mask is not None
+        doubtful |= effect.mask(drive)
+    # a window must not reach from one target to the next: a False between them
+    doubtful[1:] |= np.diff(trace.segment) != 0
+    lead = np.isfinite(gap) & np.isfinite(rate) & (speed > CREEP) & ~doubtful
+    parts = (
+        _range_rate(gap, rate, lead, trace.dt),
+        _speed(speed, signals.get("gnss_speed"), ~doubtful, trace.dt),
+        _age(rate, speed, lead, trace.dt),
+        _offset(),
+    )
+    findings = tuple(finding for part in parts for finding in part.findings)
+    checks = tuple(check for part in parts for check in part.checks)
+    untold = tuple(one for part in parts for one in part.not_testable)
+    return findings, untold, checks, _line(findings, checks)
+
+
+def _line(findings: tuple[Finding, ...], checks: tuple[Check, ...]) -> Blocked:
+    if findings:
+        return Blocked("sensing", "wrong", " ".join(finding.says for finding in findings))
+    failed = [check.says for check in checks if check.passed is False]
+    if failed:
+        return Blocked("sensing", "unexplained", " ".join(failed))
+    if any(check.passed for check in checks):
+        made = ", ".join(check.name for check in checks if check.passed)
+        return Blocked("sensing", "adequate", f"The sensors agree with each other ({made}).")
+    return Blocked("sensing", "not_testable", "No two signals of this drive say the same thing.")
+
+
+def needed(dof: int) -> float:
+    """How many standard deviations chance exceeds with FAMILY / TESTS."""
+    return float(student.isf(FAMILY / TESTS / 2, dof))
+
+
+def _finding(
+    effect: Effect, told: dict[str, Interval], z: float, dof: int, gain: Interval = Interval()
+) -> Finding:
+    says = effect.says
+    for name, iv in told.items():
+        says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+    return Finding(
+        effect=effect.id, where=effect.where, rivals=(), surrogate=False, parameters=told,
+        units={p.name: p.unit for p in effect.parameters}, gain=gain, says=says, evidence=z * z,
+        needed=needed(dof) ** 2,
+    )  # fmt: skip
+
+
+def _range_rate(gap: Array, rate: Array, usable: Flags, dt: float) -> Sensing:
+    """Scale and sign of the range rate, by the gap's change."""
+    of = kinematics.averages(gap, rate, usable, dt)
+    told = blocks.jackknife(lambda rows: kinematics.two_ways(of, rows), of.block)
+    effects = (range_rate_scale.EFFECT.id, range_rate_sign.EFFECT.id)
+    seconds = blocks.FEWEST * kinematics.BLOCK
+    if told is None or float(np.std(of.change)) < 3 * of.noise:
+        why = (
+            f"the gap hardly changes, or there is too little of it: follow one lead for {seconds / 60:.0f} min, "
+            "with changing gaps"
+        )
+        return Sensing(
+            not_testable=(NotTestable(effects, why),), checks=(_not_made("range rate against gap"),)
+        )
+    slope, offset, steep, steep_offset = told.value.tolist()
+    left = of.rate - (offset + slope * of.change)
+    disagree, limit = float(np.sqrt(np.mean(left**2))), max(DISAGREES * of.noise, SMALL)
+    low, high = _hull(told, (0, 2), needed(told.dof))
+    low95, high95 = _hull(told, (0, 2), float(student.isf(0.025, told.dof)))
+    middle = 0.5 * (slope + steep)
+    before = float(np.sqrt(np.mean((of.rate - of.change) ** 2)))
+    check = Check(
+        "range rate against gap", disagree <= limit and low <= 1 + SCALE and high >= 1 - SCALE, before, limit,
+        f"Range rate and the gap's change over {kinematics.WINDOW:.0f} s differ by {before:.3f} m/s rms "
+        f"(the reports' own noise explains {of.noise:.3f}); their ratio is {middle:.3f} [{low95:.3f}, {high95:.3f}].",
+    )  # fmt: skip
+    if disagree > limit:
+        # no scale makes them agree: the two are measured by something that errs in a way of its own
+        return Sensing(checks=(check,))
+    width = max(float(told.sd[0]), float(told.sd[2]), 1e-9)
+    held = _left_out(of, told)
+    if high < 0:
+        turned = [
+            _finding(
+                range_rate_sign.EFFECT,
+                {},
+                abs(middle) / width,
+                told.dof,
+                blocks.gain(of.rate - of.change, held, of.block),
+            )
+        ]
+        if low > -1 + SCALE or high < -1 - SCALE:
+            share = Interval(-middle - 1, -high95 - 1, -low95 - 1)
+            turned.append(
+                _finding(range_rate_scale.EFFECT, {"share": share}, abs(middle + 1) / width, told.dof)
+            )
+        return Sensing(tuple(turned), checks=(check,))
+    if low > 1 + SCALE or high < 1 - SCALE:
+        share = Interval(middle - 1, low95 - 1, high95 - 1)
+        gained = blocks.gain(of.rate - of.change, held, of.block)
+        found = _finding(
+            range_rate_scale.EFFECT, {"share": share}, abs(middle - 1) / width, told.dof, gained
+        )
+        return Sensing((found,), checks=(check,))
+    return Sensing(checks=(check,))
+
+
+def _hull(told: Told, of: tuple[int, ...], sigmas: float) -> tuple[float, float]:
+    """The interval that holds those of several estimates."""
+    low = min(float(told.value[k] - sigmas * told.sd[k]) for k in of)
+    high = max(float(told.value[k] + sigmas * told.sd[k]) for k in of)
+    return low, high
+
+
+def _left_out(of: kinematics.Averages, told: Told) -> Array:
+    """Errors of the range rate once its scale is known from the other blocks."""
+    _, index = np.unique(of.block, return_inverse=True)
+    slope, offset = told.without[index, 0], told.without[index, 1]
+    error: Array = (of.rate - offset) / slope - of.change
+    return error
+
+
+def _speed(speed: Array, satellite: Array | None, usable: Flags, dt: float) -> Sensing:
+    """Scale of the own speed, by the satellites'."""
+    effect = speed_scale.EFFECT
+    name = "speed against satellites"
+    if satellite is None:
+        why = "absorbed by gains and headway; map gnss_speed to tell it"
+        return Sensing(not_testable=(NotTestable((effect.id,), why),), checks=(_not_made(name),))
+    m = round(AVERAGED / dt)
+    good = usable & np.isfinite(speed) & np.isfinite(satellite) & (speed > CREEP)
+    whole = good[: good.size // m * m].reshape(-1, m).all(axis=1)
+    own, true = (filled(x)[: x.size // m * m].reshape(-1, m).mean(axis=1)[whole] for x in (speed, satellite))
+    block = (np.flatnonzero(whole) * AVERAGED // kinematics.BLOCK).astype(np.int64)
+
+    def ratio(rows: Flags) -> Array:
+        return np.array([own[rows] @ true[rows] / max(float(true[rows] @ true[rows]), 1e-12)])
+
+    told = blocks.jackknife(ratio, block) if own.size else None
+    if told is None:
+        why = f"speed and gnss_speed are there together for {own.size * AVERAGED:.0f} s only; drive 3 min or more"
+        return Sensing(not_testable=(NotTestable((effect.id,), why),), checks=(_not_made(name),))
+    value, sd = float(told.value[0]), float(told.sd[0])
+    left = float(np.sqrt(np.mean((own - value * true) ** 2)))
+    wide = needed(told.dof) * sd
+    share = blocks.interval(value - 1, sd, told.dof)
+    wrong = abs(value - 1) - wide > SPEED
+    check = Check(
+        name, left <= SPEEDS_DIFFER and not wrong, value - 1, SPEED,
+        f"The own speed is {1 + share.value:.4f} [{1 + share.low:.4f}, {1 + share.high:.4f}] of the satellites'; "
+        f"{left:.2f} m/s rms remain.",
+    )  # fmt: skip
+    if wrong and left <= SPEEDS_DIFFER:
+        _, index = np.unique(block, return_inverse=True)
+        gained = blocks.gain(own - true, own / told.without[index, 0] - true, block)
+        found = _finding(effect, {"share": share}, abs(value - 1) / max(sd, 1e-9), told.dof, gained)
+        return Sensing((found,), checks=(check,))
+    return Sensing(checks=(check,))
+
+
+def _age(rate: Array, speed: Array, usable: Flags, dt: float) -> Sensing:
+    """How old the radar's reports are, and whether they grow older."""
+    latency, skew = radar_latency.EFFECT, clock_skew.EFFECT
+    told = radar_age.look(rate, filled(speed), usable, dt)
+    names = ("age of the radar's reports", "drift of their age")
+    if told is None:
+        why = f"too little of one lead in a row: {latency.decides}"
+        return Sensing(
+            not_testable=(NotTestable((latency.id,), why), NotTestable((skew.id, "delay_drift"), why)),
+            checks=tuple(_not_made(name) for name in names),
+        )
+    dof = max(told.blocks - 1, 1)
+    findings, checks, untold = [], [], []
+    age = _age_interval(told, float(student.isf(0.025, dof)))
+    strict = _age_interval(told, needed(dof))
+    if strict.low > AGE:
+        z = min(age_.value / age_.sd for age_ in (told.plain, told.instrument))
+        findings.append(_finding(latency, {"delay": age}, z, dof))
+    if age.high - age.low > 2 * AGE_KNOWN and not findings:
+        why = (
+            f"this drive tells the age of the radar's reports to {age.low:+.2f} to {age.high:+.2f} s only, "
+            f"the driver's dead time takes it up; to tell it: {latency.decides}"
+        )
+        untold.append(NotTestable((latency.id,), why))
+        checks.append(_not_made(names[0]))
+    else:
+        says = (
+            f"The radar's reports are {age.value:.3f} s [{age.low:.3f}, {age.high:.3f}] older than the speed's."
+        )
+        checks.append(Check(names[0], not findings, age.value, AGE, says))
+    drift = blocks.interval(told.drift.value, told.drift.sd, dof)
+    # what biases the age may differ between the drive's ends, by no more than the two estimates differ
+    bias = abs(told.plain.value - told.instrument.value)
+    surely = abs(told.drift.value) - needed(dof) * told.drift.sd
+    drifts = surely > max(SKEW, bias)
+    if drifts:
+        z = abs(told.drift.value) / told.drift.sd
+        findings.append(_finding(skew, {"rate": drift}, z, dof))
+    if drift.high - drift.low > 2 * SKEW_KNOWN and not drifts:
+        why = (
+            f"the clocks' drift over this drive is told to {drift.low:+.2f} to {drift.high:+.2f} s only; "
+            f"to tell it: {skew.decides}"
+        )
+        untold.append(NotTestable((skew.id, "delay_drift"), why))
+        checks.append(_not_made(names[1]))
+    else:
+        says = (
+            f"Over the drive the reports' age changes by {drift.value:.3f} s [{drift.low:.3f}, {drift.high:.3f}]."
+        )
+        checks.append(Check(names[1], not drifts, drift.value, SKEW, says))
+    return Sensing(tuple(findings), tuple(untold), tuple(checks))
+
+
+def _age_interval(told: radar_age.Looked, sigmas: float) -> Interval:
+    """An age that holds what both estimates say, each with its doubt."""
+    both = (told.plain, told.instrument)
+    weights = np.array([1 / max(age.sd, 1e-6) ** 2 for age in both])
+    value = float(weights @ np.array([age.value for age in both]) / weights.sum())
+    return Interval(
+        value,
+        min(age.value - sigmas * age.sd for age in both),
+        max(age.value + sigmas * age.sd for age in both),
+    )
+
+
+def _offset() -> Sensing:
+    effect = range_offset.EFFECT
+    return Sensing(
+        not_testable=(NotTestable((effect.id, *effect.rivals), f"{effect.absorbed}; to tell it: {effect.decides}"),)
+    )
+
+
+def _not_made(name: str) -> Check:
+    return Check(name, None, NAN, NAN, f"{name}: not enough to compare.")
