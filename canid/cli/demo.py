@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from canid.cli import options, sessions
 from canid.cli.interrupt import Interrupt
-from canid.errors import CHECK_FAILED, DONE
+from canid.errors import CHECK_FAILED, DONE, OutputError
 from canid.types import Channel, Identifiable, Interval
 from canid.views import words
 from canid.views.screen import View
@@ -19,6 +19,8 @@ from canid.views.screen import View
 SPEED = 6.0
 LOG = "following_urban"
 CHANNEL = "canid-demo"
+# the cause that the second drive hides, and its chance
+HIDDEN, HIDDEN_SEED = "relative_speed_dead_zone", 21
 # s to let the last frames arrive
 SETTLE = 1.0
 
@@ -83,10 +85,38 @@ def run(args: argparse.Namespace) -> int:
     hits = [line for name, channels in told.items() for line in compare(name, channels, truth)]
     for line in hits:
         tell(line)
+    report = diagnosed(out, tell)
+    tell(f"open {report} for the whole diagnosis")
     tell("next: canid replay replay_logs/following_urban.blf --vehicle generic")
     tell("      canid check YOUR.blf            what is in your own log")
     tell("      canid init YOUR.dbc             a vehicle file for your own car")
     return code or (DONE if told else CHECK_FAILED)
+
+
+def diagnosed(out: Path, tell: Callable[[str], None]) -> Path:
+    """Hide a cause in a simulated drive, log it, diagnose the log, and write the report."""
+    from canid.diagnosis.diagnosing import diagnose
+    from canid.frames import write_log
+    from canid.logs import read_trace
+    from canid.simulation import START_UTC, frames, simulate
+    from canid.vehicle import read_vehicle
+    from canid.views import diagnosed as shown
+    from canid.views.report import page
+
+    options.talk("and now a drive of 5 minutes that hides something; canid diagnoses its log")
+    vehicle = read_vehicle("generic")
+    simulation = simulate(minutes=5, seed=HIDDEN_SEED, profile="urban", hide={HIDDEN: ()})
+    log, report = out / "hidden.blf", out / "report.html"
+    write_log(log, frames(simulation, vehicle), START_UTC, overwrite=True)
+    told = diagnose(read_trace(log, vehicle))
+    for line in shown.text(told, str(log), vehicle.name)[:6]:
+        tell(line)
+    tell(f"hidden was: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
+    try:
+        report.write_text(page(told), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{report}: cannot be written ({error.strerror})") from error
+    return report
 
 
 def _truth(of: dict[str, float]) -> str:

@@ -59,12 +59,14 @@ class Looked(NamedTuple):
     blocks: int
 
 
-def look(rate: Array, speed: Array, usable: Flags, dt: float) -> Looked | None:
+def look(rate: Array, speed: Array, accel: Array, usable: Flags, dt: float) -> Looked | None:
     """Estimate the age of the reports; None: too little in a row.
 
     Args:
         rate: (n,) m/s, as reported.
         speed: (n,) m/s, own.
+        accel: (n,) m/s², own, measured apart from the speed: what is regressed on holds noise, and a regression on the
+            speed's own slope would take the speed's noise for motion (instrumental variables).
         usable: (n,) both are there; a new stretch of True begins behind each False.
         dt: s.
     """
@@ -73,8 +75,8 @@ def look(rate: Array, speed: Array, usable: Flags, dt: float) -> Looked | None:
     if rows.size < 100 * ORDER / 4 or float(np.std(speed[rows])) < 1e-6:
         return None
     speed = savgol_filter(speed, 2 * round(SMOOTHED / dt / 2) + 1, 2)
-    plain, drift, blocks = _plain(rate, speed, rows, dt)
-    instrument = _instrument(rate, speed, rows, dt)
+    plain, drift, blocks = _plain(rate, speed, accel, rows, dt)
+    instrument = _instrument(rate, speed, accel, rows, dt)
     if plain is None or instrument is None or drift is None:
         return None
     return Looked(plain, instrument, drift, blocks)
@@ -109,25 +111,30 @@ def _sandwich(scores: Array, rows: Array, dt: float) -> tuple[Array, int]:
     return sums.T @ sums, len(sums)
 
 
-def _plain(rate: Array, speed: Array, rows: Array, dt: float) -> tuple[Age | None, Age | None, int]:
+def _plain(
+    rate: Array, speed: Array, accel: Array, rows: Array, dt: float
+) -> tuple[Age | None, Age | None, int]:
     """Age in the middle of the drive, and its change over the drive."""
     n = speed.size
     u = np.arange(n) / n - 0.5
     q = np.zeros(2)
     for _ in range(ROUNDS):
-        at = _at(rate, speed, rows, np.clip(q[0] + q[1] * u, -1.0, 2.0), dt)
+        age = np.clip(q[0] + q[1] * u, -1.0, 2.0)
+        at = _at(rate, speed, rows, age, dt)
         # the filter forgets in seconds, in which u stands still
         J = np.stack([at.motion[rows], (at.motion * u)[rows]], axis=1)
-        bread = J.T @ J
+        own = lfilter(at.filter, [1.0], -np.interp(np.arange(n) * dt - age, np.arange(n) * dt, accel))
+        Z = np.stack([own[rows], (own * u)[rows]], axis=1)
+        bread = Z.T @ J
         if np.linalg.cond(bread) > 1e8:
             return None, None, 0
-        move = -np.linalg.solve(bread, J.T @ at.innovation[rows])
+        move = -np.linalg.solve(bread, Z.T @ at.innovation[rows])
         q = q + np.clip(move, -FURTHEST, FURTHEST)
         if np.abs(move).max() < 1e-3:
             break
-    meat, blocks = _sandwich(J * at.innovation[rows, None], rows, dt)
+    meat, blocks = _sandwich(Z * at.innovation[rows, None], rows, dt)
     inverse = np.linalg.inv(bread)
-    sd = np.sqrt(np.diag(inverse @ meat @ inverse))
+    sd = np.sqrt(np.diag(inverse @ meat @ inverse.T))
     return Age(float(q[0]), float(sd[0])), Age(float(q[1]), float(sd[1])), blocks
 
 
@@ -141,11 +148,10 @@ def curves(dt: float) -> Array:
     return out
 
 
-def _instrument(rate: Array, speed: Array, rows: Array, dt: float) -> Age | None:
+def _instrument(rate: Array, speed: Array, accel: Array, rows: Array, dt: float) -> Age | None:
     shapes = curves(dt)
     noise = roughness(rate, 2) ** 2
-    own = slope(speed, dt)
-    own = own - own[rows].mean()
+    own = accel - accel[rows].mean()
     lags = round(UNREST / dt)
     age = 0.0
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""The screen: predictors of driver, vehicle and sensing, held against what comes, once a second.
+"""The screen: predictors of driver, vehicle and sensing, held against what comes, every two seconds.
 
 A predictor learns from what is a minute old, so that a misfit is tested before it is learnt, and learns nothing while
 it is suspected; once it is told, learning goes on, and after some minutes the model fits what the drive has become.
@@ -17,10 +17,10 @@ from canid.screening import driver, evidence, held, reference, rows, scatter, se
 from canid.screening.predictor import Predictor
 from canid.types import NAN, Array, Sample, Screened, Watch, Watched
 
-# rows per look; one look a second
-LOOK = 5
+# rows per look; one look every 2 s. Half as many would cost twice as much: it is the calls that cost, not the numbers
+LOOK = 10
 # looks before a row is learnt: a minute is what an effect may take to be told
-LATE = 60
+LATE = 30
 # rows (5 min of usable data) after which what was learnt has faded to 1/e: a driver's habits change over minutes
 # (Chen & Ulsoy 2001), and a gain must be known to some 10 %
 MEMORY = 1500.0
@@ -31,7 +31,7 @@ LEARNT = 300.0
 # innovations of a model that was estimated are not quite new
 BETWEEN_FALSE_ALARMS = 40.0
 # looks without one usable row, after which a block counts as unseen
-UNSEEN = 30
+UNSEEN = 15
 # s; nothing new is repeated this often
 EVERY = 10.0
 _ROUNDING = 5e-4
