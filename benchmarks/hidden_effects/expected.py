@@ -217,10 +217,10 @@ def _sensing(planted: Planted) -> list[str]:
 
 
 def _starts(planted: Planted) -> list[Array]:
-    """The driver himself, and one who waits less and lags more: lags absorb what dead times cannot."""
+    """The driver himself; one who waits less and lags more; one whose headway channel is slow enough to do other work."""
     d = planted.truth["driver"]
     true = np.array([d["tau1"], d["dead_time1"], d["tau2"], d["dead_time2"]])
-    return [true, np.array([2.0 * true[0], 0.5 * true[1], 2.0 * true[2], 0.5 * true[3]])]
+    return [true, true * np.array([2.0, 0.5, 2.0, 0.5]), np.array([4.0, 2.0, *true[2:]])]
 
 
 def _seen(planted: Planted, effects: Sequence[str]) -> tuple[Array, Array, float]:

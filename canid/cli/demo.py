@@ -95,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 def diagnosed(out: Path, tell: Callable[[str], None]) -> Path:
     """Hide a cause in a simulated drive, log it, diagnose the log, and write the report."""
+    from canid.cli.provenance import provenance
     from canid.diagnosis.diagnosing import diagnose
     from canid.frames import write_log
     from canid.logs import read_trace
@@ -109,6 +110,8 @@ def diagnosed(out: Path, tell: Callable[[str], None]) -> Path:
     log, report = out / "hidden.blf", out / "report.html"
     write_log(log, frames(simulation, vehicle), START_UTC, overwrite=True)
     told = diagnose(read_trace(log, vehicle))
+    again = f"canid diagnose {log} --vehicle generic --report"
+    told = told._replace(provenance=provenance(str(log), vehicle, again))
     for line in shown.text(told, str(log), vehicle.name)[:6]:
         tell(line)
     tell(f"hidden was: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")

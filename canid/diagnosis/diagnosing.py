@@ -123,7 +123,7 @@ def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: fl
     for role in ("speed", "gap", "range_rate"):
         known = np.isfinite(trace.signals.get(role, np.full(n, NAN)))
         if known.sum() * trace.dt < minimum:
-            what = "no lead" if role != "speed" and known.any() else f"no {role}"
+            what = "no speed" if role == "speed" else "no lead"
             return f"{what}: `{role}` is there for {known.sum() * trace.dt:.0f} s only; {need}"
     if np.isfinite(trace.output).sum() * trace.dt < minimum:
         return "the driver's output is not in the log; map it in the vehicle file ([driver] output)"

@@ -101,7 +101,8 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
 
 def _late(x: Array, delay: float, dt: float) -> Array:
     k = round(delay / dt)
-    return np.r_[np.full(min(k, x.size), x[0]), x[: max(x.size - k, 0)]]
+    late: Array = np.r_[np.full(min(k, x.size), x[0]), x[: max(x.size - k, 0)]]
+    return late
 
 
 def look(data: DriverData, solved: Solved, explained: float = 0.0) -> Gate:

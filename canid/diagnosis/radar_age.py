@@ -38,7 +38,8 @@ BLOCK = 20.0
 # s around each sample, of a parabola that smooths the own speed. Without it a wheel's noise decides: between two
 # samples noise is averaged, so ages that fall there would leave less of it, whatever the truth
 SMOOTHED = 0.9
-ROUNDS = 8
+ROUNDS = 20
+ENDED = 2e-3  # s; far below what any drive tells
 # s; no step further, and no age further from 0
 FURTHEST = 0.2
 
@@ -60,7 +61,7 @@ class Looked(NamedTuple):
 
 
 def look(rate: Array, speed: Array, accel: Array, usable: Flags, dt: float) -> Looked | None:
-    """Estimate the age of the reports; None: too little in a row.
+    """Estimate the age of the reports; None: too little in a row, or no age stands out.
 
     Args:
         rate: (n,) m/s, as reported.
@@ -130,8 +131,10 @@ def _plain(
             return None, None, 0
         move = -np.linalg.solve(bread, Z.T @ at.innovation[rows])
         q = q + np.clip(move, -FURTHEST, FURTHEST)
-        if np.abs(move).max() < 1e-3:
+        if np.abs(move).max() < ENDED:
             break
+    else:
+        return None, None, 0  # no age stands out
     meat, blocks = _sandwich(Z * at.innovation[rows, None], rows, dt)
     inverse = np.linalg.inv(bread)
     sd = np.sqrt(np.diag(inverse @ meat @ inverse.T))
@@ -176,7 +179,9 @@ def _instrument(rate: Array, speed: Array, accel: Array, rows: Array, dt: float)
             return None
         move = -(float(z @ at.innovation[rows]) - overlap) / grip
         age += float(np.clip(move, -FURTHEST, FURTHEST))
-        if abs(move) < 1e-3 or abs(age) > 2.0:
+        if abs(move) < ENDED:
             break
+    else:
+        return None
     meat, _ = _sandwich((z * at.innovation[rows])[:, None], rows, dt)
     return Age(age, float(np.sqrt(meat[0, 0])) / abs(grip))

@@ -52,6 +52,7 @@ class Sensing(NamedTuple):
     findings: tuple[Finding, ...] = ()
     not_testable: tuple[NotTestable, ...] = ()
     checks: tuple[Check, ...] = ()
+    ratio: float = 1.0  # of the measured range rate to the true one
 
 
 Looked = tuple[tuple[Finding, ...], tuple[NotTestable, ...], tuple[Check, ...], Blocked]
@@ -80,10 +81,12 @@ def look(trace: Trace) -> Looked:
     # a window must not reach from one target to the next: a False between them
     doubtful[1:] |= np.diff(trace.segment) != 0
     lead = np.isfinite(gap) & np.isfinite(rate) & (speed > CREEP) & ~doubtful
+    scale = _range_rate(gap, rate, lead, trace.dt)
+    right = rate if not scale.findings else rate / scale.ratio
     parts = (
-        _range_rate(gap, rate, lead, trace.dt),
+        scale,
         _speed(speed, signals.get("gnss_speed"), ~doubtful, trace.dt),
-        _age(rate, speed, lead, trace.dt),
+        _age(right, speed, signals.get("accel"), lead, trace.dt),
         _offset(),
     )
     findings = tuple(finding for part in parts for finding in part.findings)
@@ -168,14 +171,12 @@ def _range_rate(gap: Array, rate: Array, usable: Flags, dt: float) -> Sensing:
             turned.append(
                 _finding(range_rate_scale.EFFECT, {"share": share}, abs(middle + 1) / width, told.dof)
             )
-        return Sensing(tuple(turned), checks=(check,))
+        return Sensing(tuple(turned), checks=(check,), ratio=middle)
     if low > 1 + SCALE or high < 1 - SCALE:
         share = Interval(middle - 1, low95 - 1, high95 - 1)
         gained = blocks.gain(of.rate - of.change, held, of.block)
-        found = _finding(
-            range_rate_scale.EFFECT, {"share": share}, abs(middle - 1) / width, told.dof, gained
-        )
-        return Sensing((found,), checks=(check,))
+        found = _finding(range_rate_scale.EFFECT, {"share": share}, abs(middle - 1) / width, told.dof, gained)
+        return Sensing((found,), checks=(check,), ratio=middle)
     return Sensing(checks=(check,))
 
 
@@ -232,75 +233,87 @@ def _speed(speed: Array, satellite: Array | None, usable: Flags, dt: float) -> S
     return Sensing(checks=(check,))
 
 
-def _age(rate: Array, speed: Array, usable: Flags, dt: float) -> Sensing:
+def _age(rate: Array, speed: Array, accel: Array | None, usable: Flags, dt: float) -> Sensing:
     """How old the radar's reports are, and whether they grow older."""
     latency, skew = radar_latency.EFFECT, clock_skew.EFFECT
-    told = radar_age.look(rate, filled(speed), usable, dt)
     names = ("age of the radar's reports", "drift of their age")
+    known = usable if accel is None else usable & np.isfinite(accel)
+    told = None if accel is None else radar_age.look(rate, filled(speed), filled(accel), known, dt)
     if told is None:
-        why = f"too little of one lead in a row: {latency.decides}"
+        why = "map accel" if accel is None else "the own motion hardly shows in the range rate"
         return Sensing(
-            not_testable=(NotTestable((latency.id,), why), NotTestable((skew.id, "delay_drift"), why)),
+            not_testable=(
+                NotTestable((latency.id,), f"{why}; to tell it: {latency.decides}"),
+                NotTestable((skew.id, *skew.rivals), f"{why}; to tell it: {skew.decides}"),
+            ),
             checks=tuple(_not_made(name) for name in names),
         )
     dof = max(told.blocks - 1, 1)
-    findings, checks, untold = [], [], []
-    age = _age_interval(told, float(student.isf(0.025, dof)))
-    strict = _age_interval(told, needed(dof))
-    if strict.low > AGE:
-        z = min(age_.value / age_.sd for age_ in (told.plain, told.instrument))
-        findings.append(_finding(latency, {"delay": age}, z, dof))
-    if age.high - age.low > 2 * AGE_KNOWN and not findings:
-        why = (
-            f"this drive tells the age of the radar's reports to {age.low:+.2f} to {age.high:+.2f} s only, "
-            f"the driver's dead time takes it up; to tell it: {latency.decides}"
-        )
-        untold.append(NotTestable((latency.id,), why))
-        checks.append(_not_made(names[0]))
-    else:
-        says = (
-            f"The radar's reports are {age.value:.3f} s [{age.low:.3f}, {age.high:.3f}] older than the speed's."
-        )
-        checks.append(Check(names[0], not findings, age.value, AGE, says))
+    usual, strict = float(student.isf(0.025, dof)), needed(dof)
     drift = blocks.interval(told.drift.value, told.drift.sd, dof)
     # what biases the age may differ between the drive's ends, by no more than the two estimates differ
     bias = abs(told.plain.value - told.instrument.value)
-    surely = abs(told.drift.value) - needed(dof) * told.drift.sd
-    drifts = surely > max(SKEW, bias)
-    if drifts:
-        z = abs(told.drift.value) / told.drift.sd
-        findings.append(_finding(skew, {"rate": drift}, z, dof))
-    if drift.high - drift.low > 2 * SKEW_KNOWN and not drifts:
-        why = (
-            f"the clocks' drift over this drive is told to {drift.low:+.2f} to {drift.high:+.2f} s only; "
-            f"to tell it: {skew.decides}"
-        )
-        untold.append(NotTestable((skew.id, "delay_drift"), why))
-        checks.append(_not_made(names[1]))
-    else:
-        says = (
-            f"Over the drive the reports' age changes by {drift.value:.3f} s [{drift.low:.3f}, {drift.high:.3f}]."
-        )
-        checks.append(Check(names[1], not drifts, drift.value, SKEW, says))
-    return Sensing(tuple(findings), tuple(untold), tuple(checks))
+    drifts = abs(told.drift.value) - strict * told.drift.sd > max(SKEW, bias)
+    # where it drifts, a latency is what is left at its youngest
+    youngest = -0.5 * abs(told.drift.value) if drifts else 0.0
+    age, surely = (_age_interval(told, sigmas, youngest) for sigmas in (usual, strict))
+    late = surely.low > AGE
+    z = min(abs(one.value + youngest) / one.sd for one in (told.plain, told.instrument))
+    first = _outcome(
+        latency, names[0], "delay", age, late, z, dof, AGE, AGE_KNOWN,
+        f"The radar's reports are {age.value:.3f} s [{age.low:.3f}, {age.high:.3f}] older than the own speed's.",
+    )  # fmt: skip
+    second = _outcome(
+        skew, names[1], "rate", drift, drifts, abs(told.drift.value) / told.drift.sd, dof, SKEW, SKEW_KNOWN,
+        f"Over the drive the age of the radar's reports changes by {drift.value:.3f} s "
+        f"[{drift.low:.3f}, {drift.high:.3f}].",
+    )  # fmt: skip
+    return Sensing(
+        first.findings + second.findings,
+        first.not_testable + second.not_testable,
+        first.checks + second.checks,
+    )
 
 
-def _age_interval(told: radar_age.Looked, sigmas: float) -> Interval:
+def _outcome(
+    effect: Effect,
+    name: str,
+    parameter: str,
+    told: Interval,
+    found: bool,
+    z: float,
+    dof: int,
+    least: float,
+    known: float,
+    says: str,
+) -> Sensing:
+    """A finding, a check that was passed, or why neither can be told."""
+    if found:
+        finding = _finding(effect, {parameter: told}, z, dof)
+        return Sensing((finding,), checks=(Check(name, False, told.value, least, says),))
+    if told.high - told.low <= 2 * known:
+        return Sensing(checks=(Check(name, True, told.value, least, says),))
+    why = f"this drive tells it to {told.low:+.2f} to {told.high:+.2f} s only; to tell it: {effect.decides}"
+    rivals = effect.rivals
+    return Sensing(not_testable=(NotTestable((effect.id, *rivals), why),), checks=(_not_made(name),))
+
+
+def _age_interval(told: radar_age.Looked, sigmas: float, added: float) -> Interval:
     """An age that holds what both estimates say, each with its doubt."""
     both = (told.plain, told.instrument)
     weights = np.array([1 / max(age.sd, 1e-6) ** 2 for age in both])
     value = float(weights @ np.array([age.value for age in both]) / weights.sum())
-    return Interval(
-        value,
-        min(age.value - sigmas * age.sd for age in both),
-        max(age.value + sigmas * age.sd for age in both),
-    )
+    low = min(age.value - sigmas * age.sd for age in both)
+    high = max(age.value + sigmas * age.sd for age in both)
+    return Interval(value + added, low + added, high + added)
 
 
 def _offset() -> Sensing:
     effect = range_offset.EFFECT
     return Sensing(
-        not_testable=(NotTestable((effect.id, *effect.rivals), f"{effect.absorbed}; to tell it: {effect.decides}"),)
+        not_testable=(
+            NotTestable((effect.id, *effect.rivals), f"{effect.absorbed}; to tell it: {effect.decides}"),
+        )
     )
 
 

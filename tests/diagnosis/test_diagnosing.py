@@ -1,0 +1,102 @@
+"""A cause that is hidden in a drive is found from its log alone; a clean drive stays unblamed; weak data get no name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.hidden_effects import plant_one, plant_two
+from benchmarks.hidden_effects.sensed import trace
+from canid.diagnosis.diagnosing import diagnose
+from canid.effects import CATALOGUE
+from canid.findings import Verdict
+from canid.types import NAN, Gate, Trace
+
+PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
+
+
+@pytest.mark.parametrize("simulator", PLANTS)
+@pytest.mark.parametrize(
+    ("noise", "profile"), [("ar1", "mixed"), ("resonant", "motorway"), ("state", "urban")]
+)
+def test_a_clean_drive_is_not_blamed(simulator: str, noise: str, profile: str) -> None:
+    told = diagnose(trace(PLANTS[simulator]({}, seed=71, minutes=8, noise=noise, profile=profile)))
+    assert told.verdict is Verdict.ADEQUATE
+    assert not told.findings
+
+
+@pytest.mark.parametrize("simulator", PLANTS)
+@pytest.mark.parametrize(
+    ("effect", "strength", "noise", "profile"),
+    [
+        ("relative_speed_dead_zone", {"width": 0.9}, "ar1", "mixed"),
+        ("looming_gain", {"exponent": 0.9}, "white", "urban"),
+        ("gain_change", {"share": 0.45, "time": 250.0}, "mix", "mixed"),
+        ("attention_gap", {"per_minute": 1.5, "duration": 3.5}, "ar4", "mixed"),
+        ("pedal_ceiling", {}, "state", "mixed"),
+    ],
+)
+def test_a_hidden_cause_is_named(
+    simulator: str, effect: str, strength: dict[str, float], noise: str, profile: str
+) -> None:
+    told = diagnose(
+        trace(PLANTS[simulator]({effect: strength}, seed=83, minutes=10, noise=noise, profile=profile))
+    )
+    assert told.verdict in (Verdict.NAMED, Verdict.ONE_OF), told.says
+    assert any(effect in (finding.effect, *finding.rivals) for finding in told.findings), told.says
+    assert all(np.isfinite([iv.low, iv.high]).all() for f in told.findings for iv in f.parameters.values())
+
+
+def test_a_cause_that_is_not_in_the_catalogue_is_not_named() -> None:
+    planted = plant_one.plant(
+        {"looming_gain": {"exponent": 1.2}}, seed=5, minutes=20, noise="ar1", profile="mixed"
+    )
+    without = tuple(effect for effect in CATALOGUE if not effect.id.startswith("looming"))
+    told = diagnose(trace(planted), catalogue=without)
+    assert told.verdict is Verdict.UNEXPLAINED, told.says
+    assert all(finding.surrogate for finding in told.findings)
+
+
+def drive(n: int = 3000, **columns: np.ndarray) -> Trace:
+    """A drive without anything in it, but for what is given."""
+    t = 0.1 * np.arange(n)
+    rng = np.random.default_rng(1)
+    signals = {
+        "pedal": 10 + rng.normal(size=n),
+        "speed": np.full(n, 20.0),
+        "gap": 40 + np.sin(t / 7),
+        "range_rate": np.sin(t / 7),
+    } | columns
+    inputs = np.stack([signals["gap"] / signals["speed"] - 2.0, signals["range_rate"]], axis=1)
+    gates = tuple(Gate.OPEN for _ in range(n))
+    return Trace(
+        0.1, t, signals["pedal"], inputs, ("headway_error", "range_rate"), gates, np.ones(n, bool), np.zeros(n, np.int64),
+        signals,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("weak", "missing"),
+    [
+        (drive(300), "lasts 30 s"),
+        (drive(0), "lasts 0 s"),
+        (drive(pedal=np.full(3000, 12.0)), "never moves"),
+        (drive(range_rate=np.zeros(3000)), "never changes"),
+        (drive(gap=np.full(3000, NAN)), "no lead"),
+        (drive(speed=np.full(3000, NAN)), "no speed"),
+        (drive(pedal=np.full(3000, NAN)), "output"),
+        (drive(cruise_active=np.ones(3000)), "cruise_control"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_weak_data_get_no_name_but_what_is_missing(weak: Trace, missing: str) -> None:
+    told = diagnose(weak)
+    assert told.verdict is Verdict.NOT_ENOUGH_DATA
+    assert missing in told.says
+    assert not told.findings
+
+
+def test_noise_alone_explains_nothing() -> None:
+    """Inputs that the output does not answer: never a name."""
+    told = diagnose(drive())
+    assert told.verdict in (Verdict.ADEQUATE, Verdict.NOT_ENOUGH_DATA), told.says
