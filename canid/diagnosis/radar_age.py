@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.signal import lfilter, savgol_filter
 
 from canid.diagnosis.causal_inputs import roughness
@@ -26,6 +27,8 @@ from canid.diagnosis.driver_data import slope
 from canid.findings import Flags
 from canid.identification.autoregression import whole
 from canid.types import Array
+
+Rows = npt.NDArray[np.int64]
 
 # samples; four seconds hold what a lead's foot and a radar's noise make of an autoregression
 ORDER = 40
@@ -72,7 +75,7 @@ def look(rate: Array, speed: Array, accel: Array, usable: Flags, dt: float) -> L
         dt: s.
     """
     reach = round(ANSWERS / dt)
-    rows = np.flatnonzero(whole(usable, reach + ORDER))
+    rows = np.flatnonzero(whole(usable, reach + ORDER)).astype(np.int64)
     if rows.size < 100 * ORDER / 4 or float(np.std(speed[rows])) < 1e-6:
         return None
     speed = savgol_filter(speed, 2 * round(SMOOTHED / dt / 2) + 1, 2)
@@ -92,7 +95,7 @@ class _At(NamedTuple):
     lead: Array  # (n,) m/s, mean 0
 
 
-def _at(rate: Array, speed: Array, rows: Array, age: Array, dt: float) -> _At:
+def _at(rate: Array, speed: Array, rows: Rows, age: Array, dt: float) -> _At:
     t = np.arange(speed.size) * dt
     then = np.interp(t - age, t, speed)
     lead = rate + then
@@ -105,15 +108,16 @@ def _at(rate: Array, speed: Array, rows: Array, age: Array, dt: float) -> _At:
     return _At(lfilter(A, [1.0], lead), lfilter(A, [1.0], motion), A, lead)
 
 
-def _sandwich(scores: Array, rows: Array, dt: float) -> tuple[Array, int]:
+def _sandwich(scores: Array, rows: Rows, dt: float) -> tuple[Array, int]:
     """Covariance of a sum of scores (n, k), from its blocks."""
     _, block = np.unique(rows * dt // BLOCK, return_inverse=True)
-    sums = np.stack([np.bincount(block, weights=column) for column in scores.T], axis=1)
-    return sums.T @ sums, len(sums)
+    sums = np.stack([np.bincount(block, weights=column) for column in scores.T], axis=1).astype(np.float64)
+    meat: Array = sums.T @ sums
+    return meat, len(sums)
 
 
 def _plain(
-    rate: Array, speed: Array, accel: Array, rows: Array, dt: float
+    rate: Array, speed: Array, accel: Array, rows: Rows, dt: float
 ) -> tuple[Age | None, Age | None, int]:
     """Age in the middle of the drive, and its change over the drive."""
     n = speed.size
@@ -151,7 +155,7 @@ def curves(dt: float) -> Array:
     return out
 
 
-def _instrument(rate: Array, speed: Array, accel: Array, rows: Array, dt: float) -> Age | None:
+def _instrument(rate: Array, speed: Array, accel: Array, rows: Rows, dt: float) -> Age | None:
     shapes = curves(dt)
     noise = roughness(rate, 2) ** 2
     own = accel - accel[rows].mean()

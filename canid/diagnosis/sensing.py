@@ -40,6 +40,7 @@ AGE_KNOWN, SKEW_KNOWN = 0.1, 0.15
 DISAGREES, SMALL = 3.0, 0.03
 # m/s; below it a car creeps, and radars lose their Doppler
 CREEP = 2.0
+NOT_MEASURED = Interval()
 # s over which two speeds are averaged before they are compared: satellites are late by up to half a second
 AVERAGED = 5.0
 # m/s; what lateness may leave between two right speeds
@@ -113,13 +114,18 @@ def needed(dof: int) -> float:
 
 
 def _finding(
-    effect: Effect, told: dict[str, Interval], z: float, dof: int, gain: Interval = Interval()
+    effect: Effect,
+    told: dict[str, Interval],
+    z: float,
+    dof: int,
+    gain: Interval = NOT_MEASURED,
+    rivals: tuple[str, ...] = (),
 ) -> Finding:
     says = effect.says
     for name, iv in told.items():
         says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
     return Finding(
-        effect=effect.id, where=effect.where, rivals=(), surrogate=False, parameters=told,
+        effect=effect.id, where=effect.where, rivals=rivals, surrogate=False, parameters=told,
         units={p.name: p.unit for p in effect.parameters}, gain=gain, says=says, evidence=z * z,
         needed=needed(dof) ** 2,
     )  # fmt: skip
@@ -139,7 +145,7 @@ def _range_rate(gap: Array, rate: Array, usable: Flags, dt: float) -> Sensing:
         return Sensing(
             not_testable=(NotTestable(effects, why),), checks=(_not_made("range rate against gap"),)
         )
-    slope, offset, steep, steep_offset = told.value.tolist()
+    slope, offset, steep, _ = told.value.tolist()
     left = of.rate - (offset + slope * of.change)
     disagree, limit = float(np.sqrt(np.mean(left**2))), max(DISAGREES * of.noise, SMALL)
     low, high = _hull(told, (0, 2), needed(told.dof))
@@ -259,12 +265,14 @@ def _age(rate: Array, speed: Array, accel: Array | None, usable: Flags, dt: floa
     age, surely = (_age_interval(told, sigmas, youngest) for sigmas in (usual, strict))
     late = surely.low > AGE
     z = min(abs(one.value + youngest) / one.sd for one in (told.plain, told.instrument))
+    # an age that may have grown from nothing is a clock's as well as a radar's
+    steady = drifts or drift.high - drift.low <= 2 * SKEW_KNOWN
     first = _outcome(
-        latency, names[0], "delay", age, late, z, dof, AGE, AGE_KNOWN,
+        latency, names[0], "delay", age, late, z, dof, AGE, AGE_KNOWN, () if steady else (skew.id,),
         f"The radar's reports are {age.value:.3f} s [{age.low:.3f}, {age.high:.3f}] older than the own speed's.",
     )  # fmt: skip
     second = _outcome(
-        skew, names[1], "rate", drift, drifts, abs(told.drift.value) / told.drift.sd, dof, SKEW, SKEW_KNOWN,
+        skew, names[1], "rate", drift, drifts, abs(told.drift.value) / told.drift.sd, dof, SKEW, SKEW_KNOWN, (),
         f"Over the drive the age of the radar's reports changes by {drift.value:.3f} s "
         f"[{drift.low:.3f}, {drift.high:.3f}].",
     )  # fmt: skip
@@ -285,17 +293,17 @@ def _outcome(
     dof: int,
     least: float,
     known: float,
+    rivals: tuple[str, ...],
     says: str,
 ) -> Sensing:
     """A finding, a check that was passed, or why neither can be told."""
     if found:
-        finding = _finding(effect, {parameter: told}, z, dof)
+        finding = _finding(effect, {parameter: told}, z, dof, rivals=rivals)
         return Sensing((finding,), checks=(Check(name, False, told.value, least, says),))
     if told.high - told.low <= 2 * known:
         return Sensing(checks=(Check(name, True, told.value, least, says),))
     why = f"this drive tells it to {told.low:+.2f} to {told.high:+.2f} s only; to tell it: {effect.decides}"
-    rivals = effect.rivals
-    return Sensing(not_testable=(NotTestable((effect.id, *rivals), why),), checks=(_not_made(name),))
+    return Sensing(not_testable=(NotTestable((effect.id, *effect.rivals), why),), checks=(_not_made(name),))
 
 
 def _age_interval(told: radar_age.Looked, sigmas: float, added: float) -> Interval:

@@ -18,6 +18,8 @@ from canid.types import NAN, Array
 _RIDGE = 1e-7
 # an innovation counts for no more than this many standard deviations in the variance: one jolt is no new scatter
 _JOLT = 4.0
+# times the mean leverage; a row with more is far from those that were learnt (Belsley, Kuh & Welsch 1980 take 2 to 3)
+_FAR = 3.0
 
 
 class State(NamedTuple):
@@ -26,6 +28,7 @@ class State(NamedTuple):
     normal: Array  # (m + 1, m + 1) Σ [X y]ᵀ [X y], forgetting
     rows: float  # Σ weights
     theta: Array  # (m,); 0 where a column is not fitted
+    spread: Array  # (m, m) inverse of Σ XᵀX; 0 where a column is not fitted
     mean: Array  # (m,) of the columns
     variance: float  # of the innovations; NaN: not known yet
 
@@ -33,13 +36,29 @@ class State(NamedTuple):
 def init(columns: int) -> State:
     """Know nothing of a model with so many columns, the last one a constant 1."""
     nothing = np.zeros((columns + 1, columns + 1))
-    return State(nothing, 0.0, np.zeros(columns), np.zeros(columns), NAN)
+    return State(nothing, 0.0, np.zeros(columns), nothing[1:, 1:], np.zeros(columns), NAN)
 
 
 def innovations(state: State, X: Array, y: Array) -> Array:
     """Return what the past did not tell of y (n,): (n,)."""
     new: Array = y - X @ state.theta
     return new
+
+
+def familiar(state: State, X: Array) -> npt.NDArray[np.bool_]:
+    """Whether rows (n, m) lie where the model was learnt: (n,).
+
+    Elsewhere its own error grows with the distance, and nothing can be held against the one who drives there.
+
+    Example:
+        >>> x = np.column_stack([np.linspace(-1.0, 1.0, 100), np.ones(100)])
+        >>> state = learn(init(2), x, x[:, 0], np.arange(2), 1e4)
+        >>> familiar(state, np.array([[0.5, 1.0], [4.0, 1.0]]))
+        array([ True, False])
+    """
+    known = np.count_nonzero(np.diagonal(state.spread))
+    near: npt.NDArray[np.bool_] = ((X @ state.spread) * X).sum(axis=1) <= _FAR * known / state.rows
+    return near
 
 
 def learn(state: State, X: Array, y: Array, fitted: npt.NDArray[np.intp], memory: float) -> State:
@@ -72,7 +91,10 @@ def learn(state: State, X: Array, y: Array, fitted: npt.NDArray[np.intp], memory
     diagonal = np.arange(len(fitted))
     gram[diagonal, diagonal] *= 1.0 + _RIDGE
     gram[diagonal, diagonal] += np.finfo(float).tiny ** 0.5
-    theta[fitted] = np.linalg.solve(gram, normal[fitted, -1])
+    inverse = np.linalg.inv(gram)
+    theta[fitted] = inverse @ normal[fitted, -1]
+    spread = np.zeros_like(state.spread)
+    spread[np.ix_(fitted, fitted)] = inverse
     if state.variance != state.variance:
         left = float(normal[-1, -1] - normal[-1, :-1] @ theta)
         variance = left / (rows - len(fitted)) if rows > 2 * len(fitted) and left > 0 else NAN
@@ -80,4 +102,4 @@ def learn(state: State, X: Array, y: Array, fitted: npt.NDArray[np.intp], memory
         share = 1.0 - kept**n
         bounded = np.minimum(e * e, _JOLT**2 * state.variance)
         variance = (1.0 - share) * state.variance + share * float(bounded.mean())
-    return State(normal, rows, theta, normal[-2, :-1] / rows, variance)
+    return State(normal, rows, theta, spread, normal[-2, :-1] / rows, variance)

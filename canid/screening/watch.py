@@ -216,6 +216,8 @@ def _follow(
     one = one._replace(unseen=0 if len(y) else min(one.unseen + 1, UNSEEN))
     known = one.reference
     if len(y) and known.rows >= LEARNT and known.variance > 0.0:
+        near = reference.familiar(known, X)
+        X, y = X[near], y[near]
         e = reference.innovations(known, X, y)
         # what the direction of a misfit adds is known before the innovation comes
         along = np.array([m.along(known.theta) for m in p.misfits])
