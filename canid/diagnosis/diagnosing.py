@@ -75,6 +75,12 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
         return nothing(
             trace, "too few samples in a row in which a person drives behind a lead", masked, steps
         )
+    answers = intervals.channels(prepared.fitted, prepared.trace.dt)
+    if all(channel.status is Identifiable.NOT for channel in answers.values()):
+        why = "the output answers neither headway nor relative speed by more than chance: is it the right signal?"
+        return nothing(
+            trace, f"{why} If it is, drive longer behind a lead whose speed changes", masked, steps
+        )
     if prepared.trace.dt > trace.dt * 1.5:
         steps.append(
             f"the output has no content above {0.5 / prepared.trace.dt:.2g} Hz: looked at every {prepared.trace.dt:.1f} s"

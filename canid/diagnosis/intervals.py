@@ -36,8 +36,8 @@ def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf
     """95 %, within what is possible.
 
     Example:
-        >>> interval(0.1, 0.1, low=0.0)
-        Interval(value=0.1, low=0.0, high=0.296)
+        >>> interval(0.5, 0.5, low=0.0)
+        Interval(value=0.5, low=0.0, high=1.48)
     """
     return Interval(float(value), float(max(value - SIGMAS * sd, low)), float(min(value + SIGMAS * sd, high)))
 
