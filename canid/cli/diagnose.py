@@ -56,34 +56,34 @@ def run(args: argparse.Namespace) -> int:
     damaged = inadequate = False
     with options.sink(args.json) as sink:
         for k, path in enumerate(args.logs):
-            with options.sink(pages.get(path)) as file:
-                bar = show.Progress(f"reading {path}")
-                log = open_log(path)
-                try:
-                    drive = logs.read_drive(
-                        path,
-                        vehicle,
-                        estimating=False,
-                        start=args.start,
-                        stop=args.stop,
-                        log=log,
-                        progress=bar.to,
-                    )
-                finally:
-                    bar.close()
-                bar = show.Progress(f"diagnosing {path}")
-                try:
-                    report = diagnose(drive.trace)
-                finally:
-                    bar.close()
-                report = report._replace(provenance=provenance(path, vehicle, command(args, path)))
-                if file is not None:
-                    file.write(page(report))
+            bar = show.Progress(f"reading {path}")
+            log = open_log(path)
+            try:
+                drive = logs.read_drive(
+                    path,
+                    vehicle,
+                    estimating=False,
+                    start=args.start,
+                    stop=args.stop,
+                    log=log,
+                    progress=bar.to,
+                )
+            finally:
+                bar.close()
+            bar = show.Progress(f"diagnosing {path}")
+            try:
+                report = diagnose(drive.trace)
+            finally:
+                bar.close()
+            report = report._replace(provenance=provenance(path, vehicle, command(args, path)))
             for line in [""] * (k > 0) + diagnosed.text(report, path, vehicle.name):
                 tell(line)
             objects.append(diagnosed.to_json(report, path, vehicle.name))
-            if path in pages:
-                options.talk(f"{pages[path]} written")
+            # last: what was there is replaced only by a whole page, and a verdict is not lost with a full disk
+            with options.sink(pages.get(path)) as file:
+                if file is not None:
+                    file.write(page(report))
+                    options.talk(f"{pages[path]} written")
             found = drive.health
             for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
                 options.talk(line)

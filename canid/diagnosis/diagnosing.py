@@ -25,7 +25,7 @@ from canid.findings import (
     Verdict,
     no_fit,
 )
-from canid.types import NAN, Array, Gate, Interval, Trace
+from canid.types import NAN, Array, Gate, Identifiable, Interval, Trace
 
 # s of driving that a diagnosis needs: less than two minutes tell no cause from chance (evidence grows with time)
 LEAST = 90.0
@@ -332,8 +332,9 @@ def _unexplained(held: gate.Gate) -> Interval:
 
 def _gate_checks(held: gate.Gate) -> tuple[Check, ...]:
     return tuple(
-        Check(f"gate: {f.name}", f not in held.failed, f.p, held.bound,
-              f"{f.says}: chance {f.p:.2g} over {f.dimensions} directions, {100 * f.share:.1f} % of the residual's variance")
+        Check(f.name, f not in held.failed, f.p, held.bound,
+              f"{f.says}: chance {f.p:.2g} over {f.dimensions} directions, {100 * f.share:.1f} % of the residual's variance",
+              gate=True)
         for f in held.families
     )  # fmt: skip
 

@@ -32,12 +32,17 @@ def predictor(names: Sequence[str]) -> Predictor:
         where.append(range(len(lagged), len(lagged) + len(lags)))
         lagged += [(rows.FIRST_INPUT + i, k) for k in lags]
     words = [name.replace("_", " ") for name in names]
-    ways = list(zip(words, where, strict=True))
+    ways = [((word,), (tuple(way),)) for word, way in zip(words, where, strict=True)]
     if len(ways) > 1:
-        ways.append((" and ".join(words), range(where[0].start, where[-1].stop)))
+        ways.append((tuple(words), tuple(tuple(way) for way in where)))
     misfits = [
-        Misfit(f"he answers {word} {{times:.1f}} times as strongly as learnt", scaled(way), MARGIN)
-        for word, way in ways
+        Misfit(
+            f"he answers {' and '.join(of)} {{times:.1f}} times as strongly as learnt",
+            scaled([i for gain in gains for i in gain]),
+            MARGIN,
+            gains,
+        )
+        for of, gains in ways
     ]
     return Predictor(
         "the driver's output",

@@ -9,8 +9,8 @@ weight w is known before e. Products of such bets that begin anew whenever they 
 Ramdas & Rinaldo 2024, "E-detectors", def. 2.2, prop. 2.3): the mean time between its false alarms is at least the
 threshold, in looks. K of them side by side need K times the threshold.
 
-A margin makes the null wider: a model that is off by a share |ρ| ≤ margin of z (e = ρ z + noise) still fits. With
-m ≥ 0 what the margin leaves, the bet is on ψ(e − m). It stays fair: for e = ±a, f(x) = exp(x − x²/2), p = ψ(a − m) and
+A margin makes the null wider: a model that is off by no more than is allowed still fits. With
+m ≥ 0 what that leaves, the bet is on ψ(e − m). It stays fair: for e = ±a, f(x) = exp(x − x²/2), p = ψ(a − m) and
 −q = ψ(−a − m) we have q ≥ |p|, and f(p) + f(−q) ≤ 2: f rises up to 1, so for p ≤ 1 it is at most
 f(|p|) + f(−|p|) = 2 exp(−p²/2) cosh p ≤ 2, and for p > 1 at most f(1) + f(−1) < 2.
 """
@@ -58,7 +58,13 @@ def init(directions: int) -> State:
 
 
 def step(
-    state: State, t: float, e: Array, z: Array, variance: float, margin: Array, threshold: float
+    state: State,
+    t: float,
+    e: Array,
+    z: Array,
+    variance: float,
+    allowed: Array,
+    threshold: float,
 ) -> State:
     """Take one look's innovations.
 
@@ -68,7 +74,7 @@ def step(
         e: (n,) innovations.
         z: (n, d) what a misfit of ρ = 1 in each direction would add to them; known before them.
         variance: of e, roughly: it only sets what the stakes are best at.
-        margin: (d,) the |ρ| that is no misfit.
+        allowed: (n, d) standard deviations by which the model may be off towards z and still fit.
         threshold: log.
 
     Example:
@@ -78,7 +84,7 @@ def step(
         ...     z = rng.standard_normal((5, 1))
         ...     noise = rng.standard_normal(5)
         ...     e = noise - (0.8 * z[:, 0] if k >= 30 else 0.0)
-        ...     state = step(state, float(k), e, z, 1.0, np.array([0.2]), 14.0)
+        ...     state = step(state, float(k), e, z, 1.0, 0.2 * np.abs(z), 14.0)
         >>> found = strongest(state)
         >>> found.level > 14, 25 < found.since < 35, -1.2 < found.share < -0.5
         (True, True, True)
@@ -87,7 +93,7 @@ def step(
     size = np.abs(z) / sd
     surprise = e / sd
     toward = _SIGNS[:, None] * (np.sign(z) * surprise[:, None])[:, :, None, None]  # (n, d, 2, 1)
-    beyond = np.clip(toward - (margin * size)[:, :, None, None], -JOLT, JOLT)
+    beyond = np.clip(toward - allowed[:, :, None, None], -JOLT, JOLT)
     # w = |z|/sd tells most where the misfit is small; where it is large, a bet of more than everything loses
     d = STAKES * np.minimum(size, 1.0)[:, :, None, None] * beyond
     gained: Array = (d - 0.5 * d * d).sum(axis=0)

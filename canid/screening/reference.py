@@ -7,6 +7,7 @@ product of matrices. The order is high enough to take up the noise's colour, so 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,9 @@ from canid.types import NAN, Array
 _RIDGE = 1e-7
 # an innovation counts for no more than this many standard deviations in the variance: one jolt is no new scatter
 _JOLT = 4.0
-# times the mean leverage; a row with more is far from those that were learnt (Belsley, Kuh & Welsch 1980 take 2 to 3)
-_FAR = 3.0
+# times the root of the mean leverage; a row with more is far from those that were learnt (Belsley, Kuh & Welsch 1980,
+# ch. 2, take 2 to 3 times the mean)
+_USUAL = 1.7
 
 
 class State(NamedTuple):
@@ -45,20 +47,49 @@ def innovations(state: State, X: Array, y: Array) -> Array:
     return new
 
 
-def familiar(state: State, X: Array) -> npt.NDArray[np.bool_]:
-    """Whether rows (n, m) lie where the model was learnt: (n,).
+def far(state: State, X: Array) -> Array:
+    """How far off the model itself may be at rows (n, m), in standard deviations of an innovation: (n,).
 
-    Elsewhere its own error grows with the distance, and nothing can be held against the one who drives there.
+    The square root of the leverage: the model's own standard error, which grows with the distance from what it has
+    learnt. As much as is usual where it has learnt counts as nothing: it does not add up over rows.
 
     Example:
         >>> x = np.column_stack([np.linspace(-1.0, 1.0, 100), np.ones(100)])
         >>> state = learn(init(2), x, x[:, 0], np.arange(2), 1e4)
-        >>> familiar(state, np.array([[0.5, 1.0], [4.0, 1.0]]))
-        array([ True, False])
+        >>> np.round(far(state, np.array([[0.5, 1.0], [4.0, 1.0]])), 1)
+        array([0. , 0.4])
     """
     known = np.count_nonzero(np.diagonal(state.spread))
-    near: npt.NDArray[np.bool_] = ((X @ state.spread) * X).sum(axis=1) <= _FAR * known / state.rows
-    return near
+    error = np.sqrt(np.maximum(((X @ state.spread) * X).sum(axis=1), 0.0))
+    beyond: Array = np.maximum(error - _USUAL * np.sqrt(known / state.rows), 0.0)
+    return beyond
+
+
+def doubt(state: State, X: Array, gains: Sequence[Sequence[int]]) -> Array:
+    """How far off the answers to some inputs may be at rows (n, m), since their gains are known only so well: (n,).
+
+    Args:
+        state: with a known variance.
+        X: (n, m) columns.
+        gains: for each answer, the columns whose coefficients add up to its gain.
+
+    Returns:
+        Two standard errors, in the outcome's unit.
+
+    Example:
+        >>> x = np.column_stack([np.linspace(-1.0, 1.0, 100), np.ones(100)])
+        >>> state = learn(init(2), x, x[:, 0], np.arange(2), 1e4)._replace(variance=1.0)
+        >>> np.round(doubt(state, np.array([[0.5, 1.0], [4.0, 1.0]]), [[0]]), 1)
+        array([0.2, 1.4])
+    """
+    squares = np.zeros(len(X))
+    for gain in map(list, gains):
+        answered = (X[:, gain] - state.mean[gain]) @ state.theta[gain]
+        error = state.variance * float(state.spread[np.ix_(gain, gain)].sum())
+        # a gain that may be nothing is not known at all
+        squares += answered**2 * (error / max(float(state.theta[gain].sum()) ** 2, 1e-6 * error))
+    two: Array = 2.0 * np.sqrt(np.maximum(squares, 0.0))
+    return two
 
 
 def learn(state: State, X: Array, y: Array, fitted: npt.NDArray[np.intp], memory: float) -> State:

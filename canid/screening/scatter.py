@@ -33,8 +33,8 @@ def init() -> State:
     return State(np.zeros(len(STAKES)), np.full(len(STAKES), NAN))
 
 
-def step(state: State, t: float, e: Array, variance: float, threshold: float) -> State:
-    """Take one look's innovations e (n,), which begin at t [s].
+def step(state: State, t: float, e: Array, variance: Array | float, threshold: float) -> State:
+    """Take one look's innovations e (n,), which begin at t [s], and the variance that is expected of each.
 
     Example:
         >>> state = init()

@@ -18,7 +18,7 @@ _LAGGED = (
     *((rows.PULL, k) for k in _PEDAL),
     (rows.DRAG, 1),
 )
-_PULLED = [i for i, (column, _) in enumerate(_LAGGED) if column == rows.PULL]
+_PULLED = tuple(i for i, (column, _) in enumerate(_LAGGED) if column == rows.PULL)
 
 PREDICTOR = Predictor(
     "the acceleration",
@@ -32,6 +32,7 @@ PREDICTOR = Predictor(
             "it accelerates {times:.1f} times as strongly on the pedal as learnt",
             scaled(_PULLED),
             MARGIN,
+            (_PULLED,),
             centred=False,
         ),
     ),

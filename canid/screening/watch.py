@@ -45,7 +45,6 @@ class Followed(NamedTuple):
     """What one predictor has learnt, and the evidence against it."""
 
     reference: reference.State
-    told: Array  # (d,) Σ z²/variance that was learnt, forgetting: how well each direction is known
     misfit: evidence.State
     scatter: scatter.State
     unseen: int = UNSEEN  # looks since the last usable row
@@ -109,7 +108,6 @@ def make(names: Sequence[str]) -> Screen:
         followed = tuple(
             Followed(
                 reference.init(len(p.lagged) + 1),
-                np.zeros(len(p.misfits)),
                 evidence.init(len(p.misfits)),
                 scatter.init(),
             )
@@ -216,19 +214,17 @@ def _follow(
     one = one._replace(unseen=0 if len(y) else min(one.unseen + 1, UNSEEN))
     known = one.reference
     if len(y) and known.rows >= LEARNT and known.variance > 0.0:
-        near = reference.familiar(known, X)
-        X, y = X[near], y[near]
-        e = reference.innovations(known, X, y)
+        e, far = reference.innovations(known, X, y), reference.far(known, X)
         # what the direction of a misfit adds is known before the innovation comes
         along = np.array([m.along(known.theta) for m in p.misfits])
         level = along @ known.mean * np.array([m.centred for m in p.misfits])
         z = X @ along.T - level
-        # the reference itself is off by its standard error
-        margin = np.array([m.margin for m in p.misfits]) + 1.0 / np.sqrt(np.maximum(one.told, 1e-9))
+        margin = np.array([m.margin for m in p.misfits])
+        doubt = np.column_stack([reference.doubt(known, X, m.learnt) for m in p.misfits])
+        allowed = (margin * np.abs(z) + doubt) / known.variance**0.5 + far[:, None]
         one = one._replace(
-            misfit=evidence.step(one.misfit, t, e, z, known.variance, margin, needed),
-            scatter=scatter.step(one.scatter, t, e, known.variance, needed),
-            told=one.told * (1.0 - 1.0 / MEMORY) ** len(y) + (z * z).sum(axis=0) / known.variance,
+            misfit=evidence.step(one.misfit, t, e, z, known.variance, allowed, needed),
+            scatter=scatter.step(one.scatter, t, e, known.variance * (1.0 + far * far), needed),
         )
     if late is None or 0.5 * needed <= _level(one) < needed:
         return one

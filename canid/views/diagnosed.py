@@ -44,7 +44,7 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     lines += _headed("not to be decided on this drive", _undecided(report))
     lines += _headed("the drive that would decide", advice(report))
     lines += _headed("the driver, before and after" if report.findings else "the driver", _shifts(report))
-    failed = [f"✗ {c.name}: {c.says} ({number(c.value, c.unit)}, limit {number(c.limit, c.unit)})"
+    failed = [f"✗ {'gate: ' * c.gate}{c.name}: {c.says} ({number(c.value, c.unit)}, limit {number(c.limit, c.unit)})"
               for c in report.checks if c.passed is False]  # fmt: skip
     if report.checks:
         made = [c for c in report.checks if c.passed is not None]

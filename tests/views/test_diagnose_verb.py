@@ -144,9 +144,11 @@ def test_wrong_use_is_one_line_and_2(canid: Callable[..., Ran], words: tuple[obj
 
 
 def test_a_page_that_cannot_be_written_is_5(canid: Callable[..., Ran], tmp_path: Path) -> None:
+    """The verdict was told all the same; and who fails before leaves the old page as it was."""
     ran = canid(URBAN, *PART, "-o", tmp_path / "no_such_folder" / "page.html")
     assert (ran.code, ran.err.count("\n")) == (NOT_WRITTEN, 1)
-    # and one that fails before it is written leaves nothing behind
+    assert ran.out.startswith("NAMED: ")
+    (tmp_path / "page.html").write_text("old")
     ran = canid(tmp_path / "no_such.blf", *PART[:2], "-o", tmp_path / "page.html")
     assert ran.code == USAGE
-    assert list(tmp_path.iterdir()) == []
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]

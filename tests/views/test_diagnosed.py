@@ -69,7 +69,7 @@ def test_failed_checks_are_named_and_passed_ones_counted(report_of: ReportOf) ->
     assert "checks: 3 of 5 passed" in lines  # the sixth could not be made
     assert [line.split(":")[0] for line in lines if "✗" in line] == [
         "  ✗ stale signals",
-        "  ✗ left-over structure",
+        "  ✗ gate",
     ]
     assert any("3.4 %, limit 1 %" in line for line in lines)
 

@@ -1,0 +1,96 @@
+"""The vehicle's block: what the engine was asked for and what the car did, and which samples may be believed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver_data import filled, slope
+from canid.diagnosis.likelihood import Output
+from canid.diagnosis.masks import held, output_role
+from canid.diagnosis.vehicle_model import VehicleSeen
+from canid.findings import Flags
+from canid.types import Array, Trace
+
+# m/s; below it clutch and converter slip
+CREEP = 3.0
+# s; after the brake its pressure and the engine's overrun have gone, and after any hole the lags have
+FROM_BRAKE, SETTLING = 1.0, 1.5
+# m of road over which its slope is averaged; crests are hundreds of metres long, satellites' noise is white
+ROAD = 40.0
+# m of road between whose ends a slope is taken from the altitude: its noise of 0.4 m becomes 0.4 %
+RISE = 150.0
+# %; a slope that stands out less from its own noise is none
+LEVEL = 0.15
+
+
+class VehicleData(NamedTuple):
+    """Columns (n,) of one drive on its grid."""
+
+    seen: VehicleSeen
+    output: Output  # m/s²
+    signal: str  # role that the acceleration comes from
+    slope_sd: float  # %, of the measured slope; NaN: nobody measures it
+    geared: bool  # is the gear known?
+
+
+def prepare(trace: Trace, usable: Flags) -> VehicleData | str:
+    """Lay out the columns; or say why the vehicle cannot be looked at.
+
+    Args:
+        trace: of a drive.
+        usable: (n,) samples that no mask has taken.
+    """
+    signals, dt, n = trace.signals, trace.dt, trace.t.size
+    if output_role(trace) != "pedal" or "speed" not in signals:
+        return "no pedal was recorded, so nothing says what the engine was asked for: map `pedal`"
+    pedal, speed = signals["pedal"], signals["speed"]
+    known = np.isfinite(pedal) & np.isfinite(speed) & (speed > CREEP)
+    own = filled(speed)
+    if "accel" in signals and np.isfinite(signals["accel"]).mean() > 0.5:
+        measured, signal = signals["accel"], "accel"
+    else:
+        measured, signal = slope(own, dt), "speed"
+    brake = np.nan_to_num(signals.get("brake", np.zeros(n))) > 0.5
+    braking = held(brake, round(FROM_BRAKE / dt))
+    gone = held(~(known & np.isfinite(measured) & usable), round(SETTLING / dt))
+    fine = ~braking & ~gone
+    road = graded(trace, own)
+    gear = signals.get("gear", np.full(n, np.nan))
+    geared = bool(np.isfinite(gear[known]).mean() > 0.9) if known.any() else False
+    sd = float(np.std(road[known])) if known.any() else 0.0
+    standard = (road - np.mean(road[known])) / sd if sd > LEVEL else np.zeros(n)
+    seen = VehicleSeen(trace.t - trace.t[0] if n else trace.t, filled(pedal), own, standard, filled(gear))
+    nowhere = np.zeros(n, dtype=bool)
+    output = Output(filled(measured), fine, nowhere, -np.inf, nowhere, np.inf, dt)
+    mapped = "grade" in signals or "altitude" in signals
+    return VehicleData(seen, output, signal, sd if mapped else float("nan"), geared)
+
+
+def graded(trace: Trace, speed: Array) -> Array:
+    """Return the measured slope of the road, (n,) %; zeros where nobody measures it.
+
+    Example:
+        >>> import canid
+        >>> trace = canid.read_trace("replay_logs/following_urban.blf", "generic")
+        >>> bool(0.2 < np.std(graded(trace, trace.signals["speed"])) < 2.0)
+        True
+    """
+    signals, dt = trace.signals, trace.dt
+    way = np.cumsum(np.maximum(speed, 0.0)) * dt
+    if "grade" in signals and np.isfinite(signals["grade"]).any():
+        grade = filled(signals["grade"])
+        area = np.cumsum(grade * np.maximum(speed, 0.1)) * dt
+        return _between(way, area, ROAD)
+    if "altitude" in signals and np.isfinite(signals["altitude"]).any():
+        return 100 * _between(way, filled(signals["altitude"]), RISE)
+    return np.zeros(speed.size)
+
+
+def _between(way: Array, height: Array, over: float) -> Array:
+    """Rise per metre between the points half of `over` behind and ahead."""
+    away = np.clip(way - over / 2, way[0], way[-1]), np.clip(way + over / 2, way[0], way[-1])
+    behind, ahead = (np.interp(x, way, height) for x in away)
+    out: Array = (ahead - behind) / np.maximum(away[1] - away[0], over / 4)
+    return out

@@ -1,0 +1,35 @@
+"""With the foot off the pedal the engine does not idle along but brakes: overrun, or recuperation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from canid.effects.cause import Car, CarSeen, Effect, Parameter, Params, Value
+
+# % of pedal from which on the engine no longer brakes
+RESTING = 2.0
+
+
+def push(p: Params, seen: CarSeen) -> Value:
+    """Return what the engine takes, m/s²: nothing above `RESTING`, all of it at 0 %.
+
+    Example:
+        >>> seen = CarSeen(0.0, 0.0, 20.0, 0.0, 4.0, np.array([0.0, 1.0, 5.0]), 0.04)
+        >>> push((0.4,), seen).tolist()
+        [-0.4, -0.2, -0.0]
+    """
+    return -p[0] * np.clip(1 - seen.drive / RESTING, 0.0, 1.0)
+
+
+EFFECT = Effect(
+    id="engine_braking",
+    says="With the foot off, the engine brakes by {strength} m/s² more than the map's straight line says.",
+    where="vehicle",
+    kind="curve",
+    parameters=(Parameter("strength", "m/s²", -1.0, 3.0, (0.3,), 0.3),),
+    needs=("pedal",),
+    source="overrun cut-off; recuperation of electric cars",
+    decides="coasting without the brake",
+    car=Car(push=push),
+    planted=((0.5,), (0.7,)),
+)
