@@ -76,7 +76,9 @@ def baseline(data: VehicleData) -> SolvedCar | None:
     if int(np.count_nonzero(output.usable)) < FEWEST:
         return None
     ones = np.ones(output.y.size)
-    noise = Noise(np.array([1.0, -0.9]), max(float(np.std(output.y[output.usable])) * 0.3, 1e-6), ones, ones[:0])
+    noise = Noise(
+        np.array([1.0, -0.9]), max(float(np.std(output.y[output.usable])) * 0.3, 1e-6), ones, ones[:0]
+    )
     q = np.array(BEGIN)
     solved: SolvedCar | None = None
     for _ in range(2):

@@ -1,6 +1,6 @@
 """The car's acceleration from pedal and speed, with some causes in it: a whole drive at once, or step by step.
 
-    pedal ──map──▶ P′ ─1/(1+τs)─▶ D ─further lags, thrust─▶ D′,   a = Kp D′ − c0 − c2 v² + push
+pedal ──map──▶ P′ ─1/(1+τs)─▶ D ─further lags, thrust─▶ D′,   a = Kp D′ − c0 − c2 v² + push
 """
 
 from __future__ import annotations
@@ -89,7 +89,8 @@ def accel(model: VehicleModel, seen: VehicleSeen, q: Array, dt: float) -> Array:
         if effect.car is not None and effect.car.lag is not None:
             given = _through(given, effect.car.lag(p, felt), dt)
     felt = felt._replace(drive=given)
-    return _sum(model, q, given, felt)
+    out: Array = _sum(model, q, given, felt)
+    return out
 
 
 def _sum(model: VehicleModel, q: Array, given: Value, felt: CarSeen) -> Value:

@@ -32,7 +32,9 @@ def predictor(names: Sequence[str]) -> Predictor:
         where.append(range(len(lagged), len(lagged) + len(lags)))
         lagged += [(rows.FIRST_INPUT + i, k) for k in lags]
     words = [name.replace("_", " ") for name in names]
-    ways = [((word,), (tuple(way),)) for word, way in zip(words, where, strict=True)]
+    ways: list[tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]] = [
+        ((word,), (tuple(way),)) for word, way in zip(words, where, strict=True)
+    ]
     if len(ways) > 1:
         ways.append((tuple(words), tuple(tuple(way) for way in where)))
     misfits = [

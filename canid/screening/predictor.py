@@ -16,7 +16,9 @@ class Misfit(NamedTuple):
     says: str  # {times} is 1 + ρ, how much is left of what was learnt
     along: Callable[[Array], Array]  # theta (m,) -> (m,)
     margin: float  # the |ρ| that still fits
-    learnt: tuple[tuple[int, ...], ...] = ()  # columns whose coefficients' sum is a gain that must be known for this
+    learnt: tuple[
+        tuple[int, ...], ...
+    ] = ()  # columns whose coefficients' sum is a gain that must be known for this
     centred: bool = True  # z is what the columns do about their mean; else their level speaks as well
 
 
