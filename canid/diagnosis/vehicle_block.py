@@ -107,7 +107,7 @@ def _there(effect: Effect, data: VehicleData) -> str:
     """Why a cause cannot be looked for on this drive; "": it can."""
     if effect.id == "headwind":
         return f"{effect.absorbed}; to tell it: {effect.decides}"
-    if effect.id == "road_grade" and not data.slope_sd == data.slope_sd:
+    if effect.id == "road_grade" and data.slope_sd != data.slope_sd:
         return f"slow disturbances of the car are slope or wind, and nothing says which: {effect.decides}"
     if effect.id == "road_grade" and data.slope_sd <= vehicle_data.LEVEL:
         return "the road is level"
@@ -286,7 +286,7 @@ def _untold(
         elif effect in effects and expected[effect.id] < needed(1, len(effects)):
             why = f"a typical one would leave evidence {expected[effect.id]:.0f} on this drive; it takes {effect.decides}"
             out.append(NotTestable((effect.id,), why))
-    if not data.slope_sd == data.slope_sd:
+    if data.slope_sd != data.slope_sd:
         out = [one for one in out if one.effects not in (("headwind", "road_grade"), ("road_grade",))]
         why = (
             "slow disturbances of the car are one or the other, and nothing says which: map grade or altitude"
