@@ -41,10 +41,11 @@ def scaled(which: Sequence[int]) -> Callable[[Array], Array]:
         >>> scaled([1])(np.array([5.0, 2.0, 1.0]))
         array([0., 2., 0.])
     """
+    places = list(which)
 
     def along(theta: Array) -> Array:
         out = np.zeros_like(theta)
-        out[which] = theta[which]
+        out[places] = theta[places]
         return out
 
     return along

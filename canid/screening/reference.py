@@ -57,7 +57,7 @@ def far(state: State, X: Array) -> Array:
         >>> x = np.column_stack([np.linspace(-1.0, 1.0, 100), np.ones(100)])
         >>> state = learn(init(2), x, x[:, 0], np.arange(2), 1e4)
         >>> np.round(far(state, np.array([[0.5, 1.0], [4.0, 1.0]])), 1)
-        array([0. , 0.4])
+        array([0. , 0.5])
     """
     known = np.count_nonzero(np.diagonal(state.spread))
     error = np.sqrt(np.maximum(((X @ state.spread) * X).sum(axis=1), 0.0))

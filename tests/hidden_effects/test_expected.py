@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular, toeplitz
+from scipy.linalg import cho_factor, cho_solve, solve_toeplitz, toeplitz
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 from scipy.special import log_ndtr
 
 from benchmarks.hidden_effects import expected as oracle
@@ -20,9 +21,8 @@ from benchmarks.hidden_effects.sensed import lean
 from benchmarks.hidden_effects.sensors import sense
 
 QUANTUM = 0.4 / math.sqrt(12.0)
-# A weak engine on a heavy road: the foot stands at 40 %, and on a motorway it never reaches the floor, so
-that no sample is selected by
-# its noise and the realised likelihood ratio is that of plain Gaussian noise.
+# A weak engine on a heavy road: the foot stands at 40 %, and on a motorway it never reaches the floor. Then no sample
+# is selected by its noise, and the realised likelihood ratio is that of plain Gaussian noise.
 HEAVY = {"gain": 0.015, "rolling": 0.6, "drag": 1e-5}
 # A usual car, whose driver lifts his foot to 0 % every now and then.
 USUAL = {"gain": 0.034}
@@ -31,22 +31,23 @@ USUAL = {"gain": 0.034}
 # --- the second route: dense covariances of the processes that the simulator names, a driver made of plain loops ---------
 
 
-def covariance(noise: str, sd: float, n: int) -> Array:
-    """Covariance (n, n) of the remnant at 10 Hz with the pedal's quantisation."""
-    t = 0.1 * np.arange(n)
-    fast, slow = np.exp(-t / 0.03), np.exp(-t / (4.0 if noise == "ar4" else 1.0))
-    r = {"white": fast, "ar1": slow, "ar4": slow, "mix": 0.7 * slow + 0.3 * fast}[noise]
-    return toeplitz(sd**2 * r + QUANTUM**2 * (t == 0.0))
+def whitening(noise: str, sd: float) -> Array:
+    """Filter that whitens the named noise with the pedal's quantisation, from its true autocovariance: 20 s of it."""
+    t = 0.1 * np.arange(200)
+    fast, slow = np.exp(-t / 0.03), np.exp(-t / 1.0)
+    r = sd**2 * {"white": fast, "ar1": slow, "mix": 0.7 * slow + 0.3 * fast}[noise]
+    r[0] += QUANTUM**2
+    phi = solve_toeplitz(r[:-1], r[1:])
+    return np.concatenate([[1.0], -phi]) / math.sqrt(r[0] - phi @ r[1:])  # type: ignore[no-any-return]
 
 
 def answer(x: Array, tau: float, dead_time: float, dt: float) -> Array:
+    """Euler's exact step for an input that is held from half a step before to half a step after."""
     k = np.arange(len(x))
-    y, out = float(x[0]), []
+    held = np.interp(k - dead_time / dt - 0.5, k, x)
     decay = math.exp(-dt / tau)
-    for now in np.interp(k - dead_time / dt - 0.5, k, x).tolist():
-        y = decay * y + (1.0 - decay) * now
-        out.append(y)
-    return np.array(out)
+    out, _ = lfilter([1.0 - decay], [1.0, -decay], held, zi=[decay * held[0]])
+    return out  # type: ignore[no-any-return]
 
 
 def columns(planted: Planted, every: int) -> tuple[Array, Array, Array]:
@@ -82,7 +83,7 @@ def drive(
 # --- claims ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("noise", ["white", "ar1", "ar4", "mix"])
+@pytest.mark.parametrize("noise", ["white", "ar1", "mix"])
 def test_the_price_is_the_likelihood_ratio_that_is_realised(noise: str) -> None:
     """Mean over drives: 2 log likelihood of the true model less that of the refitted baseline, within 15 %.
 
@@ -90,20 +91,20 @@ def test_the_price_is_the_likelihood_ratio_that_is_realised(noise: str) -> None:
     """
     prices, won = [], []
     for seed in range(300, 308):
-        p = drive({"asymmetric_gain": {"share": 0.5}}, seed, noise, profile="motorway", minutes=4.0)
+        p = drive({"asymmetric_gain": {"share": 0.5}}, seed, noise, profile="motorway", minutes=8.0)
         pedal, _, _ = columns(p, 5)
         assert np.all((pedal > 0.0) & (pedal < 100.0))
-        factor = cholesky(covariance(noise, p.truth["driver"]["noise_sd"], len(pedal)), lower=True)
+        taps = whitening(noise, p.truth["driver"]["noise_sd"])
         said = 0.4 * np.round(pedal / 0.4)
 
-        def distances(mu: Array, factor: Array = factor, said: Array = said) -> Array:
-            return solve_triangular(factor, said - mu, lower=True)  # type: ignore[no-any-return]
+        def distances(mu: Array, taps: Array = taps, said: Array = said) -> Array:
+            return lfilter(taps, [1.0], said - mu)[len(taps) :]  # type: ignore[no-any-return]
 
         true = distances(p.demand[::10])
         won.append(refitted(p, distances) - float(true @ true) + 7.0)
         prices.append(expected(p).lr)
     # the spread of one realised ratio is 2 sqrt(LR): eight drives tell their sum to this
-    assert 2.0 / math.sqrt(sum(prices)) < 0.075
+    assert 2.0 / math.sqrt(sum(prices)) < 0.06
     assert np.mean(won) == pytest.approx(np.mean(prices), rel=0.15)
 
 
