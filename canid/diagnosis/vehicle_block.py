@@ -11,9 +11,19 @@ from scipy.stats import chi2
 from canid.diagnosis import vehicle_data, vehicle_fit
 from canid.diagnosis.evidence import needed, spread
 from canid.diagnosis.held_out import BLOCK, FOLDS, gain
+from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.vehicle_data import VehicleData
 from canid.diagnosis.vehicle_fit import SolvedCar
-from canid.diagnosis.vehicle_model import DRAG, LAG, ROLLING, STRENGTH, FittedCar, drivable
+from canid.diagnosis.vehicle_model import (
+    DRAG,
+    LAG,
+    ROLLING,
+    STRENGTH,
+    FittedCar,
+    accel,
+    drivable,
+    with_effects,
+)
 from canid.diagnosis.vehicle_search import CarSearch, NamedCause, search_car
 from canid.effects import CATALOGUE
 from canid.effects.cause import Effect
@@ -117,7 +127,9 @@ def _there(effect: Effect, data: VehicleData) -> str:
 
 
 def _expected(effect: Effect, data: VehicleData, before: SolvedCar) -> float:
-    """Evidence that a typical strength of a cause would leave on this drive."""
+    """Evidence that a typical strength of a cause would leave on this drive; of a measured slope: it is there or not."""
+    if effect.id == "road_grade":
+        return np.inf
     p = [parameter.typical for parameter in effect.parameters]
     if effect.id == "power_limit":
         # one that takes a tenth of the largest pull
@@ -190,13 +202,13 @@ def _gate(found: CarSearch, data: VehicleData) -> Check:
         sd = float(np.std(x[fine]))
         return np.clip((x - np.mean(x[fine])) / max(sd, 1e-9), -4, 4)
 
-    drive = standard(vehicle_fit.accel(with_none(), data.seen, solved.fitted.q[:4], dt) + _drag(solved, data))
+    drive = standard(accel(with_effects(()), data.seen, solved.fitted.q[:4], dt) + _drag(solved, data))
     v, t = standard(data.seen.speed), standard(data.seen.t)
     inverse = standard(1 / np.maximum(data.seen.speed, 3.0))
     columns = np.stack(
         [drive**2, drive**3, drive * v, drive * drive * v, drive * inverse, v**3, inverse, drive * t], axis=1
     )
-    directions = vehicle_fit.whitened(solved.noise, columns)
+    directions = whitened(solved.noise, columns)
     directions[~fine] = 0.0
     Q = qr(solved.fitted.jacobian, mode="economic")[0]
     directions = directions - Q @ (Q.T @ directions)
@@ -223,11 +235,6 @@ def _gate(found: CarSearch, data: VehicleData) -> Check:
     return Check("vehicle gate", passed, p, GATE, says)
 
 
-def with_none() -> vehicle_fit.VehicleModel:
-    """Return the baseline's model."""
-    return vehicle_fit.with_effects(())
-
-
 def _drag(solved: SolvedCar, data: VehicleData) -> Array:
     out: Array = solved.fitted.q[ROLLING] + solved.fitted.q[DRAG] * data.seen.speed**2
     return out
@@ -243,8 +250,8 @@ def _checks(found: CarSearch, data: VehicleData) -> tuple[Check, ...]:
         return f"{q[k]:.3g} ± {SIGMAS * sd[k]:.2g} {unit}"
 
     says = (
-        f"Pedal and speed explain {100 * (1 - left):.0f} % of the acceleration ({data.signal}): {told(STRENGTH, 'm/s² per %')}, "
-        f"lag {told(LAG, 's')}, rolling and slope {told(ROLLING, 'm/s²')}, drag {told(DRAG, '1/m')}."
+        f"Pedal and speed explain {100 * (1 - left):.0f} % of the acceleration ({data.signal}): "
+        f"{told(STRENGTH, 'm/s² per %')}, lag {told(LAG, 's')}, rolling and slope {told(ROLLING, 'm/s²')}, drag {told(DRAG, '1/m')}."
     )
     return (Check("vehicle fit", left < 0.5, 1 - left, 0.5, says),)
 

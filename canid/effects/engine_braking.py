@@ -6,19 +6,19 @@ import numpy as np
 
 from canid.effects.cause import Car, CarSeen, Effect, Parameter, Params, Value
 
-# % of pedal from which on the engine no longer brakes
-RESTING = 2.0
+# % of pedal at which the engine neither pulls nor brakes, and over which range it changes from the one to the other
+RESTING, RANGE = 2.0, 1.0
 
 
 def push(p: Params, seen: CarSeen) -> Value:
-    """Return what the engine takes, m/s²: nothing above `RESTING`, all of it at 0 %.
+    """Return what the engine takes, m/s²: all of it at rest, half of it at `RESTING`.
 
     Example:
-        >>> seen = CarSeen(0.0, 0.0, 20.0, 0.0, 4.0, np.array([0.0, 1.0, 5.0]), 0.04)
+        >>> seen = CarSeen(0.0, 0.0, 20.0, 0.0, 4.0, np.array([0.0, 2.0, 5.0]), 0.04)
         >>> push((0.4,), seen).tolist()
         [-0.4, -0.2, -0.0]
     """
-    return -p[0] * np.clip(1 - seen.drive / RESTING, 0.0, 1.0)
+    return -p[0] * np.clip(0.5 + (RESTING - seen.drive) / RANGE, 0.0, 1.0)
 
 
 EFFECT = Effect(

@@ -21,9 +21,9 @@ from benchmarks.hidden_effects.sensed import lean
 from benchmarks.hidden_effects.sensors import sense
 
 QUANTUM = 0.4 / math.sqrt(12.0)
-# A weak engine on a heavy road: the foot stands at 40 %, and on a motorway it never reaches the floor. Then no sample
+# A weak engine on a heavy road: the foot stands at 50 %, and on a motorway it never reaches the floor. Then no sample
 # is selected by its noise, and the realised likelihood ratio is that of plain Gaussian noise.
-HEAVY = {"gain": 0.015, "rolling": 0.6, "drag": 1e-5}
+HEAVY = {"gain": 0.015, "rolling": 0.75, "drag": 1e-5}
 # A usual car, whose driver lifts his foot to 0 % every now and then.
 USUAL = {"gain": 0.034}
 
