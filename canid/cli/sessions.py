@@ -36,16 +36,15 @@ def run(
     from canid.frames.bus import open_buses
     from canid.frames.command_line import configs_of
 
-    buses = open_buses(configs_of(args))
-    for bus in buses:
-        options.talk(bus.listen_only.says)
-    title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])
-    view = View(title)
-    with Interrupt() as stop:
+    with Interrupt() as stop:  # before the first word: who reads it may send a signal
+        buses = open_buses(configs_of(args))
+        for bus in buses:
+            options.talk(bus.listen_only.says)
+        title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])
         code, _ = watch(
             buses,
             vehicle,
-            view,
+            View(title),
             record=record,
             state=state,
             duration=args.duration,

@@ -130,11 +130,11 @@ def _expected(effect: Effect, data: VehicleData, before: SolvedCar) -> float:
     """Evidence that a typical strength of a cause would leave on this drive; of a measured slope: it is there or not."""
     if effect.id == "road_grade":
         return np.inf
-    p = [parameter.typical for parameter in effect.parameters]
+    p = np.array([parameter.typical for parameter in effect.parameters])
     if effect.id == "power_limit":
         # one that takes a tenth of the largest pull
         asked = before.fitted.q[STRENGTH] * data.seen.pedal * data.seen.speed
-        p = [0.9 * float(np.max(asked[before.rows]))]
+        p[0] = 0.9 * float(np.max(asked[before.rows]))
     d = vehicle_fit.direction(before, data, effect, p)
     return float(d @ d)
 
@@ -251,7 +251,8 @@ def _checks(found: CarSearch, data: VehicleData) -> tuple[Check, ...]:
 
     says = (
         f"Pedal and speed explain {100 * (1 - left):.0f} % of the acceleration ({data.signal}): "
-        f"{told(STRENGTH, 'm/s² per %')}, lag {told(LAG, 's')}, rolling and slope {told(ROLLING, 'm/s²')}, drag {told(DRAG, '1/m')}."
+        f"{told(STRENGTH, 'm/s² per %')}, lag {told(LAG, 's')}, "
+        f"rolling and slope {told(ROLLING, 'm/s²')}, drag {told(DRAG, '1/m')}."
     )
     return (Check("vehicle fit", left < 0.5, 1 - left, 0.5, says),)
 

@@ -116,7 +116,7 @@ def doubt(solved: SolvedCar, dt: float) -> Array:
     return out
 
 
-def direction(solved: SolvedCar, data: VehicleData, effect: Effect, p: Params) -> Array:
+def direction(solved: SolvedCar, data: VehicleData, effect: Effect, p: Array) -> Array:
     """What a cause of this strength would change in the whitened residual and the model cannot take up, (n,)."""
     model = with_effects((*solved.model.effects, effect))
     q = np.concatenate([solved.fitted.q, p])

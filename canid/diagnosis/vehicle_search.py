@@ -78,7 +78,7 @@ def candidates(effects: tuple[Effect, ...], data: VehicleData, without: SolvedCa
             continue
         best: SolvedCar | None = None
         for p in starts(effect, data, without):
-            d, e = direction(without, data, effect, p), without.fitted.scored.e  # type: ignore[arg-type]
+            d, e = direction(without, data, effect, p), without.fitted.scored.e
             size = float(d @ d)
             # a slope is as slow as the noise that stands in for it while it is not in the model: whitening hides it
             if effect.id != "road_grade" and (size < 1e-9 or float(d @ e) ** 2 / size < WORTH):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -73,7 +74,15 @@ class Program(NamedTuple):
         """Send a signal, if any, wait for its end, and return its status."""
         if number is not None:
             self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
+        try:
+            return self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            where = [
+                (each / "wchan").read_text() for each in Path(f"/proc/{self.process.pid}/task").iterdir()
+            ]
+            self.process.send_signal(signal.SIGABRT)  # faulthandler tells what each thread is at
+            self.process.wait(PATIENCE)
+            raise AssertionError(f"did not end; its threads are at {where}\n{self.says()}") from None
 
 
 def until(true: Callable[[], bool], patience: float = PATIENCE) -> None:
@@ -97,7 +106,11 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Program]]:
     def run(*words: object) -> Program:
         name = f"{len(running)}-{Path(str(words[0])).name}"
         out, err = tmp_path / f"{name}.out", tmp_path / f"{name}.err"
-        environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+        environment = os.environ | {
+            "PYTHONPATH": str(ROOT),
+            "OMP_NUM_THREADS": "1",
+            "PYTHONFAULTHANDLER": "1",
+        }
         with out.open("wb") as stdout, err.open("wb") as stderr:
             process = subprocess.Popen(
                 [str(word) for word in words],
