@@ -25,13 +25,25 @@ LOOKED_AT = 3000
 SETTLING = 400
 # least noise: one step of a fine resolution
 QUIETEST_GAP, QUIETEST_RATE = 0.02, 0.005
+# m; the noise of a position that nobody reports
+BLIND = 1e4
 
 
 class Lagged(NamedTuple):
-    """Column k holds x(t − k·dt), as known at t."""
+    """Column k holds x(t − k·dt), as known at t; the doubts are of the settled filter, one per lag."""
 
     gap: Array  # (n, lags) m
     range_rate: Array  # (n, lags) m/s
+    lead_accel: Array  # (n, lags) m/s²
+    gap_sd: Array  # (lags,) m
+    range_rate_sd: Array  # (lags,) m/s
+
+
+class Followed(NamedTuple):
+    """A motion at each lag, and how well it is known."""
+
+    x: Array  # (n, lags, 3): position, speed, acceleration
+    sd: Array  # (lags, 3)
 
 
 class Filter(NamedTuple):
@@ -41,6 +53,8 @@ class Filter(NamedTuple):
     G: Array  # (3, 2) gain
     C: Array  # (3, 3) smoother's gain, one step back
     S: Array  # (2, 2) of the innovations
+    P: Array  # (3, 3) doubt of the state after an update
+    ahead: Array  # (3, 3) doubt of its prediction
 
 
 def roughness(x: Array, order: int) -> float:
@@ -78,7 +92,7 @@ def settled(jerk: float, gap_sd: float, rate_sd: float, dt: float) -> Filter:
         S = H @ P @ H.T + R
         G = P @ H.T @ np.linalg.inv(S)
         updated = P - G @ H @ P
-    return Filter(F, G, updated @ F.T @ np.linalg.inv(P), S)
+    return Filter(F, G, updated @ F.T @ np.linalg.inv(P), S, updated, P)
 
 
 def run(
@@ -99,11 +113,11 @@ def run(
     (g00, g01), (g10, g11), (g20, g21) = of.G.tolist()
     out, innovations = [], []
     x = v = a = 0.0
-    started = False
+    started, blind = False, not np.isfinite(gap).any()
     for z, w, fresh in zip(gap.tolist(), rate.tolist(), new.tolist(), strict=True):
         if fresh or not started:
-            started = z == z and w == w
-            x, v, a = (z, w, 0.0) if started else (x, v, a)
+            started = w == w and (z == z or blind)
+            x, v, a = (0.0 if blind else z, w, 0.0) if started else (x, v, a)
             innovations.append((np.nan, np.nan))
         else:
             x, v = x + f01 * v + f02 * a, v + f12 * a
@@ -116,34 +130,68 @@ def run(
 
 
 def unlikely(of: Filter, innovations: Array) -> float:
-    """−2 log likelihood of the innovations."""
-    i = innovations[np.isfinite(innovations).all(axis=1)]
+    """−2 log likelihood of the innovations, of those columns that were ever measured."""
+    measured = np.isfinite(innovations).any(axis=0)
+    i, S = innovations[:, measured], of.S[np.ix_(measured, measured)]
+    i = i[np.isfinite(i).all(axis=1)]
     # what no Gaussian holds (a jump) must not choose the motion
-    distance = np.minimum(np.einsum("ni,ij,nj->n", i, np.linalg.inv(of.S), i), 25.0)
-    return float(distance.sum() + len(i) * np.log(np.linalg.det(of.S)))
+    distance = np.minimum(np.einsum("ni,ij,nj->n", i, np.linalg.inv(S), i), 25.0)
+    return float(distance.sum() + len(i) * np.log(np.linalg.det(S)))
 
 
 def lagged(
-    gap: Array, rate: Array, new: np.ndarray[tuple[int], np.dtype[np.bool_]], lags: int, dt: float
+    gap: Array,
+    rate: Array,
+    speed: Array,
+    new: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    lags: int,
+    dt: float,
 ) -> Lagged:
-    """Estimate gap and range rate at every lag.
+    """Estimate gap, range rate and the lead's acceleration at every lag.
 
     Args:
         gap: (n,) m as reported, NaN where nothing was.
         rate: (n,) m/s.
+        speed: (n,) m/s, own.
         new: (n,) another target from here on.
         lags: so many, from 0 on.
         dt: s.
     """
-    gap_sd, rate_sd = max(roughness(gap, 3), QUIETEST_GAP), max(roughness(rate, 2), QUIETEST_RATE)
+    pair = followed(gap, rate, new, lags, dt)
+    lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt)
+    gaps, rates, accels = (
+        np.ascontiguousarray(of.x[:, :, k].T) for of, k in ((pair, 0), (pair, 1), (lead, 2))
+    )
+    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1])
+
+
+def followed(
+    x: Array, v: Array, new: np.ndarray[tuple[int], np.dtype[np.bool_]], lags: int, dt: float
+) -> Followed:
+    """Estimate a motion at every lag.
+
+    Args:
+        x: (n,) position as reported, m; NaN where nothing was. All NaN: only the speed is.
+        v: (n,) speed, m/s.
+        new: (n,) another motion from here on.
+        lags: so many, from 0 on.
+        dt: s.
+
+    Returns:
+        `x` (lags, n, 3).
+    """
+    blind = not np.isfinite(x).any()
+    x_sd, v_sd = BLIND if blind else max(roughness(x, 3), QUIETEST_GAP), max(roughness(v, 2), QUIETEST_RATE)
     part = slice(0, LOOKED_AT)
-    filters = [settled(jerk, gap_sd, rate_sd, dt) for jerk in JERKS]
-    chosen = min(filters, key=lambda f: unlikely(f, run(f, gap[part], rate[part], new[part])[1]))
-    states, _ = run(chosen, gap, rate, new)
+    filters = [settled(jerk, x_sd, v_sd, dt) for jerk in JERKS]
+    chosen = min(filters, key=lambda f: unlikely(f, run(f, x[part], v[part], new[part])[1]))
+    states, _ = run(chosen, x, v, new)
     n = len(states)
     first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
     out = np.empty((lags, n, 3))
     out[0] = states
+    P = chosen.P
+    doubts = [P]
     for k in range(1, lags):
         # x(t−k | t) = x(t−k | t−k) + C (x(t−k+1 | t) − F x(t−k | t−k)), the same C at every step once settled
         then = np.maximum(np.arange(n) - k, first)
@@ -152,4 +200,7 @@ def lagged(
         smoothed = own + (later - own @ chosen.F.T) @ chosen.C.T
         # before the target's first report it stood where that says
         out[k] = np.where((np.arange(n) - k >= first)[:, None], smoothed, out[k - 1])
-    return Lagged(np.ascontiguousarray(out[:, :, 0].T), np.ascontiguousarray(out[:, :, 1].T))
+        P = chosen.P + chosen.C @ (P - chosen.ahead) @ chosen.C.T
+        doubts.append(P)
+    sd = np.sqrt(np.maximum([np.diag(P) for P in doubts], 0.0))
+    return Followed(out, sd)

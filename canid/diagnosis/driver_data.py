@@ -16,9 +16,6 @@ from canid.types import Array, Gate, Trace
 FLOOR = 0.5
 # s; the brake's foot needs so long to be back on the pedal
 FROM_BRAKE = 1.0
-# s over which the lead's acceleration is taken from its speed. Around the sample: nothing that the driver does moves
-# the lead, so its later speed carries nothing of his noise
-ACCEL_SPAN = 0.5
 # s; dead times up to here use all that was reported until now
 LAGS = 1.5
 # s; the longest memory of the driver that is modelled: dead time and three lags
@@ -46,19 +43,6 @@ def filled(x: Array) -> Array:
         return np.zeros_like(x)
     index = np.arange(x.size)
     return np.interp(index, index[known], x[known])
-
-
-def slope(x: Array, dt: float) -> Array:
-    """Slope of the least-squares line through `ACCEL_SPAN` s around each sample, (n,) per s.
-
-    Example:
-        >>> slope(np.arange(8.0), 0.1)[3:5].round(6)
-        array([10., 10.])
-    """
-    k = max(round(ACCEL_SPAN / dt / 2), 1)
-    weights = np.arange(k, -k - 1, -1.0)
-    weights = weights / (dt * np.sum(weights * weights))
-    return np.convolve(np.pad(x, k, mode="edge"), weights, mode="valid")
 
 
 def prepare(trace: Trace, usable: Flags) -> DriverData:
@@ -91,11 +75,16 @@ def prepare(trace: Trace, usable: Flags) -> DriverData:
         if role in signals and np.isfinite(signals[role]).mean() > 0.5 * np.isfinite(reports[k]).mean():
             reports[k] = signals[role]
     new = np.r_[True, np.diff(trace.segment) != 0] if n else np.zeros(0, dtype=bool)
-    known_then = lagged(reports[0], reports[1], new, round(LAGS / trace.dt), trace.dt)
-    lead_accel = slope(filled_speed + filled(rate), trace.dt)
+    known_then = lagged(reports[0], reports[1], filled_speed, new, round(LAGS / trace.dt), trace.dt)
     t = trace.t - trace.t[0] if n else trace.t
     seen = Seen(
-        t, float(t[-1]) if n else 0.0, filled(headway), filled(rate), filled(gap), filled_speed, lead_accel
+        t,
+        float(t[-1]) if n else 0.0,
+        filled(headway),
+        filled(rate),
+        filled(gap),
+        filled_speed,
+        known_then.lead_accel[:, 0],
     )
     nowhere = np.zeros(n, dtype=bool)
     output = Output(filled(trace.output), fine, below & fine, FLOOR, nowhere, np.inf, trace.dt)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from canid.diagnosis.driver_data import DriverData
-from canid.effects.cause import Effect, Seen
+from canid.effects.cause import Effect, Params, Seen, Value
 from canid.types import Array
 
 # of the baseline, in this order, before those of the causes
@@ -21,7 +21,11 @@ LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2)
 HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0)
 # m/s; below it a headway means nothing
 SLOWEST = 1.0
+# of a standard normal (Abramowitz & Stegun 1964, table 25.10, scaled)
+NODES = ((-math.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (math.sqrt(3.0), 1 / 6))
 SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5)
+
+Bend = Callable[[Params, Value, Seen], Value]
 
 
 class DriverModel(NamedTuple):
@@ -70,18 +74,23 @@ def delayed(x: Array, delay: float, dt: float) -> Array:
     return out
 
 
-def _seen(data: DriverData, delay: float | Array) -> Seen:
+def seen_late(data: DriverData, delay: float | Array) -> Seen:
     """What the driver acts on: everything but the clock is late by his dead time."""
-    seen, dt = data.seen, data.output.dt
+    seen, known, dt = data.seen, data.known, data.output.dt
+    columns = (known.gap, known.range_rate, known.lead_accel)
     if isinstance(delay, float):
-        gap, rate = _recalled(data.known.gap, delay, dt), _recalled(data.known.range_rate, delay, dt)
-        speed, accel = delayed(seen.speed, delay, dt), delayed(seen.lead_accel, delay, dt)
+        gap, rate, accel = (_recalled(column, delay, dt) for column in columns)
+        speed = delayed(seen.speed, delay, dt)
     else:
-        then = seen.t - delay
-        gap, rate = _recalled_at(data.known.gap, delay, dt), _recalled_at(data.known.range_rate, delay, dt)
-        speed, accel = np.interp(then, seen.t, seen.speed), np.interp(then, seen.t, seen.lead_accel)
+        gap, rate, accel = (_recalled_at(column, delay, dt) for column in columns)
+        speed = np.interp(seen.t - delay, seen.t, seen.speed)
     headway = gap / np.maximum(speed, SLOWEST)
     return seen._replace(headway=headway, range_rate=rate, gap=gap, speed=speed, lead_accel=accel)
+
+
+def _doubt(sd: Array, delay: float | Array, dt: float) -> float:
+    """Standard deviation of what is recalled; of a delay that changes, at its mean."""
+    return float(np.interp(np.mean(delay) / dt, np.arange(sd.size), sd))
 
 
 def _recalled(lags: Array, delay: float, dt: float) -> Array:
@@ -131,6 +140,21 @@ class Parts(NamedTuple):
     extra: Array | float
 
 
+def blurred(bend: Bend, p: Params, x: Array, seen: Seen, sd: Array | float) -> Array:
+    """Return the mean of a bend over what the input may have been, (n,).
+
+    The input is known as a conditional mean. A straight answer to it needs no more; the corner of a bent one is
+    rounded by the doubt, and fitted as if it were not, a dead zone comes out too small. Three-node Gauss-Hermite.
+
+    Example:
+        >>> seen = Seen(0.0, 600.0, 2.0, -1.0, 60.0, 33.0, 0.0)
+        >>> blurred(lambda p, x, seen: abs(x), (), np.array([0.0, 3.0]), seen, 0.5).round(2)
+        array([0.29, 3.  ])
+    """
+    out: Array = np.sum([weight * bend(p, x + node * sd, seen) for node, weight in NODES], axis=0)
+    return out
+
+
 def parts(model: DriverModel, data: DriverData, q: Array) -> Parts:
     """What enters the lag."""
     theta1: float | Array = float(q[THETA1])
@@ -139,17 +163,18 @@ def parts(model: DriverModel, data: DriverData, q: Array) -> Parts:
         if effect.dead_time is not None:
             added = effect.dead_time(q[where], data.seen)
             theta1, theta2 = np.maximum(theta1 + added, 0.0), np.maximum(theta2 + added, 0.0)
-    first = _seen(data, theta1)
-    second = _seen(data, theta2)
+    first, second = seen_late(data, theta1), seen_late(data, theta2)
     e, w = first.headway - q[DESIRED], second.range_rate
     gain: Array | float = 1.0
     extra: Array | float = 0.0
     for effect, where in zip(model.effects, model.where, strict=True):
         p = q[where]
         if effect.headway is not None:
-            e = effect.headway(p, e, first)
+            sd = _doubt(data.known.gap_sd, theta1, data.output.dt) / np.maximum(first.speed, SLOWEST)
+            e = blurred(effect.headway, p, e, first, sd)
         if effect.range_rate is not None:
-            w = effect.range_rate(p, w, second)
+            sd = _doubt(data.known.range_rate_sd, theta2, data.output.dt)
+            w = blurred(effect.range_rate, p, w, second, sd)
         if effect.gain is not None:
             gain = gain * effect.gain(p, second)
         if effect.extra is not None:

@@ -14,7 +14,7 @@ from scipy.linalg import qr
 from scipy.stats import chi2
 
 from canid.diagnosis.driver_data import DriverData
-from canid.diagnosis.driver_model import TAU2, THETA2, lagged, parts
+from canid.diagnosis.driver_model import TAU2, THETA2, lagged, parts, seen_late
 from canid.diagnosis.evidence import spread
 from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.solved import Solved
@@ -71,10 +71,9 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
     bare = solved.model._replace(effects=(), where=())
     acted = parts(bare, data, q)
     e, w = standard(acted.e), standard(acted.w)
-    v = standard(_late(seen.speed, float(q[THETA2]), dt))
-    g = standard(np.log(np.maximum(_late(seen.gap, float(q[THETA2]), dt), 1.0)))
-    a = standard(_late(seen.lead_accel, float(q[THETA2]), dt))
-    t = standard(seen.t)
+    late = seen_late(data, float(q[THETA2]))
+    v, a, t = standard(late.speed), standard(late.lead_accel), standard(seen.t)
+    g = standard(np.log(np.maximum(late.gap, 1.0)))
 
     def through(*columns: Array) -> Array:
         return np.stack([lagged(c, tau, dt) for c in columns], axis=1)

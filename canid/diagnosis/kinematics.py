@@ -17,6 +17,8 @@ from canid.effects.runs import runs
 from canid.findings import Flags
 from canid.types import Array
 
+# s over which the slope of a speed is taken, around the sample
+SPAN = 0.5
 # s; one window: long against the radar's noise, short against the memory of what drifts
 WINDOW = 6.0
 # of a window from one to the next: neighbours share data, and blocks longer than a window know it
@@ -78,3 +80,16 @@ def two_ways(of: Averages, rows: Flags) -> Array:
     back = np.linalg.lstsq(np.stack([y, ones], axis=1), x, rcond=None)[0]
     steep = 1 / back[0] if abs(back[0]) > 1e-9 else np.inf
     return np.array([there[0], there[1], steep, -back[1] * steep])
+
+
+def slope(x: Array, dt: float) -> Array:
+    """Slope of the least-squares line through `SPAN` s around each sample, (n,) per s.
+
+    Example:
+        >>> slope(np.arange(8.0), 0.1)[3:5].round(6)
+        array([10., 10.])
+    """
+    k = max(round(SPAN / dt / 2), 1)
+    weights = np.arange(k, -k - 1, -1.0)
+    weights = weights / (dt * np.sum(weights * weights))
+    return np.convolve(np.pad(x, k, mode="edge"), weights, mode="valid")

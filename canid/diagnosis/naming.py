@@ -10,7 +10,7 @@ from canid.diagnosis import holds, likelihood, line, search, wander
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.evidence import needed
 from canid.diagnosis.search import Candidate
-from canid.diagnosis.solved import Solved, baseline, sized, solve
+from canid.diagnosis.solved import Solved, baseline, polished, sized, solve
 from canid.effects.cause import Effect
 from canid.types import Array, Interval
 
@@ -216,7 +216,7 @@ def _dropped(data: DriverData, solved: Solved, effect: Effect) -> Solved:
     ]
     first = solved.model.where[0].start
     q: Array = np.concatenate([solved.q[:first], *(solved.q[w] for _, w in kept)])
-    return solve(data, [e for e, _ in kept], q, solved.noise, solved.rows)
+    return polished(data, solve(data, [e for e, _ in kept], q, solved.noise, solved.rows))
 
 
 def _with_rivals(one: Named, data: DriverData, solved: Solved, curves: tuple[Effect, ...], m: int) -> Named:

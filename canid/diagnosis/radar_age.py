@@ -23,7 +23,7 @@ import numpy.typing as npt
 from scipy.signal import lfilter, savgol_filter
 
 from canid.diagnosis.causal_inputs import roughness
-from canid.diagnosis.driver_data import slope
+from canid.diagnosis.kinematics import slope
 from canid.findings import Flags
 from canid.identification.autoregression import whole
 from canid.types import Array
@@ -41,6 +41,9 @@ BLOCK = 20.0
 # s around each sample, of a parabola that smooths the own speed. Without it a wheel's noise decides: between two
 # samples noise is averaged, so ages that fall there would leave less of it, whatever the truth
 SMOOTHED = 0.9
+# s; ages that are tried, and how many samples around the best one lie on the line
+YOUNGEST, OLDEST = 0.4, 0.8
+NODES = 2
 ROUNDS = 20
 ENDED = 2e-3  # s; far below what any drive tells
 # s; no step further, and no age further from 0
@@ -119,30 +122,39 @@ def _sandwich(scores: Array, rows: Rows, dt: float) -> tuple[Array, int]:
 def _plain(
     rate: Array, speed: Array, accel: Array, rows: Rows, dt: float
 ) -> tuple[Age | None, Age | None, int]:
-    """Age in the middle of the drive, and its change over the drive."""
+    """Age in the middle of the drive, and its change over the drive.
+
+    The score is taken at whole samples only, and a line laid through it around the best of them: between two samples
+    it has corners, at which a search for its zero goes back and forth.
+    """
     n = speed.size
-    u = np.arange(n) / n - 0.5
-    q = np.zeros(2)
-    for _ in range(ROUNDS):
-        age = np.clip(q[0] + q[1] * u, -1.0, 2.0)
-        at = _at(rate, speed, rows, age, dt)
-        # the filter forgets in seconds, in which u stands still
-        J = np.stack([at.motion[rows], (at.motion * u)[rows]], axis=1)
-        own = lfilter(at.filter, [1.0], -np.interp(np.arange(n) * dt - age, np.arange(n) * dt, accel))
-        Z = np.stack([own[rows], (own * u)[rows]], axis=1)
-        bread = Z.T @ J
-        if np.linalg.cond(bread) > 1e8:
-            return None, None, 0
-        move = -np.linalg.solve(bread, Z.T @ at.innovation[rows])
-        q = q + np.clip(move, -FURTHEST, FURTHEST)
-        if np.abs(move).max() < ENDED:
-            break
-    else:
-        return None, None, 0  # no age stands out
-    meat, blocks = _sandwich(Z * at.innovation[rows, None], rows, dt)
+    t, u = np.arange(n) * dt, np.arange(n) / n - 0.5
+    blocks, block = np.unique(rows * dt // BLOCK, return_inverse=True)
+    middle = np.bincount(block, weights=u[rows]) / np.bincount(block)
+    ages = np.arange(-round(YOUNGEST / dt), round(OLDEST / dt) + 1) * dt
+    scores, left = np.empty((ages.size, blocks.size)), np.empty(ages.size)
+    for k, age in enumerate(ages):
+        at = _at(rate, speed, rows, np.full(n, age), dt)
+        own = lfilter(at.filter, [1.0], -np.interp(t - age, t, accel))
+        scores[k] = np.bincount(block, weights=(own * at.innovation)[rows])
+        left[k] = float(np.var(at.innovation[rows]))
+    best = int(np.argmin(left))
+    near = slice(max(best - NODES, 0), best + NODES + 1)
+    away = ages[near] - ages[near].mean()
+    slopes = away @ scores[near] / float(away @ away)
+    at_zero = scores[near].mean(axis=0) - slopes * ages[near].mean()
+    # Σ (score at 0 + slope · (age + drift · u)) · (1, u) = 0
+    X = np.stack([np.ones(blocks.size), middle], axis=1)
+    bread = (X * slopes[:, None]).T @ X
+    if slopes.sum() <= 0 or np.linalg.det(bread) <= 0 or np.linalg.cond(bread) > 1e6:
+        return None, None, 0
     inverse = np.linalg.inv(bread)
-    sd = np.sqrt(np.diag(inverse @ meat @ inverse.T))
-    return Age(float(q[0]), float(sd[0])), Age(float(q[1]), float(sd[1])), blocks
+    q = -inverse @ (X.T @ at_zero)
+    g = X * (at_zero + slopes * (X @ q))[:, None]
+    sd = np.sqrt(np.diag(inverse @ (g.T @ g) @ inverse.T))
+    if not ages[near][0] - dt <= q[0] <= ages[near][-1] + dt:
+        return None, None, 0  # no age stands out
+    return Age(float(q[0]), float(sd[0])), Age(float(q[1]), float(sd[1])), blocks.size
 
 
 def curves(dt: float) -> Array:

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.linalg import qr
 
 from canid.diagnosis.driver_data import DriverData
-from canid.diagnosis.driver_model import DESIRED, K1, OFFSET, pedal, with_effects
+from canid.diagnosis.driver_model import DESIRED, K1, K2, OFFSET, THETA2, pedal, with_effects
 from canid.diagnosis.evidence import inflation
 from canid.diagnosis.likelihood import whitened
-from canid.diagnosis.solved import Solved, solve
+from canid.diagnosis.solved import Solved, polished, solve
 from canid.effects.cause import Effect
 from canid.types import Array
 
@@ -24,6 +24,10 @@ DESIRED_AT = (0.3, 0.5, 0.7)
 WORTH = 3.0
 # at most so many candidates are fitted in full per step
 FITTED = 9
+# evidence from which on a candidate may win, and its fit is looked at twice
+POLISHED = 8.0
+# s by which a dead time may have come out too short
+AHEAD = (0.15, 0.35, 0.7)
 
 
 class Candidate(NamedTuple):
@@ -59,6 +63,13 @@ def starts(effect: Effect, data: DriverData, without: Solved) -> Iterator[Array]
         yield q
 
 
+def led(without: Solved, by: float) -> Array:
+    """Begin where the dead time was `by` s longer, and a cause with one gain has made up for it."""
+    q: Array = np.r_[without.q, by * without.q[K2]]
+    q[THETA2] += by
+    return q
+
+
 def _found(effect: str, parameter: str, data: DriverData) -> tuple[float, ...]:
     """Starts that only the drive itself can tell."""
     free = data.output.usable & ~data.output.below
@@ -89,11 +100,10 @@ def screen(effect: Effect, data: DriverData, without: Solved) -> list[Start]:
     return sorted(out, key=lambda start: -start.explains)
 
 
-def tried(effect: Effect, data: DriverData, without: Solved, start: Start, begins: int = 2) -> Candidate:
+def tried(effect: Effect, data: DriverData, without: Solved, start: Start) -> Candidate:
     """Fit a candidate in full."""
-    begin = [start.q]
     best: Solved | None = None
-    for q in begin[:begins]:
+    for q in [start.q, *(led(without, by) for by in AHEAD if effect.leads)]:
         solved = solve(data, (*without.model.effects, effect), q, without.noise, without.rows)
         if best is None or solved.deviance < best.deviance:
             best = solved
@@ -119,6 +129,13 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: Solved) -
         for effect in effects
         if effect.kind == "curve" and effect.id not in have
     ]
-    screened.sort(key=lambda pair: -pair[1].explains)
-    worth = [pair for pair in screened if pair[1].explains > WORTH][:FITTED]
-    return [tried(effect, data, without, start) for effect, start in worth]
+    screened.sort(key=lambda pair: (-pair[0].leads, -pair[1].explains))
+    # along its direction nothing is left of a cause that a dead time has taken up
+    worth = [pair for pair in screened if pair[1].explains > WORTH or pair[0].leads][:FITTED]
+    found = [tried(effect, data, without, start) for effect, start in worth]
+    return [
+        priced_in(one.effect, polished(data, one.solved), without, data.output.dt)
+        if one.evidence > POLISHED
+        else one
+        for one in found
+    ]

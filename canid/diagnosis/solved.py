@@ -34,6 +34,11 @@ TURNS = 3
 BEGIN = {K1: 5.0, K2: 5.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
 # s, dead times from which the baseline's fit begins beside that: the cost has a valley for each
 BEGIN_THETA2 = (0.2, 0.6, 1.0)
+# the channel that moves more first; parts of lag and dead time together that are tried as the lag
+SPLIT = ((TAU2, THETA2), (TAU1, THETA1))
+PARTS = (0.1, 0.5, 0.85)
+# −2 log likelihood by which another valley must be deeper
+BETTER = 0.1
 
 
 class Solved(NamedTuple):
@@ -85,6 +90,28 @@ def solve(
         fitted = fit(data.output, rows, noise, function, fitted.q, moving, model.low, model.high, model.scale)
     noise, fitted = rescaled(fitted, noise)
     return Solved(model, fitted, noise, rows, deviance(fitted, noise))
+
+
+def polished(data: DriverData, solved: Solved) -> Solved:
+    """Look for a better split of each channel's delay into lag and dead time: the likelihood has a valley for several.
+
+    Not found, an evidence is the difference of two valleys instead of two models.
+    """
+    best = solved
+    for tau, theta in SPLIT:
+        total = float(best.q[tau] + best.q[theta])
+        begin = best
+        for part in PARTS:
+            q = begin.q.copy()
+            q[tau], q[theta] = part * total, (1 - part) * total
+            tried = solve(data, solved.model.effects, q, begin.noise, solved.rows, turns=1)
+            if tried.deviance < best.deviance - BETTER:
+                best = tried
+    return (
+        best
+        if best is solved
+        else solve(data, solved.model.effects, best.q, best.noise, solved.rows, turns=2)
+    )
 
 
 def recoloured(data: DriverData, fitted: Fitted, noise: Noise) -> Noise:
@@ -142,7 +169,7 @@ def baseline(data: DriverData) -> Solved | None:
         noise = likelihood.colour(output, residual, p, ones)
         best = fit(output, rows, noise, function, best.q, model.free(), model.low, model.high, model.scale)
     noise = sized(data, best, noise, rows)
-    return solve(data, (), best.q, noise, rows)
+    return polished(data, solve(data, (), best.q, noise, rows))
 
 
 def features(data: DriverData, model: Array) -> Array:

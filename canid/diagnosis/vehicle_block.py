@@ -43,6 +43,9 @@ ORDINARY = {
     "turbo_lag": 0.2,
     "gear_ratio": 0.03,
 }
+# W/kg; every engine gives no more than its power. Passenger cars are sold with 35 to 100 W per kg of their laden mass,
+# so only less than that is amiss: a lorry, a trailer, limp-home
+SOLD = 35.0
 # a measured slope confirms itself where the weight along it is what it must be, within so much
 CONFIRMED = 0.4
 # of the residual's variance, and of what the causes explained: what is left is material only above both (as `gate`)
@@ -132,9 +135,8 @@ def _expected(effect: Effect, data: VehicleData, before: SolvedCar) -> float:
         return np.inf
     p = np.array([parameter.typical for parameter in effect.parameters])
     if effect.id == "power_limit":
-        # one that takes a tenth of the largest pull
-        asked = before.fitted.q[STRENGTH] * data.seen.pedal * data.seen.speed
-        p[0] = 0.9 * float(np.max(asked[before.rows]))
+        # one that was there may be all that keeps this drive from showing a stronger pull: it is always looked for
+        return np.inf
     d = vehicle_fit.direction(before, data, effect, p)
     return float(d @ d)
 
@@ -147,6 +149,8 @@ def _matters(one: NamedCause, found: CarSearch, data: VehicleData) -> bool:
     sd = float(vehicle_fit.doubt(found.solved, data.output.dt)[where.start])
     if one.effect.id == "road_grade" and abs(value / data.slope_sd - 1) > CONFIRMED:
         return False
+    if one.effect.id == "power_limit":
+        return value + SIGMAS * sd < SOLD
     return abs(value) - SIGMAS * sd > ORDINARY.get(one.effect.id, 0.0)
 
 

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.driver_data import filled, slope
+from canid.diagnosis.driver_data import filled
+from canid.diagnosis.kinematics import slope
 from canid.diagnosis.likelihood import Output
 from canid.diagnosis.masks import held, output_role
 from canid.diagnosis.vehicle_model import VehicleSeen

@@ -19,6 +19,9 @@ MOST = 4
 WORTH = 3.0
 # of the deviance: a cause whose fit is worse by less explains the same as well (odds of 20 to 1)
 RIVAL = 6.0
+# of what the cause explains: cars follow no formula, and a cause whose own form is a little off must not lose its name
+# to a neighbour
+FORM = 0.25
 
 
 class CarStep(NamedTuple):
@@ -141,7 +144,8 @@ def search_car(data: VehicleData, effects: tuple[Effect, ...], before: SolvedCar
             continue
         for effect in solved.model.effects:
             swaps = candidates(tuple(e for e in effects if e.id not in priced), data, without[effect.id])
-            close = tuple(c.effect.id for c in swaps if c.solved.deviance - solved.deviance < RIVAL)
+            margin = max(RIVAL, FORM * (without[effect.id].deviance - solved.deviance))
+            close = tuple(c.effect.id for c in swaps if c.solved.deviance - solved.deviance < margin)
             named.append(NamedCause(effect, priced[effect.id], needed(len(effect.parameters), m), close))
         break
     return CarSearch(before, solved, tuple(named), tuple(steps))

@@ -119,6 +119,7 @@ class Effect(NamedTuple):
     rivals: tuple[str, ...] = ()  # same form: can never be told apart without another signal
     absorbed: str = ""  # why a baseline hides it, for causes that mostly cannot be seen
     decides: str = ""  # the drive or the signal that would tell it
+    leads: bool = False  # a baseline takes it for a shorter dead time: fits begin at longer ones too
     centred: bool = False  # it makes the desired headway itself visible: the fit frees it
     headway: Callable[[Params, Value, Seen], Value] | None = None  # e -> e′
     range_rate: Callable[[Params, Value, Seen], Value] | None = None  # w -> w′

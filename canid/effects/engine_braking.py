@@ -6,7 +6,8 @@ import numpy as np
 
 from canid.effects.cause import Car, CarSeen, Effect, Parameter, Params, Value
 
-# % of pedal at which the engine neither pulls nor brakes, and over which range it changes from the one to the other
+# % of pedal at which half of it is there, and over which range it comes: maps differ between a kink and a slow bend, and
+# a bend of this width stands for both
 RESTING, RANGE = 2.0, 1.0
 
 
@@ -15,10 +16,11 @@ def push(p: Params, seen: CarSeen) -> Value:
 
     Example:
         >>> seen = CarSeen(0.0, 0.0, 20.0, 0.0, 4.0, np.array([0.0, 2.0, 5.0]), 0.04)
-        >>> push((0.4,), seen).tolist()
-        [-0.4, -0.2, -0.0]
+        >>> push((0.4,), seen).round(2).tolist()
+        [-0.35, -0.2, -0.02]
     """
-    return -p[0] * np.clip(0.5 + (RESTING - seen.drive) / RANGE, 0.0, 1.0)
+    # clipped where a float's exponential would overflow
+    return -p[0] / (1 + np.exp(np.clip((seen.drive - RESTING) / RANGE, -30, 30)))
 
 
 EFFECT = Effect(

@@ -25,6 +25,7 @@ EFFECT = Effect(
     source="Kesting & Treiber 2008; GM models with lead acceleration",
     absorbed="a shorter dead time and a larger K2 do nearly the same below 0.3 Hz",
     decides="a lead that brakes and accelerates briskly, for 30 min",
+    leads=True,
     extra=act,
     planted=((6.0,), (10.0,)),
 )

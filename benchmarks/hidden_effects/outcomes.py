@@ -1,0 +1,206 @@
+"""What came of a drive, as facts: what each method said, in what time, and canid's numbers beside the planted ones.
+
+Nothing is judged here; that is the table's. One outcome is one line of JSON.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks.hidden_effects.drives import REMOVED, Drive
+from benchmarks.hidden_effects.expected import Price
+from benchmarks.hidden_effects.hiding import hide
+from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answer
+from benchmarks.hidden_effects.planted import Planted
+from benchmarks.hidden_effects.sensed import trace
+from canid.diagnosis.diagnosing import diagnose
+from canid.effects import CATALOGUE
+from canid.effects.cause import Effect
+from canid.findings import Report, Verdict
+from canid.types import Interval, Trace
+
+CANID = "canid"
+ROOT = Path(__file__).resolve().parents[2]
+# the driver's numbers that the table asks for, beside their names in a report
+NUMBERS = {"K2": "K", "tau2": "tau", "dead_time2": "dead_time"}
+
+# a method that is no part of canid: what it is given, what may be named -> its answer
+Method = Callable[[Trace, tuple[Effect, ...]], Answer]
+
+
+class Beside(NamedTuple):
+    """An estimate beside the truth."""
+
+    effect: str  # "" for the driver's own
+    name: str
+    truth: float
+    value: float
+    low: float
+    high: float
+
+
+class Outcome(NamedTuple):
+    """What came of one drive."""
+
+    drive: Drive
+    truth: dict[str, dict[str, float]]  # effects that were planted, with their parameters
+    prices: dict[str, Price]
+    answers: dict[str, Answer]  # method -> what it said
+    parameters: tuple[Beside, ...]  # of every named effect that was planted
+    driver: tuple[Beside, ...]  # K2, tau2, dead_time2 after the extension
+    gain: Interval
+    code: str  # which state of canid
+
+
+def run(drive: Drive, peers: dict[str, Method] | None = None) -> Outcome:
+    """Plant, sense, diagnose, and ask the peers.
+
+    Example:
+        >>> from benchmarks.hidden_effects.drives import Drive
+        >>> found = run(Drive(3, "one", "one", "white", "mixed", 4.0, ("periodic_task",)))
+        >>> list(found.truth), found.answers["canid"].seconds > 0
+        (['periodic_task'], True)
+    """
+    planted, prices = hide(drive)
+    measured = trace(planted)
+    truth = planted.truth["effects"]
+    gone = set(truth) if drive.kind == REMOVED else set()
+    catalogue = tuple(effect for effect in CATALOGUE if effect.id not in gone)
+    began = time.process_time()
+    report: Report | None = None
+    try:
+        report = diagnose(measured, catalogue=catalogue)
+    except Exception as error:  # weak data are a verdict, so this is a result of the table, not its end
+        answer = Answer((), BROKE, time.process_time() - began, f"{type(error).__name__}: {error}")
+    else:
+        answer = said(report, time.process_time() - began)
+    answers = {CANID: answer}
+    for name, method in (peers or {}).items():
+        answers[name] = method(measured, catalogue)
+    return Outcome(
+        drive,
+        truth,
+        prices,
+        answers,
+        parameters(report, truth) if report else (),
+        driver(report, planted) if report else (),
+        report.gain if report else Interval(),
+        code(),
+    )
+
+
+def said(report: Report, seconds: float) -> Answer:
+    """A report as the table compares it: each finding with its rivals; a surrogate is no name."""
+    sets = tuple((f.effect, *f.rivals) for f in report.findings)
+    named = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
+    verdict = NAMED if named else report.verdict.value
+    return Answer(sets if named else (), verdict, seconds)
+
+
+def parameters(report: Report, truth: dict[str, dict[str, float]]) -> tuple[Beside, ...]:
+    """Every number of a planted effect that the finding of the same name tells too."""
+    return tuple(
+        Beside(found.effect, name, float(value), *found.parameters[name])
+        for found in report.findings
+        for name, value in truth.get(found.effect, {}).items()
+        if name in found.parameters
+    )
+
+
+def driver(report: Report, planted: Planted) -> tuple[Beside, ...]:
+    """The answer to relative speed in the extended model; the baseline's where nothing was found."""
+    channel = report.extended.channels.get("range_rate")
+    if channel is None:
+        return ()
+    true = dict(planted.truth["driver"])
+    drift = planted.truth["effects"].get("delay_drift")
+    if drift and planted.truth["simulator"] == "plant_one":
+        # simulator one lets the dead time grow from what it is at first; canid tells it in the middle of the drive
+        true["dead_time2"] += 0.5 * drift["rate"]
+    return tuple(Beside("", name, true[name], *getattr(channel, field)) for name, field in NUMBERS.items())
+
+
+@cache
+def code() -> str:
+    """Name the state of canid's sources in eight hexadecimal digits."""
+    total = hashlib.sha256()
+    for path in sorted((ROOT / "canid").rglob("*.py")):
+        total.update(path.read_bytes())
+    return total.hexdigest()[:8]
+
+
+def line(outcome: Outcome) -> str:
+    """Write an outcome as one line of JSON."""
+    return json.dumps(
+        {
+            **outcome._asdict(),
+            "drive": outcome.drive._asdict(),
+            "prices": {name: price._asdict() for name, price in outcome.prices.items()},
+            "answers": {name: answer._asdict() for name, answer in outcome.answers.items()},
+            "parameters": [beside._asdict() for beside in outcome.parameters],
+            "driver": [beside._asdict() for beside in outcome.driver],
+            "gain": outcome.gain._asdict(),
+        }
+    )
+
+
+def parsed(text: str) -> Outcome:
+    """Read what `line` wrote.
+
+    Raises:
+        ValueError: half a line, as a run leaves that was stopped while it wrote; or one of another table.
+    """
+    try:
+        d: dict[str, Any] = json.loads(text)
+        return Outcome(
+            Drive(**{**d["drive"], "effects": tuple(d["drive"]["effects"])}),
+            d["truth"],
+            {name: Price(**price) for name, price in d["prices"].items()},
+            {
+                name: Answer(**{**a, "sets": tuple(tuple(s) for s in a["sets"])})
+                for name, a in d["answers"].items()
+            },
+            tuple(Beside(**beside) for beside in d["parameters"]),
+            tuple(Beside(**beside) for beside in d["driver"]),
+            Interval(**d["gain"]),
+            d["code"],
+        )
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"not an outcome of this table: {text[:60]}") from error
+
+
+def stored(path: Path) -> Iterator[Outcome]:
+    """Read the outcomes of a file; lines that are none are passed over, and a missing file holds none."""
+    if not path.exists():
+        return
+    for text in path.read_text(encoding="utf-8").splitlines():
+        try:
+            yield parsed(text)
+        except ValueError:
+            continue
+
+
+def fresh(stored: Iterable[Outcome], wanted: Iterable[Drive], methods: set[str]) -> dict[Drive, Outcome]:
+    """Choose what need not be run again: drives that are wanted, that nothing broke, and that every method has answered."""
+    out = {o.drive: o for o in stored if methods <= set(o.answers)}
+    wished = set(wanted)
+    return {
+        drive: o
+        for drive, o in out.items()
+        if drive in wished and all(answer.says != BROKE for answer in o.answers.values())
+    }
+
+
+def named(answer: Answer) -> set[str]:
+    """All that an answer holds for possible."""
+    return set(chain.from_iterable(answer.sets))
+
+
+__all__ = ["ADEQUATE", "BROKE", "CANID", "NAMED", "Answer", "Beside", "Outcome", "line", "parsed", "run"]
