@@ -109,9 +109,13 @@ def _frozen(signal: int) -> Callable[[Scene], Changed]:
 CHANGES = (
     Change("gains fall by 30 %", "driver", _gains(0.3)),
     Change("gains fall by 60 %", "driver", _gains(0.6)),
-    Change("another driver, gains doubled", "driver", _driver(lambda d: {k: 2.0 * d[k] for k in ("K1", "K2")})),
     Change(
-        "reacts 0.6 s later", "driver", _driver(lambda d: {k: d[k] + 0.6 for k in ("dead_time1", "dead_time2")})
+        "another driver, gains doubled", "driver", _driver(lambda d: {k: 2.0 * d[k] for k in ("K1", "K2")})
+    ),
+    Change(
+        "reacts 0.6 s later",
+        "driver",
+        _driver(lambda d: {k: d[k] + 0.6 for k in ("dead_time1", "dead_time2")}),
     ),
     Change("engine pulls 40 % less", "vehicle", _car(0.6)),
     Change("engine pulls 60 % more", "vehicle", _car(1.6)),

@@ -74,10 +74,11 @@ def alarms(said: list[Screened]) -> list[Alarm]:
 
 
 def kinds(first: int) -> Iterator[tuple[Plant, dict[str, Any]]]:
-    """Drives without end: each simulator, noise and profile in turn, always another seed."""
-    every = itertools.cycle(itertools.product(PROFILES, NOISES, PLANTS))
-    for seed, (profile, noise, plant) in enumerate(every, first):
-        yield plant, {"seed": seed, "noise": noise, "profile": profile}
+    """Drives without end, always another seed: 12 have each simulator and noise, 36 each profile with them."""
+    for k in itertools.count():
+        noise, plant = k // 2 % len(NOISES), k % 2
+        profile = PROFILES[(noise + plant + k // 12) % len(PROFILES)]
+        yield PLANTS[plant], {"seed": first + k, "noise": NOISES[noise], "profile": profile}
 
 
 def clean(number: int, first: int) -> None:
@@ -90,7 +91,9 @@ def clean(number: int, first: int) -> None:
         hours += minutes / 60.0
         told += [(how, alarm) for alarm in alarms(said)]
         looked.update(block for block, of in said[-1].blocks.items() if of.state is Watch.FITS)
-    print(f"clean: {len(told)} false alarms in {hours:.1f} h of {number} drives: {len(told) / hours:.2f} per hour")
+    print(
+        f"clean: {len(told)} false alarms in {hours:.1f} h of {number} drives: {len(told) / hours:.2f} per hour"
+    )
     print("  blocks that fit at the end: " + ", ".join(f"{b} {looked[b]}" for b in watch.BLOCKS))
     for how, alarm in told:
         print(f"  {how}: {alarm}")
@@ -106,7 +109,11 @@ def changed(change: Change, number: int, first: int, verbose: bool) -> list[str]
         early += sum(a.t < begins for a in told)
         after = [a for a in told if a.t >= begins]
         if verbose:
-            print(how, round(begins), [(round(a.t - begins, 1), round(a.since - begins, 1), *a[2:]) for a in told])
+            print(
+                how,
+                round(begins),
+                [(round(a.t - begins, 1), round(a.since - begins, 1), *a[2:]) for a in told],
+            )
         if after:
             delays.append(after[0].t - begins)
             off.append(after[0].since - begins)

@@ -10,14 +10,13 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.hidden_effects.drives import REMOVED, Drive
 from benchmarks.hidden_effects.expected import Price
 from benchmarks.hidden_effects.hiding import hide
-from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answer
+from benchmarks.hidden_effects.peers.answer import BROKE, NAMED, Answer
 from benchmarks.hidden_effects.planted import Planted
 from benchmarks.hidden_effects.sensed import trace
 from canid.diagnosis.diagnosing import diagnose
@@ -196,11 +195,3 @@ def fresh(stored: Iterable[Outcome], wanted: Iterable[Drive], methods: set[str])
         for drive, o in out.items()
         if drive in wished and all(answer.says != BROKE for answer in o.answers.values())
     }
-
-
-def named(answer: Answer) -> set[str]:
-    """All that an answer holds for possible."""
-    return set(chain.from_iterable(answer.sets))
-
-
-__all__ = ["ADEQUATE", "BROKE", "CANID", "NAMED", "Answer", "Beside", "Outcome", "line", "parsed", "run"]

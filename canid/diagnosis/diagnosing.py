@@ -6,10 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis import gate, held_out, intervals, masks, naming, residual, separable
+from canid.diagnosis import (
+    around,
+    closed_loop,
+    gate,
+    held_out,
+    intervals,
+    joining,
+    masks,
+    naming,
+    residual,
+    separable,
+)
 from canid.diagnosis.driver_data import DriverData, prepare
 from canid.diagnosis.naming import Named, Search
 from canid.diagnosis.solved import Solved, baseline
+from canid.diagnosis.vehicle_block import Vehicle
 from canid.effects import CATALOGUE
 from canid.effects.cause import Effect
 from canid.findings import (
@@ -62,25 +74,24 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
         >>> report.verdict.value
         'adequate'
     """
-    usable, masked = masks.recognise(trace)
+    beside = around.look(trace, catalogue)
+    trace, usable, masked = beside.trace, beside.usable, beside.masked
     steps = [f"{trace.t.size} samples at {trace.dt:g} s"]
     if masked:
         lost = sum(m.stop - m.start for m in masked)
         steps.append(f"masked before any fit: {lost:.0f} s ({', '.join(sorted({m.effect for m in masked}))})")
     missing = lacking(trace, usable, masked, minimum)
     if missing:
-        return nothing(trace, missing, masked, steps)
+        return joining.beside(nothing(trace, missing, masked, steps), beside)
     prepared = ready(trace, usable)
     if prepared is None:
-        return nothing(
-            trace, "too few samples in a row in which a person drives behind a lead", masked, steps
-        )
+        why = "too few samples in a row in which a person drives behind a lead"
+        return joining.beside(nothing(trace, why, masked, steps), beside)
     answers = intervals.channels(prepared.fitted, prepared.trace.dt)
     if all(channel.status is Identifiable.NOT for channel in answers.values()):
         why = "the output answers neither headway nor relative speed by more than chance: is it the right signal?"
-        return nothing(
-            trace, f"{why} If it is, drive longer behind a lead whose speed changes", masked, steps
-        )
+        why = f"{why} If it is, drive longer behind a lead whose speed changes"
+        return joining.beside(nothing(trace, why, masked, steps), beside)
     if prepared.trace.dt > trace.dt * 1.5:
         steps.append(
             f"the output has no content above {0.5 / prepared.trace.dt:.2g} Hz: looked at every {prepared.trace.dt:.1f} s"
@@ -88,7 +99,7 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
     drivers = tuple(effect for effect in catalogue if effect.where == "driver" and effect.kind != "mask")
     searched = naming.search_causes(prepared.data, drivers, prepared.fitted)
     assert searched is not None
-    return _report(prepared, searched, drivers, masked, steps)
+    return joining.join(_report(prepared, searched, drivers, masked, steps, beside.vehicle), beside)
 
 
 def ready(trace: Trace, usable: Flags) -> Prepared | None:
@@ -165,6 +176,7 @@ def _report(
     drivers: tuple[Effect, ...],
     masked: tuple[Masked, ...],
     steps: list[str],
+    vehicle: Vehicle,
 ) -> Report:
     trace, original = prepared.trace, prepared.data
     dt = trace.dt
@@ -175,12 +187,13 @@ def _report(
     used = original.output.usable & ~original.output.below
     base = _fit(before, before_out, original, dt)
     extended = _fit(solved, after_out, original, dt)
-    errors = held_out.errors(original, searched) if searched.named else None
+    folds = held_out.folds(original, searched)
+    errors = held_out.errors(original, searched, folds) if searched.named else None
     total = Interval() if errors is None else held_out.gain(*errors, dt)
     # a cause that makes the simulation of other data worse is not the cause
     sound = held.passed and not (searched.solved.model.effects and total.high < 0)
     fitted = intervals.parameters(solved, dt)
-    findings = tuple(_finding(one, searched, original, fitted, held.passed, total) for one in searched.named)
+    findings = tuple(_finding(one, searched, original, fitted, sound, total) for one in searched.named)
     verdict = _verdict(findings, sound)
     priced = separable.shown(drivers, original, before)
     expected = {one.effect.id: one.expected for one in priced}
@@ -205,8 +218,10 @@ def _report(
         "gate passed" if held.passed else "gate failed: " + "; ".join(_failed(held)),
     ]
     says = _says(verdict, findings, held, total, len(drivers))
+    role = masks.output_role(trace)
+    loop = closed_loop.look(trace, original, role, folds, searched.held, vehicle)
     return Report(
-        verdict=verdict, says=says, output=masks.output_role(trace), t=trace.t, measured=trace.output, used=used,
+        verdict=verdict, says=says, output=role, t=trace.t, measured=trace.output, used=used,
         baseline=base, extended=extended, findings=findings, unexplained=_unexplained(held), gain=total,
         not_testable=tuple(undecided), candidates_tried=len(drivers), tried=tried,
         checks=_gate_checks(held), masked=masked,
@@ -217,7 +232,7 @@ def _report(
             residual.operating_map(("range_rate", seen.range_rate), ("gap", seen.gap), r0, r1, used, dt),
         ),
         spectra=residual.spectra(r0, r1, {"headway_error": seen.headway, "range_rate": seen.range_rate}, used, dt),
-        closed_loop=(), shifts=_shifts(base, extended) if findings else {},
+        closed_loop=loop, shifts=_shifts(base, extended) if findings else {},
         advice=tuple(dict.fromkeys(_advice(undecided, findings))), steps=tuple(steps),
     )  # fmt: skip
 

@@ -7,9 +7,10 @@ stretches longer than the noise's memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.diagnosis import wander
 from canid.diagnosis.driver_data import DriverData
@@ -37,23 +38,47 @@ def simulated(search: Search, data: DriverData, extended: Solved, drift: wander.
     return np.asarray(out)
 
 
-def errors(original: DriverData, search: Search) -> tuple[Array, Array, Flags]:
-    """Squared errors of both models on data that did not fit them, (n,) each, and where there are any."""
-    n, dt = original.seen.t.size, original.output.dt
-    fold = (np.arange(n) // round(BLOCK / dt)) % FOLDS
-    before, after = np.full(n, np.nan), np.full(n, np.nan)
-    y = original.output.y
+class Fold(NamedTuple):
+    """Both models, fitted to all of the drive but one fold."""
+
+    base: Solved
+    extended: Solved
+    wander: wander.Wander | None
+
+
+def folds(original: DriverData, search: Search) -> tuple[Fold, ...]:
+    """Fit both models to all but each fold."""
+    fold = dealt(original)
+    out = []
     for k in range(FOLDS):
         train = fold != k
         base = _refit(original, search.before, train)
+        if not search.named:
+            out.append(Fold(base, base, None))
+            continue
         extended = _refit(search.data, search.solved, train)
         drift = None
         if search.wander is not None:
-            whole = search.data._replace(output=search.data.output._replace(y=y))
+            whole = search.data._replace(output=search.data.output._replace(y=original.output.y))
             drift = wander.look(whole, extended)
-        out = simulated(search, search.data, extended, drift)
+        out.append(Fold(base, extended, drift))
+    return tuple(out)
+
+
+def dealt(data: DriverData) -> npt.NDArray[np.int64]:
+    """Fold of each sample, (n,)."""
+    return (np.arange(data.seen.t.size) // round(BLOCK / data.output.dt)) % FOLDS
+
+
+def errors(original: DriverData, search: Search, fits: tuple[Fold, ...]) -> tuple[Array, Array, Flags]:
+    """Squared errors of both models on data that did not fit them, (n,) each, and where there are any."""
+    fold, n = dealt(original), original.seen.t.size
+    before, after = np.full(n, np.nan), np.full(n, np.nan)
+    y = original.output.y
+    for k, one in enumerate(fits):
+        out = simulated(search, search.data, one.extended, one.wander)
         here = fold == k
-        before[here] = ((y - base.fitted.model) ** 2)[here]
+        before[here] = ((y - one.base.fitted.model) ** 2)[here]
         after[here] = ((y - out) ** 2)[here]
     where = original.output.usable & ~original.output.below
     return before, after, where
@@ -86,6 +111,3 @@ def gain(before: Array, after: Array, where: Flags, dt: float, seed: int = 0) ->
     ratio = 1 - a[draws].sum(axis=1) / b[draws].sum(axis=1)
     low, high = np.quantile(ratio, (0.025, 0.975))
     return Interval(float(1 - a.sum() / b.sum()), float(low), float(high))
-
-
-Progress = Callable[[str], None]

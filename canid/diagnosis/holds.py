@@ -35,6 +35,8 @@ FULL = 0.5
 BEATS = 8.0
 # %; there the pedal itself ends
 PHYSICAL = 99.0
+# of the standstills that are at the pedal's highest level where it is a ceiling
+AT_TOP = 0.75
 # times that a ceiling must have been reached
 CEILING_TOUCHED = 3
 
@@ -80,7 +82,9 @@ def look(data: DriverData, solved: Solved) -> Holds:
     driving = -0.5 * e * e - np.log(np.maximum(sd, 0.5 * held_sd))
     moved = np.r_[np.inf, np.diff(y)]
     holding = -0.5 * np.minimum((moved / held_sd) ** 2, 400.0) - np.log(held_sd)
-    gain = np.where(free & solved.rows, holding - driving, -50.0)
+    # a foot that moves slowly rests on the sensor's steps now and then, and a density knows nothing of steps
+    resting = -np.log(rests(moved, free, step, data.output.dt)) + 0.5 * (e * e - 1.0)
+    gain = np.where(free & solved.rows, np.minimum(holding - driving, resting), -50.0)
     top = _ceiling(data, y, step)
     if top.effect:
         return top
@@ -92,7 +96,27 @@ def look(data: DriverData, solved: Solved) -> Holds:
     spans, evidence = episodes(gain, data.output.dt)
     if len(spans) < EPISODES or evidence < NEEDED:
         return NONE
+    level = float(y[free].max())
+    if level < PHYSICAL and np.mean([y[a] >= level - 1.5 * step for a, _ in spans]) > AT_TOP:
+        return Holds("pedal_ceiling", spans, evidence, level)
     return Holds("attention_gap", spans, evidence, np.nan)
+
+
+def rests(moved: Array, free: Flags, step: float, dt: float) -> float:
+    """Return the chance that a sample repeats the one before while the foot drives: from standstills under `SHORTEST`.
+
+    Example:
+        >>> rng = np.random.default_rng(1)
+        >>> moved = np.diff(np.round(rng.normal(0, 0.6, 3000)))
+        >>> round(rests(moved, np.ones(2999, dtype=bool), 1.0, 0.1), 1)
+        0.4
+    """
+    still = free & (np.abs(moved) < 0.5 * step)
+    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(np.int8))).reshape(-1, 2)
+    runs = edges[:, 1] - edges[:, 0]
+    short = int(runs[runs * dt < SHORTEST].sum())
+    # of all samples that are no long standstill; one of each kind beforehand, so that no chance is 0 or 1
+    return (short + 1) / (short + int(np.count_nonzero(free & ~still)) + 2)
 
 
 def episodes(gain: Array, dt: float) -> tuple[tuple[tuple[int, int], ...], float]:

@@ -10,20 +10,36 @@ import numpy as np
 from scipy.linalg import qr
 
 from canid.diagnosis.driver_data import DriverData
-from canid.diagnosis.driver_model import DESIRED, K1, K2, OFFSET, THETA2, pedal, with_effects
+from canid.diagnosis.driver_model import (
+    DESIRED,
+    K1,
+    K2,
+    OFFSET,
+    TAU1,
+    TAU2,
+    THETA2,
+    DriverModel,
+    lagged,
+    parts,
+    pedal,
+    with_effects,
+)
 from canid.diagnosis.evidence import inflation
 from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.solved import Solved, polished, solve
 from canid.effects.cause import Effect
 from canid.types import Array
 
-# quantiles of the headway at which a desired one is tried, where a cause makes it visible
-DESIRED_AT = (0.3, 0.5, 0.7)
+# quantiles of the headway at which a desired one is tried, where a cause makes it visible: who tolerates too much of it
+# drives at the edge of what he tolerates
+DESIRED_AT = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98)
 # a candidate whose direction explains less than this is not fitted: a full fit finds a little more than its
 # direction at a start, but not four times as much
 WORTH = 3.0
 # at most so many candidates are fitted in full per step
 FITTED = 9
+# and from so many starts where the cost has several valleys
+BEGINS = 2
 # evidence from which on a candidate may win, and its fit is looked at twice
 POLISHED = 8.0
 # s by which a dead time may have come out too short
@@ -83,7 +99,10 @@ def _found(effect: str, parameter: str, data: DriverData) -> tuple[float, ...]:
 
 
 def screen(effect: Effect, data: DriverData, without: Solved) -> list[Start]:
-    """Price every start by what its direction explains of the residual, the model's own directions taken out."""
+    """Price every start by what its direction explains of the residual, the model's own directions taken out.
+
+    A start far from the model without it is priced by its gains, fitted anew, as well: a direction is the first step only.
+    """
     model = with_effects((*without.model.effects, effect))
     Q = qr(without.fitted.jacobian, mode="economic")[0]
     e = without.fitted.scored.e
@@ -95,15 +114,34 @@ def screen(effect: Effect, data: DriverData, without: Solved) -> list[Start]:
         size = float(d @ d)
         along = float(d @ e)
         # −e·d is how far along the direction the residual lies; a start of the wrong sign explains nothing
-        explains = along * along / size if size > 1e-9 and along < 0 else 0.0
-        out.append(Start(q, explains))
+        out.append(Start(q, along * along / size if size > 1e-9 and along < 0 else 0.0))
+        if all(each.foot is None for each in model.effects):
+            out.append(regained(model, data, without, q))
     return sorted(out, key=lambda start: -start.explains)
 
 
-def tried(effect: Effect, data: DriverData, without: Solved, start: Start) -> Candidate:
-    """Fit a candidate in full."""
+def regained(model: DriverModel, data: DriverData, without: Solved, q: Array) -> Start:
+    """Fit offset and both gains anew, everything else held: they are linear."""
+    dt, noise = data.output.dt, without.noise
+    of = parts(model, data, q)
+    first = lagged(of.gain * of.e, float(q[TAU1]), dt)
+    second = lagged(of.gain * of.w, float(q[TAU2]), dt)
+    beside = lagged(of.extra + np.zeros_like(first), float(q[TAU2]), dt)
+    rows = without.fitted.scored.slope == -1.0
+    X = whitened(noise, np.stack([np.ones_like(first), first, second], axis=1))[rows]
+    y = whitened(noise, data.output.y - beside)[rows]
+    gains = np.linalg.lstsq(X, y, rcond=None)[0]
+    left, before = y - X @ gains, without.fitted.scored.e[rows]
+    q = q.copy()
+    q[[OFFSET, K1, K2]] = np.clip(gains, model.low[[OFFSET, K1, K2]], model.high[[OFFSET, K1, K2]])
+    return Start(q, max(float(before @ before - left @ left), 0.0))
+
+
+def tried(effect: Effect, data: DriverData, without: Solved, begins: list[Start]) -> Candidate:
+    """Fit a candidate in full, from its best starts."""
     best: Solved | None = None
-    for q in [start.q, *(led(without, by) for by in AHEAD if effect.leads)]:
+    some = [start.q for start in begins[: BEGINS if effect.centred else 1]]
+    for q in [*some, *(led(without, by) for by in AHEAD if effect.leads)]:
         solved = solve(data, (*without.model.effects, effect), q, without.noise, without.rows)
         if best is None or solved.deviance < best.deviance:
             best = solved
@@ -125,14 +163,14 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: Solved) -
     """Try every cause that is not in the model yet; best first."""
     have = {effect.id for effect in without.model.effects}
     screened = [
-        (effect, screen(effect, data, without)[0])
+        (effect, screen(effect, data, without))
         for effect in effects
         if effect.kind == "curve" and effect.id not in have
     ]
-    screened.sort(key=lambda pair: (-pair[0].leads, -pair[1].explains))
+    screened.sort(key=lambda pair: (-pair[0].leads, -pair[1][0].explains))
     # along its direction nothing is left of a cause that a dead time has taken up
-    worth = [pair for pair in screened if pair[1].explains > WORTH or pair[0].leads][:FITTED]
-    found = [tried(effect, data, without, start) for effect, start in worth]
+    worth = [pair for pair in screened if pair[1][0].explains > WORTH or pair[0].leads][:FITTED]
+    found = [tried(effect, data, without, begins) for effect, begins in worth]
     return [
         priced_in(one.effect, polished(data, one.solved), without, data.output.dt)
         if one.evidence > POLISHED

@@ -15,19 +15,18 @@ from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.vehicle_data import VehicleData
 from canid.diagnosis.vehicle_fit import SolvedCar
 from canid.diagnosis.vehicle_model import (
+    BASE,
     DRAG,
     LAG,
     ROLLING,
     STRENGTH,
-    FittedCar,
     accel,
-    drivable,
     with_effects,
 )
 from canid.diagnosis.vehicle_search import CarSearch, NamedCause, search_car
 from canid.effects import CATALOGUE
 from canid.effects.cause import Effect
-from canid.findings import Blocked, Check, Finding, NotTestable, Tried
+from canid.findings import Blocked, Check, Finding, Flags, NotTestable, Tried
 from canid.types import NAN, Array, Interval, Trace
 
 VEHICLE = tuple(effect for effect in CATALOGUE if effect.where == "vehicle")
@@ -58,61 +57,75 @@ REACH = 5.0
 
 
 class Vehicle(NamedTuple):
-    """What the block says, and the car for the closed loop."""
+    """What the block says, and the cars for the closed loop."""
 
     findings: tuple[Finding, ...]
     tried: tuple[Tried, ...]
     not_testable: tuple[NotTestable, ...]
     checks: tuple[Check, ...]
     block: Blocked
-    car: FittedCar | None  # None: nothing could be fitted
+    cars: tuple[SolvedCar, SolvedCar] | None  # without and with what was named; None: nothing could be fitted
     slope: Array  # (n,) what the car's step takes for the road's slope
     gear: Array  # (n,)
+    left: Array  # (n,) m/s², measured less modelled; while braking this is the brake
 
 
-def look(trace: Trace, usable: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Vehicle:
+def look(trace: Trace, usable: Flags, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
     """Look at the car.
 
     Args:
         trace: of a drive.
         usable: (n,) samples that no mask has taken.
+        catalogue: causes that may be named.
 
     Returns:
         a `Vehicle`; what the drive cannot tell is said, never raised.
     """
     data = vehicle_data.prepare(trace, usable)
     if isinstance(data, str):
-        return _nothing(trace, data)
+        return _nothing(trace, data, catalogue)
     before = vehicle_fit.baseline(data)
     if before is None:
-        return _nothing(
-            trace, "the car drives unbraked, with a person at the pedal, for less than 40 s in a row"
-        )
-    effects = tuple(effect for effect in VEHICLE if _there(effect, data) == "")
+        why = "it drives unbraked, with a person at the pedal, for less than 40 s in a row"
+        return _nothing(trace, why, catalogue)
+    effects = tuple(effect for effect in catalogue if _there(effect, data) == "")
     expected = {effect.id: _expected(effect, data, before) for effect in effects}
     shown = tuple(effect for effect in effects if expected[effect.id] >= needed(1, len(effects)))
     found = search_car(data, shown, before)
     gate = _gate(found, data)
-    findings = tuple(
-        _finding(one, found, data, passed=bool(gate.passed))
+    told = (
+        _finding(one, found, data, passed=gate.passed is not False)
         for one in found.named
         if _matters(one, found, data)
     )
-    q, dt = found.solved.fitted.q, trace.dt
-    left = data.output.y - found.solved.fitted.model
-    sd = float(np.std(left[data.output.usable]))
-    car = drivable(found.solved.model, q, dt, NAN, sd)
+    # what simulates other parts of the drive no better is not the cause
+    findings = tuple(finding for finding in told if finding.gain.low > 0)
     return Vehicle(
-        findings, _tried(found, effects, expected), _untold(data, effects, expected, found), (*_checks(found, data), gate),
-        _line(findings, found, gate, data), car, data.seen.slope, data.seen.gear,
+        findings, _tried(found, effects, expected), _untold(data, catalogue, effects, expected),
+        (*_checks(found, data), gate), _line(findings, found, gate, data),
+        (_without(found, data, findings), found.solved), data.seen.slope, data.seen.gear,
+        data.output.y - found.solved.fitted.model,
     )  # fmt: skip
 
 
-def _nothing(trace: Trace, why: str) -> Vehicle:
-    ids = tuple(effect.id for effect in VEHICLE)
+def _without(found: CarSearch, data: VehicleData, findings: tuple[Finding, ...]) -> SolvedCar:
+    """The car with what every car has, and without what was named."""
+    solved = found.solved
+    if not findings:
+        return solved
+    named = {finding.effect for finding in findings}
+    pairs = zip(solved.model.effects, solved.model.where, strict=True)
+    kept = [(effect, solved.fitted.q[where]) for effect, where in pairs if effect.id not in named]
+    q = np.concatenate([solved.fitted.q[: len(BASE)], *(p for _, p in kept)])
+    return vehicle_fit.solve(data, [effect for effect, _ in kept], q, solved.noise, solved.rows)
+
+
+def _nothing(trace: Trace, why: str, catalogue: tuple[Effect, ...]) -> Vehicle:
+    ids, n = tuple(effect.id for effect in catalogue), trace.t.size
     return Vehicle(
-        (), (), (NotTestable(ids, why),), (), Blocked("vehicle", "not_testable", f"The car: {why}."), None,
-        np.zeros(trace.t.size), np.zeros(trace.t.size),
+        (), (), (NotTestable(ids, why),) if ids else (), (),
+        Blocked("vehicle", "not_testable", f"The car could not be looked at: {why}."), None,
+        np.zeros(n), np.zeros(n), np.full(n, NAN),
     )  # fmt: skip
 
 
@@ -221,7 +234,9 @@ def _gate(found: CarSearch, data: VehicleData) -> Check:
     e = solved.fitted.scored.e
     k = U.shape[1]
     if not k:
-        return Check("vehicle gate", None, NAN, GATE, "The drive moves the car too little for a gate.")
+        return Check(
+            "vehicle gate", None, NAN, GATE, "The drive moves the car too little for a gate.", gate=True
+        )
     score = U.T @ e
     meat = spread(U * e[:, None], round(REACH / dt))
     # nowhere narrower than white residuals of unit variance would make it
@@ -236,7 +251,7 @@ def _gate(found: CarSearch, data: VehicleData) -> Check:
         f"The car's residual holds {'nothing' if passed else 'something'} of pedal and speed that the model has not: "
         f"chance {p:.2g} over {k} directions, {100 * share:.1f} % of its variance."
     )
-    return Check("vehicle gate", passed, p, GATE, says)
+    return Check("vehicle gate", passed, p, GATE, says, gate=True)
 
 
 def _drag(solved: SolvedCar, data: VehicleData) -> Array:
@@ -286,10 +301,10 @@ def _tried(found: CarSearch, effects: tuple[Effect, ...], expected: dict[str, fl
 
 
 def _untold(
-    data: VehicleData, effects: tuple[Effect, ...], expected: dict[str, float], found: CarSearch
+    data: VehicleData, catalogue: tuple[Effect, ...], effects: tuple[Effect, ...], expected: dict[str, float]
 ) -> tuple[NotTestable, ...]:
     out = []
-    for effect in VEHICLE:
+    for effect in catalogue:
         why = _there(effect, data)
         if effect not in effects and why != "the road is level":
             out.append(

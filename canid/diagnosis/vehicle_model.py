@@ -5,7 +5,6 @@ pedal ──map──▶ P′ ─1/(1+τs)─▶ D ─further lags, thrust─▶
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -110,11 +109,10 @@ def _each(model: VehicleModel, q: Array) -> list[tuple[Array, Effect]]:
     return [(q[where], effect) for effect, where in zip(model.effects, model.where, strict=True)]
 
 
-def _weights(tau: float, dt: float) -> tuple[float, float, float]:
+def _weights(tau: Value, dt: float) -> tuple[Value, Value, Value]:
     """Of y, the input before and the input now in the next y; exact for an input that is straight in between."""
-    if tau < 1e-4:
-        return 0.0, 0.0, 1.0
-    decay = math.exp(-dt / tau)
+    tau = np.maximum(tau, 1e-4)
+    decay = np.exp(-dt / tau)
     ramp = tau / dt * (1 - decay)
     return decay, ramp - decay, 1 - ramp
 
@@ -123,11 +121,9 @@ def _through(x: Array, tau: Value, dt: float) -> Array:
     """Through 1/(1 + τs) with a lag that may change from sample to sample."""
     if np.ndim(tau) == 0:
         return lagged(x, float(tau), dt)
-    taus = np.maximum(tau, 1e-4)
-    decay = np.exp(-dt / taus)
-    ramp = taus / dt * (1 - decay)
-    forced = (1 - ramp) * x
-    forced[1:] += (ramp - decay)[1:] * x[:-1]
+    decay, before, now = _weights(tau, dt)
+    forced = now * x
+    forced[1:] += before[1:] * x[:-1]
     y, out = float(x[0]), []
     for keep, force in zip(decay.tolist(), forced.tolist(), strict=True):
         y = keep * y + force
@@ -137,35 +133,31 @@ def _through(x: Array, tau: Value, dt: float) -> Array:
 
 
 class CarState(NamedTuple):
-    """What the car's next step depends on."""
+    """What the next step of a car, or of several side by side (m,), depends on."""
 
-    pressed: float  # %, after the map
-    drive: float  # %, after the first lag
-    further: tuple[float, ...]  # %, after each further one
+    pressed: Value  # %, after the map
+    drive: Value  # %, after the first lag
+    further: tuple[Value, ...]  # %, after each further one
 
 
 class FittedCar(NamedTuple):
     """A car that can be driven: `init(pedal)` and `step(state, pedal, speed, slope, gear)` -> state, m/s²."""
 
-    init: Callable[[float], CarState]
-    step: Callable[[CarState, float, float, float, float], tuple[CarState, float]]
-    brake: float  # m/s² per % of demand below the pedal's floor; NaN: never seen
-    noise_sd: float  # m/s²; what the model leaves of the measured acceleration
+    init: Callable[[Value], CarState]
+    step: Callable[[CarState, Value, Value, Value, Value], tuple[CarState, Value]]
 
 
-def drivable(model: VehicleModel, q: Array, dt: float, brake: float, noise_sd: float) -> FittedCar:
-    """Return the fitted model as a car that can be driven.
+def drivable(model: VehicleModel, q: Array, dt: float) -> FittedCar:
+    """Return the fitted model as a car that can be driven; floats or arrays (m,) of cars side by side.
 
     Args:
         model: which causes.
         q: (k,) its parameters.
         dt: s; of one step.
-        brake: m/s² per % of demand below the floor.
-        noise_sd: m/s².
 
     Example:
-        >>> car = drivable(with_effects(()), np.array([0.04, 0.0, 0.2, 0.0]), 0.1, 0.1, 0.05)
-        >>> car.step(car.init(5.0), 10.0, 20.0, 0.0, 4.0)[1]
+        >>> car = drivable(with_effects(()), np.array([0.04, 0.0, 0.2, 0.0]), 0.1)
+        >>> round(float(car.step(car.init(5.0), 10.0, 20.0, 0.0, 4.0)[1]), 3)
         0.2
     """
     pairs = _each(model, q)
@@ -174,27 +166,26 @@ def drivable(model: VehicleModel, q: Array, dt: float, brake: float, noise_sd: f
     keep, before, now = _weights(float(q[LAG]), dt)
     strength = float(q[STRENGTH])
 
-    def mapped(pedal: float) -> float:
+    def mapped(pedal: Value) -> Value:
         for p, bend in maps:
-            pedal = float(bend(p, pedal))
+            pedal = bend(p, pedal)
         return pedal
 
-    def init(pedal: float) -> CarState:
+    def init(pedal: Value) -> CarState:
         at = mapped(pedal)
         return CarState(at, at, (at,) * len(lags))
 
     def step(
-        state: CarState, pedal: float, speed: float, slope: float, gear: float
-    ) -> tuple[CarState, float]:
+        state: CarState, pedal: Value, speed: Value, slope: Value, gear: Value
+    ) -> tuple[CarState, Value]:
         pressed = mapped(pedal)
         drive = keep * state.drive + before * state.pressed + now * pressed
         felt = CarSeen(0.0, pedal, speed, slope, gear, drive, strength)
         was, x, further = state.drive, drive, []
         for (p, lag), y in zip(lags, state.further, strict=True):
-            a, b, c = _weights(float(lag(p, felt)), dt)
+            a, b, c = _weights(lag(p, felt), dt)
             was, x = y, a * y + b * was + c * x
             further.append(x)
-        accelerates = float(_sum(model, q, x, felt._replace(drive=x)))
-        return CarState(pressed, drive, tuple(further)), accelerates
+        return CarState(pressed, drive, tuple(further)), _sum(model, q, x, felt._replace(drive=x))
 
-    return FittedCar(init, step, brake, noise_sd)
+    return FittedCar(init, step)

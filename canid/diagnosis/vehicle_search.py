@@ -146,6 +146,7 @@ def search_car(data: VehicleData, effects: tuple[Effect, ...], before: SolvedCar
             swaps = candidates(tuple(e for e in effects if e.id not in priced), data, without[effect.id])
             margin = max(RIVAL, FORM * (without[effect.id].deviance - solved.deviance))
             close = tuple(c.effect.id for c in swaps if c.solved.deviance - solved.deviance < margin)
-            named.append(NamedCause(effect, priced[effect.id], needed(len(effect.parameters), m), close))
+            rivals = tuple(r for r in dict.fromkeys((*effect.rivals, *close)) if r not in priced)
+            named.append(NamedCause(effect, priced[effect.id], needed(len(effect.parameters), m), rivals))
         break
     return CarSearch(before, solved, tuple(named), tuple(steps))

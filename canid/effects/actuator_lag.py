@@ -23,7 +23,9 @@ EFFECT = Effect(
     parameters=(Parameter("tau", "s", 0.0, 3.0, (0.2,), 0.2),),
     needs=("pedal",),
     source="throttle actuator, gearbox, driveline",
-    decides="quick steps of the pedal",
+    rivals=("turbo_lag",),  # a charger that no load on the drive spins up is late throughout
+    absorbed="of two lags in series the fit has both, but not which is whose: only what no car has is blamed",
+    decides="quick steps of the pedal, from low and from high load",
     car=Car(lag=lag),
     planted=((0.4,), (0.6,)),
 )

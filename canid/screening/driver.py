@@ -23,7 +23,7 @@ def predictor(names: Sequence[str]) -> Predictor:
 
     Example:
         >>> [m.says for m in predictor(["lateral_offset"]).misfits]
-        ['he answers lateral offset {times:.1f} times as strongly as learnt']
+        ['he answers lateral offset {more} strongly than learnt']
     """
     lagged = [(rows.ANSWER, k) for k in _OWN]
     where = []
@@ -39,7 +39,7 @@ def predictor(names: Sequence[str]) -> Predictor:
         ways.append((tuple(words), tuple(tuple(way) for way in where)))
     misfits = [
         Misfit(
-            f"he answers {' and '.join(of)} {{times:.1f}} times as strongly as learnt",
+            f"he answers {' and '.join(of)} {{more}} strongly than learnt",
             scaled([i for gain in gains for i in gain]),
             MARGIN,
             gains,
@@ -54,4 +54,5 @@ def predictor(names: Sequence[str]) -> Predictor:
         tuple(lagged),
         tuple(range(len(lagged) + 1)),
         tuple(misfits),
+        grows=True,  # people's noise does: Harris & Wolpert 1998
     )

@@ -38,8 +38,6 @@ class State(NamedTuple):
 
     level: Array  # log of the CUSUM
     since: Array  # s, when it last began anew
-    moved: Array  # Σ z e / variance since then
-    told: Array  # Σ z² / variance since then
 
 
 class Found(NamedTuple):
@@ -48,13 +46,13 @@ class Found(NamedTuple):
     level: float  # log
     direction: int
     since: float  # s
-    share: float  # ρ since then: e = ρ z
+    more: bool  # e = ρ z with ρ > 0
 
 
 def init(directions: int) -> State:
     """Start without evidence."""
     shape = (directions, len(_SIGNS), len(STAKES))
-    return State(np.zeros(shape), np.full(shape, NAN), np.zeros(shape), np.zeros(shape))
+    return State(np.zeros(shape), np.full(shape, NAN))
 
 
 def step(
@@ -86,8 +84,8 @@ def step(
         ...     e = noise - (0.8 * z[:, 0] if k >= 30 else 0.0)
         ...     state = step(state, float(k), e, z, 1.0, 0.2 * np.abs(z), 14.0)
         >>> found = strongest(state)
-        >>> found.level > 14, 25 < found.since < 35, -1.2 < found.share < -0.5
-        (True, True, True)
+        >>> found.level > 14, 25 < found.since < 35, found.more
+        (True, True, False)
     """
     sd = variance**0.5
     size = np.abs(z) / sd
@@ -97,20 +95,14 @@ def step(
     # w = |z|/sd tells most where the misfit is small; where it is large, a bet of more than everything loses
     d = STAKES * np.minimum(size, 1.0)[:, :, None, None] * beyond
     gained: Array = (d - 0.5 * d * d).sum(axis=0)
-    product, energy = z * e[:, None] / variance, size * size
     anew = state.level <= 0.0
-    moved, told = product.sum(axis=0)[:, None, None], energy.sum(axis=0)[:, None, None]
     return State(
         np.minimum(np.where(anew, 0.0, state.level) + gained, threshold + BEYOND),
         np.where(anew, t, state.since),
-        np.where(anew, 0.0, state.moved) + moved,
-        np.where(anew, 0.0, state.told) + told,
     )
 
 
 def strongest(state: State) -> Found:
     """Return the strongest evidence."""
     at = np.unravel_index(int(np.argmax(state.level)), state.level.shape)
-    told = float(state.told[at])
-    share = float(state.moved[at]) / told if told > 0 else NAN
-    return Found(float(state.level[at]), int(at[0]), float(state.since[at]), share)
+    return Found(float(state.level[at]), int(at[0]), float(state.since[at]), bool(_SIGNS[at[1]] > 0.0))

@@ -45,8 +45,9 @@ def step(state: State, t: float, output: float, threshold: float) -> State:
         >>> state.level > 14, round(state.since)
         (True, 40)
     """
-    if output != output or state.last != state.last:
-        return state._replace(last=output, repeats=False, level=0.0, since=NAN)
+    if output != output:
+        # nobody looks: an output that is the very same afterwards was held meanwhile
+        return state
     same = abs(output - state.last) < _SAME
     if not state.repeats:
         return state._replace(last=output, repeats=same)

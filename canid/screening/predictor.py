@@ -13,7 +13,7 @@ from canid.types import Array
 class Misfit(NamedTuple):
     """A direction in which a model may fail: its innovations become ρ z, z = columns · along(theta)."""
 
-    says: str  # {times} is 1 + ρ, how much is left of what was learnt
+    says: str  # {more}: more for ρ > 0, less for ρ < 0; no number: where it is told, chance has made it too large
     along: Callable[[Array], Array]  # theta (m,) -> (m,)
     margin: float  # the |ρ| that still fits
     learnt: tuple[
@@ -32,6 +32,7 @@ class Predictor(NamedTuple):
     lagged: tuple[tuple[int, int], ...]  # (column, lag in rows); a constant follows
     fitted: tuple[int, ...]  # indices into these; the others only point in a direction
     misfits: tuple[Misfit, ...]
+    grows: bool = False  # its noise may grow in proportion to what is foretold
 
 
 def scaled(which: Sequence[int]) -> Callable[[Array], Array]:

@@ -33,12 +33,13 @@ class State(NamedTuple):
     spread: Array  # (m, m) inverse of Σ XᵀX; 0 where a column is not fitted
     mean: Array  # (m,) of the columns
     variance: float  # of the innovations; NaN: not known yet
+    foretold: float  # variance of X @ theta
 
 
 def init(columns: int) -> State:
     """Know nothing of a model with so many columns, the last one a constant 1."""
     nothing = np.zeros((columns + 1, columns + 1))
-    return State(nothing, 0.0, np.zeros(columns), nothing[1:, 1:], np.zeros(columns), NAN)
+    return State(nothing, 0.0, np.zeros(columns), nothing[1:, 1:], np.zeros(columns), NAN, 0.0)
 
 
 def innovations(state: State, X: Array, y: Array) -> Array:
@@ -63,6 +64,26 @@ def far(state: State, X: Array) -> Array:
     error = np.sqrt(np.maximum(((X @ state.spread) * X).sum(axis=1), 0.0))
     beyond: Array = np.maximum(error - _USUAL * np.sqrt(known / state.rows), 0.0)
     return beyond
+
+
+def expected(state: State, X: Array, grows: bool) -> Array:
+    """Variance that an innovation may have at rows (n, m): (n,).
+
+    A model far from what it has learnt errs by itself; where noise grows, an answer n times as large as usual may be n
+    times as noisy.
+
+    Example:
+        >>> x = np.column_stack([np.linspace(-1.0, 1.0, 101), np.ones(101)])
+        >>> state = learn(init(2), x, x[:, 0], np.arange(2), 1e9)._replace(variance=0.01)
+        >>> np.round(expected(state, np.array([[0.1, 1.0], [1.0, 1.0]]), grows=True), 2)
+        array([0.01, 0.03])
+    """
+    times = np.ones(len(X))
+    if grows:
+        away = (X - state.mean) @ state.theta
+        times = np.maximum(away * away / max(state.foretold, state.variance), 1.0)
+    variance: Array = state.variance * (times + far(state, X) ** 2)
+    return variance
 
 
 def doubt(state: State, X: Array, gains: Sequence[Sequence[int]]) -> Array:
@@ -133,4 +154,6 @@ def learn(state: State, X: Array, y: Array, fitted: npt.NDArray[np.intp], memory
         share = 1.0 - kept**n
         bounded = np.minimum(e * e, _JOLT**2 * state.variance)
         variance = (1.0 - share) * state.variance + share * float(bounded.mean())
-    return State(normal, rows, theta, spread, normal[-2, :-1] / rows, variance)
+    mean = normal[-2, :-1] / rows
+    square = float(theta @ normal[:-1, :-1] @ theta) / rows
+    return State(normal, rows, theta, spread, mean, variance, max(square - float(mean @ theta) ** 2, 0.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import NamedTuple
 
 from canid.types import NAN, Sample
@@ -66,7 +67,7 @@ def step(state: State, sample: Sample) -> tuple[State, tuple[float, ...]]:
     went = 0.5 * h * (rate + state.rate)
     grew = gap - state.gap - went
     # a hole ends the sums; they begin anew behind it
-    if follows and grew == grew:
+    if follows and isfinite(grew):
         kept = 1.0 - h / LEAK
         summed = crept, ran = kept * state.crept + grew, kept * state.ran + went
     row = (

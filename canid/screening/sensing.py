@@ -28,7 +28,7 @@ GAP = Predictor(
     (*range(_OWN), 2 * _OWN + 1),
     (
         Misfit(
-            "the gap changes {times:.1f} times as fast as the range rate says",
+            "the gap does not change as the range rate says",
             whitened(range(_OWN), range(_OWN, 2 * _OWN + 1)),
             RATE_MARGIN,
         ),

@@ -29,7 +29,7 @@ PREDICTOR = Predictor(
     tuple(range(len(_LAGGED) + 1)),
     (
         Misfit(
-            "it accelerates {times:.1f} times as strongly on the pedal as learnt",
+            "it answers the pedal {more} strongly than learnt",
             scaled(_PULLED),
             MARGIN,
             (_PULLED,),

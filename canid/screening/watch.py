@@ -35,6 +35,8 @@ UNSEEN = 15
 # s; nothing new is repeated this often
 EVERY = 10.0
 _ROUNDING = 5e-4
+# in any unit of a row; what is more was measured by nobody, and its square would drown all else
+LARGEST = 1e6
 
 # Whom to suspect where several do not fit: sensors feed the models of both others, and a car that pulls otherwise
 # moves its driver to where he has not been.
@@ -141,6 +143,10 @@ def make(names: Sequence[str]) -> Screen:
             block: _watched(block, was, predictors, state, needed[block])
             for block, was in zip(BLOCKS, state.misfits, strict=True)
         }
+        if holding.level >= needed["driver"] and watched["vehicle"].state is Watch.MISFIT:
+            # a foot that rests moves the car as ever
+            says = "the driver's output stands still, and the car moves otherwise"
+            watched["sensing"] = Watched(Watch.MISFIT, holding.since, says, holding.level, needed["driver"])
         misfits = tuple(of.state is Watch.MISFIT for of in watched.values())
         again = sample.t if any(state.misfits) and not any(misfits) else state.again
         state = state._replace(misfits=misfits, again=again)
@@ -194,8 +200,10 @@ def _columns(where: Lags, window: Array) -> tuple[Array, Array]:
     segment = window[where.segments]
     X = np.ones((LOOK, where.columns.shape[1] + 1))
     X[:, :-1] = window[where.columns]
-    # comparisons with NaN are false; a sum is NaN where any part is
-    whole = (segment == segment[:, :1]).all(axis=1) & ~np.isnan(X.sum(axis=1) + y)
+    # comparisons with NaN are false
+    whole = (
+        (segment == segment[:, :1]).all(axis=1) & (np.abs(X) < LARGEST).all(axis=1) & (np.abs(y) < LARGEST)
+    )
     return X[whole], y[whole]
 
 
@@ -224,7 +232,7 @@ def _follow(
         allowed = (margin * np.abs(z) + doubt) / known.variance**0.5 + far[:, None]
         one = one._replace(
             misfit=evidence.step(one.misfit, t, e, z, known.variance, allowed, needed),
-            scatter=scatter.step(one.scatter, t, e, known.variance * (1.0 + far * far), needed),
+            scatter=scatter.step(one.scatter, t, e, reference.expected(known, X, p.grows), needed),
         )
     if late is None or 0.5 * needed <= _level(one) < needed:
         return one
@@ -245,7 +253,8 @@ def _watched(block: str, was: bool, predictors: Sequence[Predictor], state: Stat
         return Watched(Watch.UNSEEN, NAN, f"needs {needs}", 0.0, needed)
     p, strongest = max(seen, key=lambda pair: _level(pair[1]))
     level, since, says = _against(p, strongest, needed)
-    if block == "driver" and state.held.level > level:
+    # a held output is the reason of whatever else does not fit
+    if block == "driver" and state.held.level >= min(level, needed):
         level, since, says = state.held.level, state.held.since, "the driver's output is held where it was"
     if level >= needed or (was and level >= 0.5 * needed):
         return Watched(Watch.MISFIT, since, says, level, needed)
@@ -266,7 +275,7 @@ def _against(p: Predictor, one: Followed, needed: float) -> tuple[float, float, 
     return (
         max(found.level, spread),
         found.since,
-        p.misfits[found.direction].says.format(times=1.0 + found.share),
+        p.misfits[found.direction].says.format(more="more" if found.more else "less"),
     )
 
 

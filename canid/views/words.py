@@ -108,8 +108,8 @@ def misfit(s: Screened) -> str:
     """Say since when which block is suspected, or what fits.
 
     Example:
-        >>> misfit(Screened(90.0, False, 62.0, "vehicle", "it accelerates 0.6 times as strongly", {}))
-        'since 1:02.0 the model does not fit; vehicle suspected: it accelerates 0.6 times as strongly'
+        >>> misfit(Screened(90.0, False, 62.0, "vehicle", "it answers the pedal less strongly than learnt", {}))
+        'since 1:02.0 the model does not fit; vehicle suspected: it answers the pedal less strongly than learnt'
     """
     if s.fits:
         return s.says

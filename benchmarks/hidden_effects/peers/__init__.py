@@ -1,0 +1,1 @@
+"""Methods that are not canid's, on the same drives with the same candidates."""
