@@ -23,7 +23,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 from benchmarks.hidden_effects import table
 from benchmarks.hidden_effects.drives import Drive, drives
-from benchmarks.hidden_effects.outcomes import CANID, Outcome, fresh, line, run, stored
+from benchmarks.hidden_effects.outcomes import CANID, Outcome, code, fresh, line, run, stored
 from benchmarks.hidden_effects.peers.methods import PEERS, absent
 from benchmarks.identification.peers.peer import ELSEWHERE
 
@@ -91,6 +91,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     left = [drive for drive in wanted if drive not in done]
     if done:
         print(f"{len(done)} drives are in {args.out}, {len(left)} to run", file=sys.stderr, flush=True)
+    # now, and so in every worker: later somebody may have edited what is already loaded
+    code()
     began = time.monotonic()
     for k, outcome in enumerate(came(left, peers, args.workers), 1):
         done[outcome.drive] = outcome

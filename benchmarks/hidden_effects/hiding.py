@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from benchmarks.hidden_effects.drives import FAINT, FOREIGN, REMOVED, SIMULATORS, TWO, Drive, another_pair
@@ -67,7 +68,7 @@ def _planted(
     return Hidden(planted, each(planted) if effects else {})
 
 
-def _strongest(drive: Drive, first: Hidden, part_of_target) -> Hidden:  # type: ignore[no-untyped-def]
+def _strongest(drive: Drive, first: Hidden, part_of_target: Callable[[Price], float]) -> Hidden:
     """Draw again until all effects are strong enough; else the best of all attempts."""
 
     def weakest(hidden: Hidden) -> float:

@@ -58,7 +58,7 @@ class Prepared(NamedTuple):
 
 
 def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum: float = LEAST) -> Report:
-    """Diagnose a drive.
+    """Diagnose a drive: its sensors first, then the car, then the driver.
 
     Args:
         trace: from `read_trace`.
@@ -75,7 +75,7 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
         'adequate'
     """
     beside = around.look(trace, catalogue)
-    trace, usable, masked = beside.trace, beside.usable, beside.masked
+    given, trace, usable, masked = trace, beside.trace, beside.usable, beside.masked
     steps = [f"{trace.t.size} samples at {trace.dt:g} s"]
     if masked:
         lost = sum(m.stop - m.start for m in masked)
@@ -99,7 +99,13 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
     drivers = tuple(effect for effect in catalogue if effect.where == "driver" and effect.kind != "mask")
     searched = naming.search_causes(prepared.data, drivers, prepared.fitted)
     assert searched is not None
-    return joining.join(_report(prepared, searched, drivers, masked, steps, beside.vehicle), beside)
+    report = joining.join(_report(prepared, searched, drivers, masked, steps, beside.vehicle), beside)
+    raw = None if trace is given else ready(given, usable)
+    if raw is not None:
+        # what a wrong sensor did to the driver's parameters
+        before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
+        report = report._replace(shifts=_shifts(before, report.extended))
+    return report
 
 
 def ready(trace: Trace, usable: Flags) -> Prepared | None:
@@ -185,14 +191,14 @@ def _report(
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.wander)
     used = original.output.usable & ~original.output.below
-    base = _fit(before, before_out, original, dt)
-    extended = _fit(solved, after_out, original, dt)
+    base = _fit(before, before_out, original, dt, original)
+    extended = _fit(solved, after_out, original, dt, searched.data)
     folds = held_out.folds(original, searched)
     errors = held_out.errors(original, searched, folds) if searched.named else None
     total = Interval() if errors is None else held_out.gain(*errors, dt)
     # a cause that makes the simulation of other data worse is not the cause
     sound = held.passed and not (searched.solved.model.effects and total.high < 0)
-    fitted = intervals.parameters(solved, dt)
+    fitted = intervals.parameters(solved, searched.data)
     findings = tuple(_finding(one, searched, original, fitted, sound, total) for one in searched.named)
     verdict = _verdict(findings, sound)
     priced = separable.shown(drivers, original, before)
@@ -237,14 +243,14 @@ def _report(
     )  # fmt: skip
 
 
-def _fit(solved: Solved, out: Array, data: DriverData, dt: float) -> Fit:
+def _fit(solved: Solved, out: Array, data: DriverData, dt: float, fitted: DriverData | None = None) -> Fit:
     used = data.output.usable & ~data.output.below
     y = data.output.y[used]
     left = y - out[used]
     spread = float(np.linalg.norm(y - y.mean()))
     percent = 100 * (1 - float(np.linalg.norm(left)) / spread) if spread > 0 else NAN
     shown = np.maximum(out, 0.0) if data.pedal else out
-    return Fit(intervals.channels(solved, dt), percent, shown, float(np.std(left)))
+    return Fit(intervals.channels(solved, dt, fitted), percent, shown, float(np.std(left)))
 
 
 def _finding(

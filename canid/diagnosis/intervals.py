@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
+from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import HIGH, K1, K2, TAU1, TAU2, THETA1, THETA2
 from canid.diagnosis.evidence import REACH, spread
+from canid.diagnosis.profile import widened
 from canid.diagnosis.solved import Solved
 from canid.types import Array, Channel, Identifiable, Interval
 
@@ -17,8 +20,15 @@ GAIN_KNOWN = 3.0
 SUM_KNOWN, EACH_KNOWN = 0.3, 0.12  # s
 
 
-def covariance(solved: Solved, dt: float) -> Array:
-    """Covariance of the free parameters (k, k): the sandwich (White 1982), nowhere narrower than the likelihood's."""
+class Spread(NamedTuple):
+    """How the free parameters spread."""
+
+    C: Array  # (k, k) covariance
+    overstated: Array  # (k,) robust variance over the likelihood's, at least 1
+
+
+def covariance(solved: Solved, dt: float) -> Spread:
+    """Covariance of the free parameters: the sandwich (White 1982), nowhere narrower than the likelihood's."""
     J, e = solved.fitted.jacobian, solved.fitted.scored.e
     scale = np.linalg.norm(J, axis=0)
     scale[scale == 0] = 1.0
@@ -27,9 +37,9 @@ def covariance(solved: Solved, dt: float) -> Array:
     bread = np.linalg.inv(J.T @ J + 1e-8 * np.eye(J.shape[1]))
     robust = bread @ spread(J * e[:, None], round(REACH / dt)) @ bread
     plain = bread
-    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(plain), 1.0))
-    out: Array = plain * wider[:, None] * wider[None, :] / scale[:, None] / scale[None, :]
-    return out
+    overstated = np.maximum(np.diag(robust) / np.diag(plain), 1.0)
+    wider = np.sqrt(overstated) / scale
+    return Spread(plain * wider[:, None] * wider[None, :], overstated)
 
 
 def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf) -> Interval:
@@ -42,27 +52,39 @@ def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf
     return Interval(float(value), float(max(value - SIGMAS * sd, low)), float(min(value + SIGMAS * sd, high)))
 
 
-def parameters(solved: Solved, dt: float) -> dict[str, dict[str, Interval]]:
+def parameters(solved: Solved, data: DriverData) -> dict[str, dict[str, Interval]]:
     """Intervals of every cause's parameters: effect id -> name -> interval."""
-    C = covariance(solved, dt)
+    of = covariance(solved, data.output.dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
     told: dict[str, dict[str, Interval]] = {}
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
-        told[effect.id] = {
-            p.name: interval(solved.q[k], float(np.sqrt(C[place[k], place[k]])), p.low, p.high)
-            for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
-        }
+        told[effect.id] = {}
+        for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
+            i = place[k]
+            narrow = interval(solved.q[k], float(np.sqrt(of.C[i, i])), p.low, p.high)
+            told[effect.id][p.name] = widened(data, solved, k, narrow, float(of.overstated[i]))
     return told
 
 
-def channels(solved: Solved, dt: float) -> Mapping[str, Channel]:
-    """The driver's two answers."""
-    C = covariance(solved, dt)
+def channels(solved: Solved, dt: float, data: DriverData | None = None) -> Mapping[str, Channel]:
+    """The driver's two answers.
+
+    Args:
+        solved: a fit.
+        dt: s.
+        data: what was fitted; given, the intervals follow the likelihood instead of its curvature.
+    """
+    of = covariance(solved, dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
 
-    def sd(*of: int) -> float:
-        index = [place[k] for k in of]
-        return float(np.sqrt(C[np.ix_(index, index)].sum()))
+    def sd(*these: int) -> float:
+        index = [place[k] for k in these]
+        return float(np.sqrt(of.C[np.ix_(index, index)].sum()))
+
+    def told(k: int) -> Interval:
+        low, high = (0.0, HIGH[k]) if k in (TAU1, TAU2, THETA1, THETA2) else (-np.inf, np.inf)
+        narrow = interval(q[k], sd(k), low, high)
+        return narrow if data is None else widened(data, solved, k, narrow, float(of.overstated[place[k]]))
 
     q = solved.q
     out = {}
@@ -76,9 +98,9 @@ def channels(solved: Solved, dt: float) -> Mapping[str, Channel]:
         else:
             status = Identifiable.OK
         out[name] = Channel(
-            K=interval(q[gain], sd(gain)),
-            tau=interval(q[tau], sd(tau), 0.0, HIGH[tau]),
-            dead_time=interval(q[theta], sd(theta), 0.0, HIGH[theta]),
+            K=told(gain),
+            tau=told(tau),
+            dead_time=told(theta),
             tau_plus_dead_time=interval(q[tau] + q[theta], sd(tau, theta), 0.0, HIGH[tau] + HIGH[theta]),
             status=status,
         )

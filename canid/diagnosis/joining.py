@@ -23,7 +23,8 @@ def join(driver: Report, around: Around) -> Report:
         # what the driver saw is in doubt, and with it every name that rests on it
         own = tuple(finding._replace(surrogate=True) for finding in own)
     findings = (*sensing.findings, *vehicle.findings, *own)
-    lines = (sensing.block, vehicle.block, driver.blocks[0])
+    told = driver.blocks[0]
+    lines = (sensing.block, vehicle.block, told._replace(says=_body(told.says)))
     verdict = decided(findings, lines)
     tried = driver.candidates_tried + sensing.tried + len({t.effect for t in vehicle.tried})
     return driver._replace(
@@ -68,9 +69,7 @@ def sentence(
 ) -> str:
     """Write the verdict line: in which block, what, and what it gains."""
     left = " ".join(
-        f"Something is left in the {line.where}: {_body(line.says)}"
-        for line in lines
-        if line.state == "unexplained"
+        f"Something is left in the {line.where}: {line.says}" for line in lines if line.state == "unexplained"
     )
     if verdict is Verdict.UNEXPLAINED:
         return f"UNEXPLAINED: {left}"
@@ -116,4 +115,4 @@ def _choice(finding: Finding) -> str:
 def _body(says: str) -> str:
     """A block's line without the verdict's word before it."""
     head, colon, rest = says.partition(": ")
-    return rest if colon and head.isupper() else says
+    return rest[:1].upper() + rest[1:] if colon and head.isupper() else says

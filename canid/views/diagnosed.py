@@ -6,6 +6,8 @@ import math
 import re
 from typing import Any
 
+import numpy as np
+
 from canid.findings import Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Verdict
 from canid.types import Array, Interval
 from canid.views import as_json
@@ -39,6 +41,8 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     lines = [f"{VERDICT_WORDS[report.verdict]}: {sentence(report)}", *_about(report, log, vehicle)]
     for finding in report.findings:
         lines += ["", *_finding(finding)]
+    blocks = [f"{block.where} ({block.state.replace('_', ' ')}): {block.says}" for block in report.blocks]
+    lines += _headed("block by block", blocks)
     if report.unexplained.value == report.unexplained.value:
         lines += ["", f"share of the residual that no cause explains: {percent(report.unexplained)}"]
     lines += _headed("not to be decided on this drive", _undecided(report))
@@ -50,7 +54,27 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
         made = [c for c in report.checks if c.passed is not None]
         lines += _headed(f"checks: {len(made) - len(failed)} of {len(made)} passed", failed, always=True)
     lines += _headed("where it is worst", _worst(report))
+    lines += _headed("in closed loop, behind the lead of the log", [_loop(of) for of in report.closed_loop])
     return lines
+
+
+def _loop(of: Trajectory) -> str:
+    unit = role_unit(of.role)
+    says = f"{of.role}: error {number(off(of, of.before), unit)} rms"
+    if not told_apart(of):
+        return says
+    return f"{says}, after {number(off(of, of.after), unit)}; gain {percent(of.gain)} held out"
+
+
+def off(of: Trajectory, simulated: Array) -> float:
+    """Root mean square of a trajectory's error, where it was simulated."""
+    here = np.isfinite(simulated) & np.isfinite(of.measured)
+    return float(np.sqrt(np.mean((simulated - of.measured)[here] ** 2))) if here.any() else math.nan
+
+
+def told_apart(of: Trajectory) -> bool:
+    """Has what was found changed this trajectory?"""
+    return math.isfinite(of.gain.value)
 
 
 def _about(report: Report, log: str, vehicle: str) -> list[str]:
@@ -276,7 +300,13 @@ def _spectra(of: Spectra) -> dict[str, Any]:
 
 
 def _trajectory(of: Trajectory) -> dict[str, Any]:
-    return {"role": of.role, "unit": role_unit(of.role), "gain": as_json.interval(of.gain)}
+    return {
+        "role": of.role,
+        "unit": role_unit(of.role),
+        "before": as_json.number(off(of, of.before)),
+        "after": as_json.number(off(of, of.after)),
+        "gain": as_json.interval(of.gain),
+    }
 
 
 def numbers(array: Array) -> list[Any]:

@@ -44,8 +44,7 @@ def test_saved_at_any_moment_it_goes_on_with_the_same_numbers_to_the_last_bit(dr
         # the same bytes again: nothing was lost on the way
         assert keep.save(found.known, NOW) == bytes_
         assert repr(found.known) == repr(known)
-        time, estimators, agreement = found.known
-        state = state._replace(time=time, estimators=estimators, agreement=agreement)
+        state = state._replace(**found.known._asdict())
         for i in range(k + 1, driven.at(t + 5.0)):
             state, out = driven.running.step(state, driven.frames[i])
             assert repr(out) == repr(driven.outputs[i])

@@ -27,9 +27,9 @@ from benchmarks.identification.peers.peer import ELSEWHERE, call, missing
 from canid.effects import CATALOGUE
 
 NAIVE = tuple(naive.Settings(*s) for s in product((10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0), (1, 2, 4)))
-THRESHOLDS = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
+THRESHOLDS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 ALPHAS, MEMORIES = (0.05, 100.0), (0, 1, 3)
-RATIOS, CRITERIA = (0.0, 0.001, 0.003, 0.01, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3), ("", "bic")
+RATIOS, CRITERIA = (0.0, 0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3), ("", "bic")
 
 
 class Said(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from canid.findings import Report, Trajectory
 from canid.types import Array
+from canid.views.diagnosed import told_apart
 from canid.views.measures import number, percent, role_unit, spoken
 from canid.views.report.figure import MARGIN, Figure, Spec, axis, layout, line, rms, suffix, times
 from canid.views.report.strip import inside
@@ -50,7 +51,7 @@ def trajectories(report: Report) -> Figure | None:
 def _panels(report: Report, of: Trajectory) -> list[tuple[str, float, list[tuple[str, Array, str]]]]:
     """The trajectory, and under it its error: title, share of the height, lines with name and colour."""
     sides = [(_before(report), of.before, "before")]
-    sides += [("extended model", of.after, "after")] if report.findings else []
+    sides += [("extended model", of.after, "after")] if told_apart(of) else []
     unit = role_unit(of.role)
     return [
         (f"{spoken(of.role)} ({unit})", TRAJECTORY, [("measured", of.measured, "measured"), *sides]),
@@ -59,15 +60,18 @@ def _panels(report: Report, of: Trajectory) -> list[tuple[str, float, list[tuple
 
 
 def _before(report: Report) -> str:
-    return "baseline" if report.findings else "simulation"
+    return "baseline" if any(map(told_apart, report.closed_loop)) else "simulation"
 
 
 def _says(report: Report) -> str:
-    says = "The lead is the log's; driver and car are simulated, so that an error of one second is in all that follows."
+    says = (
+        "The lead is the log's; driver and car are simulated, so that an error of one second is in all that follows. "
+        "Each stretch begins with what was measured."
+    )
     for of in report.closed_loop:
         unit = role_unit(of.role)
         says += f" {spoken(of.role).capitalize()}: error {number(rms(of.before - of.measured), unit)} rms"
-        if report.findings:
+        if told_apart(of):
             says += (
                 f" → {number(rms(of.after - of.measured), unit)}, its variance reduced by {percent(of.gain)} "
                 "on data that chose nothing"
