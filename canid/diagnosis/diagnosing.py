@@ -197,7 +197,11 @@ def _report(
     errors = held_out.errors(original, searched, folds) if searched.named else None
     total = Interval() if errors is None else held_out.gain(*errors, dt)
     # a cause that makes the simulation of other data worse is not the cause
-    sound = held.passed and not (searched.solved.model.effects and total.high < 0)
+    worse = total.high < 0
+    if worse:
+        quick = held_out.gain(*held_out.errors(original, searched, folds, foreseen=True), dt)
+        worse = not quick.low > 0
+    sound = held.passed and not (searched.solved.model.effects and worse)
     fitted = intervals.parameters(solved, searched.data)
     findings = tuple(_finding(one, searched, original, fitted, sound, total) for one in searched.named)
     verdict = _verdict(findings, sound)

@@ -44,7 +44,13 @@ class DriverModel(NamedTuple):
 
     def free(self) -> tuple[int, ...]:
         """Parameters that a fit may move."""
-        return tuple(k for k in range(len(self.low)) if k != DESIRED or self.centred)
+        held = {
+            k
+            for effect, where in zip(self.effects, self.where, strict=True)
+            for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
+            if p.held
+        }
+        return tuple(k for k in range(len(self.low)) if k not in held and (k != DESIRED or self.centred))
 
 
 def with_effects(effects: Sequence[Effect]) -> DriverModel:

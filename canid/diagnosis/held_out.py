@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from canid.diagnosis import wander
 from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.naming import Search
 from canid.diagnosis.solved import Solved, solve
 from canid.findings import Flags
@@ -70,17 +71,29 @@ def dealt(data: DriverData) -> npt.NDArray[np.int64]:
     return (np.arange(data.seen.t.size) // round(BLOCK / data.output.dt)) % FOLDS
 
 
-def errors(original: DriverData, search: Search, fits: tuple[Fold, ...]) -> tuple[Array, Array, Flags]:
-    """Squared errors of both models on data that did not fit them, (n,) each, and where there are any."""
+def errors(
+    original: DriverData, search: Search, fits: tuple[Fold, ...], *, foreseen: bool = False
+) -> tuple[Array, Array, Flags]:
+    """Squared errors of both models on data that did not fit them, (n,) each, and where there are any.
+
+    Args:
+        original: the drive.
+        search: what was found on it.
+        fits: both models, fold by fold.
+        foreseen: of what the samples before do not foretell, by the noise's colour: there a cause shows that acts quickly,
+            and that slow noise hides in the simulation.
+    """
     fold, n = dealt(original), original.seen.t.size
     before, after = np.full(n, np.nan), np.full(n, np.nan)
     y = original.output.y
     for k, one in enumerate(fits):
         out = simulated(search, search.data, one.extended, one.wander)
         here = fold == k
-        before[here] = ((y - one.base.fitted.model) ** 2)[here]
-        after[here] = ((y - out) ** 2)[here]
-    where = original.output.usable & ~original.output.below
+        left, after_left = y - one.base.fitted.model, y - out
+        if foreseen:
+            left, after_left = (whitened(search.before.noise, x) for x in (left, after_left))
+        before[here], after[here] = left[here] ** 2, after_left[here] ** 2
+    where = original.output.usable & ~original.output.below & (search.before.rows | (not foreseen))
     return before, after, where
 
 

@@ -15,6 +15,10 @@ from canid.diagnosis.solved import Solved
 from canid.types import Array, Channel, Identifiable, Interval
 
 SIGMAS = 1.96
+# A sandwich from one drive is a little too narrow: the noise's colour was fitted to the same data, and what the sensors
+# hide of the inputs is no Gaussian. By how much was measured on 72 clean drives of two simulators that are not canid's:
+# errors over stated sd have 1.13 (gains) and 1.30 (delays). Other drives than the ones in any table.
+GAINS_WIDER, DELAYS_WIDER = 1.15, 1.3
 # told as in the estimators: a gain at 3 standard deviations, the sum of both delays within 0.3 s, each within 0.1 s
 GAIN_KNOWN = 3.0
 SUM_KNOWN, EACH_KNOWN = 0.3, 0.12  # s
@@ -60,6 +64,8 @@ def parameters(solved: Solved, data: DriverData) -> dict[str, dict[str, Interval
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
         told[effect.id] = {}
         for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
+            if k not in place:
+                continue
             i = place[k]
             narrow = interval(solved.q[k], float(np.sqrt(of.C[i, i])), p.low, p.high)
             told[effect.id][p.name] = widened(data, solved, k, narrow, float(of.overstated[i]))
@@ -79,7 +85,8 @@ def channels(solved: Solved, dt: float, data: DriverData | None = None) -> Mappi
 
     def sd(*these: int) -> float:
         index = [place[k] for k in these]
-        return float(np.sqrt(of.C[np.ix_(index, index)].sum()))
+        wider = GAINS_WIDER if these[0] in (K1, K2) else DELAYS_WIDER
+        return wider * float(np.sqrt(of.C[np.ix_(index, index)].sum()))
 
     def told(k: int) -> Interval:
         low, high = (0.0, HIGH[k]) if k in (TAU1, TAU2, THETA1, THETA2) else (-np.inf, np.inf)

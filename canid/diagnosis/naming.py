@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis import holds, likelihood, line, search, wander
+from canid.diagnosis import holds, likelihood, line, rhythm, search, wander
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.evidence import needed
 from canid.diagnosis.search import Candidate
@@ -112,6 +112,10 @@ def search_causes(
             swing, bound = line.look(by["periodic_task"], data, solved, m)
             if swing is not None:
                 options.append(_option(swing.effect, step, swing.evidence, bound, swing))
+        if "act_and_wait" in by and not any(n.effect.id == "act_and_wait" for n in named):
+            decided, bound = rhythm.look(by["act_and_wait"], data, solved, m)
+            if decided is not None:
+                options.append(_option(decided.effect, step, decided.evidence, bound, decided))
         if "headway_drift" in by and wandering is None:
             drift = wander.look(data, solved)
             if drift is not None:
@@ -138,7 +142,9 @@ def search_causes(
             # the noise's size again, now that a cause is out of it
             noise = sized(data, solved.fitted, solved.noise, solved.rows)
             solved = solve(data, solved.model.effects, solved.q, noise, solved.rows)
-            named.append(Named(first.effect, first.evidence, first.needed, ()))
+            named.append(
+                Named(first.effect, first.evidence, first.needed, (), (), _rhythm(first.effect, solved, data))
+            )
     solved, named = _still_needed(data, solved, named, m)
     named = [_with_rivals(one, data, solved, curves, m) for one in named]
     return Search(before, data, solved, tuple(named), tuple(steps), wandering, held)
@@ -160,6 +166,15 @@ def _option(
     effect: Effect, step: int, evidence: float, bound: float, what: Candidate | wander.Wander
 ) -> tuple[float, Step, Candidate | wander.Wander]:
     return evidence - bound, Step(effect, step, evidence, bound, accepted=False), what
+
+
+def _rhythm(effect: Effect, solved: Solved, data: DriverData) -> Interval | None:
+    """A rhythm that is off by more than this is out of step at one end of the drive."""
+    if effect.id != "act_and_wait":
+        return None
+    interval = float(solved.q[solved.model.where[-1].start])
+    off = 0.25 * interval**2 / max(data.seen.drive, 1.0)
+    return Interval(interval, interval - off, interval + off)
 
 
 def _told(found: holds.Holds, data: DriverData) -> Interval | None:

@@ -154,9 +154,8 @@ def priced_in(effect: Effect, solved: Solved, without: Solved, dt: float) -> Can
     where = solved.model.where[[e.id for e in solved.model.effects].index(effect.id)]
     gained = max(without.deviance - solved.deviance, 0.0)
     added = len(solved.fitted.free) - len(without.fitted.free)
-    return Candidate(
-        effect, solved, gained / inflation(solved, list(range(where.start, where.stop)), dt), added
-    )
+    moved = [k for k in range(where.start, where.stop) if k in solved.fitted.free]
+    return Candidate(effect, solved, gained / (inflation(solved, moved, dt) if moved else 1.0), added)
 
 
 def candidates(effects: tuple[Effect, ...], data: DriverData, without: Solved) -> list[Candidate]:

@@ -91,7 +91,7 @@ def look(trace: Trace, allowed: Collection[str] = CAUSES) -> Sensed:
     gap = signals.get("gap_reported", signals.get("gap"))
     rate = signals.get("range_rate_reported", signals.get("range_rate"))
     speed = signals.get("speed")
-    if gap is None or rate is None or speed is None:
+    if gap is None or rate is None or speed is None or n < 2:
         return Sensed(
             (), (), (), Blocked("sensing", "not_testable", "No gap, range rate and speed to be compared."), 0
         )

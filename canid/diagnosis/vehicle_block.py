@@ -338,8 +338,11 @@ def _untold(
 
 def _line(findings: tuple[Finding, ...], found: CarSearch, gate: Check, data: VehicleData) -> Blocked:
     named = {finding.effect for finding in findings}
-    ordinary = [_briefly(one.effect, found) for one in found.named if one.effect.id not in named]
+    rest = [one for one in found.named if one.effect.id not in named]
+    ordinary = [_briefly(one.effect, found) for one in rest if not _matters(one, found, data)]
+    unsure = [_briefly(one.effect, found) for one in rest if _matters(one, found, data)]
     usual = f" As usual, and in the model: {', '.join(ordinary)}." if ordinary else ""
+    usual += f" Helps, but not on other parts of the drive: {', '.join(unsure)}." if unsure else ""
     if gate.passed is False:
         return Blocked("vehicle", "unexplained", gate.says + usual)
     if findings:

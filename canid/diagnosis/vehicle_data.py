@@ -22,6 +22,8 @@ FROM_BRAKE, SETTLING = 1.0, 1.5
 ROAD = 40.0
 # m of road between whose ends a slope is taken from the altitude: its noise of 0.4 m becomes 0.4 %
 RISE = 150.0
+# s; a shorter log tells nothing of a car
+SHORTEST = 40.0
 # %; a slope that stands out less from its own noise is none
 LEVEL = 0.15
 
@@ -44,6 +46,8 @@ def prepare(trace: Trace, usable: Flags) -> VehicleData | str:
         usable: (n,) samples that no mask has taken.
     """
     signals, dt, n = trace.signals, trace.dt, trace.t.size
+    if n * dt < SHORTEST:
+        return f"the log lasts {n * dt:.0f} s"
     if output_role(trace) != "pedal" or "speed" not in signals:
         return "no pedal was recorded, so nothing says what the engine was asked for: map `pedal`"
     pedal, speed = signals["pedal"], signals["speed"]

@@ -2,30 +2,67 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from canid.effects.cause import Effect, Foot, Parameter, Params
+from canid.types import Array
 
 
-def init(p: Params, first: float) -> tuple[float, float]:
-    """Begin with a decision: (what was decided, s since then)."""
-    return first, 0.0
+class State(NamedTuple):
+    """Where the foot is."""
+
+    start: float  # %, where it was at the last decision
+    decided: float  # %
+    left: float  # s until the next decision
 
 
-def step(
-    p: Params, state: tuple[float, float], demand: float, dt: float
-) -> tuple[tuple[float, float], float]:
-    """Hold the demand for D s, then take the new one.
+def moved(since: Any, release: float) -> Any:
+    """Part of the way that a foot has gone, 0 to 1: the smoothest there is (minimum jerk, Flash & Hogan 1985, eq. 1).
 
     Example:
-        >>> state, held = step((1.0,), (10.0, 0.5), 14.0, 0.1)
-        >>> held, step((1.0,), (10.0, 0.95), 14.0, 0.1)[1]
+        >>> moved(np.array([0.0, 0.1, 0.3]), 0.2)
+        array([0. , 0.5, 1. ])
+    """
+    u = np.minimum(since / release, 1.0) if release > 1e-4 else np.ones_like(since)
+    return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+
+
+def init(p: Params, first: float) -> State:
+    """Begin at rest: interval, phase (s until the first decision) and release (s) may be given."""
+    return State(first, first, p[1] if len(p) > 1 else p[0])
+
+
+def step(p: Params, state: State, demand: float, dt: float) -> tuple[State, float]:
+    """Hold the demand for D s, then go to the new one.
+
+    Example:
+        >>> state, pedal = step((1.0, 0.0, 0.0), State(10.0, 10.0, 0.5), 14.0, 0.1)
+        >>> pedal, step((1.0, 0.0, 0.0), State(10.0, 10.0, 0.05), 14.0, 0.1)[1]
         (10.0, 14.0)
     """
-    held, since = state
-    since += dt
-    if since >= p[0] - 1e-9:
+    start, decided, left = state.start, state.decided, state.left - dt
+    release = p[2] if len(p) > 2 else 0.0
+    if left <= 1e-9:
         # a decision that comes between two steps of the grid keeps its own rhythm
-        return (demand, since - p[0]), demand
-    return (held, since), held
+        start, decided, left = decided, demand, left + p[0]
+    pedal = start + (decided - start) * float(moved(np.float64(p[0] - left), release))
+    return State(start, decided, left), pedal
+
+
+def column(p: Params, demand: Array, dt: float) -> Array:
+    """Return the pedal (n,), decided between samples where the rhythm says so.
+
+    Example:
+        >>> column((0.3, 0.1, 0.0), np.arange(6.0), 0.1)
+        array([0., 1., 1., 1., 4., 4.])
+    """
+    t = dt * np.arange(demand.size)
+    at = p[1] + p[0] * np.floor((t - p[1]) / p[0] + 1e-9)
+    decided, start = np.interp(at, t, demand), np.interp(at - p[0], t, demand)
+    out: Array = start + (decided - start) * moved(t - at, float(p[2]))
+    return out
 
 
 EFFECT = Effect(
@@ -33,10 +70,14 @@ EFFECT = Effect(
     says="The driver decides every {interval} s and holds the pedal in between.",
     where="driver",
     kind="episodes",
-    parameters=(Parameter("interval", "s", 0.3, 4.0, (), 1.0),),
+    parameters=(
+        Parameter("interval", "s", 0.3, 4.0, (), 1.0, held=True),
+        Parameter("phase", "s", 0.0, 4.0, (), 0.0, held=True),
+        Parameter("release", "s", 0.0, 1.0, (), 0.2),
+    ),
     needs=(),
     source="Gawthrop et al. 2011; Wagner 2006; Markkula et al. 2018",
     decides="10 min of following with a calm foot",
-    foot=Foot(init, step),
-    planted=((1.5,), (2.5,)),
+    foot=Foot(init, step, column),
+    planted=((1.5, 0.0, 0.1), (2.5, 1.0, 0.2)),
 )

@@ -110,10 +110,14 @@ def misfit(s: Screened) -> str:
     Example:
         >>> misfit(Screened(90.0, False, 62.0, "vehicle", "it answers the pedal less strongly than learnt", {}))
         'since 1:02.0 the model does not fit; vehicle suspected: it answers the pedal less strongly than learnt'
+        >>> misfit(Screened(240.0, True, 230.0, "", "fits what was learnt: driver", {}))
+        'since 3:50.0 nothing is amiss any more; fits what was learnt: driver'
     """
-    if s.fits:
+    if s.since != s.since:
         return s.says
     since = f"since {clock(s.since)}" if s.since >= 0 else "since before this start"
+    if s.fits:
+        return f"{since} nothing is amiss any more; {s.says}"
     return f"{since} the model does not fit; {s.block} suspected: {s.says}"
 
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.hidden_effects.planted import Array
 from canid.diagnosis import masks
@@ -45,7 +46,7 @@ class Library(NamedTuple):
     names: tuple[str, ...]  # of each column; an effect may have several
     X: Array  # (m, k), variance 1
     y: Array  # (m,) what the baseline leaves, variance 1
-    index: Array  # (m,) sample of the drive
+    at: npt.NDArray[np.int64]  # (m,) sample of the drive
 
 
 class Fitted(NamedTuple):
@@ -110,15 +111,16 @@ def slopes(data: DriverData, solved: Solved, rows: Flags) -> Array:
     """Derivatives (m, k) of the baseline's pedal by its free parameters."""
     model, function = solved.model, bound(solved.model, data)
     here = function(solved.q)
-    out = []
+    columns = []
     for k in model.free():
         h = STEP * model.scale[k] * (-1.0 if solved.q[k] + STEP * model.scale[k] > model.high[k] else 1.0)
         moved = solved.q.copy()
         moved[k] += h
-        out.append((function(moved) - here)[rows] / h)
-    J = np.column_stack(out)
+        columns.append((function(moved) - here)[rows] / h)
+    J = np.column_stack(columns)
     scale = np.linalg.norm(J, axis=0)
-    return J[:, scale > 0] / scale[scale > 0]
+    out: Array = J[:, scale > 0] / scale[scale > 0]
+    return out
 
 
 Choices = list[tuple[Array, bool]]  # (column, may its coefficient have either sign?)
@@ -143,7 +145,7 @@ def made(effect: Effect, at: Fitted) -> list[Choices]:
 
 def bent(effect: Effect, at: Fitted) -> list[Array]:
     """What a parametric cause adds, at each strength at which a search begins."""
-    model = with_effects((effect,))
+    model = with_effects((*at.solved.model.effects, effect))
     here = at.solved.fitted.model
     return [pedal(model, at.data, q) - here for q in starts(effect, at.data, at.solved)]
 
@@ -213,7 +215,7 @@ def remembered(lib: Library, memory: int) -> tuple[tuple[str, ...], Array, Array
     """
     if not memory:
         return lib.names, lib.X, lib.y
-    known = np.flatnonzero(lib.index[memory:] - lib.index[:-memory] == memory) + memory
+    known = np.flatnonzero(lib.at[memory:] - lib.at[:-memory] == memory) + memory
     past = np.column_stack([lib.y[known - lag] for lag in range(1, memory + 1)])
     X = np.column_stack([lib.X[known], lib.X[known - 1], past])
     return (*lib.names, *lib.names, *[""] * memory), X, lib.y[known]

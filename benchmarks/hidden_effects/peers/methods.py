@@ -24,8 +24,8 @@ MOST = 8
 
 # found by `python -m benchmarks.hidden_effects.peers.tuning`, see there
 NAIVE_BEST = naive.Settings(difference=10.0, most=2)
-STLSQ_BEST = stlsq.Settings(threshold=0.2, alpha=0.05, memory=0)
-FROLS_BEST = frols.Settings(ratio=0.05, criterion="", memory=0)
+STLSQ_BEST = stlsq.Settings(threshold=0.4, alpha=0.05, memory=0)
+FROLS_BEST = frols.Settings(ratio=0.2, criterion="", memory=0)
 
 
 class Method(NamedTuple):

@@ -15,6 +15,7 @@ from canid.diagnosis.least_squares import fit
 from canid.diagnosis.likelihood import Noise
 from canid.diagnosis.solved import Solved, solve
 from canid.effects.cause import Effect
+from canid.findings import Flags
 
 # candidates that a step fits in full: those whose columns promise most
 FITTED = 3
@@ -95,7 +96,8 @@ def select(at: Fitted, catalogue: Sequence[Effect], most: int) -> list[tuple[str
     return steps
 
 
-def _plain(solved: Solved, y: Array, rows: Array) -> Solved:
+def _plain(solved: Solved, y: Array, rows: Flags) -> Solved:
+    """A fit with noise of sd 1 again."""
     scored = solved.fitted.scored
     e = np.where(rows, y - solved.fitted.model, 0.0)
     J = solved.fitted.jacobian * solved.noise.sd

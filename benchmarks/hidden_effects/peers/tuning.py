@@ -1,6 +1,7 @@
 """Choose each peer's settings on drives that the table does not use, so that each comes with the best it can.
 
     python -m benchmarks.hidden_effects.peers.tuning [--logs 160] [--first-seed 70000] [--peers-python PATH]
+        [--only naive stlsq frols]
 
 A setting's score is the mean of two shares: clean drives on which it names nothing, and drives with one effect of
 LR >= 50 on which it names the planted one and nothing else. Who names something always, or nothing ever, gets a half.
@@ -12,7 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -26,7 +27,11 @@ from benchmarks.hidden_effects.table import STRONG
 from benchmarks.identification.peers.peer import ELSEWHERE, call, missing
 from canid.effects import CATALOGUE
 
-NAIVE = tuple(naive.Settings(*s) for s in product((10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0), (1, 2, 4)))
+WHO = ("naive", "stlsq", "frols")
+NAIVE = tuple(
+    naive.Settings(*s)
+    for s in product((10.0, 30.0, 100.0, 300.0, 500.0, 700.0, 1000.0, 2000.0, 3000.0), (1, 2, 4))
+)
 THRESHOLDS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 ALPHAS, MEMORIES = (0.05, 100.0), (0, 1, 3)
 RATIOS, CRITERIA = (0.0, 0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3), ("", "bic")
@@ -40,8 +45,8 @@ class Said(NamedTuple):
     names: tuple[str, ...]
 
 
-def said(drive: Drive) -> Iterator[Said]:
-    """Ask every peer with every setting."""
+def said(drive: Drive, peers: Sequence[str]) -> Iterator[Said]:
+    """Ask peers with every setting."""
     planted, prices = hide(drive)
     if any(not price.lr >= STRONG for price in prices.values()):
         return
@@ -49,16 +54,17 @@ def said(drive: Drive) -> Iterator[Said]:
     if at is None:
         return
     hidden = "".join(prices)
-    steps = naive.select(at, CATALOGUE, max(s.most for s in NAIVE))
-    for s in NAIVE:
-        yield Said(s, hidden, tuple(name for (name,) in cut(steps, s)))
+    if "naive" in peers:
+        steps = naive.select(at, CATALOGUE, max(s.most for s in NAIVE))
+        for s in NAIVE:
+            yield Said(s, hidden, tuple(name for (name,) in cut(steps, s)))
     lib = library(at, CATALOGUE)
     for memory in MEMORIES:
         names, X, y = remembered(lib, memory)
-        for threshold, alpha in product(THRESHOLDS, ALPHAS) if not missing(STLSQ) else ():
+        for threshold, alpha in product(THRESHOLDS, ALPHAS) if "stlsq" in peers else ():
             sets = strongest([(names[k], size) for k, size in call(STLSQ, X, y, threshold, alpha)])
             yield Said(stlsq.Settings(threshold, alpha, memory), hidden, tuple(n for (n,) in sets))
-        for criterion in CRITERIA if not missing(FROLS) else ():
+        for criterion in CRITERIA if "frols" in peers else ():
             kept = call(FROLS, X, y, 0.0, criterion, MOST + memory)
             for ratio in RATIOS:
                 sets = strongest([(names[k], err) for k, err in kept if err >= ratio])
@@ -91,13 +97,16 @@ def main() -> int:
     parser.add_argument("--logs", type=int, default=160)
     parser.add_argument("--first-seed", type=int, default=70_000)
     parser.add_argument("--peers-python", metavar="PATH")
+    parser.add_argument("--only", nargs="+", choices=WHO, default=WHO)
     args = parser.parse_args()
     if args.peers_python:
         os.environ[ELSEWHERE] = args.peers_python
+    absent = {name for name, peer in (("stlsq", STLSQ), ("frols", FROLS)) if missing(peer)}
+    peers = [name for name in args.only if name not in absent]
     answers: list[Said] = []
     wanted = [drive for drive in drives(args.logs, args.first_seed) if drive.kind in (CLEAN, ONE)]
     for k, drive in enumerate(wanted, 1):
-        answers += said(drive)
+        answers += said(drive, peers)
         if k % 20 == 0:
             print(f"{k} of {len(wanted)} drives", file=sys.stderr, flush=True)
     for kind in (naive.Settings, stlsq.Settings, frols.Settings):
