@@ -19,6 +19,7 @@ from canid.diagnosis import (
     separable,
 )
 from canid.diagnosis.driver_data import DriverData, prepare
+from canid.diagnosis.evidence import answered
 from canid.diagnosis.naming import Named, Search
 from canid.diagnosis.solved import Solved, baseline
 from canid.diagnosis.vehicle_block import Vehicle
@@ -37,7 +38,7 @@ from canid.findings import (
     Verdict,
     no_fit,
 )
-from canid.types import NAN, Array, Gate, Identifiable, Interval, Trace
+from canid.types import NAN, Array, Gate, Interval, Trace
 
 # s of driving that a diagnosis needs: less than two minutes tell no cause from chance (evidence grows with time)
 LEAST = 90.0
@@ -87,8 +88,7 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
     if prepared is None:
         why = "too few samples in a row in which a person drives behind a lead"
         return joining.beside(nothing(trace, why, masked, steps), beside)
-    answers = intervals.channels(prepared.fitted, prepared.trace.dt)
-    if all(channel.status is Identifiable.NOT for channel in answers.values()):
+    if not answered(prepared.data, prepared.fitted):
         why = "the output answers neither headway nor relative speed by more than chance: is it the right signal?"
         why = f"{why} If it is, drive longer behind a lead whose speed changes"
         return joining.beside(nothing(trace, why, masked, steps), beside)

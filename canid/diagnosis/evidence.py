@@ -6,7 +6,9 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.stats import chi2
 
-from canid.diagnosis.solved import Solved
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.driver_model import K1, K2, OFFSET
+from canid.diagnosis.solved import Solved, solve
 from canid.types import Array
 
 # of a direction's own size; keeps the inverse of two that coincide finite
@@ -16,6 +18,8 @@ REACH = 5.0
 # chance that any candidate is named on a drive without causes, all of them together: half of what is promised, as
 # evidence is trusted to follow its law only so far
 FAMILY = 0.005
+# chance that an output that answers nothing is taken for one that does
+SILENT = 1e-4
 
 
 def needed(parameters: int, tried: int) -> float:
@@ -26,6 +30,18 @@ def needed(parameters: int, tried: int) -> float:
         13.4
     """
     return float(chi2.isf(FAMILY / max(tried, 1), max(parameters, 1)))
+
+
+def answered(data: DriverData, fitted: Solved) -> bool:
+    """Does the output answer headway or relative speed at all, by more than chance?
+
+    Without an answer there is nothing that a cause could change.
+    """
+    q = fitted.q.copy()
+    q[[K1, K2]] = 0.0
+    silent = solve(data, (), q, fitted.noise, fitted.rows, free=(OFFSET,))
+    freed = len(fitted.fitted.free) - 1
+    return silent.deviance - fitted.deviance > float(chi2.isf(SILENT, freed))
 
 
 def inflation(solved: Solved, of: list[int], dt: float) -> float:

@@ -126,6 +126,7 @@ def search_causes(
                 (o[0] - CLIPPED * o[1].needed, o[1]._replace(needed=(1 + CLIPPED) * o[1].needed), o[2])
                 for o in options
             ]
+        options = [option for option in options if not _at_bound(option[2])]
         options.sort(key=lambda option: -option[0])
         won = bool(options) and options[0][0] > 0
         steps += [option[1]._replace(accepted=won and k == 0) for k, option in enumerate(options)]
@@ -160,6 +161,20 @@ def _tried(curves: tuple[Effect, ...], data: DriverData, solved: Solved) -> tupl
         if again.deviance < solved.deviance - VALLEY:
             return again, search.candidates(curves, data, again)
     return solved, found
+
+
+def _at_bound(what: Candidate | wander.Wander) -> bool:
+    """Is a fitted strength at the limit of what people do? Then something else is meant by it."""
+    if isinstance(what, wander.Wander):
+        return False
+    solved, ids = what.solved, [effect.id for effect in what.solved.model.effects]
+    where = solved.model.where[ids.index(what.effect.id)]
+    for p, k in zip(what.effect.parameters, range(where.start, where.stop), strict=True):
+        near = 1e-3 * (p.high - p.low)
+        limits = [limit for limit in (p.low, p.high) if limit != 0.0 and p.unit != "rad"]
+        if k in solved.fitted.free and any(abs(float(solved.q[k]) - limit) < near for limit in limits):
+            return True
+    return False
 
 
 def _option(

@@ -316,14 +316,13 @@ def _untold(
     for effect in catalogue:
         why = _there(effect, data)
         if effect not in effects and why != "the road is level":
-            out.append(
-                NotTestable((effect.id, *effect.rivals) if effect.id == "headwind" else (effect.id,), why)
-            )
+            out.append(NotTestable((effect.id,), why))
         elif effect in effects and expected[effect.id] < needed(1, len(effects)):
             why = f"a typical one would leave evidence {expected[effect.id]:.0f} on this drive; it takes {effect.decides}"
             out.append(NotTestable((effect.id,), why))
     if data.slope_sd != data.slope_sd:
-        out = [one for one in out if one.effects not in (("headwind", "road_grade"), ("road_grade",))]
+        # nothing measures the slope: it and the wind are one question
+        out = [one for one in out if one.effects not in (("headwind",), ("road_grade",))]
         why = (
             "slow disturbances of the car are one or the other, and nothing says which: map grade or altitude"
         )

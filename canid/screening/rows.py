@@ -15,6 +15,8 @@ LEAK = 5.0
 PULLS = 2.0
 # m/s; below this a car creeps by itself
 ROLLS = 2.0
+# m; closer than this a radar's report follows the bumper no longer, and nobody drives
+NEAREST = 2.0
 # half a millisecond against the rounding of t = k dt
 _ROUNDING = 5e-4
 # (m/s)² per unit of the drag column: speeds of 10 to 30 m/s give numbers of the size of a pedal's
@@ -67,7 +69,7 @@ def step(state: State, sample: Sample) -> tuple[State, tuple[float, ...]]:
     went = 0.5 * h * (rate + state.rate)
     grew = gap - state.gap - went
     # a hole ends the sums; they begin anew behind it
-    if follows and isfinite(grew):
+    if follows and isfinite(grew) and min(gap, state.gap) > NEAREST:
         kept = 1.0 - h / LEAK
         summed = crept, ran = kept * state.crept + grew, kept * state.ran + went
     row = (

@@ -22,8 +22,9 @@ STLSQ = Peer("STLSQ", stlsq.select, "pysindy")
 # terms that FROLS may choose; with more it only gets slower
 MOST = 8
 
-# found by `python -m benchmarks.hidden_effects.peers.tuning`, see there
-NAIVE_BEST = naive.Settings(difference=10.0, most=2)
+# Found by `python -m benchmarks.hidden_effects.peers.tuning` (seeds 70000 to 70159: 64 clean drives, 32 with one cause).
+# Scores: naive 0.73, STLSQ 0.58, FROLS 0.63. Naive had 0.76 with one cause at most, but then it could never name two.
+NAIVE_BEST = naive.Settings(difference=700.0, most=2)
 STLSQ_BEST = stlsq.Settings(threshold=0.4, alpha=0.05, memory=0)
 FROLS_BEST = frols.Settings(ratio=0.2, criterion="", memory=0)
 
