@@ -56,15 +56,15 @@ def test_clean_drives_are_silent_and_seen() -> None:
         assert math.isnan(said[-1].since)
 
 
-@pytest.mark.parametrize("simulator", PLANTS)
 @pytest.mark.parametrize(
-    "name",
+    ("name", "simulator"),
     [
-        "range rate with the wrong sign",
-        "range rate off by 30 %",
-        "speed reads 8 % more",
-        "speed stands still",
-        "gap and range rate stand still",
+        ("range rate with the wrong sign", "one"),
+        ("range rate off by 30 %", "two"),
+        ("speed reads 8 % more", "one"),
+        ("speed stands still", "two"),
+        ("gap and range rate stand still", "one"),
+        ("gap and range rate stand still", "two"),
     ],
 )
 def test_a_sensor_that_fails_is_told_within_half_a_minute(name: str, simulator: str) -> None:

@@ -124,7 +124,8 @@ def colour(output: Output, residual: Array, p: int, size: Array) -> Noise:
     lags = np.stack([residual[index - k] for k in range(1, p + 1)], axis=1) / size[index, None]
     now = residual[index] / size[index]
     gram = lags.T @ lags
-    gram[np.diag_indices_from(gram)] *= 1 + 1e-9
+    # a residual that is nothing but 0 has no colour, and none is singular
+    gram[np.diag_indices_from(gram)] += 1e-9 * max(float(np.trace(gram)) / max(p, 1), 1e-12)
     a = solve(gram, lags.T @ now, assume_a="pos")
     e = now - lags @ a
     return Noise(np.r_[1.0, -a], max(float(np.sqrt(np.mean(e * e))), 1e-9), size, np.empty(0))

@@ -87,7 +87,7 @@ def candidates(effects: tuple[Effect, ...], data: VehicleData, without: SolvedCa
             if effect.id != "road_grade" and (size < 1e-9 or float(d @ e) ** 2 / size < WORTH):
                 continue
             q = np.concatenate([without.fitted.q, p])
-            solved = solve(data, (*without.model.effects, effect), q, without.noise, without.rows)
+            solved = solve(data, (*without.model.effects, effect), q, without.noise, without.rows, turns=2)
             if best is None or solved.deviance < best.deviance:
                 best = solved
         if best is not None:

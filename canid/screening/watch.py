@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.screening import driver, evidence, held, reference, rows, scatter, sensing, vehicle
+from canid.screening import driver, evidence, held, reference, rows, scatter, sensing, suspicion, vehicle
 from canid.screening.predictor import Predictor
 from canid.types import NAN, Array, Sample, Screened, Watch, Watched
 
@@ -61,7 +61,8 @@ class State(NamedTuple):
     looks: tuple[Array, ...]  # (LOOK, columns) each, the newest last
     followed: tuple[Followed, ...]
     held: held.State
-    misfits: tuple[bool, ...] = (False,) * len(BLOCKS)
+    suspicions: tuple[suspicion.State, ...] = (suspicion.State(),) * len(BLOCKS)
+    fits: bool = True
     again: float = NAN  # s, since when all fits again; NaN: nothing was wrong so far
     said: tuple[str, ...] = ()  # what was said last
     said_at: float = NAN  # s
@@ -139,17 +140,20 @@ def make(names: Sequence[str]) -> Screen:
             for p, one, where, columns in zip(predictors, state.followed, lags, fitted, strict=True)
         )
         state = state._replace(followed=followed)
-        watched = {
-            block: _watched(block, was, predictors, state, needed[block])
-            for block, was in zip(BLOCKS, state.misfits, strict=True)
-        }
+        watched = {block: _watched(block, predictors, state, needed[block]) for block in BLOCKS}
         if holding.level >= needed["driver"] and watched["vehicle"].state is Watch.MISFIT:
             # a foot that rests moves the car as ever
             says = "the driver's output stands still, and the car moves otherwise"
             watched["sensing"] = Watched(Watch.MISFIT, holding.since, says, holding.level, needed["driver"])
-        misfits = tuple(of.state is Watch.MISFIT for of in watched.values())
-        again = sample.t if any(state.misfits) and not any(misfits) else state.again
-        state = state._replace(misfits=misfits, again=again)
+        lasting = [
+            suspicion.step(was, sample.t, watched[block])
+            for block, was in zip(BLOCKS, state.suspicions, strict=True)
+        ]
+        suspicions = tuple(was for was, _ in lasting)
+        watched = dict(zip(BLOCKS, (of for _, of in lasting), strict=True))
+        fits = not any(of.state is Watch.MISFIT for of in watched.values())
+        again = max(of.t for of in suspicions if of.t == of.t) if fits and not state.fits else state.again
+        state = state._replace(suspicions=suspicions, fits=fits, again=again)
         told = _told(sample.t, watched, again)
         key = (told.block, *(of.state.value for of in watched.values()))
         # what was learnt changes by the second while it is little: no news
@@ -244,8 +248,8 @@ def _level(one: Followed) -> float:
     return max(float(one.misfit.level.max()), float(one.scatter.level.max()))
 
 
-def _watched(block: str, was: bool, predictors: Sequence[Predictor], state: State, needed: float) -> Watched:
-    """What is to be said of one block."""
+def _watched(block: str, predictors: Sequence[Predictor], state: State, needed: float) -> Watched:
+    """What is to be said of one block by its present evidence."""
     own = [(p, of) for p, of in zip(predictors, state.followed, strict=True) if p.block == block]
     seen = [(p, of) for p, of in own if of.unseen < UNSEEN]
     if not seen:
@@ -256,7 +260,7 @@ def _watched(block: str, was: bool, predictors: Sequence[Predictor], state: Stat
     # a held output is the reason of whatever else does not fit
     if block == "driver" and state.held.level >= min(level, needed):
         level, since, says = state.held.level, state.held.since, "the driver's output is held where it was"
-    if level >= needed or (was and level >= 0.5 * needed):
+    if level >= needed:
         return Watched(Watch.MISFIT, since, says, level, needed)
     learnt = max(of.reference.rows for _, of in seen)
     if learnt < LEARNT:
