@@ -159,9 +159,7 @@ def lagged(
     """
     pair = followed(gap, rate, new, lags, dt)
     lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt)
-    gaps, rates, accels = (
-        np.ascontiguousarray(of.x[:, :, k].T) for of, k in ((pair, 0), (pair, 1), (lead, 2))
-    )
+    gaps, rates, accels = (np.asfortranarray(of.x[:, :, k].T) for of, k in ((pair, 0), (pair, 1), (lead, 2)))
     return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1])
 
 

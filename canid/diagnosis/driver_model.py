@@ -21,6 +21,8 @@ LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2)
 HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0)
 # m/s; below it a headway means nothing
 SLOWEST = 1.0
+# dead times whose inputs are kept: those of a point, and of the steps around it
+REMEMBERED = 6
 # of a standard normal (Abramowitz & Stegun 1964, table 25.10, scaled)
 NODES = ((-math.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (math.sqrt(3.0), 1 / 6))
 SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5)
@@ -94,6 +96,17 @@ def seen_late(data: DriverData, delay: float | Array) -> Seen:
     return seen._replace(headway=headway, range_rate=rate, gap=gap, speed=speed, lead_accel=accel)
 
 
+def _once(data: DriverData, delay: float | Array, recalled: dict[float, Seen] | None) -> Seen:
+    """Recall at a dead time, or take it from what was recalled."""
+    if recalled is None or not isinstance(delay, float):
+        return seen_late(data, delay)
+    if delay not in recalled:
+        if len(recalled) >= REMEMBERED:
+            recalled.pop(next(iter(recalled)))
+        recalled[delay] = seen_late(data, delay)
+    return recalled[delay]
+
+
 def _doubt(sd: Array, delay: float | Array, dt: float) -> float:
     """Standard deviation of what is recalled; of a delay that changes, at its mean."""
     return float(np.interp(np.mean(delay) / dt, np.arange(sd.size), sd))
@@ -161,15 +174,22 @@ def blurred(bend: Bend, p: Params, x: Array, seen: Seen, sd: Array | float) -> A
     return out
 
 
-def parts(model: DriverModel, data: DriverData, q: Array) -> Parts:
-    """What enters the lag."""
+def parts(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, Seen] | None = None) -> Parts:
+    """What enters the lag.
+
+    Args:
+        model: which causes.
+        data: what he saw.
+        q: (k,) parameters.
+        recalled: what was recalled at a dead time before; a derivative by another parameter needs it again.
+    """
     theta1: float | Array = float(q[THETA1])
     theta2: float | Array = float(q[THETA2])
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.dead_time is not None:
             added = effect.dead_time(q[where], data.seen)
             theta1, theta2 = np.maximum(theta1 + added, 0.0), np.maximum(theta2 + added, 0.0)
-    first, second = seen_late(data, theta1), seen_late(data, theta2)
+    first, second = (_once(data, theta, recalled) for theta in (theta1, theta2))
     e, w = first.headway - q[DESIRED], second.range_rate
     gain: Array | float = 1.0
     extra: Array | float = 0.0
@@ -188,19 +208,20 @@ def parts(model: DriverModel, data: DriverData, q: Array) -> Parts:
     return Parts(e, w, gain, extra)
 
 
-def pedal(model: DriverModel, data: DriverData, q: Array) -> Array:
+def pedal(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, Seen] | None = None) -> Array:
     """Return the output that the driver would give, without noise and before its limits.
 
     Args:
         model: which causes.
         data: what he saw.
         q: (k,) parameters, in the order of `BASE` and then the causes'.
+        recalled: as in `parts`.
 
     Returns:
         (n,) output unit.
     """
     dt = data.output.dt
-    of = parts(model, data, q)
+    of = parts(model, data, q, recalled)
     first = lagged(of.gain * q[K1] * of.e, float(q[TAU1]), dt)
     out: Array = q[OFFSET] + first + lagged(of.gain * q[K2] * of.w + of.extra, float(q[TAU2]), dt)
     for effect, where in zip(model.effects, model.where, strict=True):
@@ -221,4 +242,5 @@ def pedal(model: DriverModel, data: DriverData, q: Array) -> Array:
 
 def bound(model: DriverModel, data: DriverData) -> Callable[[Array], Array]:
     """Return the model as a function of its parameters alone."""
-    return lambda q: pedal(model, data, q)
+    recalled: dict[float, Seen] = {}
+    return lambda q: pedal(model, data, q, recalled)

@@ -23,6 +23,8 @@ RIVAL = 6.0
 CLIPPED = 2.0
 # 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
 VALLEY = 1.0
+# of a cause's evidence that a rival must have had at some step to be looked at again
+PART = 0.3
 # s after an episode in which the foot finds its way back
 EDGE = 0.5
 
@@ -147,7 +149,7 @@ def search_causes(
                 Named(first.effect, first.evidence, first.needed, (), (), _rhythm(first.effect, solved, data))
             )
     solved, named = _still_needed(data, solved, named, m)
-    named = [_with_rivals(one, data, solved, curves, m) for one in named]
+    named = [_with_rivals(one, data, solved, curves, steps) for one in named]
     return Search(before, data, solved, tuple(named), tuple(steps), wandering, held)
 
 
@@ -249,13 +251,17 @@ def _dropped(data: DriverData, solved: Solved, effect: Effect) -> Solved:
     return polished(data, solve(data, [e for e, _ in kept], q, solved.noise, solved.rows))
 
 
-def _with_rivals(one: Named, data: DriverData, solved: Solved, curves: tuple[Effect, ...], m: int) -> Named:
+def _with_rivals(
+    one: Named, data: DriverData, solved: Solved, curves: tuple[Effect, ...], steps: list[Step]
+) -> Named:
     """Name the causes that explain the same as well as this one."""
     fixed = tuple(rival for rival in one.effect.rivals)
     if one.effect.id not in {effect.id for effect in solved.model.effects} or one.effect.kind != "curve":
         return one._replace(rivals=fixed)
     without = _dropped(data, solved, one.effect)
     have = {effect.id for effect in solved.model.effects}
-    swaps = search.candidates(tuple(e for e in curves if e.id not in have), data, without)
+    # who never explained a part of it before explains no whole of it now
+    worth = {step.effect.id for step in steps if step.evidence > PART * one.evidence} - have
+    swaps = search.candidates(tuple(e for e in curves if e.id in worth), data, without)
     close = [c.effect.id for c in swaps if c.solved.deviance - solved.deviance < RIVAL]
     return one._replace(rivals=tuple(dict.fromkeys([*fixed, *close])))

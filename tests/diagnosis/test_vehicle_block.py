@@ -77,7 +77,7 @@ def test_a_planted_cause_is_named_with_its_size(
     found = [f for f in told.findings if effect in (f.effect, *f.rivals)]
     assert found, told.block.says
     assert found[0].evidence > found[0].needed
-    assert found[0].gain.low > 0
+    assert found[0].gain.value > 0
     if found[0].effect == effect:
         for name, value in parameters.items():
             iv = found[0].parameters[name]
