@@ -7,6 +7,7 @@ import numpy as np
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import with_effects
 from canid.diagnosis.evidence import needed
+from canid.diagnosis.likelihood import colour
 from canid.diagnosis.search import Candidate, priced_in
 from canid.diagnosis.solved import Solved, solve
 from canid.effects.cause import Effect
@@ -49,22 +50,27 @@ def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple
         without: the model so far.
         tried: candidates of the whole search.
     """
-    f, over = spectrum(without.fitted.scored.e, data.output.dt)
+    rows, dt, t = without.rows, data.output.dt, data.seen.t
+    residual = np.where(rows, data.output.y - without.fitted.model, 0.0)
+    # before whitening as well: a noise of high order takes a line for its own colour, and whitens it away
+    f, over = spectrum(without.fitted.scored.e, dt)
+    over = np.maximum(over, spectrum(residual, dt)[1])
     if not f.size:
         return None, np.inf
     bound = needed(2, tried * f.size)
     at = int(np.argmax(over))
     if over[at] < 0.6 * bound:
         return None, bound
-    t = data.seen.t
-    rows = without.rows
     phase = 2 * np.pi * f[at] * t
     shape = np.stack([np.sin(phase), np.cos(phase)], axis=1)
-    residual = data.output.y - without.fitted.model
     a, b = np.linalg.lstsq(shape[rows], residual[rows], rcond=None)[0]
     own = [float(np.hypot(a, b)), float(f[at]), float(np.arctan2(b, a))]
     model = with_effects((*without.model.effects, effect))
-    solved = solve(data, model.effects, np.r_[without.q, own], without.noise, rows)
-    found = priced_in(effect, solved, without, data.output.dt)
+    left = data.output.y - without.fitted.model - shape @ np.array([a, b])
+    bare = colour(data.output, left, without.noise.A.size - 1, without.noise.size)
+    begins = (without.noise, bare._replace(state=without.noise.state))
+    tried_fits = [solve(data, model.effects, np.r_[without.q, own], noise, rows) for noise in begins]
+    solved = min(tried_fits, key=lambda one: one.deviance)
+    found = priced_in(effect, solved, without, dt)
     # how far it stands above its surroundings counts, if that is less: a bump of the noise is no line
     return found._replace(evidence=min(found.evidence, float(over[at]) * 1.15)), bound

@@ -100,8 +100,8 @@ def look(trace: Trace, usable: Flags, catalogue: tuple[Effect, ...] = VEHICLE) -
         for one in found.named
         if _matters(one, found, data)
     )
-    # what makes the simulation of other parts of the drive worse is not the cause
-    findings = tuple(finding for finding in told if not finding.gain.high < 0)
+    # only what surely simulates other parts of the drive better: without this a bent map is named beside other causes
+    findings = tuple(finding for finding in told if finding.gain.low > 0)
     return Vehicle(
         findings, _tried(found, effects, expected), _untold(data, catalogue, effects, expected),
         (*_checks(found, data), gate), _line(findings, found, gate, data),
@@ -341,7 +341,7 @@ def _line(findings: tuple[Finding, ...], found: CarSearch, gate: Check, data: Ve
     ordinary = [_briefly(one.effect, found) for one in rest if not _matters(one, found, data)]
     unsure = [_briefly(one.effect, found) for one in rest if _matters(one, found, data)]
     usual = f" As usual, and in the model: {', '.join(ordinary)}." if ordinary else ""
-    usual += f" Helps, but makes other parts of the drive worse: {', '.join(unsure)}." if unsure else ""
+    usual += f" Helps, but not surely on other parts of the drive: {', '.join(unsure)}." if unsure else ""
     if gate.passed is False:
         return Blocked("vehicle", "unexplained", gate.says + usual)
     if findings:
