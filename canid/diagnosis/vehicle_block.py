@@ -51,6 +51,9 @@ SLOWEST = 0.8
 CONFIRMED = 0.4
 # of the residual's variance, and of what the causes explained: what is left is material only above both (as `gate`)
 MATERIAL, FORM = 0.02, 0.1
+# of the error's variance on other parts of the drive that a named cause surely takes: a cause whose own form is a little
+# off leaves a neighbour some per cent
+WORTH = 0.02
 # chance that a car whose model is right fails the gate
 GATE = 0.005
 SIGMAS = 1.96
@@ -101,7 +104,7 @@ def look(trace: Trace, usable: Flags, catalogue: tuple[Effect, ...] = VEHICLE) -
         if _matters(one, found, data)
     )
     # only what surely simulates other parts of the drive better: without this a bent map is named beside other causes
-    findings = tuple(finding for finding in told if finding.gain.low > 0)
+    findings = tuple(finding for finding in told if finding.gain.low > WORTH)
     return Vehicle(
         findings, _tried(found, effects, expected), _untold(data, catalogue, effects, expected),
         (*_checks(found, data), gate), _line(findings, found, gate, data),

@@ -4,17 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.effects.cause import Effect, Parameter, Params, Seen, Value
+from canid.effects.cause import Effect, Foot, Parameter, Params
+from canid.types import Array
 
 
-def act(p: Params, seen: Seen) -> Value:
-    """Return A sin(2πft + φ), %.
+def init(p: Params, first: float) -> float:
+    """Begin: s since the drive's first sample."""
+    return 0.0
+
+
+def step(p: Params, t: float, demand: float, dt: float) -> tuple[float, float]:
+    """Add A sin(2πft + φ) to the pedal.
 
     Example:
-        >>> round(float(act((2.0, 0.25, 0.0), Seen(1.0, 600.0, 2.0, -1.0, 60.0, 33.0, 0.0))), 6)
-        2.0
+        >>> round(step((2.0, 0.25, 0.0), 1.0, 10.0, 0.1)[1], 6)
+        12.0
     """
-    return p[0] * np.sin(2 * np.pi * p[1] * seen.t + p[2])
+    return t + dt, demand + float(p[0] * np.sin(2 * np.pi * p[1] * t + (p[2] if len(p) > 2 else 0.0)))
+
+
+def column(p: Params, demand: Array, dt: float) -> Array:
+    """The same over a drive (n,).
+
+    Example:
+        >>> column((2.0, 2.5, 0.0), np.full(3, 10.0), 0.1).round(6)
+        array([10., 12., 10.])
+    """
+    out: Array = demand + p[0] * np.sin(2 * np.pi * p[1] * dt * np.arange(demand.size) + p[2])
+    return out
 
 
 EFFECT = Effect(
@@ -30,6 +47,6 @@ EFFECT = Effect(
     needs=(),
     source="glances and secondary tasks with a rhythm: Klauer et al. 2006",
     decides="10 min of following",
-    extra=act,
+    foot=Foot(init, step, column),
     planted=((2.5, 0.12, 0.0), (3.0, 0.2, 1.0)),
 )
