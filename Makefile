@@ -22,7 +22,7 @@ types: $(VENV)/.dev
 
 # in a network namespace of its own, so that no packet leaves the machine
 check: $(VENV)/.dev
-	tests/bus/alone $(BIN)/pytest $(PYTEST_ARGS)
+	tests/bus/alone $(BIN)/pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 # the tests on kernel SocketCAN: here where this kernel has it, in a virtual machine where not
 vm-test: $(VENV)/.dev

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
 
@@ -89,6 +89,19 @@ class Masked(NamedTuple):
     effect: str  # id of the mask in CATALOGUE
     start: float  # s
     stop: float
+
+
+def masked_for(masked: Iterable[Masked]) -> dict[str, float]:
+    """Seconds per mask, longest first.
+
+    Example:
+        >>> masked_for([Masked("cut_in", 3.0, 5.0), Masked("cruise_control", 9.0, 60.0)])
+        {'cruise_control': 51.0, 'cut_in': 2.0}
+    """
+    seconds: dict[str, float] = {}
+    for one in masked:
+        seconds[one.effect] = seconds.get(one.effect, 0.0) + one.stop - one.start
+    return dict(sorted(seconds.items(), key=lambda pair: -pair[1]))
 
 
 class Window(NamedTuple):

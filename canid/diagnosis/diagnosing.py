@@ -36,6 +36,7 @@ from canid.findings import (
     Report,
     Tried,
     Verdict,
+    masked_for,
     no_fit,
 )
 from canid.types import NAN, Array, Gate, Interval, Trace
@@ -79,8 +80,8 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
     given, trace, usable, masked = trace, beside.trace, beside.usable, beside.masked
     steps = [f"{trace.t.size} samples at {trace.dt:g} s"]
     if masked:
-        lost = sum(m.stop - m.start for m in masked)
-        steps.append(f"masked before any fit: {lost:.0f} s ({', '.join(sorted({m.effect for m in masked}))})")
+        told = (f"{effect} {seconds:.0f} s" for effect, seconds in masked_for(masked).items())
+        steps.append(f"masked before any fit: {', '.join(told)}")
     missing = lacking(trace, usable, masked, minimum)
     if missing:
         return joining.beside(nothing(trace, missing, masked, steps), beside)
@@ -142,7 +143,7 @@ def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: fl
         return "the diagnosis knows car following only: this vehicle's task is another one"
     n = trace.t.size
     if n * trace.dt < minimum:
-        return f"the log lasts {n * trace.dt:.0f} s; {need}"
+        return f"the log lasts {n * trace.dt:.0f} s{_rest(masked)}; {need}"
     for role in ("speed", "gap", "range_rate"):
         known = np.isfinite(trace.signals.get(role, np.full(n, NAN)))
         if known.sum() * trace.dt < minimum:
@@ -153,15 +154,19 @@ def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: fl
     follows = np.array([g in (Gate.OPEN, Gate.PEDAL_FLOOR, Gate.BRAKE) for g in trace.gate])
     seconds = float((usable & follows).sum() * trace.dt)
     if seconds < minimum:
-        why = sorted({m.effect for m in masked})
-        because = f" (the rest: {', '.join(why)})" if why else ""
-        return f"a person follows a lead for {seconds:.0f} s only{because}; {need}"
+        return f"a person follows a lead for {seconds:.0f} s only{_rest(masked)}; {need}"
     here = usable & follows & np.isfinite(trace.output) & np.isfinite(trace.signals["range_rate"])
     if float(np.std(trace.output[here])) < STILL_OUTPUT:
         return "the driver's output never moves: is it the right signal, and does a person drive?"
     if float(np.std(trace.signals["range_rate"][here])) < STILL_RATE:
         return f"the lead's speed never changes, so nothing is answered; {need}"
     return ""
+
+
+def _rest(masked: tuple[Masked, ...]) -> str:
+    """Say what else there was, and how long."""
+    told = [f"{effect} for {seconds:.0f} s" for effect, seconds in masked_for(masked).items()]
+    return f", and of these: {', '.join(told)}" if told else ""
 
 
 def nothing(trace: Trace, why: str, masked: tuple[Masked, ...], steps: list[str]) -> Report:

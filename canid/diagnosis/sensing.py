@@ -44,6 +44,8 @@ AGE_KNOWN, SKEW_KNOWN = 0.1, 0.15
 # times the reports' own noise, and m/s: more than this between gap and range rate is a disagreement. A radar's point on the
 # car ahead, and bumpers from satellites, wander by 0.25 m; over a window that is 0.1 m/s
 DISAGREES, SMALL = 3.0, 0.1
+# of how much the gap's change itself moves: a disagreement of less flattens no answer by more than 4 % (errors in variables)
+MATERIAL = 0.2
 # m/s; below it a car creeps, and radars lose their Doppler
 CREEP = 2.0
 NOT_MEASURED = Interval()
@@ -169,7 +171,10 @@ def _range_rate(gap: Array, rate: Array, usable: Flags, dt: float) -> Sensing:
         )
     slope, offset, steep, _ = told.value.tolist()
     left = of.rate - (offset + slope * of.change)
-    disagree, limit = float(np.sqrt(np.mean(left**2))), max(DISAGREES * of.noise, SMALL)
+    disagree, limit = (
+        float(np.sqrt(np.mean(left**2))),
+        max(DISAGREES * of.noise, SMALL, MATERIAL * float(np.std(of.change))),
+    )
     low, high = _hull(told, (0, 2), needed(told.dof))
     low95, high95 = _hull(told, (0, 2), float(student.isf(0.025, told.dof)))
     middle = 0.5 * (slope + steep)

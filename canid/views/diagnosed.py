@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from canid.findings import Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Verdict
+from canid.findings import Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Verdict, masked_for
 from canid.types import Array, Interval
 from canid.views import as_json
 from canid.views.measures import measure, number, percent, role_unit, shifted, stretch
@@ -43,6 +43,8 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
         lines += ["", *_finding(finding)]
     blocks = [f"{block.where} ({block.state.replace('_', ' ')}): {block.says}" for block in report.blocks]
     lines += _headed("block by block", blocks)
+    masks = [f"{effect}: {number(seconds, 's')}" for effect, seconds in masked_for(report.masked).items()]
+    lines += _headed("not the driver's own answer, masked before anything was fitted", masks)
     if report.unexplained.value == report.unexplained.value:
         lines += ["", f"share of the residual that no cause explains: {percent(report.unexplained)}"]
     lines += _headed("not to be decided on this drive", _undecided(report))
