@@ -212,7 +212,7 @@ def _report(
     verdict = _verdict(findings, sound)
     priced = separable.shown(drivers, original, before)
     expected = {one.effect.id: one.expected for one in priced}
-    undecided = separable.undecided(priced, len(drivers))
+    undecided = separable.undecided(priced, original, len(drivers))
     rivals = {rival for finding in findings for rival in finding.rivals}
     tried = tuple(
         Tried(

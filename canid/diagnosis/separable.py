@@ -13,12 +13,15 @@ from canid.diagnosis.evidence import needed
 from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.search import starts
 from canid.diagnosis.solved import Solved
-from canid.effects.cause import Effect
+from canid.effects.cause import Effect, Parameter
 from canid.findings import NotTestable
 from canid.types import Array
 
 # cosine between what two causes do, above which no evidence that a drive gives tells them apart
 ALIKE = 0.95
+# %, standard deviation of a pedal in following (plain look at simulated and measured ones): typical strengths are told
+# for such a one
+PEDAL = 6.0
 
 
 class Shown(NamedTuple):
@@ -27,6 +30,13 @@ class Shown(NamedTuple):
     effect: Effect
     expected: float  # evidence
     direction: Array  # (n,) whitened, baseline's own directions taken out
+
+
+def typical(parameter: Parameter, data: DriverData) -> float:
+    """A parameter's typical strength; those in the output's unit are told for a pedal, and scaled where it is none."""
+    if data.pedal or not parameter.unit.startswith(("%", "output")):
+        return parameter.typical
+    return parameter.typical * float(np.std(data.output.y[data.output.usable])) / PEDAL
 
 
 def shown(effects: tuple[Effect, ...], data: DriverData, without: Solved) -> list[Shown]:
@@ -41,7 +51,7 @@ def shown(effects: tuple[Effect, ...], data: DriverData, without: Solved) -> lis
         first = without.q.size
         for k, parameter in enumerate(effect.parameters):
             if parameter.starts and parameter.typical:
-                q[first + k] = parameter.typical
+                q[first + k] = typical(parameter, data)
         median = float(np.median(data.seen.headway[data.output.usable]))
         if effect.centred:
             q[OFFSET] += q[K1] * (median - q[DESIRED])
@@ -56,7 +66,7 @@ def shown(effects: tuple[Effect, ...], data: DriverData, without: Solved) -> lis
     return out
 
 
-def undecided(priced: list[Shown], tried: int) -> list[NotTestable]:
+def undecided(priced: list[Shown], data: DriverData, tried: int) -> list[NotTestable]:
     """Say what this drive cannot show, and which pairs it cannot tell apart."""
     out = []
     seen = []
@@ -64,10 +74,13 @@ def undecided(priced: list[Shown], tried: int) -> list[NotTestable]:
         bound = needed(len(one.effect.parameters), tried)
         if one.expected < bound:
             why = one.effect.absorbed or "a typical strength of it leaves too little on this drive"
-            typical = ", ".join(
-                f"{p.name} {p.typical:g} {p.unit}" for p in one.effect.parameters if p.typical
+            at = ", ".join(
+                f"{p.name} {typical(p, data):.2g} {p.unit}".removesuffix(" 1")
+                for p in one.effect.parameters
+                if p.typical
             )
-            says = f"{why} (expected evidence {one.expected:.0f} of the {bound:.0f} needed, at {typical})"
+            at = f", at {at}" if at else ""
+            says = f"{why} (expected evidence {one.expected:.0f} of the {bound:.0f} needed{at})"
             if one.effect.decides:
                 says += f"; what would decide: {one.effect.decides}"
             out.append(NotTestable((one.effect.id,), says))
