@@ -14,7 +14,7 @@ from canid.diagnosis.driver_model import THETA1, THETA2, pedal, with_effects
 from canid.diagnosis.evidence import needed
 from canid.diagnosis.likelihood import whitened
 from canid.diagnosis.search import Candidate, priced_in
-from canid.diagnosis.solved import Solved, solve
+from canid.diagnosis.solved import Solved, polished, solve
 from canid.effects.cause import Effect
 from canid.types import Array
 
@@ -25,8 +25,8 @@ PARTS, EITHER_SIDE = 4, 6
 PHASES = 12
 # of the highest line, from which on another counts as one
 OVERTONE = 0.5
-# parts of the interval by which the dead time of a model without decisions is too long: half the interval is waited
-WAITED = (0.5, 0.25)
+# of the distance between two phases, one after the other
+FINER = (0.5, 0.25)
 # s in which the foot goes to what was decided: where a fit begins
 RELEASE = 0.2
 
@@ -70,37 +70,39 @@ def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple
     shift = interval**2 / max(data.seen.drive, 1.0) / PARTS
     intervals = interval + shift * np.arange(-EITHER_SIDE, EITHER_SIDE + 1)
     Q = qr(without.fitted.jacobian, mode="economic")[0]
-    best: Solved | None = None
-    solved = without
-    for _ in range(2):
-        own = max(
-            ((float(d), phase) for d in intervals for phase in np.arange(PHASES) / PHASES * float(d)),
-            key=lambda own: _explains(effect, data, without, Q, solved, own),
+    interval, near = max(
+        ((float(d), float(phase)) for d in intervals for phase in np.arange(PHASES) / PHASES * d),
+        key=lambda own: _explains(effect, data, without, Q, own),
+    )
+
+    def fitted(phase: float, begin: Array) -> Solved:
+        q = np.r_[begin, interval, phase % interval, RELEASE]
+        return solve(data, (*without.model.effects, effect), q, without.noise, without.rows, turns=1)
+
+    # the direction tells the rhythm, but not the moment: half an interval of waiting sits in the dead times as well
+    base = without.q.copy()
+    base[[THETA1, THETA2]] = np.maximum(base[[THETA1, THETA2]] - 0.5 * interval, 0.0)
+    best = min(
+        (fitted(near + k / PHASES * interval, base) for k in range(PHASES)), key=lambda one: one.deviance
+    )
+    for step in FINER:
+        k = best.q.size - 2
+        beside = (
+            fitted(float(best.q[k]) + side * step / PHASES * interval, best.q[: without.q.size])
+            for side in (-1, 1)
         )
-        for part in WAITED if best is None else (0.0,):
-            base = solved.q[: without.q.size].copy()
-            base[[THETA1, THETA2]] = np.maximum(base[[THETA1, THETA2]] - part * own[0], 0.0)
-            there = solve(
-                data, (*without.model.effects, effect), np.r_[base, own, RELEASE], without.noise, without.rows
-            )
-            if best is None or there.deviance < best.deviance:
-                best = there
-        assert best is not None
-        solved = best
-    assert best is not None
+        best = min((best, *beside), key=lambda one: one.deviance)
+    best = polished(data, solve(data, best.model.effects, best.q, without.noise, without.rows))
     found = priced_in(effect, best, without, data.output.dt)
     return found._replace(parameters=3), bound
 
 
-def _explains(
-    effect: Effect, data: DriverData, without: Solved, Q: Array, at: Solved, own: tuple[float, float]
-) -> float:
+def _explains(effect: Effect, data: DriverData, without: Solved, Q: Array, own: tuple[float, float]) -> float:
     """What a rhythm explains beside the model: along its own direction, the model's (n, k) taken out."""
     model = with_effects((*without.model.effects, effect))
-    held = pedal(model, data, np.r_[at.q[: without.q.size], own, RELEASE])
-    plain = pedal(without.model, data, at.q[: without.q.size])
+    held = pedal(model, data, np.r_[without.q, own, RELEASE])
     scored = without.fitted.scored
-    d = whitened(without.noise, held - plain) * scored.slope
+    d = whitened(without.noise, held - without.fitted.model) * scored.slope
     d[scored.slope != -1.0] = 0.0
     d = d - Q @ (Q.T @ d)
     along, size = float(d @ scored.e), float(d @ d)

@@ -46,6 +46,8 @@ AGE_KNOWN, SKEW_KNOWN = 0.1, 0.15
 DISAGREES, SMALL = 3.0, 0.1
 # of how much the gap's change itself moves: a disagreement of less flattens no answer by more than 4 % (errors in variables)
 MATERIAL = 0.2
+# m/s; a gap or a range rate that moves less has nothing to be compared
+MOVES = 0.05
 # m/s; below it a car creeps, and radars lose their Doppler
 CREEP = 2.0
 NOT_MEASURED = Interval()
@@ -158,10 +160,11 @@ def _finding(
 def _range_rate(gap: Array, rate: Array, usable: Flags, dt: float) -> Sensing:
     """Scale and sign of the range rate, by the gap's change."""
     of = kinematics.averages(gap, rate, usable, dt)
-    told = blocks.jackknife(lambda rows: kinematics.two_ways(of, rows), of.block)
+    moves = of.rate.size > 0 and min(np.std(of.rate), np.std(of.change)) > max(MOVES, 3 * of.noise)
+    told = blocks.jackknife(lambda rows: kinematics.two_ways(of, rows), of.block) if moves else None
     effects = (range_rate_scale.EFFECT.id, range_rate_sign.EFFECT.id)
     seconds = blocks.FEWEST * kinematics.BLOCK
-    if told is None or float(np.std(of.change)) < 3 * of.noise:
+    if told is None:
         why = (
             f"the gap hardly changes, or there is too little of it: follow one lead for {seconds / 60:.0f} min, "
             "with changing gaps"

@@ -24,6 +24,8 @@ ROAD = 40.0
 RISE = 150.0
 # s; a shorter log tells nothing of a car
 SHORTEST = 40.0
+# m/s² and %; less than sensors' steps: nothing is asked for, or nothing answers
+STILL_ACCEL, STILL_PEDAL = 0.01, 0.2
 # %; a slope that stands out less from its own noise is none
 LEVEL = 0.15
 
@@ -61,6 +63,8 @@ def prepare(trace: Trace, usable: Flags) -> VehicleData | str:
     braking = held(brake, round(FROM_BRAKE / dt))
     gone = held(~(known & np.isfinite(measured) & usable), round(SETTLING / dt))
     fine = ~braking & ~gone
+    if not fine.any() or np.std(measured[fine]) < STILL_ACCEL or np.std(pedal[fine]) < STILL_PEDAL:
+        return "pedal and speed hardly move"
     road = graded(trace, own)
     gear = signals.get("gear", np.full(n, np.nan))
     geared = bool(np.isfinite(gear[known]).mean() > 0.9) if known.any() else False

@@ -34,6 +34,9 @@ def test_a_clean_drive_is_not_blamed(simulator: str, noise: str, profile: str) -
         ("gain_change", {"share": 0.45, "time": 250.0}, "mix", "mixed"),
         ("attention_gap", {"per_minute": 1.5, "duration": 3.5}, "ar4", "mixed"),
         ("pedal_ceiling", {}, "state", "mixed"),
+        ("act_and_wait", {"interval": 1.3}, "ar1", "mixed"),
+        ("periodic_task", {"amplitude": 2.5, "frequency": 0.21}, "white", "mixed"),
+        ("headway_dead_zone", {"width": 0.6}, "ar1", "mixed"),
     ],
 )
 def test_a_hidden_cause_is_named(
