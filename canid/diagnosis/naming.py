@@ -23,6 +23,8 @@ RIVAL = 6.0
 CLIPPED = 2.0
 # 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
 VALLEY = 1.0
+# desired headways along a drive that are chances of their own
+CENTRES = 3
 # of a cause's evidence that a rival must have had at some step to be looked at again
 PART = 0.3
 # s after an episode in which the foot finds its way back
@@ -108,7 +110,9 @@ def search_causes(
             # a ceiling that was seen in the pedal itself needs no second one
             if held.effect == "pedal_ceiling" and candidate.effect.id == "pedal_ceiling":
                 continue
-            bound = needed(candidate.parameters, m)
+            # without the cause nothing tells what is desired: its best is the best of several chances (Davies 1977)
+            chances = CENTRES if candidate.effect.centred else 1
+            bound = needed(candidate.parameters, m * chances)
             options.append(_option(candidate.effect, step, candidate.evidence, bound, candidate))
         if "periodic_task" in by and not any(n.effect.id == "periodic_task" for n in named):
             swing, bound = line.look(by["periodic_task"], data, solved, m)
