@@ -9,12 +9,12 @@ import numpy as np
 from canid.diagnosis import (
     around,
     closed_loop,
+    confirmed,
     gate,
     held_out,
     intervals,
     joining,
     masks,
-    naming,
     residual,
     separable,
 )
@@ -98,8 +98,8 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
             f"the output has no content above {0.5 / prepared.trace.dt:.2g} Hz: looked at every {prepared.trace.dt:.1f} s"
         )
     drivers = tuple(effect for effect in catalogue if effect.where == "driver" and effect.kind != "mask")
-    searched = naming.search_causes(prepared.data, drivers, prepared.fitted)
-    assert searched is not None
+    searched, refused = confirmed.search_causes(prepared.data, drivers, prepared.fitted)
+    steps += refused
     report = joining.join(_report(prepared, searched, drivers, masked, steps, beside.vehicle), beside)
     raw = None if trace is given else ready(given, usable)
     if raw is not None:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis import wander
+from canid.diagnosis import naming, wander
 from canid.diagnosis.driver_data import DriverData
-from canid.diagnosis.likelihood import whitened
+from canid.diagnosis.likelihood import score, whitened
 from canid.diagnosis.naming import Search
 from canid.diagnosis.solved import Solved, solve
 from canid.findings import Flags
@@ -95,6 +95,23 @@ def errors(
         before[here], after[here] = left[here] ** 2, after_left[here] ** 2
     where = original.output.usable & ~original.output.below & (search.before.rows | (not foreseen))
     return before, after, where
+
+
+def carried(search: Search, effect: str) -> float:
+    """Return 2 Δ log likelihood that a cause wins on data that did not fit it, over the model without it.
+
+    Chance chooses a time, a speed, a width that fit this drive; on the part that was left out they win nothing.
+    """
+    data, solved = search.data, search.solved
+    without = naming.dropped(data, solved, effect)
+    fold = dealt(data)
+    won = 0.0
+    for k in range(FOLDS):
+        fits = [_refit(data, one, fold != k) for one in (without, solved)]
+        here = solved.rows & (fold == k)
+        lost = [score(data.output, here, solved.noise, one.fitted.model).cost for one in fits]
+        won += lost[0] - lost[1]
+    return won
 
 
 def _refit(data: DriverData, solved: Solved, train: Flags) -> Solved:

@@ -230,7 +230,7 @@ def _still_needed(data: DriverData, solved: Solved, named: list[Named], m: int) 
     while len(solved.model.effects) > 1:
         priced = []
         for effect in solved.model.effects:
-            without = _dropped(data, solved, effect)
+            without = dropped(data, solved, effect.id)
             candidate = search.priced_in(effect, solved, without, data.output.dt)
             priced.append(
                 (candidate.evidence - needed(candidate.parameters, m), effect, without, candidate.evidence)
@@ -245,11 +245,9 @@ def _still_needed(data: DriverData, solved: Solved, named: list[Named], m: int) 
     return solved, named
 
 
-def _dropped(data: DriverData, solved: Solved, effect: Effect) -> Solved:
-    """The model without one of its causes."""
-    kept = [
-        (e, w) for e, w in zip(solved.model.effects, solved.model.where, strict=True) if e.id != effect.id
-    ]
+def dropped(data: DriverData, solved: Solved, effect: str) -> Solved:
+    """Return the model without one of its causes, by its id."""
+    kept = [(e, w) for e, w in zip(solved.model.effects, solved.model.where, strict=True) if e.id != effect]
     first = solved.model.where[0].start
     q: Array = np.concatenate([solved.q[:first], *(solved.q[w] for _, w in kept)])
     return polished(data, solve(data, [e for e, _ in kept], q, solved.noise, solved.rows))
@@ -262,7 +260,7 @@ def _with_rivals(
     fixed = tuple(rival for rival in one.effect.rivals)
     if one.effect.id not in {effect.id for effect in solved.model.effects} or one.effect.kind != "curve":
         return one._replace(rivals=fixed)
-    without = _dropped(data, solved, one.effect)
+    without = dropped(data, solved, one.effect.id)
     have = {effect.id for effect in solved.model.effects}
     # who never explained a part of it before explains no whole of it now
     worth = {step.effect.id for step in steps if step.evidence > PART * one.evidence} - have
