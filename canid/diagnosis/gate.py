@@ -79,6 +79,8 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
         return np.stack([lagged(c, tau, dt) for c in columns], axis=1)
 
     y = standard(solved.fitted.model)
+    r = standard(np.gradient(solved.fitted.model, dt))
+    r5 = _late(r, 0.5, dt)
     e1, w1 = standard(_late(acted.e, 1.0, dt)), standard(_late(acted.w, 1.0, dt))
     e3, w3 = standard(_late(acted.e, 3.0, dt)), standard(_late(acted.w, 2.5, dt))
     bends = [np.maximum(np.abs(x) - k, 0.0) * np.sign(x) for x in (w,) for k in (0.5, 1.2, 2.0)]
@@ -95,6 +97,8 @@ def families(data: DriverData, solved: Solved) -> list[tuple[str, str, Array]]:
         ("time", "answers that change along the drive", np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3]),
         ("output", "an output that bends at its ends",
          np.stack([y * y, y**3, np.maximum(y - 1, 0), np.minimum(y + 1, 0)], axis=1)),
+        ("output rate", "an output that follows unevenly: later one way than the other, or no faster than so much",
+         np.stack([np.abs(r), r * np.abs(r), r**3, np.abs(r5), r5 * np.abs(r5)], axis=1)),
     ]  # fmt: skip
 
 

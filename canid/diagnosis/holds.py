@@ -19,7 +19,7 @@ from canid.findings import Flags
 from canid.types import Array
 
 # s; a shorter standstill is a foot that turns round
-SHORTEST = 1.0
+SHORTEST = 1.3
 # 1/s; an episode begins once a minute, and lasts some three seconds (Boer 2001; glances: Klauer et al. 2006)
 BEGINS, ENDS = 1 / 60.0, 1 / 3.0
 # of a sensor's step; rounding alone spreads a held value by 0.29 of it, and a foot trembles a little

@@ -23,8 +23,8 @@ RIVAL = 6.0
 CLIPPED = 2.0
 # 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
 VALLEY = 1.0
-# desired headways along a drive that are chances of their own
-CENTRES = 3
+# desired headways, speeds, levels, times along a drive that are chances of their own
+CHANCES = 3
 # of a cause's evidence that a rival must have had at some step to be looked at again
 PART = 0.3
 # s after an episode in which the foot finds its way back
@@ -110,8 +110,10 @@ def search_causes(
             # a ceiling that was seen in the pedal itself needs no second one
             if held.effect == "pedal_ceiling" and candidate.effect.id == "pedal_ceiling":
                 continue
-            # without the cause nothing tells what is desired: its best is the best of several chances (Davies 1977)
-            chances = CENTRES if candidate.effect.centred else 1
+            # without the cause nothing tells what is desired, or at which speed or level or time it begins: the best
+            # of these is the best of several chances (Davies 1977)
+            searched = candidate.effect.centred or any(not p.starts for p in candidate.effect.parameters)
+            chances = CHANCES if searched else 1
             bound = needed(candidate.parameters, m * chances)
             options.append(_option(candidate.effect, step, candidate.evidence, bound, candidate))
         if "periodic_task" in by and not any(n.effect.id == "periodic_task" for n in named):
