@@ -48,10 +48,10 @@ def search_causes(data: DriverData, effects: tuple[Effect, ...], fitted: Solved)
 
 def _chance(search: Search) -> str:
     """Id of the weakest cause that does not carry over; "" where all do."""
-    fitted = {effect.id for effect in search.solved.model.effects}
+    fitted = {effect.id for effect in search.solved.model.effects if effect.kind == "curve"}
     for one in sorted(search.named, key=lambda one: one.evidence / one.needed):
         if one.effect.id not in fitted or one.evidence > SURE * one.needed:
             continue
-        if held_out.carried(search, one.effect.id) < CARRIED * one.evidence:
+        if held_out.carried(search, one.effect) < CARRIED * one.evidence:
             return one.effect.id
     return ""

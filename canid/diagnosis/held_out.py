@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis import naming, wander
+from canid.diagnosis import naming, search, wander
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.likelihood import score, whitened
 from canid.diagnosis.naming import Search
 from canid.diagnosis.solved import Solved, solve
+from canid.effects.cause import Effect
 from canid.findings import Flags
 from canid.types import Array, Interval
 
@@ -27,14 +28,14 @@ STRETCH = 15.0
 DRAWS = 800
 
 
-def simulated(search: Search, data: DriverData, extended: Solved, drift: wander.Wander | None) -> Array:
+def simulated(found: Search, data: DriverData, extended: Solved, drift: wander.Wander | None) -> Array:
     """Simulate the extended model (n,): its wander, its ceiling and its held episodes included."""
     out = extended.fitted.model + (drift.added if drift is not None else 0.0)
-    if search.held.effect == "pedal_ceiling":
-        out = np.minimum(out, search.held.level)
-    elif search.held.effect == "attention_gap":
+    if found.held.effect == "pedal_ceiling":
+        out = np.minimum(out, found.held.level)
+    elif found.held.effect == "attention_gap":
         out = out.copy()
-        for start, stop in search.held.episodes:
+        for start, stop in found.held.episodes:
             out[start:stop] = out[start]
     return np.asarray(out)
 
@@ -47,20 +48,20 @@ class Fold(NamedTuple):
     wander: wander.Wander | None
 
 
-def folds(original: DriverData, search: Search) -> tuple[Fold, ...]:
+def folds(original: DriverData, found: Search) -> tuple[Fold, ...]:
     """Fit both models to all but each fold."""
     fold = dealt(original)
     out = []
     for k in range(FOLDS):
         train = fold != k
-        base = _refit(original, search.before, train)
-        if not search.named:
+        base = _refit(original, found.before, train)
+        if not found.named:
             out.append(Fold(base, base, None))
             continue
-        extended = _refit(search.data, search.solved, train)
+        extended = _refit(found.data, found.solved, train)
         drift = None
-        if search.wander is not None:
-            whole = search.data._replace(output=search.data.output._replace(y=original.output.y))
+        if found.wander is not None:
+            whole = found.data._replace(output=found.data.output._replace(y=original.output.y))
             drift = wander.look(whole, extended)
         out.append(Fold(base, extended, drift))
     return tuple(out)
@@ -72,13 +73,13 @@ def dealt(data: DriverData) -> npt.NDArray[np.int64]:
 
 
 def errors(
-    original: DriverData, search: Search, fits: tuple[Fold, ...], *, foreseen: bool = False
+    original: DriverData, found: Search, fits: tuple[Fold, ...], *, foreseen: bool = False
 ) -> tuple[Array, Array, Flags]:
     """Squared errors of both models on data that did not fit them, (n,) each, and where there are any.
 
     Args:
         original: the drive.
-        search: what was found on it.
+        found: what was found on it.
         fits: both models, fold by fold.
         foreseen: of what the samples before do not foretell, by the noise's colour: there a cause shows that acts quickly,
             and that slow noise hides in the simulation.
@@ -87,29 +88,31 @@ def errors(
     before, after = np.full(n, np.nan), np.full(n, np.nan)
     y = original.output.y
     for k, one in enumerate(fits):
-        out = simulated(search, search.data, one.extended, one.wander)
+        out = simulated(found, found.data, one.extended, one.wander)
         here = fold == k
         left, after_left = y - one.base.fitted.model, y - out
         if foreseen:
-            left, after_left = (whitened(search.before.noise, x) for x in (left, after_left))
+            left, after_left = (whitened(found.before.noise, x) for x in (left, after_left))
         before[here], after[here] = left[here] ** 2, after_left[here] ** 2
-    where = original.output.usable & ~original.output.below & (search.before.rows | (not foreseen))
+    where = original.output.usable & ~original.output.below & (found.before.rows | (not foreseen))
     return before, after, where
 
 
-def carried(search: Search, effect: str) -> float:
+def carried(of: Search, effect: Effect) -> float:
     """Return 2 Δ log likelihood that a cause wins on data that did not fit it, over the model without it.
 
-    Chance chooses a time, a speed, a width that fit this drive; on the part that was left out they win nothing.
+    All of it is chosen anew on each three quarters: chance chooses a time, a speed, a width that fit these, and on the
+    quarter that was left out they win nothing.
     """
-    data, solved = search.data, search.solved
-    without = naming.dropped(data, solved, effect)
+    data = of.data
+    without = naming.dropped(data, of.solved, effect.id)
     fold = dealt(data)
     won = 0.0
     for k in range(FOLDS):
-        fits = [_refit(data, one, fold != k) for one in (without, solved)]
-        here = solved.rows & (fold == k)
-        lost = [score(data.output, here, solved.noise, one.fitted.model).cost for one in fits]
+        base = _refit(data, without, fold != k)
+        found = search.tried(effect, data, base, search.screen(effect, data, base)).solved
+        here = without.rows & (fold == k)
+        lost = [score(data.output, here, base.noise, one.fitted.model).cost for one in (base, found)]
         won += lost[0] - lost[1]
     return won
 
