@@ -85,10 +85,12 @@ def search_causes(
     solved, named, steps = before, list[Named](), list[Step]()
     wandering: wander.Wander | None = None
     held = holds.NONE
+    measured = data.output.y
     curves = tuple(effect for effect in effects if effect.kind == "curve" and effect.planted)
     for step in range(1, MOST + 1):
         if not held.effect:
-            found = holds.look(data, solved)
+            # the foot stands still in the pedal itself, not in what a wander has left of it
+            found = holds.look(data._replace(output=data.output._replace(y=measured)), solved)
             if found.effect in by:
                 held = found
                 data, solved = _without_holds(data, solved, found)
