@@ -8,6 +8,7 @@ import numpy as np
 
 from canid.diagnosis import holds, likelihood, line, rhythm, search, wander
 from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.driver_model import K1
 from canid.diagnosis.evidence import needed
 from canid.diagnosis.search import Candidate
 from canid.diagnosis.solved import Solved, baseline, polished, sized, solve
@@ -146,8 +147,12 @@ def search_causes(
         if isinstance(best, wander.Wander):
             wandering = best
             data = data._replace(output=data.output._replace(y=data.output.y - best.added))
+            answered = float(solved.q[K1])
             solved = solve(data, solved.model.effects, solved.q, best.noise, solved.rows)
-            named.append(Named(first.effect, first.evidence, first.needed, (), (), best.sd))
+            # with the wander out of the way headway is answered more strongly, and the same change of pedal is less of a wish
+            ratio = min(abs(answered / float(solved.q[K1])), 1.0) if solved.q[K1] else 1.0
+            told = Interval(*(ratio * value for value in best.sd))
+            named.append(Named(first.effect, first.evidence, first.needed, (), (), told))
         else:
             solved = best.solved
             # the noise's size again, now that a cause is out of it
