@@ -51,6 +51,10 @@ CONTENT = 0.04
 COARSEST = 0.8  # s
 
 
+# of the error's variance; a quick cause may make a slow simulation worse by so much and still foretell better
+LITTLE = 0.05
+
+
 class Prepared(NamedTuple):
     """A drive that can be diagnosed."""
 
@@ -202,8 +206,8 @@ def _report(
     errors = held_out.errors(original, searched, folds) if searched.named else None
     total = Interval() if errors is None else held_out.gain(*errors, dt)
     # a cause that makes the simulation of other data worse is not the cause
-    worse = total.high < 0
-    if worse:
+    worse = total.value < 0
+    if worse and total.value > -LITTLE:
         quick = held_out.gain(*held_out.errors(original, searched, folds, foreseen=True), dt)
         worse = not quick.low > 0
     sound = held.passed and not (searched.solved.model.effects and worse)

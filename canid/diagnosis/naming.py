@@ -149,7 +149,7 @@ def search_causes(
             data = data._replace(output=data.output._replace(y=data.output.y - best.added))
             answered = float(solved.q[K1])
             solved = solve(data, solved.model.effects, solved.q, best.noise, solved.rows)
-            # with the wander out of the way headway is answered more strongly, and the same change of pedal is less of a wish
+            # with the wander out of the way headway is answered more strongly: the same pedal is less of a wish
             ratio = min(abs(answered / float(solved.q[K1])), 1.0) if solved.q[K1] else 1.0
             told = Interval(*(ratio * value for value in best.sd))
             named.append(Named(first.effect, first.evidence, first.needed, (), (), told))
