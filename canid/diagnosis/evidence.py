@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.linalg import qr
 from scipy.stats import chi2
@@ -70,6 +72,32 @@ def inflation(solved: Solved, of: list[int], dt: float) -> float:
     scale = np.sqrt(np.outer(np.diag(bread), np.diag(bread)))
     ratio = np.linalg.eigvals(np.linalg.solve(bread / scale + RIDGE * np.eye(len(bread)), meat / scale)).real
     return max(float(ratio.max()), 1.0)
+
+
+class Spread(NamedTuple):
+    """How the free parameters of a fit spread."""
+
+    C: Array  # (k, k) covariance
+    overstated: Array  # (k,) robust variance over the likelihood's, at least 1
+
+
+def sandwich(J: Array, e: Array, dt: float) -> Spread:
+    """Covariance of the free parameters (White 1982), nowhere narrower than the likelihood's.
+
+    Args:
+        J: (n, k) derivatives of the whitened residuals.
+        e: (n,) whitened residuals.
+        dt: s.
+    """
+    scale = np.linalg.norm(J, axis=0)
+    scale[scale == 0] = 1.0
+    J = J / scale
+    # a direction that the data do not know is wide, not singular
+    plain = np.linalg.inv(J.T @ J + 1e-8 * np.eye(J.shape[1]))
+    robust = plain @ spread(J * e[:, None], round(REACH / dt)) @ plain
+    overstated = np.maximum(np.diag(robust) / np.diag(plain), 1.0)
+    wider = np.sqrt(overstated) / scale
+    return Spread(plain * wider[:, None] * wider[None, :], overstated)
 
 
 def spread(g: Array, reach: int) -> Array:

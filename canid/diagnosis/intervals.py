@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import HIGH, K1, K2, TAU1, TAU2, THETA1, THETA2
-from canid.diagnosis.evidence import REACH, spread
+from canid.diagnosis.evidence import sandwich
 from canid.diagnosis.profile import widened
 from canid.diagnosis.solved import Solved
-from canid.types import Array, Channel, Identifiable, Interval
+from canid.types import Channel, Identifiable, Interval
 
 SIGMAS = 1.96
 # A sandwich from one drive is a little too narrow: the noise's colour was fitted to the same data, and what the sensors
@@ -22,28 +21,6 @@ GAINS_WIDER, DELAYS_WIDER = 1.15, 1.3
 # told as in the estimators: a gain at 3 standard deviations, the sum of both delays within 0.3 s, each within 0.1 s
 GAIN_KNOWN = 3.0
 SUM_KNOWN, EACH_KNOWN = 0.3, 0.12  # s
-
-
-class Spread(NamedTuple):
-    """How the free parameters spread."""
-
-    C: Array  # (k, k) covariance
-    overstated: Array  # (k,) robust variance over the likelihood's, at least 1
-
-
-def covariance(solved: Solved, dt: float) -> Spread:
-    """Covariance of the free parameters: the sandwich (White 1982), nowhere narrower than the likelihood's."""
-    J, e = solved.fitted.jacobian, solved.fitted.scored.e
-    scale = np.linalg.norm(J, axis=0)
-    scale[scale == 0] = 1.0
-    J = J / scale
-    # a direction that the data do not know is wide, not singular
-    bread = np.linalg.inv(J.T @ J + 1e-8 * np.eye(J.shape[1]))
-    robust = bread @ spread(J * e[:, None], round(REACH / dt)) @ bread
-    plain = bread
-    overstated = np.maximum(np.diag(robust) / np.diag(plain), 1.0)
-    wider = np.sqrt(overstated) / scale
-    return Spread(plain * wider[:, None] * wider[None, :], overstated)
 
 
 def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf) -> Interval:
@@ -58,7 +35,7 @@ def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf
 
 def parameters(solved: Solved, data: DriverData) -> dict[str, dict[str, Interval]]:
     """Intervals of every cause's parameters: effect id -> name -> interval."""
-    of = covariance(solved, data.output.dt)
+    of = sandwich(solved.fitted.jacobian, solved.fitted.scored.e, data.output.dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
     told: dict[str, dict[str, Interval]] = {}
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
@@ -80,7 +57,7 @@ def channels(solved: Solved, dt: float, data: DriverData | None = None) -> Mappi
         dt: s.
         data: what was fitted; given, the intervals follow the likelihood instead of its curvature.
     """
-    of = covariance(solved, dt)
+    of = sandwich(solved.fitted.jacobian, solved.fitted.scored.e, dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
 
     def sd(*these: int) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from canid.diagnosis import likelihood
-from canid.diagnosis.evidence import spread
+from canid.diagnosis.evidence import sandwich, spread
 from canid.diagnosis.least_squares import Fitted, fit
 from canid.diagnosis.likelihood import Noise, whitened
 from canid.diagnosis.vehicle_data import VehicleData
@@ -106,13 +106,8 @@ def inflation(solved: SolvedCar, of: Sequence[int], dt: float) -> float:
 
 def doubt(solved: SolvedCar, dt: float) -> Array:
     """Standard deviations of the parameters (k,): the sandwich, nowhere narrower than the likelihood's."""
-    J, e = solved.fitted.jacobian, solved.fitted.scored.e
-    size = np.linalg.norm(J, axis=0)
-    size[size == 0] = 1.0
-    J = J / size
-    bread = np.linalg.inv(J.T @ J + 1e-8 * np.eye(J.shape[1]))
-    robust = bread @ spread(J * e[:, None], round(REACH / dt)) @ bread
-    out: Array = np.sqrt(np.maximum(np.diag(robust), np.diag(bread))) / size
+    C = sandwich(solved.fitted.jacobian, solved.fitted.scored.e, dt).C
+    out: Array = np.sqrt(np.diag(C))
     return out
 
 
