@@ -6,14 +6,16 @@ is expected to win against the best baseline on this very drive. What an engine 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
+from benchmarks.hidden_effects.knowable import answer, known
 from benchmarks.hidden_effects.metric import Metric, metric, size
 from benchmarks.hidden_effects.planted import EFFECTS, Array, Planted
+from canid.types import Trace
 
 GRID = 0.1  # s: canid's own
 FINE = 0.02  # s: answers are made here, where a dead time between grid points costs nothing
@@ -22,6 +24,8 @@ QUANTUM = 0.4
 # s; what a baseline may have, wider than any driver that is planted
 TAU, DEAD_TIME = (0.5 * FINE, 5.0), (0.0, 2.5)
 WALK = 1.0  # m/s; below, a headway says nothing
+# lags and dead times (4,) s -> headway (n,) s and range rate (n,) m/s through them
+Answers = Callable[[Array], tuple[Array, Array]]
 
 
 class Price(NamedTuple):
@@ -42,13 +46,15 @@ class Baseline(NamedTuple):
     distance: float  # squared, in the metric
 
 
-def expected(planted: Planted) -> Price:
+def expected(planted: Planted, trace: Trace | None = None) -> Price:
     """Price of all that is planted in the driver and in the sensing of what he answers to, together.
 
     A clean drive has a price near 0, and so has an effect that sits in the vehicle or that the baseline absorbs.
 
     Args:
         planted: from a planting simulator.
+        trace: as the drive's log has it. Given, the price is that for a reader of the log: what it does not tell of
+            the inputs is noise. Sensing that is at fault has no such price, and is priced by the truth.
 
     Returns:
         The price. NaN where the pedal is hardly ever free.
@@ -60,45 +66,49 @@ def expected(planted: Planted) -> Price:
         >>> expected(dear).lr > 10.0 * expected(cheap).lr
         True
     """
-    far = _metric(planted)
+    far, answers, told, _ = _reader(planted, trace)
     if far is None:
         return Price(float("nan"), float("nan"))
-    demand = planted.demand[_rows(planted)]
-    best = baseline(far, _seen(planted, _sensing(planted)), demand, _starts(planted))
+    demand = planted.demand[_rows(planted)] + told
+    if answers is None:
+        answers = _answers(_seen(planted, _sensing(planted)), len(demand))
+    best = baseline(far, answers, demand, _starts(planted))
     return _price(planted, best, demand)
 
 
-def each(planted: Planted) -> dict[str, Price]:
+def each(planted: Planted, trace: Trace | None = None) -> dict[str, Price]:
     """Price of each effect given all the others: they are known but for their strength, which is fitted anew.
 
     Args:
         planted: with `without` told for every effect of the driver.
+        trace: as in `expected`.
 
     Returns:
         Effect -> price, for effects in the driver and in the sensing; others have no price in the driver's answers.
     """
-    far = _metric(planted)
+    far, answers, told, lead = _reader(planted, trace)
     rows = _rows(planted)
     effects = _sensing(planted)
     names = [*planted.without, *effects]
     if far is None:
         return dict.fromkeys(names, Price(float("nan"), float("nan")))
     own = {name: (planted.demand - other)[rows] for name, other in planted.without.items()}
-    plain = _plain(planted)
+    if "lead_acceleration" in own:
+        own["lead_acceleration"] = own["lead_acceleration"] + lead
+    plain = _plain(planted) if answers is None else planted.demand[rows] + told - sum(own.values())
     out = {}
     for name in names:
         target = plain + own.get(name, 0.0)
         others = [shape for other, shape in own.items() if other != name]
-        best = baseline(
-            far, _seen(planted, [name] if name in effects else []), target, _starts(planted), others
-        )
+        seen = answers or _answers(_seen(planted, [name] if name in effects else []), len(target))
+        best = baseline(far, seen, target, _starts(planted), others)
         out[name] = _price(planted, best, target)
     return out
 
 
 def baseline(
     far: Metric,
-    inputs: tuple[Array, Array, float],
+    answers: Answers,
     target: Array,
     starts: Sequence[Array],
     others: Sequence[Array] = (),
@@ -110,7 +120,7 @@ def baseline(
 
     Args:
         far: the metric.
-        inputs: (m,) s and (m,) m/s on a fine grid, and its step in s.
+        answers: (tau1, dead_time1, tau2, dead_time2) s -> both inputs through them, (n,) s and (n,) m/s.
         target: (n,) % at 10 Hz.
         starts: (tau1, dead_time1, tau2, dead_time2) s each; the best end counts.
         others: (n,) % each, fitted along.
@@ -121,14 +131,8 @@ def baseline(
     # s; a difference over which an answer is straight, and far above rounding
     h = 2e-3
 
-    def at(p: Array) -> tuple[Array, Array]:
-        return (
-            _answer(inputs[0], inputs[2], p[0], p[1])[: len(target)],
-            _answer(inputs[1], inputs[2], p[2], p[3])[: len(target)],
-        )
-
     def solved(p: Array) -> tuple[float, Array, Array, Array]:
-        X = np.column_stack([far(np.column_stack(at(p))), fixed])
+        X = np.column_stack([far(np.column_stack(answers(p))), fixed])
         Q, R = np.linalg.qr(X)
         left = aim - Q @ (Q.T @ aim)
         return float(left @ left), left, Q, np.linalg.lstsq(R, Q.T @ aim, rcond=None)[0]
@@ -140,7 +144,7 @@ def baseline(
             step = h if p[i] + h <= high[i] else -h
             moved = p.copy()
             moved[i] += step
-            columns.append(K[i // 2] * (at(moved)[i // 2] - at(p)[i // 2]) / step)
+            columns.append(K[i // 2] * (answers(moved)[i // 2] - answers(p)[i // 2]) / step)
         J = far(np.column_stack(columns))
         out: Array = J - Q @ (Q.T @ J)
         return out
@@ -174,7 +178,7 @@ def baseline(
             best = cost, p, c
     assert best is not None, "at least one start"
     cost, p, c = best
-    one, two = at(p)
+    one, two = answers(p)
     pedal = c[0] * one + c[1] * two + c[2] + sum(k * shape for k, shape in zip(c[3:], others, strict=True))
     return Baseline(
         float(c[2]), (float(c[0]), float(c[1])), (p[0], p[2]), (p[1], p[3]), np.asarray(pedal), cost
@@ -187,15 +191,56 @@ def _price(planted: Planted, best: Baseline, target: Array) -> Price:
     return Price(best.distance, effect / (effect + float(np.var(planted.remnant[_rows(planted)][free]))))
 
 
-def _metric(planted: Planted) -> Metric | None:
-    """The metric of this drive's own noise on the samples where the pedal is free; None: hardly any."""
+def _reader(planted: Planted, trace: Trace | None) -> tuple[Metric | None, Answers | None, Array, Array]:
+    """Metric and inputs of who reads the log; what his demand has beside the true one, and of that the lead's, (n,) %.
+
+    Without a log, or where its sensing is at fault: who knows the truth.
+    """
+    t = planted.columns["t"][_rows(planted)]
+    nothing = np.zeros(len(t))
+    if trace is None or _sensing(planted):
+        return _metric(planted, nothing), None, nothing, nothing
+    d = planted.truth["driver"]
+    read = known(planted, trace, t)
+    p = np.array([d["tau1"], d["dead_time1"], d["tau2"], d["dead_time2"]])
+    true = _answers(_seen(planted, []), len(t))(p)
+    unknown = sum(
+        (K * (mine - his) for K, mine, his in zip((d["K1"], d["K2"]), read.answers(p), true, strict=True)),
+        nothing,
+    )
+    lead = nothing
+    gain = planted.truth["effects"].get("lead_acceleration", {}).get("gain", 0.0)
+    if gain:
+        accel = np.gradient(planted.columns["range_rate"] + planted.columns["speed"], planted.dt)
+        every = max(round(FINE / planted.dt), 1)
+        true_lead = _answer(accel[::every], every * planted.dt, d["tau2"], d["dead_time2"])[: len(t)]
+        lead = gain * (answer(read.lead_accel, d["tau2"], d["dead_time2"]) - true_lead)
+    return _metric(planted, unknown + lead), read.answers, unknown + lead, lead
+
+
+def _answers(inputs: tuple[Array, Array, float], n: int) -> Answers:
+    """Both inputs (m,), on a fine grid with some step in s, through lags and dead times: (n,) each."""
+
+    def answers(p: Array) -> tuple[Array, Array]:
+        return _answer(inputs[0], inputs[2], p[0], p[1])[:n], _answer(inputs[1], inputs[2], p[2], p[3])[:n]
+
+    return answers
+
+
+def _metric(planted: Planted, unknown: Array) -> Metric | None:
+    """The metric of this drive's own noise on the samples where the pedal is free; None: hardly any.
+
+    Args:
+        planted: the drive.
+        unknown: (n,) %, what the reader's demand has beside the true one.
+    """
     free = _free(planted)
     # a minute tells the colour of the noise and seven parameters
     if np.count_nonzero(free) < 60.0 / GRID:
         return None
     rows = _rows(planted)
     white = QUANTUM / np.sqrt(12.0)
-    remnant = planted.remnant[rows]
+    remnant = planted.remnant[rows] - unknown
     scale = np.ones(len(remnant))
     if planted.truth["noise"] == "state":
         scale = size(remnant, planted.demand[rows] - planted.truth["driver"]["offset"], white)

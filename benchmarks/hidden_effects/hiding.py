@@ -9,6 +9,8 @@ from typing import NamedTuple
 from benchmarks.hidden_effects.drives import FAINT, FOREIGN, REMOVED, SIMULATORS, TWO, Drive, another_pair
 from benchmarks.hidden_effects.expected import Price, each, expected
 from benchmarks.hidden_effects.planted import Planted
+from benchmarks.hidden_effects.sensed import trace
+from canid.types import Trace
 
 # expected likelihood ratio of each of two effects, and share of the residual variance of one outside the catalogue,
 # that the table asks for
@@ -31,7 +33,8 @@ class Hidden(NamedTuple):
     """A drive with what it hides, and what that is worth."""
 
     planted: Planted
-    prices: dict[str, Price]  # effect -> price given the others
+    prices: dict[str, Price]  # effect -> price given the others, for who reads the log
+    trace: Trace  # as the log has it
 
 
 def hide(drive: Drive) -> Hidden:
@@ -63,9 +66,10 @@ def _planted(
         noise=drive.noise,
         profile=drive.profile,
     )
+    seen = trace(planted)
     if len(effects) == 1:
-        return Hidden(planted, {effects[0]: expected(planted)})
-    return Hidden(planted, each(planted) if effects else {})
+        return Hidden(planted, {effects[0]: expected(planted, seen)}, seen)
+    return Hidden(planted, each(planted, seen) if effects else {}, seen)
 
 
 def _strongest(drive: Drive, first: Hidden, part_of_target: Callable[[Price], float]) -> Hidden:

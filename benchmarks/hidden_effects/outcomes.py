@@ -18,7 +18,6 @@ from benchmarks.hidden_effects.expected import Price
 from benchmarks.hidden_effects.hiding import hide
 from benchmarks.hidden_effects.peers.answer import BROKE, NAMED, Answer
 from benchmarks.hidden_effects.planted import Planted
-from benchmarks.hidden_effects.sensed import trace
 from canid.diagnosis.diagnosing import diagnose
 from canid.effects import CATALOGUE
 from canid.effects.cause import Effect
@@ -67,8 +66,7 @@ def run(drive: Drive, peers: dict[str, Method] | None = None) -> Outcome:
         >>> list(found.truth), found.answers["canid"].seconds > 0
         (['periodic_task'], True)
     """
-    planted, prices = hide(drive)
-    measured = trace(planted)
+    planted, prices, measured = hide(drive)
     truth = planted.truth["effects"]
     gone = set(truth) if drive.kind == REMOVED else set()
     catalogue = tuple(effect for effect in CATALOGUE if effect.id not in gone)

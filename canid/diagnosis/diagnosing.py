@@ -12,6 +12,7 @@ from canid.diagnosis import (
     confirmed,
     gate,
     held_out,
+    holds,
     intervals,
     joining,
     masks,
@@ -54,6 +55,11 @@ COARSEST = 0.8  # s
 # of the error's variance; a quick cause may make a slow simulation worse by so much and still foretell better
 LITTLE = 0.05
 
+SILENT = (
+    "the output answers neither headway nor relative speed by more than chance: is it the right signal? "
+    "If it is, drive longer behind a lead whose speed changes"
+)
+
 
 class Prepared(NamedTuple):
     """A drive that can be diagnosed."""
@@ -93,10 +99,10 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
     if prepared is None:
         why = "too few samples in a row in which a person drives behind a lead"
         return joining.beside(nothing(trace, why, masked, steps), beside)
-    if not answered(prepared.data, prepared.fitted):
-        why = "the output answers neither headway nor relative speed by more than chance: is it the right signal?"
-        why = f"{why} If it is, drive longer behind a lead whose speed changes"
-        return joining.beside(nothing(trace, why, masked, steps), beside)
+    silent = not answered(prepared.data, prepared.fitted)
+    # a foot that stands at its ceiling most of the time answers below it
+    if silent and holds.look(prepared.data, prepared.fitted).effect != "pedal_ceiling":
+        return joining.beside(nothing(trace, SILENT, masked, steps), beside)
     if prepared.trace.dt > trace.dt * 1.5:
         steps.append(
             f"the output has no content above {0.5 / prepared.trace.dt:.2g} Hz: looked at every {prepared.trace.dt:.1f} s"
@@ -104,6 +110,8 @@ def diagnose(trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum
     drivers = tuple(effect for effect in catalogue if effect.where == "driver" and effect.kind != "mask")
     searched, refused = confirmed.search_causes(prepared.data, drivers, prepared.fitted)
     steps += refused
+    if silent and not searched.solved.model.effects and not answered(searched.data, searched.solved):
+        return joining.beside(nothing(trace, SILENT, masked, steps), beside)
     report = joining.join(_report(prepared, searched, drivers, masked, steps, beside.vehicle), beside)
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
@@ -196,7 +204,7 @@ def _report(
     trace, original = prepared.trace, prepared.data
     dt = trace.dt
     before, solved = searched.before, searched.solved
-    held = gate.look(searched.data, solved, _explained(searched))
+    held = gate.look(searched, original, _explained(searched))
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.wander)
     used = original.output.usable & ~original.output.below

@@ -19,6 +19,10 @@ OFFSET, K1, K2, TAU1, TAU2, THETA1, THETA2, DESIRED = range(8)
 # physical box: gains of either sign, so that a sign error shows; lags and dead times as in FopdtSettings
 LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2)
 HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0)
+# s; standard deviation of the difference of both answers' lags, and of their dead times. They go through the same eyes
+# and the same foot, and each is a second at most (reaction times in following: Grover 2021, table 4.2; Green 2000). A
+# steady drive tells little of the headway's, and late there is the same as more of K2: error(t − δ) = error − δ·rate/v
+TIED = 0.5
 # m/s; below it a headway means nothing
 SLOWEST = 1.0
 # dead times whose inputs are kept: those of a point, and of the steps around it
@@ -38,6 +42,14 @@ class DriverModel(NamedTuple):
     high: Array
     scale: Array
     where: tuple[slice, ...]  # each effect's parameters in q
+
+    @property
+    def ties(self) -> Array:
+        """What is known of lags and dead times beforehand: (2, k), each row times q is normal with variance 1."""
+        out = np.zeros((2, self.low.size))
+        for row, (one, other) in zip(out, ((TAU1, TAU2), (THETA1, THETA2)), strict=True):
+            row[one], row[other] = 1 / TIED, -1 / TIED
+        return out
 
     @property
     def centred(self) -> bool:

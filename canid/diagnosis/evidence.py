@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import K1, K2, OFFSET
+from canid.diagnosis.least_squares import Fitted
 from canid.diagnosis.solved import Solved, solve
 from canid.types import Array
 
@@ -81,20 +82,20 @@ class Spread(NamedTuple):
     overstated: Array  # (k,) robust variance over the likelihood's, at least 1
 
 
-def sandwich(J: Array, e: Array, dt: float) -> Spread:
+def sandwich(fitted: Fitted, dt: float) -> Spread:
     """Covariance of the free parameters (White 1982), nowhere narrower than the likelihood's.
 
     Args:
-        J: (n, k) derivatives of the whitened residuals.
-        e: (n,) whitened residuals.
+        fitted: with whitened residuals (n,), their derivatives (n, k) and what was known beforehand.
         dt: s.
     """
+    J, e = fitted.jacobian, fitted.scored.e
     scale = np.linalg.norm(J, axis=0)
     scale[scale == 0] = 1.0
-    J = J / scale
+    J, ties = J / scale, fitted.ties / scale
     # a direction that the data do not know is wide, not singular
-    plain = np.linalg.inv(J.T @ J + 1e-8 * np.eye(J.shape[1]))
-    robust = plain @ spread(J * e[:, None], round(REACH / dt)) @ plain
+    plain = np.linalg.inv(J.T @ J + ties.T @ ties + 1e-8 * np.eye(J.shape[1]))
+    robust = plain @ (spread(J * e[:, None], round(REACH / dt)) + ties.T @ ties) @ plain
     overstated = np.maximum(np.diag(robust) / np.diag(plain), 1.0)
     wider = np.sqrt(overstated) / scale
     return Spread(plain * wider[:, None] * wider[None, :], overstated)

@@ -28,6 +28,8 @@ class Fitted(NamedTuple):
     model: Array  # (n,)
     scored: Scored
     jacobian: Array  # (n, free) d whitened residual / d free parameter; 0 where a sample does not count
+    ties: Array  # (m, free) of what is known beforehand
+    tied: float  # −2 log of its density at q
 
 
 def jacobian(
@@ -65,6 +67,7 @@ def fit(
     high: Array,
     scale: Array,
     iterations: int = ITERATIONS,
+    ties: Array | None = None,
 ) -> Fitted:
     """Fit the free parameters.
 
@@ -79,24 +82,28 @@ def fit(
         high: (k,) bounds.
         scale: (k,) typical size of each.
         iterations: at most so many steps.
+        ties: (m, k) what is known beforehand: each row times q is normal with mean 0 and variance 1.
 
     Returns:
         the best that was found: never worse than where it began.
     """
     index = list(free)
+    ties = np.zeros((0, q.size)) if ties is None else ties
+    own = ties[:, index]
     q = np.clip(q, low, high)
     at = model(q)
     now = score(output, rows, noise, at)
     J = jacobian(output, rows, noise, model, q, free, scale, high, at, now.slope)
     damping = 1e-3
     for _ in range(iterations):
-        gradient, curvature = J.T @ now.e, J.T @ J
+        away = ties @ q
+        gradient, curvature = J.T @ now.e + own.T @ away, J.T @ J + own.T @ own
         # a parameter that stands at its bound and wants beyond it does not move
         stuck = ((q[index] <= low[index]) & (gradient > 0)) | ((q[index] >= high[index]) & (gradient < 0))
         moving = np.flatnonzero(~stuck)
         if not moving.size:
             break
-        before = now.cost
+        before = cost = now.cost + float(away @ away)
         for _ in range(8):
             H = curvature[np.ix_(moving, moving)]
             D = np.diag(H) + 1e-12 * (np.trace(H) + 1.0)
@@ -106,13 +113,14 @@ def fit(
             tried[where] = np.clip(q[where] + step, low[where], high[where])
             model_there = model(tried)
             there = score(output, rows, noise, model_there)
-            if there.cost < now.cost:
-                q, at, now, damping = tried, model_there, there, max(damping / 5, 1e-8)
+            cost_there = there.cost + float(np.sum((ties @ tried) ** 2))
+            if cost_there < cost:
+                q, at, now, cost, damping = tried, model_there, there, cost_there, max(damping / 5, 1e-8)
                 break
             damping *= 6
-        if before - now.cost <= ENOUGH * before:
+        if before - cost <= ENOUGH * before:
             break
         J = jacobian(output, rows, noise, model, q, free, scale, high, at, now.slope)
     else:
         J = jacobian(output, rows, noise, model, q, free, scale, high, at, now.slope)
-    return Fitted(q, free, at, now, J)
+    return Fitted(q, free, at, now, J, own, float(np.sum((ties @ q) ** 2)))

@@ -96,7 +96,8 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
         >>> score(out, ~flags, noise, np.array([1.0, 1.5, 3.0])).cost
         2.0
     """
-    e = whitened(noise, output.y - model)
+    # who stands at a ceiling is known to want more than that, not how far he pushes into a soft one
+    e = whitened(noise, np.where(output.above, output.ceiling, output.y) - model)
     slope = np.full(e.size, -1.0)
     hidden = rows & (output.below | output.above)
     if hidden.any():

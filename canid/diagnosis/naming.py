@@ -21,7 +21,9 @@ MOST = 4
 RIVAL = 6.0
 # how much more evidence a cause beside a ceiling needs, in parts of what it needs alone: a foot that meets a soft limit
 # is bent there, and causes were named for that bend with up to twice what chance gives
-CLIPPED = 2.0
+CLIPPED = 0.5
+# % below a ceiling from which on the foot may be bent by it
+SOFT = 1.5
 # 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
 VALLEY = 1.0
 # desired headways, speeds, levels, times along a drive that are chances of their own
@@ -92,7 +94,7 @@ def search_causes(
         if not held.effect:
             # the foot stands still in the pedal itself, not in what a wander has left of it
             found = holds.look(data._replace(output=data.output._replace(y=measured)), solved)
-            if found.effect in by:
+            if found.effect in by and all(n.effect.id != found.effect for n in named):
                 held = found
                 data, solved = _without_holds(data, solved, found)
                 dt = data.output.dt
@@ -223,8 +225,10 @@ def _without_holds(data: DriverData, solved: Solved, found: holds.Holds) -> tupl
         at[max(start - 1, 0) : min(stop + edge, n)] = True
     output = data.output
     if found.effect == "pedal_ceiling":
-        above = output.usable & ~output.below & (output.y >= found.level - 0.5 * holds.step_size(output.y))
-        output = output._replace(above=above, ceiling=found.level)
+        # a soft limit bends the foot before it stops it: from there on only the limit speaks
+        from_here = found.level - max(0.5 * holds.step_size(output.y), SOFT)
+        above = output.usable & ~output.below & (output.y >= from_here)
+        output = output._replace(above=above, ceiling=from_here)
     elif found.effect == "attention_gap":
         output = output._replace(usable=output.usable & ~at, below=output.below & ~at)
     data = data._replace(output=output)

@@ -29,6 +29,11 @@ OVERTONE = 0.5
 FINER = (0.5, 0.25)
 # s in which the foot goes to what was decided: where a fit begins
 RELEASE = 0.2
+# iterations that tell one moment from another
+GLANCE = 4
+# of the evidence that is needed, that the best rhythm must explain along its direction; half an interval of waiting
+# sits in the dead times, so its fit finds more than that
+WORTH = 0.5
 
 
 def spectrum(e: Array, x: Array, dt: float) -> tuple[Array, Array]:
@@ -70,14 +75,16 @@ def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple
     shift = interval**2 / max(data.seen.drive, 1.0) / PARTS
     intervals = interval + shift * np.arange(-EITHER_SIDE, EITHER_SIDE + 1)
     Q = qr(without.fitted.jacobian, mode="economic")[0]
-    interval, near = max(
-        ((float(d), float(phase)) for d in intervals for phase in np.arange(PHASES) / PHASES * d),
-        key=lambda own: _explains(effect, data, without, Q, own),
-    )
+    owns = [(float(d), float(phase)) for d in intervals for phase in np.arange(PHASES) / PHASES * d]
+    explained = [_explains(effect, data, without, Q, own) for own in owns]
+    if max(explained) < WORTH * bound:
+        return None, bound
+    interval, near = owns[int(np.argmax(explained))]
 
     def fitted(phase: float, begin: Array) -> Solved:
         q = np.r_[begin, interval, phase % interval, RELEASE]
-        return solve(data, (*without.model.effects, effect), q, without.noise, without.rows, turns=1)
+        effects = (*without.model.effects, effect)
+        return solve(data, effects, q, without.noise, without.rows, turns=1, iterations=GLANCE)
 
     # the direction tells the rhythm, but not the moment: half an interval of waiting sits in the dead times as well
     base = without.q.copy()

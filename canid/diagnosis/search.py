@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import qr
 
+from canid.diagnosis import moment
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import (
     DESIRED,
@@ -42,6 +43,8 @@ FITTED = 9
 BEGINS = 2
 # evidence from which on a candidate may win, and its fit is looked at twice
 POLISHED = 8.0
+# of the best one's evidence, that another must have to come first by a second look
+PART = 0.4
 # s by which a dead time may have come out too short
 AHEAD = (0.15, 0.35, 0.7)
 
@@ -90,7 +93,7 @@ def _found(effect: str, parameter: str, data: DriverData) -> tuple[float, ...]:
     """Starts that only the drive itself can tell."""
     free = data.output.usable & ~data.output.below
     if (effect, parameter) == ("gain_change", "time"):
-        return tuple(float(x) for x in np.linspace(0.1, 0.9, 17) * data.seen.drive)
+        return tuple(float(x) for x in np.linspace(0.1, 0.9, 9) * data.seen.drive)
     if (effect, parameter) == ("comfort_speed", "speed"):
         return tuple(float(x) for x in np.quantile(data.seen.speed[free], (0.3, 0.5, 0.7, 0.85)))
     if (effect, parameter) == ("pedal_ceiling", "level"):
@@ -146,7 +149,7 @@ def tried(effect: Effect, data: DriverData, without: Solved, begins: list[Start]
         if best is None or solved.deviance < best.deviance:
             best = solved
     assert best is not None
-    return priced_in(effect, best, without, data.output.dt)
+    return priced_in(effect, moment.settled(data, best), without, data.output.dt)
 
 
 def priced_in(effect: Effect, solved: Solved, without: Solved, dt: float) -> Candidate:
@@ -170,9 +173,10 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: Solved) -
     # along its direction nothing is left of a cause that a dead time has taken up
     worth = [pair for pair in screened if pair[1][0].explains > WORTH or pair[0].leads][:FITTED]
     found = [tried(effect, data, without, begins) for effect, begins in worth]
+    least = max(POLISHED, PART * max((one.evidence for one in found), default=0.0))
     return [
         priced_in(one.effect, polished(data, one.solved), without, data.output.dt)
-        if one.evidence > POLISHED
+        if one.evidence > least
         else one
         for one in found
     ]

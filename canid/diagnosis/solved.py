@@ -22,7 +22,7 @@ from canid.diagnosis.driver_model import (
     bound,
     with_effects,
 )
-from canid.diagnosis.least_squares import Fitted, fit
+from canid.diagnosis.least_squares import ITERATIONS, Fitted, fit
 from canid.diagnosis.likelihood import Noise
 from canid.effects.cause import Effect
 from canid.findings import Flags
@@ -57,8 +57,8 @@ class Solved(NamedTuple):
 
 
 def deviance(fitted: Fitted, noise: Noise) -> float:
-    """−2 log likelihood: Σ e² + Σ log sd² over the samples with a density."""
-    return fitted.scored.cost + 2.0 * fitted.scored.free * float(np.log(noise.sd))
+    """−2 log likelihood: Σ e² + Σ log sd² over the samples with a density, and what is known beforehand."""
+    return fitted.scored.cost + fitted.tied + 2.0 * fitted.scored.free * float(np.log(noise.sd))
 
 
 def solve(
@@ -69,6 +69,7 @@ def solve(
     rows: Flags,
     turns: int = TURNS,
     free: tuple[int, ...] | None = None,
+    iterations: int = ITERATIONS,
 ) -> Solved:
     """Fit parameters and noise by turns; rows, order and size of the noise are held.
 
@@ -80,14 +81,17 @@ def solve(
         rows: samples that count.
         turns: how often.
         free: parameters that move; None: all of the model's.
+        iterations: of the first turn, at most: where a glance tells which of many starts is worth a fit.
     """
     model = with_effects(effects)
     moving = model.free() if free is None else free
     function = bound(model, data)
-    fitted = fit(data.output, rows, noise, function, q, moving, model.low, model.high, model.scale)
+    box = model.low, model.high, model.scale
+    ties = model.ties
+    fitted = fit(data.output, rows, noise, function, q, moving, *box, iterations, ties)
     for _ in range(turns - 1):
         noise = recoloured(data, fitted, noise)
-        fitted = fit(data.output, rows, noise, function, fitted.q, moving, model.low, model.high, model.scale)
+        fitted = fit(data.output, rows, noise, function, fitted.q, moving, *box, ties=ties)
     noise, fitted = rescaled(fitted, noise)
     return Solved(model, fitted, noise, rows, deviance(fitted, noise))
 
@@ -143,6 +147,7 @@ def baseline(data: DriverData) -> Solved | None:
         return None
     model = with_effects(())
     function = bound(model, data)
+    box = model.low, model.high, model.scale
     q = np.zeros(len(model.low))
     for k, value in BEGIN.items():
         q[k] = value
@@ -158,8 +163,8 @@ def baseline(data: DriverData) -> Solved | None:
     best: Fitted | None = None
     for theta in (q[THETA2], *BEGIN_THETA2):
         q[THETA2] = theta
-        fitted = fit(output, rows, noise, function, q, model.free(), model.low, model.high, model.scale)
-        if best is None or fitted.scored.cost < best.scored.cost:
+        fitted = fit(output, rows, noise, function, q, model.free(), *box, ties=model.ties)
+        if best is None or fitted.scored.cost + fitted.tied < best.scored.cost + best.tied:
             best = fitted
     assert best is not None
     for _ in range(2):
@@ -167,7 +172,7 @@ def baseline(data: DriverData) -> Solved | None:
         p = likelihood.order(output, residual)
         rows = likelihood.counted(output, p)
         noise = likelihood.colour(output, residual, p, ones)
-        best = fit(output, rows, noise, function, best.q, model.free(), model.low, model.high, model.scale)
+        best = fit(output, rows, noise, function, best.q, model.free(), *box, ties=model.ties)
     noise = sized(data, best, noise, rows)
     return polished(data, solve(data, (), best.q, noise, rows))
 

@@ -106,7 +106,7 @@ def inflation(solved: SolvedCar, of: Sequence[int], dt: float) -> float:
 
 def doubt(solved: SolvedCar, dt: float) -> Array:
     """Standard deviations of the parameters (k,): the sandwich, nowhere narrower than the likelihood's."""
-    C = sandwich(solved.fitted.jacobian, solved.fitted.scored.e, dt).C
+    C = sandwich(solved.fitted, dt).C
     out: Array = np.sqrt(np.diag(C))
     return out
 

@@ -93,6 +93,7 @@ class Parameter(NamedTuple):
     starts: tuple[float, ...]  # where a fit begins: typical strengths, of either sign where both occur
     typical: float  # a strength at which it matters: what "can this drive show it?" is asked for
     held: bool = False  # it has a search of its own, and a fit leaves it where that ended
+    moment: bool = False  # s along the drive at which something changes: its cost has many valleys
 
 
 class Foot(NamedTuple):

@@ -28,7 +28,7 @@ EFFECT = Effect(
     kind="curve",
     parameters=(
         Parameter("share", "1", -3.0, 0.95, (0.25, -0.25), 0.25),
-        Parameter("time", "s", 0.0, 1e6, (), 0.0),
+        Parameter("time", "s", 0.0, 1e6, (), 0.0, moment=True),
     ),
     needs=(),
     source="regimes: Gipps 1981; hidden Markov driver models",

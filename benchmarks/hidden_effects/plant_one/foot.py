@@ -22,15 +22,15 @@ def footer(effects: Mapping[str, Mapping[str, float]], held: Array, dt: float, p
     keep = math.exp(-dt / effects["second_lag"]["tau"]) if second else 0.0
     task = effects.get("periodic_task", {"amplitude": 0.0, "frequency": 0.0})
     size, turn = task["amplitude"], 2.0 * math.pi * task["frequency"] * dt
-    every = max(round(effects["act_and_wait"]["interval"] / dt), 1) if "act_and_wait" in effects else 0
+    every = max(effects["act_and_wait"]["interval"] / dt, 1.0) if "act_and_wait" in effects else 0.0
     play = 0.5 * effects.get("backlash", {}).get("width", 0.0)
     most = effects.get("foot_rate", {}).get("rate", math.inf) * dt
     level = effects.get("pedal_ceiling", {}).get("level", math.inf)
     gone = held.tolist()
-    lag = acted = touched = moved = kept = last = 0.0
+    lag = acted = touched = moved = kept = last = due = 0.0
 
     def foot(k: int, demand: float, remnant: float) -> float:
-        nonlocal lag, acted, touched, moved, kept, last
+        nonlocal lag, acted, touched, moved, kept, last, due
         u = demand
         if second:
             # as of the driver's own lags: the mean of both ends of the step
@@ -40,8 +40,9 @@ def footer(effects: Mapping[str, Mapping[str, float]], held: Array, dt: float, p
             u += size * math.sin(turn * k + 2.0 * math.pi * phase)
         u += remnant
         if every:
-            if k % every == 0:
-                acted = u
+            # a rhythm that is no whole number of steps keeps its own pace
+            if k >= due:
+                acted, due = u, due + every
             u = acted
         if play:
             touched = min(max(touched, u - play), u + play) if k else u

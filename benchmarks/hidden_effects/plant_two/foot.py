@@ -27,15 +27,15 @@ def second_lag(p: Values, scene: Scene) -> Touch:
 def act_and_wait(p: Values, scene: Scene) -> Touch:
     interval, dt = p["interval"], scene.dt
     ramp = min(RELEASE, 0.4 * interval)
-    start = held = 0.0
+    start = held = due = 0.0
     acted = -math.inf
 
     def touch(x: float, k: int, gap: float, v: float, w: float, la: float, a: float) -> float:
-        nonlocal start, held, acted
+        nonlocal start, held, acted, due
         t = k * dt
-        if t - acted >= interval - 0.5 * dt:
+        if t >= due - 0.5 * dt:
             start, held = (held if k else x), x
-            acted = t
+            acted, due = t, due + interval
         moved = min((t - acted) / ramp, 1.0)
         return start + (held - start) * moved * moved * (3.0 - 2.0 * moved)
 
