@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis import blocks
+from canid.diagnosis import blocks, holds
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import K1, K2, TAU1, TAU2, lagged, parts
 from canid.diagnosis.held_out import BLOCK, Fold
@@ -71,12 +71,17 @@ class Ride(NamedTuple):
 
     fits: tuple[Solved, ...]  # one per fold
     added: tuple[Array | None, ...]  # (n,) output unit per fold: what a wandering wish does
-    held: Holds | None  # a ceiling and episodes that were seen in the pedal itself
+    held: tuple[Holds, ...]  # a ceiling and episodes that were seen in the pedal itself
     car: Car | None  # None: the output is the acceleration itself
 
 
 def look(
-    trace: Trace, data: DriverData, role: str, folds: tuple[Fold, ...], held: Holds, vehicle: Vehicle
+    trace: Trace,
+    data: DriverData,
+    role: str,
+    folds: tuple[Fold, ...],
+    held: tuple[Holds, ...],
+    vehicle: Vehicle,
 ) -> tuple[Trajectory, ...]:
     """Simulate gap and speed before and after what was found.
 
@@ -97,7 +102,7 @@ def look(
         return ()
     brake = np.nan_to_num(trace.signals.get("brake", np.zeros(n))) > 0.5
     usable = data.output.usable.copy()
-    for start, stop in held.episodes:
+    for start, stop in (span for one in held for span in one.episodes):
         usable[start:stop] = True
     where = stretches(usable & ~followed_by(brake, round(FROM_BRAKE / dt)), dt)
     if not where:
@@ -112,7 +117,7 @@ def look(
         )
     road = Road(data, data.seen.speed + data.seen.range_rate, trace.output)
     same = cars[0] is cars[1] and all(fold.extended is fold.base for fold in folds)
-    base = Ride(tuple(fold.base for fold in folds), (None,) * len(folds), None, cars[0])
+    base = Ride(tuple(fold.base for fold in folds), (None,) * len(folds), (), cars[0])
     before = drive(road, base, where)
     after = before
     if not same:
@@ -246,11 +251,10 @@ def _person(road: Road, ride: Ride, where: tuple[Stretch, ...], rows: Rows) -> P
         column = ride.added[fold]
         if column is not None:
             added[:, m] = column[rows[:, m]]
-    away, ceiling = np.zeros(n, dtype=bool), np.inf
-    if ride.held is not None and ride.held.effect == "pedal_ceiling":
-        ceiling = ride.held.level
-    elif ride.held is not None and ride.held.effect == "attention_gap":
-        for start, stop in ride.held.episodes:
-            away[start:stop] = True
+    away = np.zeros(n, dtype=bool)
+    for start, stop in holds.away(ride.held):
+        away[start:stop] = True
     q = np.array([ride.fits[fold].q for fold in folds]).T
-    return Person(ride.fits[0].model, q, (first, second), added, away[rows], ceiling, data.seen.drive)
+    return Person(
+        ride.fits[0].model, q, (first, second), added, away[rows], holds.ceiling(ride.held), data.seen.drive
+    )

@@ -35,10 +35,14 @@ CALM = (5.0, 25.0)
 SWITCHES = (0.3, 0.7, 1.2)
 # quantiles of the looming and of the output's rate at which a bend or a limit may lie
 LOOMINGS, RATES = (0.35, 0.6, 0.8), (0.6, 0.8, 0.93)
+# s; a foot that is slower one way than the other
+UNEVEN = 0.5
 # m/s²; how hard a lead brakes at least that frightens, and s in which that fades
 BRAKING, FADES = (0.3, 0.8), 1.5
 # m/s; a speed in a denominator is not below that
 SLOWEST = 3.0
+# the family that follows anything slow
+LEVEL_FAMILY = "level"
 
 
 class Shapes(NamedTuple):
@@ -47,6 +51,7 @@ class Shapes(NamedTuple):
     name: str
     says: str  # what the residual would hold
     columns: Array  # (n, k)
+    in_time: bool = False  # functions of time itself among them
 
 
 def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
@@ -57,7 +62,7 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
         solved: the model whose residual is looked at; its dead times and lags are used, its causes are not.
     """
     dt, q = data.output.dt, solved.q
-    fine = solved.rows & ~data.output.below
+    fine = solved.rows & ~data.output.below & ~data.output.above
     acted = parts(solved.model._replace(effects=(), where=()), data, q)
     late = seen_late(data, float(q[THETA2]))
     gap = np.maximum(late.gap, 1.0)
@@ -73,8 +78,9 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
     both = standard(float(q[K1]) * acted.e + float(q[K2]) * acted.w)
     bends = [np.maximum(np.abs(w) - k, 0.0) * np.sign(w) for k in (0.5, 1.2, 2.0)]
     turmoil = [standard(lagged(np.abs(acted.w), s, dt)) for s in CALM]
-    in_time = hats(data.seen.t, fine, TIME_KNOTS)
+    along = hats(data.seen.t, fine, TIME_KNOTS)
     knots = int(np.clip(data.seen.drive / LEVEL, *LEVEL_KNOTS))
+    # fmt: off
     return [
         Shapes("range_rate curve", "a bend in the answer to relative speed",
                through(w * w, np.abs(w), w**3, w * np.abs(w), *bends)),
@@ -107,21 +113,24 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
         Shapes("lead", "an answer to the lead's acceleration",
                through(a, np.abs(a), a**3, *(standard(x) for x in _fright(late, dt)))),
         Shapes("time", "answers that change along the drive",
-               np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3]),
+               np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3], in_time=True),
         Shapes("both answers", "two answers that change together, along the drive, with the gap or the speed",
-               through(both * t, both * t * t, both * t**3, both * np.sign(t), both * g, both * v)),
-        Shapes("both answers in time", "two answers that change together at some time", through(both[:, None] * in_time)),
+               through(both * t, both * t * t, both * t**3, both * np.sign(t), both * g, both * v), in_time=True),
+        Shapes("both answers in time", "two answers that change together at some time", through(both[:, None] * along),
+               in_time=True),
         Shapes("range_rate in time", "an answer to relative speed that changes at some time",
-               through(w[:, None] * in_time)),
-        Shapes("headway in time", "an answer to headway that changes at some time", through(e[:, None] * in_time)),
-        Shapes("level", "a level that wanders along the drive", hats(data.seen.t, fine, knots)),
+               through(w[:, None] * along), in_time=True),
+        Shapes("headway in time", "an answer to headway that changes at some time", through(e[:, None] * along),
+               in_time=True),
+        Shapes(LEVEL_FAMILY, "a level that wanders along the drive", hats(data.seen.t, fine, knots), in_time=True),
         *_of_output(solved.fitted.model, fine, dt),
-    ]  # fmt: skip
+    ]
+    # fmt: on
 
 
 def answers(data: DriverData, solved: Solved) -> dict[str, Array]:
     """What the driver answers, through his lag, and how fast the output should move: name -> (n,)."""
-    fine = solved.rows & ~data.output.below
+    fine = solved.rows & ~data.output.below & ~data.output.above
     acted = parts(solved.model._replace(effects=(), where=()), data, solved.q)
     late = _through(float(solved.q[TAU2]), data.output.dt, _standard(acted.w, fine), _standard(acted.e, fine))
     slope = _standard(np.gradient(solved.fitted.model, data.output.dt), fine)
@@ -133,14 +142,17 @@ def _of_output(model: Array, fine: Flags, dt: float) -> list[Shapes]:
     y, r = _standard(model, fine), _standard(np.gradient(model, dt), fine)
     r5 = delayed(r, 0.5, dt)
     fast = np.quantile(np.abs(np.gradient(model, dt))[fine], RATES) * dt
-    behind = [_standard(_limited(model, float(most)) - model, fine) for most in fast]
+    behind = [_limited(model, float(most)) for most in fast] + [
+        _uneven(model, side, dt) for side in (1.0, -1.0)
+    ]
     return [
         Shapes("output", "an output that bends at its ends",
                np.stack([y * y, y**3, np.maximum(y - 1, 0), np.minimum(y + 1, 0)], axis=1)),
         Shapes("output freely", "an output with steps or bends", hats(model, fine, OUTPUT_KNOTS)),
         Shapes("output rate", "an output that follows unevenly: later one way than the other, or no faster than so much",
                np.stack([np.abs(r), r * np.abs(r), r**3, np.abs(r5), r5 * np.abs(r5)], axis=1)),
-        Shapes("output behind", "an output that moves no faster than so much", np.stack(behind, axis=1)),
+        Shapes("output behind", "an output that moves no faster than so much, or later one way than the other",
+               np.stack([_standard(x - model, fine) for x in behind], axis=1)),
     ]  # fmt: skip
 
 
@@ -191,6 +203,20 @@ def _limited(x: Array, most: float) -> Array:
     y, out = float(x[0]), []
     for wanted in x.tolist():
         y += min(max(wanted - y, -most), most)
+        out.append(y)
+    return np.array(out)
+
+
+def _uneven(x: Array, side: float, dt: float) -> Array:
+    """Follow x through a lag of UNEVEN on its way up (side 1) or down (−1), and at once the other way.
+
+    Example:
+        >>> _uneven(np.array([0.0, 1.0, 0.0]), 1.0, UNEVEN)
+        array([0. , 0.5, 0. ])
+    """
+    y, out, part = float(x[0]), [], dt / (UNEVEN + dt)
+    for wanted in x.tolist():
+        y += (wanted - y) * (part if side * (wanted - y) > 0.0 else 1.0)
         out.append(y)
     return np.array(out)
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.stats import chi2
 
-from canid.diagnosis import recoloured, signs, unsteady
+from canid.diagnosis import instead, recoloured, signs, unsteady
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.evidence import spread
 from canid.diagnosis.families import Shapes, answers, shapes
@@ -39,7 +39,9 @@ SLOW = 0.05
 # directions of a family that are smaller than this share of its largest tell nothing of their own
 INDEPENDENT = 0.05
 # of a column's length: what the model absorbs but for this is rounding
-ABSORBED = 0.03
+ABSORBED = 0.1
+# what a foot does between two decisions, whose course nobody knows
+BETWEEN = ("output rate", "output behind")
 # chance below which a family is looked at once more, with the noise's colour fitted anew
 AGAIN = 0.1
 
@@ -81,9 +83,18 @@ def look(found: Search, original: DriverData, explained: float = 0.0) -> Gate:
     told += [
         Family(one.name, one.says, one.p, one.statistic, 1, one.share) for one in signs.look(found, original)
     ]
+    other = instead.look(found, families)
+    if other is not None:
+        told.append(Family("instead of a wander", *other))
     bound = (NAMED if found.named else FAMILY) / len(told)
-    material = max(MATERIAL, FORM * explained)
-    failed = [family for family in told if family.p < bound and family.share >= material]
+    # what he decides between two moments is not simulated: what is left holds it
+    decides = any(one.effect.id == "act_and_wait" for one in found.named)
+    material = max(MATERIAL, FORM * max(explained, float(decides)))
+    failed = [
+        family
+        for family in told
+        if family.p < bound and family.share >= material and not (decides and family.name in BETWEEN)
+    ]
     share = max((family.share for family in failed), default=0.0)
     return Gate(not failed, tuple(told), tuple(failed), bound, material, share)
 
@@ -97,11 +108,12 @@ def _white(columns: Array, solved: Solved) -> Array:
 
 def _spanned(families: list[Shapes], data: DriverData, solved: Solved) -> list[Family]:
     """Test every family; those that show something twice."""
-    Q = qr(solved.fitted.jacobian, mode="economic")[0]
+    memory = recoloured.remembered(solved)
+    Q = qr(np.column_stack([solved.fitted.jacobian, memory]), mode="economic")[0]
     e = solved.fitted.scored.e / np.sqrt(max(_even(solved), 1e-300))
     own: Array | None = None
     plain, out = 0.0, []
-    for name, says, columns in families:
+    for name, says, columns, _ in families:
         X = _white(columns, solved)
         length = np.linalg.norm(X, axis=0)
         X = X - Q @ (Q.T @ X)
@@ -120,9 +132,9 @@ def _spanned(families: list[Shapes], data: DriverData, solved: Solved) -> list[F
         if p < AGAIN:
             if own is None:
                 own = directions(data, solved)
-                plain = recoloured.deviance(data, solved, own)
-            again = recoloured.deviance(data, solved, np.column_stack([own, columns[:, kept] @ turn]))
-            won = max(plain - again, 0.0) / tested.overstated
+                plain = recoloured.beside(data, solved, own, memory).deviance
+            again = recoloured.beside(data, solved, np.column_stack([own, columns[:, kept] @ turn]), memory)
+            won = max(plain - again.deviance, 0.0) / tested.overstated
             p, statistic = min(p, float(chi2.sf(won, k))), max(statistic, won)
         z = turn.T @ score
         # the best of two tests
@@ -176,7 +188,7 @@ def _share(gain: float, data: DriverData, solved: Solved) -> float:
     What a slow structure with variance s explains of a noise with spectrum S is T·s/S (DESIGN, measured fact 9).
     """
     n = max(solved.fitted.scored.free, 1)
-    residual = (data.output.y - solved.fitted.model)[solved.rows & ~data.output.below]
+    residual = (data.output.y - solved.fitted.model)[solved.rows & ~data.output.below & ~data.output.above]
     A = solved.noise.A
     turn = np.exp(-2j * np.pi * SLOW * data.output.dt * np.arange(A.size))
     spectrum = solved.noise.sd**2 / float(abs(A @ turn) ** 2)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis import naming, search, wander
+from canid.diagnosis import holds, naming, search, wander
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.likelihood import score, whitened
 from canid.diagnosis.naming import Search
@@ -31,13 +31,10 @@ DRAWS = 800
 def simulated(found: Search, data: DriverData, extended: Solved, drift: wander.Wander | None) -> Array:
     """Simulate the extended model (n,): its wander, its ceiling and its held episodes included."""
     out = extended.fitted.model + (drift.added if drift is not None else 0.0)
-    if found.held.effect == "pedal_ceiling":
-        out = np.minimum(out, found.held.level)
-    elif found.held.effect == "attention_gap":
-        out = out.copy()
-        for start, stop in found.held.episodes:
-            out[start:stop] = out[start]
-    return np.asarray(out)
+    out = np.asarray(np.minimum(out, holds.ceiling(found.held)))
+    for start, stop in holds.away(found.held):
+        out[start:stop] = out[start]
+    return out
 
 
 class Fold(NamedTuple):

@@ -53,29 +53,45 @@ class Holds(NamedTuple):
 NONE = Holds("", (), 0.0, np.nan)
 
 
+def ceiling(held: tuple[Holds, ...]) -> float:
+    """Level of the ceiling among what was found; infinite where there is none."""
+    return next((one.level for one in held if one.effect == "pedal_ceiling"), np.inf)
+
+
+def away(held: tuple[Holds, ...]) -> tuple[tuple[int, int], ...]:
+    """Episodes of looking away among what was found: [start, stop) samples."""
+    return next((one.episodes for one in held if one.effect == "attention_gap"), ())
+
+
 def step_size(y: Array) -> float:
     """Return the sensor's step: the least distance between two levels at which it stood still.
 
     Example:
-        >>> round(step_size(np.array([0.0, 0.0, 0.4, 0.4, 0.61, 1.2, 1.2, 0.8, 0.8])), 3)
+        >>> round(step_size(np.repeat(0.4 * np.arange(12), 2)), 3)
         0.4
     """
     # between two messages a sample is interpolated; a repeat is a level of the sensor itself
     levels = np.unique(np.round(y[1:][np.diff(y) == 0], 6))
-    if levels.size >= 3:
+    if levels.size >= 10:
         return float(np.quantile(np.diff(levels), 0.1))
     d = np.abs(np.diff(y))
     return float(np.quantile(d, 0.1)) if d.size else 1e-3
 
 
-def look(data: DriverData, solved: Solved) -> Holds:
-    """Find episodes in what a model leaves."""
-    if not data.pedal:
+def look(data: DriverData, solved: Solved, before: tuple[Holds, ...] = ()) -> Holds:
+    """Find episodes in what a model leaves.
+
+    Args:
+        data: what is explained; above a known ceiling nothing is looked for.
+        solved: the model.
+        before: what was found already: below a ceiling only looking away is left to be found, after that nothing.
+    """
+    if not data.pedal or any(one.effect != "pedal_ceiling" for one in before):
         return NONE  # an acceleration never stands still
     y, noise = data.output.y, solved.noise
     step = step_size(y[data.output.usable])
     held_sd = max(TREMBLE * step, 1e-3)
-    free = data.output.usable & ~data.output.below
+    free = data.output.usable & ~data.output.below & ~data.output.above
     # innovations also where rows do not count after a masked stretch: there the noise is as wide as it can be
     sd = noise.sd * noise.size
     e = np.where(solved.rows, solved.fitted.scored.e, 0.0)
@@ -85,10 +101,10 @@ def look(data: DriverData, solved: Solved) -> Holds:
     # a foot that moves slowly rests on the sensor's steps now and then, and a density knows nothing of steps
     resting = -np.log(rests(moved, free, step, data.output.dt)) + 0.5 * (e * e - 1.0)
     gain = np.where(free & solved.rows, np.minimum(holding - driving, resting), -50.0)
-    top = _ceiling(data, y, step)
+    top = NONE if before else _ceiling(data, y, step)
     if top.effect:
         return top
-    interval, beats = _rhythm(y, free, step, data.output.dt)
+    interval, beats = (0.0, 0.0) if before else _rhythm(y, free, step, data.output.dt)
     if beats > BEATS:
         moves = np.flatnonzero((np.abs(np.diff(y, prepend=y[0])) > 0.5 * step) & free)
         spans = tuple((int(a), int(b)) for a, b in pairwise(moves.tolist()))
@@ -97,7 +113,7 @@ def look(data: DriverData, solved: Solved) -> Holds:
     if len(spans) < EPISODES or evidence < NEEDED:
         return NONE
     level = float(y[free].max())
-    if level < PHYSICAL and np.mean([y[a] >= level - 1.5 * step for a, _ in spans]) > AT_TOP:
+    if not before and level < PHYSICAL and np.mean([y[a] >= level - 1.5 * step for a, _ in spans]) > AT_TOP:
         return Holds("pedal_ceiling", spans, evidence, level)
     return Holds("attention_gap", spans, evidence, np.nan)
 
@@ -159,6 +175,17 @@ def episodes(gain: Array, dt: float) -> tuple[tuple[tuple[int, int], ...], float
     return tuple(out), total
 
 
+def standing(at: Flags, dt: float) -> tuple[tuple[int, int], ...]:
+    """Stretches [start, stop) of at least 0.3 s.
+
+    Example:
+        >>> standing(np.array([True, False, True, True, True]), 0.1)
+        ((2, 5),)
+    """
+    edges = np.flatnonzero(np.diff(np.r_[False, at, False].astype(np.int8)))
+    return tuple((int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * dt >= 0.3 - 1e-9)
+
+
 def _ceiling(data: DriverData, y: Array, step: float) -> Holds:
     """A highest level at which the pedal stands far longer than just below it.
 
@@ -177,8 +204,7 @@ def _ceiling(data: DriverData, y: Array, step: float) -> Holds:
     if top <= expected:
         return NONE
     evidence = 2 * (top * float(np.log(top / expected)) - (top - expected))
-    edges = np.flatnonzero(np.diff(np.r_[False, at, False].astype(np.int8)))
-    spans = tuple((int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * dt >= 0.3)
+    spans = standing(at, dt)
     if len(spans) < CEILING_TOUCHED or evidence < NEEDED:
         return NONE
     return Holds("pedal_ceiling", spans, evidence, level)

@@ -26,6 +26,9 @@ CLIPPED = 0.5
 SOFT = 1.5
 # 2 Δ log likelihood by which a fit from elsewhere must be better to show that the first was not the best
 VALLEY = 1.0
+# of the evidence of causes already named, that one beside them needs on top: nature's form of a cause is never quite
+# the one that is fitted, and what that leaves looks like something else
+SHADOW = 0.01
 # desired headways, speeds, levels, times along a drive that are chances of their own
 CHANCES = 3
 # of a cause's evidence that a rival must have had at some step to be looked at again
@@ -67,7 +70,7 @@ class Search(NamedTuple):
     named: tuple[Named, ...]
     steps: tuple[Step, ...]
     wander: wander.Wander | None
-    held: holds.Holds
+    held: tuple[holds.Holds, ...]
 
 
 def search_causes(
@@ -87,39 +90,33 @@ def search_causes(
     m = len(effects)
     solved, named, steps = before, list[Named](), list[Step]()
     wandering: wander.Wander | None = None
-    held = holds.NONE
+    held: tuple[holds.Holds, ...] = ()
     measured = data.output.y
     curves = tuple(effect for effect in effects if effect.kind == "curve" and effect.planted)
     for step in range(1, MOST + 1):
-        if not held.effect:
-            # the foot stands still in the pedal itself, not in what a wander has left of it
-            found = holds.look(data._replace(output=data.output._replace(y=measured)), solved)
-            if found.effect in by and all(n.effect.id != found.effect for n in named):
-                held = found
-                data, solved = _without_holds(data, solved, found)
-                dt = data.output.dt
-                spans = tuple(
-                    (float(data.seen.t[a]), float(data.seen.t[b - 1]) + dt) for a, b in found.episodes
-                )
-                told = _told(found, data)
-                named.append(
-                    Named(by[found.effect], found.evidence, holds.NEEDED, (), spans, told, found.level)
-                )
-                steps.append(Step(by[found.effect], step, found.evidence, holds.NEEDED, True))
-                if found.effect == "act_and_wait":
-                    break  # what he decides between two moments is not seen: nothing finer can be told of him
-                continue
+        # the foot stands still in the pedal itself, not in what a wander has left of it
+        found = holds.look(data._replace(output=data.output._replace(y=measured)), solved, held)
+        if found.effect in by and all(n.effect.id != found.effect for n in named):
+            held = (*held, found)
+            data, solved = _without_holds(data, solved, found)
+            named.append(_seen(by[found.effect], found, holds.NEEDED, data))
+            steps.append(Step(by[found.effect], step, found.evidence, holds.NEEDED, True))
+            if found.effect == "act_and_wait":
+                break  # what he decides between two moments is not seen: nothing finer can be told of him
+            continue
         options: list[tuple[float, Step, Candidate | wander.Wander]] = []
+        capped = np.isfinite(holds.ceiling(held))
+        shadow = SHADOW * sum(one.evidence for one in named)
         solved, tried = _tried(curves, data, solved)
         for candidate in tried:
             # a ceiling that was seen in the pedal itself needs no second one
-            if held.effect == "pedal_ceiling" and candidate.effect.id == "pedal_ceiling":
+            if capped and candidate.effect.id == "pedal_ceiling":
                 continue
             # without the cause nothing tells what is desired, or at which speed or level or time it begins: the best
             # of these is the best of several chances (Davies 1977)
             searched = candidate.effect.centred or any(not p.starts for p in candidate.effect.parameters)
             chances = CHANCES if searched else 1
-            bound = needed(candidate.parameters, m * chances)
+            bound = needed(candidate.parameters, m * chances) + shadow
             options.append(_option(candidate.effect, step, candidate.evidence, bound, candidate))
         if "periodic_task" in by and not any(n.effect.id == "periodic_task" for n in named):
             swing, bound = line.look(by["periodic_task"], data, solved, m)
@@ -134,7 +131,7 @@ def search_causes(
             if drift is not None:
                 bound = needed(1, m)
                 options.append(_option(by["headway_drift"], step, drift.evidence, bound, drift))
-        if held.effect == "pedal_ceiling":
+        if capped:
             options = [
                 (o[0] - CLIPPED * o[1].needed, o[1]._replace(needed=(1 + CLIPPED) * o[1].needed), o[2])
                 for o in options
@@ -155,6 +152,14 @@ def search_causes(
             ratio = min(abs(answered / float(solved.q[K1])), 1.0) if solved.q[K1] else 1.0
             told = Interval(*(ratio * value for value in best.sd))
             named.append(Named(first.effect, first.evidence, first.needed, (), (), told))
+        elif first.effect.id == "pedal_ceiling" and data.pedal:
+            # at it the noise goes one way only: what stands there is told by its limit alone
+            level = float(best.solved.q[best.solved.model.where[-1].start])
+            at = data.output.usable & (measured >= level - 0.5 * holds.step_size(measured))
+            found = holds.Holds("pedal_ceiling", holds.standing(at, data.output.dt), first.evidence, level)
+            held = (*held, found)
+            data, solved = _without_holds(data, solved, found)
+            named.append(_seen(first.effect, found, first.needed, data))
         else:
             solved = best.solved
             # the noise's size again, now that a cause is out of it
@@ -207,6 +212,13 @@ def _rhythm(effect: Effect, solved: Solved, data: DriverData) -> Interval | None
     interval = float(solved.q[solved.model.where[-1].start])
     off = 0.25 * interval**2 / max(data.seen.drive, 1.0)
     return Interval(interval, interval - off, interval + off)
+
+
+def _seen(effect: Effect, found: holds.Holds, bound: float, data: DriverData) -> Named:
+    """Name what was seen in the pedal itself."""
+    t, dt = data.seen.t, data.output.dt
+    spans = tuple((float(t[a]), float(t[b - 1]) + dt) for a, b in found.episodes)
+    return Named(effect, found.evidence, bound, (), spans, _told(found, data), found.level)
 
 
 def _told(found: holds.Holds, data: DriverData) -> Interval | None:
@@ -278,5 +290,11 @@ def _with_rivals(
     # who never explained a part of it before explains no whole of it now
     worth = {step.effect.id for step in steps if step.evidence > PART * one.evidence} - have
     swaps = search.candidates(tuple(e for e in curves if e.id in worth), data, without)
-    close = [c.effect.id for c in swaps if c.solved.deviance - solved.deviance < RIVAL]
+    bound = {step.effect.id: step.needed for step in steps}
+    # a cause with more to choose must explain as much more as that finds by chance
+    close = [
+        c.effect.id
+        for c in swaps
+        if c.solved.deviance - solved.deviance < RIVAL + max(one.needed - bound[c.effect.id], 0.0)
+    ]
     return one._replace(rivals=tuple(dict.fromkeys([*fixed, *close])))

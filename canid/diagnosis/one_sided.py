@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.solved import Solved
+from canid.findings import Flags
 from canid.types import Array
 
 # s over which the residual is smoothed: shorter than what is looked for, so that quick noise is out of the way
@@ -71,7 +72,7 @@ def look(data: DriverData, solved: Solved) -> OneSided:
     return best._replace(p=min(1.0, best.p * max(tests, 1)))
 
 
-def skewed(x: Array, known: Array, reach: int) -> tuple[float, float]:
+def skewed(x: Array, known: Flags, reach: int) -> tuple[float, float]:
     """Skewness of x, in standard deviations and as such.
 
     The third Hermite polynomial of a normal x has the autocovariance 6 ρ³ where x has ρ.

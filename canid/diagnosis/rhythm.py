@@ -27,6 +27,8 @@ PHASES = 12
 OVERTONE = 0.5
 # of the distance between two phases, one after the other
 FINER = (0.5, 0.25)
+# of the distance between two intervals that were tried, one after the other
+CLOSER = (1.0, 0.5, 0.25, 0.12)
 # s in which the foot goes to what was decided: where a fit begins
 RELEASE = 0.2
 # iterations that tell one moment from another
@@ -81,8 +83,10 @@ def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple
         return None, bound
     interval, near = owns[int(np.argmax(explained))]
 
-    def fitted(phase: float, begin: Array) -> Solved:
-        q = np.r_[begin, interval, phase % interval, RELEASE]
+    def fitted(phase: float, begin: Array, longer: float = 0.0) -> Solved:
+        """Fit at a phase; an interval that is longer keeps its step in the middle of the drive."""
+        own = interval + longer
+        q = np.r_[begin, own, (phase - longer * round(0.5 * data.seen.drive / interval)) % own, RELEASE]
         effects = (*without.model.effects, effect)
         return solve(data, effects, q, without.noise, without.rows, turns=1, iterations=GLANCE)
 
@@ -99,6 +103,14 @@ def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple
             for side in (-1, 1)
         )
         best = min((best, *beside), key=lambda one: one.deviance)
+    # the interval itself, to where both ends of the drive are in step
+    phase, longer = float(best.q[best.q.size - 2]), 0.0
+    for step in CLOSER:
+        some = [longer + side * step * shift for side in (-1, 1)]
+        tried_there = [(fitted(phase, best.q[: without.q.size], each), each) for each in some]
+        nearer, there = min(tried_there, key=lambda one: one[0].deviance)
+        if nearer.deviance < best.deviance:
+            best, longer = nearer, there
     best = polished(data, solve(data, best.model.effects, best.q, without.noise, without.rows))
     found = priced_in(effect, best, without, data.output.dt)
     return found._replace(parameters=3), bound

@@ -44,9 +44,10 @@ def look(found: Search, original: DriverData) -> list[Sign]:
     if "act_and_wait" in named:
         return []  # a sawtooth has a line, a rhythm and standstills of its own
     out = []
-    left = np.where(solved.rows & ~data.output.below, data.output.y - solved.fitted.model, 0.0)
-    if not found.held.effect:
-        out.append(_still(original._replace(output=data.output._replace(y=original.output.y)), found, left))
+    left = np.where(
+        solved.rows & ~data.output.below & ~data.output.above, data.output.y - solved.fitted.model, 0.0
+    )
+    out.append(_still(data._replace(output=data.output._replace(y=original.output.y)), found, left, named))
     if "periodic_task" not in named:
         out.append(_line(left, solved.fitted.scored.e, data.output.dt))
     out.append(_rhythm(found))
@@ -57,14 +58,14 @@ def look(found: Search, original: DriverData) -> list[Sign]:
     return [*out, Sign("one side", says, side.p, side.statistic, side.share)]
 
 
-def _still(data: DriverData, found: Search, left: Array) -> Sign:
+def _still(data: DriverData, found: Search, left: Array, named: set[str]) -> Sign:
     """The pedal stands still where the model moves it."""
-    held = holds.look(data, found.solved)
+    held = holds.look(data, found.solved, found.held)
     share = 0.0
     for start, stop in held.episodes:
         share += float(np.sum(left[start:stop] ** 2))
     share /= max(float(left @ left), 1e-12)
-    p = float(chi2.sf(held.evidence, 2)) if held.effect else 1.0
+    p = float(chi2.sf(held.evidence, 2)) if held.effect and held.effect not in named else 1.0
     return Sign("standing still", "a pedal that stands still", p, held.evidence, min(share, 1.0))
 
 
@@ -104,7 +105,7 @@ def _wander(found: Search, left: Array) -> Sign:
     says = "a wish that wanders"
     if drift is None or drift.evidence <= 0.0:
         return Sign("wander", says, 1.0, 0.0, 0.0)
-    rows = found.solved.rows & ~found.data.output.below
+    rows = found.solved.rows & ~found.data.output.below & ~found.data.output.above
     ratio = float(np.var(drift.added[rows])) / max(float(np.var(left[rows])), 1e-12)
     # a variance is not negative: half of the chances are none (Self & Liang 1987)
     return Sign("wander", says, 0.5 * float(chi2.sf(drift.evidence, 1)), drift.evidence, min(ratio, 1.0))

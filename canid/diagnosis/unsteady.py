@@ -67,21 +67,22 @@ def look(answers: dict[str, Array], e: Array, rows: Flags, dt: float) -> Unstead
 def _cut(x: Array | Flags, k: int) -> Array:
     """Windows of k samples, (m, k)."""
     whole = x.size // k
-    out: Array = x[: whole * k].reshape(whole, k)
+    out: Array = np.asarray(x[: whole * k].reshape(whole, k), dtype=np.float64)
     return out
 
 
 def _follows(x: Array, e: Array) -> Unsteady:
     """How much windows (m, k) follow an answer, each by a gain of its own.
 
-    Along x the residual has one part in k of its size by chance. Where the answer is small nothing is learnt of its gain.
+    By its own products, not by its mean: a noise that grows with the answer is not one that follows it. Where the answer
+    is small nothing is learnt of its gain.
     """
-    size, power = np.sum(x * x, axis=1), np.mean(e * e, axis=1)
+    size = np.sum(x * x, axis=1)
     weight = size / (size + np.median(size) + 1e-300)
 
     def along(shift: int) -> float:
-        own = np.roll(e, shift, axis=0)
-        square = np.sum(x * own, axis=1) ** 2 / np.maximum(size * np.roll(power, shift), 1e-300)
+        product = x * np.roll(e, shift, axis=0)
+        square = np.sum(product, axis=1) ** 2 / np.maximum(np.sum(product**2, axis=1), 1e-300)
         return float(weight @ square / weight.sum())
 
     shifts = np.unique(np.linspace(2, len(x) - 2, PAIRINGS).astype(int))

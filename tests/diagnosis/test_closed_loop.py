@@ -11,7 +11,6 @@ from canid.diagnosis import closed_loop, held_out, vehicle_block
 from canid.diagnosis.diagnosing import diagnose
 from canid.diagnosis.driver_data import prepare
 from canid.diagnosis.driver_model import BASE, with_effects
-from canid.diagnosis.holds import NONE
 from canid.diagnosis.in_loop import Late, Person, driver
 from canid.effects import CATALOGUE
 from canid.findings import Report, Trajectory
@@ -100,7 +99,7 @@ def test_a_command_and_a_pedal_without_a_fitted_car_are_no_closed_loop() -> None
     )
     assert unknown.cars is None
     for role in ("accel_command", "steering_angle", "", "pedal"):
-        assert closed_loop.look(seen, data, role, (), NONE, unknown) == ()
+        assert closed_loop.look(seen, data, role, (), (), unknown) == ()
 
 
 @pytest.mark.parametrize(

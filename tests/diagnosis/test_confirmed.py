@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.hidden_effects import plant_one, plant_two
 from benchmarks.hidden_effects.sensed import trace
-from canid.diagnosis import held_out, holds, search
+from canid.diagnosis import held_out, search
 from canid.diagnosis.driver_data import prepare
 from canid.diagnosis.naming import Named, Search
 from canid.diagnosis.solved import baseline
@@ -27,7 +27,7 @@ def fitted(plant: object, strength: dict[str, float] | None) -> Search:
     begins = search.screen(GAIN_CHANGE, data, before)
     found = search.tried(GAIN_CHANGE, data, before, begins)
     named = (Named(GAIN_CHANGE, found.evidence, 20.0, ()),)
-    return Search(before, data, found.solved, named, (), None, holds.NONE)
+    return Search(before, data, found.solved, named, (), None, ())
 
 
 @pytest.mark.parametrize("plant", [plant_one.plant, plant_two.plant])

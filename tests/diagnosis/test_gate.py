@@ -1,0 +1,133 @@
+"""What no cause explains is said to be unexplained; what is nothing but noise is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.hidden_effects import plant_one, plant_two
+from benchmarks.hidden_effects.sensed import trace
+from canid.diagnosis import families, one_sided, recoloured, unsteady
+from canid.diagnosis.diagnosing import Prepared, diagnose, ready
+from canid.diagnosis.driver_data import DriverData
+from canid.diagnosis.families import shapes
+from canid.effects import CATALOGUE
+from canid.findings import Verdict
+
+PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
+
+
+@pytest.mark.parametrize(
+    ("simulator", "effect", "strength", "noise", "profile"),
+    [
+        ("one", "headway_hysteresis", {"width": 0.9}, "white", "mixed"),
+        ("two", "brake_light_startle", {"drop": 12.0, "threshold": 0.6}, "resonant", "mixed"),
+    ],
+)
+def test_an_effect_of_nobodys_catalogue_is_unexplained(
+    simulator: str, effect: str, strength: dict[str, float], noise: str, profile: str
+) -> None:
+    planted = PLANTS[simulator]({effect: strength}, seed=97, minutes=8, noise=noise, profile=profile)
+    told = diagnose(trace(planted))
+    assert told.verdict is Verdict.UNEXPLAINED, told.says
+    assert all(finding.surrogate for finding in told.findings)
+    assert told.unexplained.value > 0.01
+
+
+@pytest.mark.parametrize(
+    ("simulator", "effect", "strength"),
+    [
+        ("one", "attention_gap", {"per_minute": 1.5, "duration": 3.5}),
+        ("two", "gain_change", {"share": 0.6, "time": 200.0}),
+    ],
+)
+def test_a_cause_that_is_taken_out_of_the_catalogue_is_not_its_neighbour(
+    simulator: str, effect: str, strength: dict[str, float]
+) -> None:
+    planted = PLANTS[simulator]({effect: strength}, seed=98, minutes=8, noise="ar1", profile="mixed")
+    told = diagnose(trace(planted), catalogue=tuple(one for one in CATALOGUE if one.id != effect))
+    assert told.verdict is Verdict.UNEXPLAINED, told.says
+    assert all(finding.surrogate for finding in told.findings)
+
+
+@pytest.fixture(scope="module")
+def prepared() -> Prepared:
+    """A clean drive with its baseline."""
+    measured = trace(plant_two.plant({}, seed=96, minutes=6, noise="ar1", profile="mixed"))
+    found = ready(measured, np.ones(measured.t.size, dtype=bool))
+    assert found is not None
+    return found
+
+
+def test_families_are_finite_and_have_names_of_their_own(prepared: Prepared) -> None:
+    told = shapes(prepared.data, prepared.fitted)
+    assert len({one.name for one in told}) == len(told)
+    for one in told:
+        assert one.says, one.name
+        assert one.columns.shape[0] == prepared.trace.t.size, one.name
+        assert np.isfinite(one.columns).all(), one.name
+
+
+def test_a_slow_structure_explains_more_beside_a_colour_of_its_own(prepared: Prepared) -> None:
+    """A colour that was fitted without it has taken it for the noise's own."""
+    data, fitted = prepared.data, prepared.fitted
+    slow = 3.0 * np.sin(2 * np.pi * data.seen.t / 60.0)
+    added = data._replace(output=data.output._replace(y=data.output.y + slow))
+    own, memory = recoloured.directions(added, fitted), recoloured.remembered(fitted)
+    with_it = np.column_stack([own, slow / np.linalg.norm(slow)])
+
+    def won(of: DriverData) -> float:
+        return (
+            recoloured.beside(of, fitted, own, memory).deviance
+            - recoloured.beside(of, fitted, with_it, memory).deviance
+        )
+
+    assert won(added) > 20.0
+    assert won(data) < 12.0
+
+
+def test_noise_of_any_colour_and_size_follows_no_answer() -> None:
+    """Chance in 40 pairs of unrelated processes: about as many as it says, and none by much."""
+    rng = np.random.default_rng(5)
+    rows = np.ones(6000, dtype=bool)
+    p = []
+    for k in range(40):
+        x, e = rng.normal(size=(2, 6000))
+        x = np.convolve(x, np.ones(1 + 4 * (k % 5)), "same")
+        # size that follows the answer, colour that whitening has left
+        e = (e + 0.2 * np.r_[0.0, e[:-1]]) * (1 + 0.5 * np.abs(x) / x.std())
+        p.append(unsteady.look({"x": x}, e, rows, 0.1).p)
+    assert sum(one < 0.05 for one in p) <= 6
+    assert min(p) > 1e-4
+
+
+def test_an_answer_that_comes_and_goes_is_seen() -> None:
+    rng = np.random.default_rng(6)
+    x = np.convolve(rng.normal(size=6000), np.ones(10), "same")
+    away = (np.arange(6000) // 40) % 8 == 0
+    e = rng.normal(size=6000)
+    lost = 0.4 * x * (away - away.mean())
+    assert unsteady.look({"x": x}, e + lost, np.ones(6000, dtype=bool), 0.1).p < 1e-4
+
+
+def test_a_normal_noise_of_any_colour_is_even_handed() -> None:
+    """The score of skewness has the spread that it says, also where the noise remembers."""
+    rng = np.random.default_rng(7)
+    known = np.ones(3000, dtype=bool)
+    scores = []
+    for k in range(60):
+        x = rng.normal(size=3400)
+        smooth = np.convolve(x, np.ones(1 + 6 * (k % 4)), "valid")[:3000]
+        scores.append(one_sided.skewed(smooth, known, 60)[0])
+    assert 0.6 < np.std(scores) < 1.3
+    assert max(np.abs(scores)) < 4.0
+
+
+def test_free_curves_hold_every_straight_line() -> None:
+    """What a free curve spans holds a line, so that it never explains less than one."""
+    x = np.random.default_rng(8).normal(size=500)
+    H = families.hats(x, np.ones(500, dtype=bool), 8)
+    inside = (x > np.quantile(x, 0.02)) & (x < np.quantile(x, 0.98))
+    b = np.linalg.lstsq(H[inside], x[inside], rcond=None)[0]
+    assert np.allclose((H @ b)[inside], x[inside])
+    assert families.hats(np.zeros(500), np.ones(500, dtype=bool), 8).shape == (500, 0)
