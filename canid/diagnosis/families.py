@@ -45,6 +45,9 @@ SLOWEST = 3.0
 LEVEL_FAMILY = "level"
 
 
+OWN_MOTION = ("felt", "habit")
+
+
 class Shapes(NamedTuple):
     """One family."""
 
@@ -81,7 +84,7 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
     along = hats(data.seen.t, fine, TIME_KNOTS)
     knots = int(np.clip(data.seen.drive / LEVEL, *LEVEL_KNOTS))
     # fmt: off
-    return [
+    told = [
         Shapes("range_rate curve", "a bend in the answer to relative speed",
                through(w * w, np.abs(w), w**3, w * np.abs(w), *bends)),
         Shapes("range_rate freely", "an answer to relative speed of another form", through(hats(w, fine, KNOTS))),
@@ -126,6 +129,8 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
         *_of_output(solved.fitted.model, fine, dt),
     ]
     # fmt: on
+    # where the output is the car's own acceleration, that is no input to it
+    return told if data.pedal else [one for one in told if one.name not in OWN_MOTION]
 
 
 def answers(data: DriverData, solved: Solved) -> dict[str, Array]:

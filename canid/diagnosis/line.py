@@ -7,6 +7,7 @@ How far it wanders shows in the phase from part to part of the drive.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.diagnosis.driver_data import DriverData
 from canid.diagnosis.driver_model import pedal, with_effects
@@ -41,12 +42,22 @@ def spectrum(e: Array, dt: float) -> tuple[Array, Array]:
     power: Array = np.abs(np.fft.rfft(e)) ** 2
     f: Array = np.fft.rfftfreq(e.size, dt).astype(np.float64)
     index = np.flatnonzero((f >= SLOWEST) & (f <= FASTEST))
+    return f[index], above(power, index)
+
+
+def above(power: Array, index: npt.NDArray[np.int64]) -> Array:
+    """Twice the power at some bins over that of their surroundings, (m,).
+
+    Example:
+        >>> above(np.r_[np.ones(30), 5.0, np.ones(30)], np.array([30])).round(1)
+        array([6.9])
+    """
     over = np.empty(index.size)
     for k, at in enumerate(index.tolist()):
         near = np.r_[power[max(at - AROUND, 1) : max(at - NEXT, 1)], power[at + NEXT + 1 : at + AROUND + 1]]
         # the median of an exponential is ln 2 of its mean
         over[k] = 2 * power[at] / (np.median(near) / np.log(2)) if near.size else 0.0
-    return f[index], over
+    return over
 
 
 def look(effect: Effect, data: DriverData, without: Solved, tried: int) -> tuple[Candidate | None, float]:

@@ -53,9 +53,12 @@ def look(found: Search, original: DriverData) -> list[Sign]:
     out.append(_rhythm(found))
     if found.wander is None:
         out.append(_wander(found, left))
-    side = one_sided.look(data, solved)
-    says = "pushes to one side, now and then, that follow nothing measured"
-    return [*out, Sign("one side", says, side.p, side.statistic, side.share)]
+    # an acceleration is skewed by itself: brakes are stronger than engines
+    if data.pedal:
+        side = one_sided.look(data, solved)
+        says = "pushes to one side, now and then, that follow nothing measured"
+        out.append(Sign("one side", says, side.p, side.statistic, side.share))
+    return out
 
 
 def _still(data: DriverData, found: Search, left: Array, named: set[str]) -> Sign:
@@ -94,7 +97,8 @@ def _rhythm(found: Search) -> Sign:
     intervals, over = rhythm.spectrum(e, found.solved.fitted.model, found.data.output.dt)
     if not intervals.size:
         return Sign("rhythm", "decisions in a rhythm", 1.0, 0.0, 0.0)
-    most = float(over.max())
+    # by its surroundings too: what a smoothed output has no content for is no rhythm
+    most = float(np.minimum(over, line.above(over, np.arange(over.size))).max())
     p = min(1.0, intervals.size * float(chi2.sf(most, 2)))
     return Sign("rhythm", "decisions in a rhythm", p, most, most / max(scored.free, 1))
 

@@ -56,6 +56,11 @@ class Solved(NamedTuple):
         return self.fitted.q
 
 
+def tied(model: DriverModel, data: DriverData) -> Array | None:
+    """What is known of the delays beforehand: of a foot. An acceleration is the car's too, and a controller's."""
+    return model.ties if data.pedal else None
+
+
 def deviance(fitted: Fitted, noise: Noise) -> float:
     """−2 log likelihood: Σ e² + Σ log sd² over the samples with a density, and what is known beforehand."""
     return fitted.scored.cost + fitted.tied + 2.0 * fitted.scored.free * float(np.log(noise.sd))
@@ -87,7 +92,7 @@ def solve(
     moving = model.free() if free is None else free
     function = bound(model, data)
     box = model.low, model.high, model.scale
-    ties = model.ties
+    ties = tied(model, data)
     fitted = fit(data.output, rows, noise, function, q, moving, *box, iterations, ties)
     for _ in range(turns - 1):
         noise = recoloured(data, fitted, noise)
@@ -163,7 +168,7 @@ def baseline(data: DriverData) -> Solved | None:
     best: Fitted | None = None
     for theta in (q[THETA2], *BEGIN_THETA2):
         q[THETA2] = theta
-        fitted = fit(output, rows, noise, function, q, model.free(), *box, ties=model.ties)
+        fitted = fit(output, rows, noise, function, q, model.free(), *box, ties=tied(model, data))
         if best is None or fitted.scored.cost + fitted.tied < best.scored.cost + best.tied:
             best = fitted
     assert best is not None
@@ -172,7 +177,7 @@ def baseline(data: DriverData) -> Solved | None:
         p = likelihood.order(output, residual)
         rows = likelihood.counted(output, p)
         noise = likelihood.colour(output, residual, p, ones)
-        best = fit(output, rows, noise, function, best.q, model.free(), *box, ties=model.ties)
+        best = fit(output, rows, noise, function, best.q, model.free(), *box, ties=tied(model, data))
     noise = sized(data, best, noise, rows)
     return polished(data, solve(data, (), best.q, noise, rows))
 
