@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.estimators import ESTIMATORS, agreement
+from canid.estimators import ESTIMATORS, agreement, status
 from canid.identification import moments, orders, residuals
 from canid.identification.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.orders import Candidate
 from canid.identification.process_fit import fit_process
-from canid.types import ArmaxSettings, Channel, Estimate, FopdtSettings, ResidualTests, Sample, Trace
+from canid.types import (
+    NAN,
+    AnyEstimator,
+    ArmaxSettings,
+    Channel,
+    Estimate,
+    FopdtSettings,
+    ResidualTests,
+    Sample,
+    Trace,
+)
 
 # s between two windows that are reported: a sixth of the window, so that they overlap and nothing is missed
-EVERY = 10.0
+EVERY = status.MARK
+# s; an older estimate bears on no contradiction
+BACK = agreement.PERSISTENT + agreement.FRESH + 1.0
 
 
 class ArmaxDrive(NamedTuple):
@@ -102,20 +117,67 @@ def windows(trace: Trace, armax: ArmaxSettings, fopdt: FopdtSettings) -> list[Es
     """What each estimator said along the drive, every `EVERY` s: the same numbers as live."""
     settings: dict[str, Any] = {"armax": armax, "fopdt": fopdt}
     running = [make(trace.input_names, trace.dt, settings[name]) for name, make in ESTIMATORS]
-    states, agreed = [estimator.init() for estimator in running], agreement.init()
-    due = dict.fromkeys((estimator.name for estimator in running), EVERY)
+    states = {estimator.name: estimator.init() for estimator in running}
+    emitted = dict.fromkeys(states, NAN)
+    recent: deque[list[_Due]] = deque()  # what was due at each instant that a contradiction may have begun at
     out = []
     for sample in samples(trace):
-        spoken = []
-        for k, estimator in enumerate(running):
-            states[k], estimate = estimator.step(states[k], sample)
-            spoken += [estimate] if estimate is not None else []
-        agreed, told = agreement.step(agreed, spoken)
-        for estimate in told:
-            if estimate.t >= due[estimate.estimator] - 1e-6:
-                out.append(estimate)
-                due[estimate.estimator] = EVERY * (np.floor(estimate.t / EVERY + 1e-6) + 1)
+        now = []
+        for estimator in running:
+            states[estimator.name], due = _advance(estimator, states[estimator.name], sample)
+            now += [due] if due is not None else []
+        if not now:
+            continue
+        recent.append(now)
+        while sample.t - recent[0][0].sample.t > BACK:
+            recent.popleft()
+        marked = [due for due in now if status.marked(status.Closed(emitted=emitted[due.name]), sample.t)]
+        emitted |= {due.name: sample.t for due in now}
+        # what telling these leaves in the state is all that the estimates until the next mark build on
+        states |= {due.name: due.tell()[0] for due in marked}
+        if marked and sample.t >= EVERY - status.ROUNDING:
+            names = {due.name for due in marked}
+            out += [estimate for estimate in _judged(recent) if estimate.estimator in names]
     return out
+
+
+class _Due:
+    """An estimate that is made when somebody asks for it, once."""
+
+    def __init__(self, name: str, sample: Sample, tell: Callable[[], tuple[Any, Estimate]]):
+        self.name = name
+        self.sample = sample
+        self.tell = cache(tell)
+
+
+def _advance(estimator: AnyEstimator, state: Any, sample: Sample) -> tuple[Any, _Due | None]:
+    """Take one sample; the estimate that is due comes later, where the estimator can."""
+    if estimator.advance is None or estimator.tell is None:
+        state, estimate = estimator.step(state, sample)
+        if estimate is None:
+            return state, None
+        told = state, estimate
+        return state, _Due(estimator.name, sample, lambda: told)
+    state, due = estimator.advance(state, sample)
+    return state, _Due(estimator.name, sample, partial(estimator.tell, state, sample)) if due else None
+
+
+def _judged(recent: Sequence[list[_Due]]) -> tuple[Estimate, ...]:
+    """Let the estimators check each other at the last of these instants.
+
+    Where no intervals are apart then, it does not matter what was before; only else that is looked at.
+    """
+    now = recent[-1]
+    latest = {due.name: due for instant in recent for due in instant}
+    silent = [due for due in latest.values() if due not in now]
+    others = tuple(due.tell()[1] for due in silent)
+    state, told = agreement.step(agreement.State(others), [due.tell()[1] for due in now])
+    if not state.apart:
+        return told
+    state = agreement.init()
+    for instant in recent:
+        state, told = agreement.step(state, [due.tell()[1] for due in instant])
+    return told
 
 
 def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings) -> ArmaxDrive | None:

@@ -17,6 +17,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from canid.errors import CanidError
@@ -33,6 +34,8 @@ HANG = 20.0
 START = 180.0
 # s between restarts of a child that keeps dying: the last one is repeated
 BACK_OFF = (0.0, 1.0, 2.0, 5.0, 10.0)
+# bytes of memory of its own that a child may have: four times what it needs; what takes more has no end
+MEMORY = 1024**3
 # s between looks at a child that may hang
 LOOK = 0.2
 
@@ -149,6 +152,7 @@ class Estimating:
         self._child = child = subprocess.Popen(
             self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         )
+        _bound(child.pid)
         assert child.stdin is not None
         assert child.stdout is not None
         feeder = threading.Thread(target=self._feed, args=(child, child.stdin, state), daemon=True)
@@ -231,6 +235,18 @@ class Estimating:
                 self._why = f"no answer for {silent:.0f} s"
                 child.kill()
                 return
+
+
+def _bound(pid: int) -> None:
+    """Let the child have `MEMORY` and no more; where memory runs out all the same, it goes before the recorder."""
+    try:
+        import resource
+
+        resource.prlimit(pid, resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    except (ImportError, AttributeError, OSError):
+        pass  # not Linux, or it is gone already
+    with suppress(OSError):
+        Path(f"/proc/{pid}/oom_score_adj").write_text("500", encoding="ascii")
 
 
 def main() -> int:

@@ -8,28 +8,37 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from canid import pipeline, state_file
+from canid import clock, pipeline, state_file
+from canid.desk import trace as desk
 from canid.errors import CanidError, ConfigError, LogError
 from canid.frames import Log, open_log
+from canid.frames.columns import gather, select
 from canid.saving import sealed
 from canid.saving.knowledge import EVERY, go_on, keeping
 from canid.types import (
     TASK_INPUTS,
+    Array,
     Damage,
     Driver,
     Estimate,
     Event,
     Frame,
-    Reading,
     Sample,
     Signal,
     Trace,
 )
-from canid.vehicle import Vehicle, decoder, missing, read_vehicle
+from canid.vehicle import Decoding, Vehicle, column_decoding, missing, read_vehicle
+
+# frames of mapped ids: what is decoded together need not be put together; with 64 bytes of data each they are 21 MB
+DECODED_AT_ONCE = 262_144
+
+
+# frames of whatever id: numpy's overhead is spread over them
+AT_ONCE = 65_536
 
 
 class Health(NamedTuple):
@@ -37,7 +46,7 @@ class Health(NamedTuple):
 
     frames: int
     duration: float  # s
-    mapped: int  # readings that came from mapped signals
+    mapped: int  # roles that came at least once; radar tracks are one
     damage: Damage | None
     back_in_time: str  # "" or what was left out
     counters: dict[str, int]  # "gap: no target" -> n
@@ -151,10 +160,22 @@ def _kept(
         save(frame.t)
 
 
+class Ran(Protocol):
+    """What is looked at of a pipeline that ran, live or on columns."""
+
+    @property
+    def clock(self) -> clock.State:
+        """Of the log."""
+
+    @property
+    def decode(self) -> Decoding:
+        """What decoding has seen."""
+
+
 def health(
     log: Log,
     vehicle: Vehicle,
-    state: pipeline.State | None,
+    state: Ran | None,
     frames: int,
     last: float,
     events: Iterable[Event],
@@ -169,7 +190,7 @@ def health(
         else ""
     )
     never = tuple(missing(vehicle, state.decode))
-    mapped = sum(len(times) for times in state.sampling.times.values())
+    mapped = len(state.decode.seen)
     return Health(frames, last, mapped, log.damage, says, dict(state.decode.counters), never, tuple(events))
 
 
@@ -219,11 +240,46 @@ def read_drive(
     """
     car = as_vehicle(vehicle)
     log = open_log(path) if log is None else log
+    read = _estimated if estimating else _on_columns
+    drive = read(log, car, dt, start, stop, progress)
+    if not drive.health.frames:
+        raise nothing_read(path, start, stop, log.damage)
+    if not drive.health.mapped:
+        raise nothing_mapped(path, car, drive.health.frames)
+    return drive
+
+
+_Progress = Callable[[float], None] | None
+
+
+def _on_columns(log: Log, car: Vehicle, dt: float, start: float, stop: float, progress: _Progress) -> Drive:
+    """The desk path: the same samples and events as frame by frame."""
+    init, step = desk.build(car, dt)
+    state, frames, last = init(), 0, 0.0
+    parts: list[desk.Samples] = []
+    for chunk in gather(log.columns(), AT_ONCE):
+        if start > 0.0 or stop < float("inf"):
+            chunk = select(chunk, (chunk.t >= start) & (chunk.t <= stop))
+        if not chunk.t.size:
+            continue
+        state, samples = step(state, chunk)
+        parts.append(samples)
+        frames += len(chunk.t)
+        last = float(chunk.t[-1])
+        if progress is not None:
+            progress(log.progress)
+    events = [event for part in parts for event in part.events if event.t >= start]
+    shown = health(log, car, state if frames else None, frames, last, events)
+    return Drive(desk.trace(parts, car, dt, start), (), shown)
+
+
+def _estimated(log: Log, car: Vehicle, dt: float, start: float, stop: float, progress: _Progress) -> Drive:
+    """Frame by frame, with the estimators."""
     samples: list[Sample] = []
     estimates: list[Estimate] = []
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
-    for after, frame, out in run(log, car, estimating=estimating, dt=dt, start=start, stop=stop):
+    for after, frame, out in run(log, car, dt=dt, start=start, stop=stop):
         state = after
         frames += 1
         last = frame.t
@@ -237,10 +293,6 @@ def read_drive(
             elif isinstance(item, Event):
                 events.append(item)
     shown = health(log, car, state, frames, last, events)
-    if not frames:
-        raise nothing_read(path, start, stop, log.damage)
-    if not shown.mapped:
-        raise nothing_mapped(path, car, frames)
     return Drive(trace(samples, car.driver, dt), tuple(estimates), shown)
 
 
@@ -288,17 +340,22 @@ def read_signals(path: str | Path, vehicle: Vehicle | str | Path) -> dict[str, S
         role -> `Signal(t, value)`, t in s since the log's first frame. Radar tracks are left out: `read_trace` has the lead.
     """
     car = as_vehicle(vehicle)
-    init, step = decoder(car)
+    init, step = column_decoding.column_decoder(car)
     state = init()
-    times: dict[str, list[float]] = {}
-    values: dict[str, list[float]] = {}
-    for frame in open_log(path):
-        state, readings = step(state, frame)
-        for reading in readings:
-            if isinstance(reading, Reading):
-                times.setdefault(reading.role, []).append(reading.t)
-                values.setdefault(reading.role, []).append(reading.value)
-    return {role: Signal(np.array(times[role]), np.array(values[role])) for role in sorted(times)}
+    times: dict[str, list[Array]] = {}
+    values: dict[str, list[Array]] = {}
+    for chunk in gather(open_log(path).columns(column_decoding.ids(car)), DECODED_AT_ONCE):
+        state, said = step(state, chunk)
+        of_rows = {id(row): chunk.t[row] for _, row, _ in said.roles}
+        for role, row, value in said.roles:
+            times.setdefault(role, []).append(of_rows[id(row)])
+            values.setdefault(role, []).append(value)
+    # signals of the same frames share their times
+    joined = {tuple(map(id, parts)): np.concatenate(parts) for parts in times.values()}
+    return {
+        role: Signal(joined[tuple(map(id, times[role]))], np.concatenate(values[role]))
+        for role in sorted(times)
+    }
 
 
 def replay(

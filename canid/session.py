@@ -13,6 +13,7 @@ from canid.errors import CanidError, OutputError
 from canid.estimating import Counts, Estimating
 from canid.frames.bus import ReceiveOnlyBus, open_buses
 from canid.frames.recorder import Recorder, Stats
+from canid.frames.rotation import Rotation
 from canid.saving.sealed import ours
 from canid.types import Estimate, Event
 
@@ -57,6 +58,7 @@ def session(
     stopped: Callable[[], bool] = lambda: False,
     command: Sequence[str] | None = None,
     state: str | Path | None = None,
+    rotation: Rotation | None = None,
 ) -> Generator[Result | World, None, None]:
     """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
 
@@ -73,6 +75,7 @@ def session(
         command: of the estimator's process; tests put faulty ones here.
         state: go on from what was learnt before and saved in this file; save there every 10 s and at the end. A
             state that is damaged or does not fit is told as an `Event`, and the estimators start anew.
+        rotation: record into new files by size or time, and keep as many as it says; None: one file.
 
     Raises:
         ConfigError: the vehicle file is wrong, or the state file cannot be read.
@@ -92,7 +95,7 @@ def session(
         name = str(vehicle if isinstance(vehicle, str | Path) else vehicle.path)
         estimating = Estimating(name, lambda t, item: results.put(Result(t, item)), command, saved)
     # the estimator takes seconds to import its mathematics; its frames wait for it
-    recorder = Recorder(buses, record, estimating.put if estimating else None)
+    recorder = Recorder(buses, record, estimating.put if estimating else None, rotation)
 
     def report(*, lost: bool = False) -> World:
         elapsed, events = time.monotonic() - began, tuple(recorder.events())
@@ -181,6 +184,7 @@ def live(
     record: str | Path | None = None,
     duration: float | None = None,
     state: str | Path | None = None,
+    rotation: Rotation | None = None,
     **bus: Any,
 ) -> Iterator[Estimate]:
     """Estimates from a bus, as they come; nothing is ever sent.
@@ -192,6 +196,7 @@ def live(
         record: record to this file as well; an existing one is never overwritten.
         duration: s; None: until the bus is lost or the generator is closed.
         state: go on from what was learnt before and saved in this file; save there every 10 s and at the end.
+        rotation: record into new files by size or time, and keep as many as it says; None: one file.
         bus: python-can's other arguments, such as bitrate.
 
     Yields:
@@ -204,6 +209,9 @@ def live(
     """
     given = {"channel": channel, "interface": interface}
     config = {name: value for name, value in given.items() if value} | bus
-    for result in session(open_buses([config]), vehicle, record=record, duration=duration, state=state):
+    running = session(
+        open_buses([config]), vehicle, record=record, duration=duration, state=state, rotation=rotation
+    )
+    for result in running:
         if isinstance(result, Result) and isinstance(result.item, Estimate):
             yield result.item

@@ -1,4 +1,4 @@
-"""Gap and range rate from noisy radar reports: a Kalman filter with a short fixed lag (filterpy's filter and smoother).
+"""Gap and range rate from noisy radar reports: a Kalman filter (filterpy's) with a short fixed lag.
 
 State: gap, range rate, relative acceleration. The lag lets the next few reports correct an estimate, and no more
 than that: what is smoothed with all of the future carries the driver's own answer back into his input, and then
@@ -40,14 +40,17 @@ class Noise(NamedTuple):
     range_rate: float = 0.12  # m/s
 
 
+Vector = tuple[float, float, float]
+
+
 class Filtered(NamedTuple):
     """The filter right after one report."""
 
     t: float
-    x: Array  # (3,)
+    x: Vector
     P: Array  # (3, 3)
-    F: Array  # (3, 3) from the report before
-    Q: Array  # (3, 3)
+    prior: Vector  # x as the report before expected it
+    back: tuple[float, ...]  # (9,) the smoother's gain, from this report to the one before, row by row
 
 
 class Smoothed(NamedTuple):
@@ -91,8 +94,15 @@ def _start(t: float, gap: float, range_rate: float, noise: Noise) -> State:
     rate_known = range_rate == range_rate
     # an unknown range rate is within ±20 m/s; relative accelerations stay within ±2 m/s²
     P = np.diag([noise.gap**2, noise.range_rate**2 if rate_known else 100.0, 1.0])
-    x = np.array([gap, range_rate if rate_known else 0.0, 0.0])
-    return State((Filtered(t, x, P, np.eye(3), np.zeros((3, 3))),))
+    x = (gap, range_rate if rate_known else 0.0, 0.0)
+    return State((Filtered(t, x, P, x, (0.0,) * 9),))
+
+
+@cache
+def _measuring(noise: Noise, gap: bool, range_rate: bool) -> tuple[Array, Array]:
+    """Noise and matrix of a report that has a gap, a range rate or both."""
+    known = np.array([gap, range_rate])
+    return np.diag([noise.gap**2, noise.range_rate**2])[np.ix_(known, known)], np.eye(3)[:2][known]
 
 
 def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise) -> bool:
@@ -144,13 +154,15 @@ def step(
     last = state.history[-1]
     F, Q = _motion(t - last.t)
     kf = _filter()
-    kf.x, kf.P = last.x.copy(), last.P.copy()
+    kf.x, kf.P = np.array(last.x), last.P.copy()
     kf.predict(F=F, Q=Q)
-    z = np.array([gap, range_rate])
-    known = np.isfinite(z)
-    R = np.diag([noise.gap**2, noise.range_rate**2])[np.ix_(known, known)]
-    kf.update(z[known], R=R, H=np.eye(3)[:2][known])
-    history = (*state.history, Filtered(t, kf.x, kf.P, F, Q))
+    # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
+    back = last.P @ F.T @ np.linalg.inv(kf.P)
+    prior: Vector = tuple(kf.x.tolist())
+    R, H = _measuring(noise, gap == gap, range_rate == range_rate)
+    kf.update(np.array([z for z in (gap, range_rate) if z == z]), R=R, H=H)
+    x: Vector = tuple(kf.x.tolist())
+    history = (*state.history, Filtered(t, x, kf.P, prior, tuple(back.ravel().tolist())))
     # times are whole nanoseconds: half of one keeps a report that is exactly LAG old on this side
     ready = sum(item.t <= t - LAG + 5e-10 for item in history)
     out = _smooth(history)[1 if state.started else 0 : ready] if ready > state.started else []
@@ -165,12 +177,19 @@ def flush(state: State) -> list[Smoothed]:
 
 
 def _smooth(history: tuple[Filtered, ...]) -> list[Smoothed]:
+    """Go back from the newest report, in plain floats: there are a few reports, of three numbers each."""
     if not history:
         return []
-    X = np.array([item.x for item in history])
-    if len(history) > 1:
-        P = np.array([item.P for item in history])
-        F = [item.F for item in history]
-        Q = [item.Q for item in history]
-        X = _filter().rts_smoother(X, P, F, Q)[0]
-    return [Smoothed(item.t, float(x[0]), float(x[1])) for item, x in zip(history, X, strict=True)]
+    gap, rate, accel = history[-1].x
+    out = [Smoothed(history[-1].t, gap, rate)]
+    for item, later in zip(history[-2::-1], history[:0:-1], strict=True):
+        p, q, r = later.prior
+        d, e, f = gap - p, rate - q, accel - r
+        g = later.back
+        gap, rate, accel = item.x
+        gap += g[0] * d + g[1] * e + g[2] * f
+        rate += g[3] * d + g[4] * e + g[5] * f
+        accel += g[6] * d + g[7] * e + g[8] * f
+        out.append(Smoothed(item.t, gap, rate))
+    out.reverse()
+    return out

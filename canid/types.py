@@ -44,6 +44,20 @@ class Frame(NamedTuple):
     length: int = -1  # bytes that a remote frame asks for; -1: len(data)
 
 
+class Columns(NamedTuple):
+    """Frames as columns, in the order of the log: one row is one frame.
+
+    Bytes behind `length` are zero; a remote frame has no data, its `length` is what it asks for.
+    """
+
+    t: Array  # (n,) s since the log's first frame
+    bus: npt.NDArray[np.uint16]  # (n,)
+    id: npt.NDArray[np.uint32]  # (n,)
+    flags: npt.NDArray[np.uint8]  # (n,) of `Flag`
+    length: npt.NDArray[np.uint8]  # (n,) bytes
+    data: npt.NDArray[np.uint8]  # (n, 8), or (n, 64) where one of them is longer than 8
+
+
 class Damage(NamedTuple):
     """What a reader could not read. `says` is one line for the user: what, where, how much was lost."""
 
@@ -251,6 +265,10 @@ class Estimator(NamedTuple, Generic[S]):
     name: str
     init: Callable[[], S]
     step: Callable[[S, Sample], tuple[S, Estimate | None]]
+    # `step` in two, for whoever does not need every estimate: take the sample, and say whether an estimate is due; and
+    # tell it, which may leave something for later ones in the state. None: only together
+    advance: Callable[[S, Sample], tuple[S, bool]] | None = None
+    tell: Callable[[S, Sample], tuple[S, Estimate]] | None = None
 
 
 AnyEstimator = Estimator[Any]

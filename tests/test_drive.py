@@ -10,7 +10,7 @@ import pytest
 
 import canid
 from canid import drive, logs, pipeline
-from canid.estimators import armax
+from canid.estimators import armax, fopdt
 from canid.frames import open_log
 from canid.types import AnyEstimator, Channel, Estimate, Estimator, Interval, Sample, Status
 from canid.vehicle import read_vehicle
@@ -101,3 +101,36 @@ def test_the_residuals_of_a_whole_drive() -> None:
     text = "\n".join(identified.text(told, "log", "vehicle"))
     assert "the loop is closed" in text
     assert f"Ljung–Box {tests.statistic:.0f}" in text
+
+
+def test_a_drives_windows_need_no_other_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One FOPDT fit in ten seconds, while nobody contradicts; that they are live's is tested above."""
+    fits = []
+    fitted = fopdt.process_fit.fit_rows
+
+    def counted(*args: Any) -> Any:
+        fits.append(args)
+        return fitted(*args)
+
+    monkeypatch.setattr(fopdt.process_fit, "fit_rows", counted)
+    told = [e for e in windows() if e.estimator == "fopdt" and e.status is Status.OK]
+    assert len(told) >= 3
+    assert len(fits) <= len(told) + 2
+
+
+def test_windows_are_live_estimates_where_the_driver_stops_and_goes() -> None:
+    """Cruise, brakes and lost leads move the instants at which estimates come: still the same, to the last digit."""
+    path = REPO / "replay_logs" / "following_lost_lead.blf"
+    vehicle = read_vehicle("generic")
+    steps = logs.run(open_log(path), vehicle, stop=UNTIL)
+    told = {
+        (item.estimator, round(item.t, 6)): item
+        for _, _, out in steps
+        for item in out
+        if isinstance(item, Estimate)
+    }
+    trace = logs.read_drive(path, vehicle, estimating=False, stop=UNTIL).trace
+    reported = drive.windows(trace, vehicle.armax, vehicle.fopdt)
+    assert len(reported) > 10
+    for e in reported:
+        assert repr(told[e.estimator, round(e.t, 6)]) == repr(e)

@@ -9,11 +9,11 @@ import pytest
 
 CANID = Path(__file__).parents[1] / "canid"
 FLOOR = {
-    "types": 0, "errors": 0, "findings": 1,
+    "types": 0, "errors": 0, "imports": 0, "findings": 1,
     "clock": 1, "downtime": 1, "vehicle": 1, "smoothing": 1, "lead": 2, "sampling": 1, "gate": 1, "identification": 1,
     "effects": 2,
     "estimators": 2, "screening": 2, "simulation": 3,
-    "pipeline": 3, "drive": 4, "check": 4, "saving": 4, "diagnosis": 4,
+    "pipeline": 3, "drive": 4, "check": 4, "saving": 4, "diagnosis": 4, "desk": 4,
     "views": 5,
     "frames": 5, "export": 5, "estimating": 5, "state_file": 5,
     "logs": 6, "session": 7,

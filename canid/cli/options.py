@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import math
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from canid.errors import OutputError
+
+if TYPE_CHECKING:
+    from canid.frames.rotation import Rotation
 
 # what every reader of logs takes
 LOGS = ".blf, .asc, candump .log, .csv, .trc or .mf4"
@@ -32,6 +37,49 @@ def state(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="go on from what was learnt before a restart, and save it here every 10 s and at the end",
     )
+
+
+def rotation(parser: argparse.ArgumentParser) -> None:
+    """--file-size, --file-time, --keep-time, --keep-share."""
+    group = parser.add_argument_group(
+        "rotation", "record into F_START_000001.blf, F_START_000002.blf, ... of which each opens alone"
+    )
+    group.add_argument(
+        "-s",
+        "--file-size",
+        type=size,
+        default=0,
+        metavar="SIZE",
+        help="a new file before this size: 500k, 100M, 2G",
+    )
+    group.add_argument(
+        "--file-time",
+        type=span,
+        default=math.inf,
+        metavar="TIME",
+        help="a new file after this time: 30s, 10min, 1h",
+    )
+    group.add_argument(
+        "--keep-time",
+        type=span,
+        default=math.inf,
+        metavar="TIME",
+        help="delete files of this series that were finished longer ago: 12h, 7d",
+    )
+    group.add_argument(
+        "--keep-share",
+        type=share,
+        default=math.nan,
+        metavar="PERCENT",
+        help="delete the oldest files of this series where all take more than this share of the disk: 50%%",
+    )
+
+
+def rotation_of(args: argparse.Namespace) -> Rotation | None:
+    """What `rotation` declared; None: one file. Raises ConfigError."""
+    from canid.frames.rotation import Rotation, checked
+
+    return checked(Rotation(args.file_size, args.file_time, args.keep_time, args.keep_share))
 
 
 def json_file(parser: argparse.ArgumentParser) -> None:
@@ -65,6 +113,55 @@ def seconds(text: str) -> float:
         value = -1.0
     if not value >= 0.0:
         raise argparse.ArgumentTypeError(f'"{text}" is not a time in seconds (such as 12.5)')
+    return value
+
+
+def size(text: str) -> int:
+    """A size in bytes, for argparse.
+
+    Example:
+        >>> size("500k"), size("2 GB"), size("10000")
+        (500000, 2000000000, 10000)
+    """
+    return round(
+        _with_unit(text, {"": 1, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}, "a size (such as 100M)", "b")
+    )
+
+
+def span(text: str) -> float:
+    """A time above 0 in s, for argparse.
+
+    Example:
+        >>> span("10min"), span("1.5h"), span("30")
+        (600.0, 5400.0, 30.0)
+    """
+    units = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+    return _with_unit(text, units, "a time (such as 10min)", "")
+
+
+def share(text: str) -> float:
+    """A share in %, for argparse.
+
+    Example:
+        >>> share("50%"), share("0.5 %")
+        (0.5, 0.005)
+    """
+    value = _with_unit(text, {"": 0.01, "%": 0.01}, "a share (such as 50%)", "")
+    if value > 1.0:
+        raise argparse.ArgumentTypeError(f'"{text}" is more than the whole disk')
+    return value
+
+
+def _with_unit(text: str, units: dict[str, float], what: str, ignored: str) -> float:
+    found = re.fullmatch(r"\s*([0-9.]+)\s*([a-z%]*)\s*", text.lower())
+    try:
+        if found is None:
+            raise ValueError
+        value = float(found[1]) * units[found[2].removesuffix(ignored) if ignored else found[2]]
+    except (ValueError, KeyError):
+        value = 0.0
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'"{text}" is not {what}')
     return value
 
 

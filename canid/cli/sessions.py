@@ -11,6 +11,7 @@ from canid.cli import options, show
 from canid.cli.interrupt import Interrupt
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.frames.bus import ReceiveOnlyBus
+from canid.frames.rotation import Rotation
 from canid.session import Result, World, session
 from canid.types import Estimate, Screened
 from canid.views import as_json, summary, world
@@ -30,7 +31,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(
-    args: argparse.Namespace, *, vehicle: str | None, record: str | None, state: str | None = None
+    args: argparse.Namespace,
+    *,
+    vehicle: str | None,
+    record: str | None,
+    state: str | None = None,
+    rotation: Rotation | None = None,
 ) -> int:
     """Open the bus and run a session on it."""
     from canid.frames.bus import open_buses
@@ -50,6 +56,7 @@ def run(
             duration=args.duration,
             json=args.json,
             stop=stop,
+            rotation=rotation,
         )
     return stop.code if stop() and code == DONE else code
 
@@ -64,6 +71,7 @@ def watch(
     json: str | None,
     stop: Callable[[], bool],
     state: str | None = None,
+    rotation: Rotation | None = None,
 ) -> tuple[int, summary.Tally]:
     """Show a session until it ends; returns the exit code and what was estimated.
 
@@ -90,7 +98,15 @@ def watch(
                 if sink is not None:
                     sink.flush()
 
-        told = session(buses, vehicle, record=record, duration=duration, stopped=stop, state=state)
+        told = session(
+            buses,
+            vehicle,
+            record=record,
+            duration=duration,
+            stopped=stop,
+            state=state,
+            rotation=rotation,
+        )
         with closing(told) as running:
             try:
                 for item in running:
@@ -102,11 +118,16 @@ def watch(
                         continue
                     try:
                         put(item)
-                    except OSError as error:
+                    except Exception as error:  # a terminal that is gone, a number that cannot be shown
                         if not record:
                             raise
                         blind = True
-                        options.talk(f"output cannot be written ({error.strerror}); the recording goes on")
+                        why = (
+                            error.strerror
+                            if isinstance(error, OSError)
+                            else f"{type(error).__name__}: {error}"
+                        )
+                        options.talk(f"output cannot be written ({why}); the recording goes on")
             finally:
                 if not blind:
                     screen.close()
@@ -130,18 +151,31 @@ def to_json(now: World) -> dict[str, Any]:
     """What `canid record --json` tells in the end."""
     r = now.recorder
     buses = [b._asdict() | {"load": as_json.number(b.load)} for b in r.buses]
-    told = {key: getattr(r, key) for key in ("state", "frames", "written", "bytes", "errors")}
+    told = {
+        key: getattr(r, key)
+        for key in ("state", "frames", "written", "bytes", "errors", "files", "drops_disk", "start_ns")
+    }
     return told | {"path": str(r.path or ""), "elapsed": now.elapsed, "drops": r.drops_bus, "buses": buses}
 
 
 def lines(now: World) -> list[BusLine]:
     """Recorder, buses and estimator, a line each; then what is missing."""
     r = now.recorder
-    out = [world.recorder(r.state, str(r.path or ""), r.frames, r.written, r.bytes, r.lag)]
+    out = [
+        world.recorder(r.state, str(r.path or ""), r.frames, r.written, r.bytes, r.lag, r.drops_disk, r.files)
+    ]
     total = sum(b.frames for b in r.buses) or 1
     out += [
         world.bus(
-            b.name, b.state, b.frames, r.rate * b.frames / total, b.load, b.drops, b.errors, b.controller
+            b.name,
+            b.state,
+            b.frames,
+            r.rate * b.frames / total,
+            b.load,
+            b.drops,
+            b.errors,
+            b.controller,
+            None if b.tec is None or b.rec is None else (b.tec, b.rec),
         )
         for b in r.buses
     ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 import sys
 import time
 from collections.abc import Iterable
@@ -16,8 +18,10 @@ from canid.views.screen import BusLine, View, render, update
 LINE_EVERY = 5.0
 # the same where nothing is estimated and the sentence stays the same: enough to see that time passes
 SAME_EVERY = 30.0
+# s between two plain lines of the same trouble
+WRONG_EVERY = 10.0
 # redraws per second: readable, and a few per cent of a core
-REDRAW = 8.0
+REDRAW = 5.0
 
 
 Shown = Sample | Estimate | Screened | Event
@@ -58,7 +62,8 @@ class Plain:
         """Write to `stream`."""
         self._stream = stream
         self._said: dict[str, Estimate] = {}
-        self._wrong: set[str] = set()
+        # sentence without its numbers -> the sentence as it was said last, and when (monotonic clock)
+        self._wrong: dict[str, tuple[str, float]] = {}
         self._suspected = ""
 
     def put(self, item: Shown) -> None:
@@ -77,10 +82,15 @@ class Plain:
             print(words.screened(item), file=self._stream, flush=True)
 
     def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
-        """Say once what is wrong."""
+        """Say what is wrong: at once, and every now and then while it lasts and its numbers change."""
+        now = time.monotonic()
         for line in lines:
-            if line.wrong and line.says not in self._wrong:
-                self._wrong.add(line.says)
+            if not line.wrong:
+                continue
+            what = re.sub(r"[\d.,]+", "#", line.says)
+            said, at = self._wrong.get(what, ("", -math.inf))
+            if line.says != said and now - at >= WRONG_EVERY:
+                self._wrong[what] = line.says, now
                 print(f"canid: {line.says}", file=sys.stderr, flush=True)
 
     def close(self) -> None:

@@ -142,8 +142,12 @@ def make(
         return State(status.Closed(), math.nan, 0, 0, empty, (), first, None, Learnt(), nothing, quality)
 
     def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
+        state, due = advance(state, sample)
+        return tell(state, sample) if due else (state, None)
+
+    def advance(state: State, sample: Sample) -> tuple[State, bool]:
         if not math.isfinite(sample.t) or sample.t <= state.t:
-            return state, None
+            return state, False
         gap = sample.segment != state.segment or sample.t - state.t > 1.5 * dt
         usable = sample.learn and all(map(math.isfinite, (sample.output, *sample.inputs)))
         if gap or not usable:
@@ -155,17 +159,18 @@ def make(
         state = state._replace(recent=(*state.recent, *missing, (*row, sample.output, *sample.inputs)))
         if forced is not None:
             if not status.due(closed, sample.t, forced):
-                return state, None
-            said = status.said(closed, sample.t, forced)
-            return _fold(state)._replace(closed=said), status.silent(
-                sample.t, NAME, forced, sample.gate.value, input_names
-            )
-        gate_spoke = closed.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
-        if not gate_spoke and sample.t - closed.emitted < status.EVERY - status.ROUNDING:
-            return state, None
-        state = _fitted(_fold(state))
+                return state, False
+            return _fold(state)._replace(closed=status.said(closed, sample.t, forced)), True
+        if not status.told_by_gate(closed) and sample.t - closed.emitted < status.EVERY - status.ROUNDING:
+            return state, False
+        return _fitted(_fold(state))._replace(closed=status.said(closed, sample.t, Status.OK)), True
+
+    def tell(state: State, sample: Sample) -> tuple[State, Estimate]:
+        forced = state.closed.kind
+        if forced is not None and status.told_by_gate(state.closed):
+            return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
         estimate = _estimate(state, sample)
-        return state._replace(closed=status.said(closed, sample.t, estimate.status)), estimate
+        return state._replace(closed=status.said(state.closed, sample.t, estimate.status)), estimate
 
     def _interrupt(state: State) -> State:
         model = armax_recursive.rest(state.model) if state.model is not None else None
@@ -317,7 +322,7 @@ def make(
             return None
         return residuals.look(rows[:, 1], rows[:, 3:], input_names, o.na + o.nc)
 
-    return Estimator(NAME, init, step)
+    return Estimator(NAME, init, step, advance, tell)
 
 
 def _duration(seconds: float) -> str:

@@ -38,7 +38,8 @@ class State(NamedTuple):
     recent: tuple[tuple[float, ...], ...]  # samples since the last refit: output, learn, segment, inputs
     making: rows.State
     window: Array  # (n, width) rows, read only, up to the last refit
-    start: process_fit.Start | None  # where the last fit lay
+    start: process_fit.Start | None  # where the fit of the last mark lay
+    marked: bool = False  # the estimate that is due is a mark's: its fit begins with the whole box
 
 
 def make(
@@ -82,22 +83,30 @@ def make(
         return State(status.Closed(), math.nan, (), rows.State(), empty, None)
 
     def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
+        state, due = advance(state, sample)
+        return tell(state, sample) if due else (state, None)
+
+    def advance(state: State, sample: Sample) -> tuple[State, bool]:
         if not math.isfinite(sample.t) or sample.t <= state.t:
-            return state, None
+            return state, False
         recent = (*state.recent, *_missing(state, sample), _row(sample))
         closed, forced = status.step(state.closed, sample)
         state = state._replace(closed=closed, t=sample.t, recent=recent)
         if forced is not None:
             if not status.due(closed, sample.t, forced, settings.refit):
-                return state, None
-            state = _fold(state)._replace(closed=status.said(closed, sample.t, forced))
-            return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
+                return state, False
         # a kind that is new because the gate has just opened is emitted at once, with a fit of its own
-        gate_spoke = closed.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
-        if not gate_spoke and sample.t - closed.emitted < settings.refit - status.ROUNDING:
-            return state, None
-        state, estimate = _refit(_fold(state), sample)
-        return state._replace(closed=status.said(closed, sample.t, estimate.status)), estimate
+        elif not status.told_by_gate(closed) and sample.t - closed.emitted < settings.refit - status.ROUNDING:
+            return state, False
+        said = status.said(closed, sample.t, Status.OK if forced is None else forced)
+        return _fold(state)._replace(closed=said, marked=status.marked(closed, sample.t)), True
+
+    def tell(state: State, sample: Sample) -> tuple[State, Estimate]:
+        forced = state.closed.kind
+        if forced is not None and status.told_by_gate(state.closed):
+            return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
+        state, estimate = _refit(state, sample)
+        return state._replace(closed=status.said(state.closed, sample.t, estimate.status)), estimate
 
     def _missing(state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:
         """Rows for grid times that never came."""
@@ -126,8 +135,9 @@ def make(
         excitation = {name: float(s) for name, s in zip(input_names, spread, strict=True)}
         if all(s < STILL * status.usual(name) for name, s in excitation.items()):
             return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
-        fit = process_fit.fit_rows(lay, w, state.start, settings.prior)
-        state = state._replace(start=fit.start)
+        fit = process_fit.fit_rows(lay, w, None if state.marked else state.start, settings.prior)
+        if state.marked:
+            state = state._replace(start=fit.start)
         channels = dict(zip(input_names, fit.channels, strict=True))
         if all(c.status is Identifiable.NOT for c in fit.channels):
             return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
@@ -147,4 +157,4 @@ def make(
         estimate = status.silent(sample.t, NAME, kind, why, input_names)
         return state, estimate._replace(used=used, excitation=excitation or {})
 
-    return Estimator(NAME, init, step)
+    return Estimator(NAME, init, step, advance, tell)

@@ -17,6 +17,10 @@ EVERY = 0.5
 # s; grid times are floats: sums of 0.1 s must not make every fifth sample the sixth, nor 5 s less than 5 s.
 ROUNDING = 5e-4
 
+# s; the first estimate in each such stretch owes nothing to the estimates before it: whoever needs only one in a while
+# (a whole drive's windows) gets the same numbers without making the others.
+MARK = 10.0
+
 # s of usable data below which nothing is said: the Cramér-Rao bound of K1 exceeds K1 itself below 20 s.
 ENOUGH = 20.0
 
@@ -73,6 +77,22 @@ def due(state: Closed, t: float, kind: Status, every: float = EVERY) -> bool:
 def said(state: Closed, t: float, kind: Status) -> Closed:
     """Return the state after an estimate of this kind went out at `t` [s]."""
     return state._replace(kind=kind, emitted=t)
+
+
+def told_by_gate(state: Closed) -> bool:
+    """Whether the last estimate was the gate's word, not the data's."""
+    return state.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
+
+
+def marked(state: Closed, t: float) -> bool:
+    """Whether an estimate at `t` [s] is the first in its `MARK`.
+
+    >>> marked(Closed(emitted=9.6), 10.1), marked(Closed(emitted=10.1), 10.6), marked(Closed(), 0.5)
+    (True, False, True)
+    """
+    if state.emitted != state.emitted:
+        return True
+    return (t + ROUNDING) // MARK > (state.emitted + ROUNDING) // MARK
 
 
 def silent(t: float, estimator: str, status: Status, says: str, names: Sequence[str]) -> Estimate:

@@ -1,7 +1,6 @@
 """Reads Vector's .asc: hex or dec, absolute or relative times, classic and CAN FD lines, any locale's date.
 
-Lines that hold no frame (comments, statistics, status, J1939 and LIN events) are passed over; a line that
-should be a frame and is not is counted. A frame needs as many data bytes as it announces.
+Usual lines are read by the thousand (`asc_shapes`), all others one by one (`asc_line`).
 """
 
 from __future__ import annotations
@@ -9,180 +8,197 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
-from canid.frames import asc_date, stamps
-from canid.frames.blf_layout import DLC_BYTES, FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
-from canid.frames.lines import Bad, Line, Tally, lines
+import numpy as np
+import numpy.typing as npt
+
+from canid.frames import asc_date, asc_shapes, stamps
+from canid.frames.asc_line import Parsed, parse
+from canid.frames.asc_shapes import Usual
+from canid.frames.columns import FD_BYTES, Wanted, frames_of, keep_memory, select
+from canid.frames.lines import Bad, Block, Tally, blocks, line
 from canid.frames.read_state import ReadState
-from canid.types import Flag, Frame
+from canid.types import Columns, Flag, Frame
 
 # our own writer's line: the start without doubt about zone, language and digits
 EXACT_START = "// start, epoch ns: "
 _BASE = re.compile(r"base\s+(hex|dec)\b(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
 _DATE = re.compile(r"(?:date\s+|begin\s+triggerblock\s+)(.*)", re.IGNORECASE)
 _TIMED = re.compile(r"\d+[.,]\d+$")
-_ID = re.compile(r"([0-9a-fA-F]+)(x?)$")
-_DIRECTIONS = {"rx": 0, "tx": int(Flag.TX)}
 # lines without a time that belong to the format
 _KNOWN = ("//", "date", "base", "begin", "end", "internal", "no internal", "version")
-
-
-class _Parsed(NamedTuple):
-    bus: int
-    id: int
-    data: bytes
-    flags: int
-    length: int = -1
+_REMOTE = int(Flag.REMOTE)
+# ns; 146 years: a longer time is damage, and sums of two still fit 64 bits
+_LONGEST_TIME = 1 << 62
 
 
 def read_asc(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one.
+    """Frames in the order of the file; raises LogError where no line is one."""
+    for chunk in read_asc_columns(path, state):
+        yield from frames_of(chunk)
+
+
+def read_asc_columns(path: Path, state: ReadState, wanted: Wanted | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is a frame.
+
+    `wanted`: frames with other ids may be left out.
 
     The start is local time in this machine's zone, as Vector writes it, unless this package wrote the file.
     """
+    keep_memory()
     tally = Tally()
-    base, relative = 16, False
-    start: int | None = None  # epoch ns of the file's time zero
-    exact = False
-    now = 0  # ns, of the latest line with a time
-    first: int | None = None
-    for line in lines(path, state, tally):
-        words = line.text.split()
-        if not words:
-            continue
-        if not _TIMED.match(words[0]):
-            text = line.text.strip().removeprefix("\xef\xbb\xbf")
-            if text.startswith(EXACT_START) and text[len(EXACT_START) :].isdecimal():
-                start, exact = int(text[len(EXACT_START) :]), True
-            elif found := _BASE.match(text):
-                base = 10 if found[1].lower() == "dec" else 16
-                relative = (found[2] or "").lower() == "relative"
-            elif (found := _DATE.match(text)) and not exact:
-                # the begin of the trigger block comes later and is nearer to time zero than the file's date
-                at = asc_date.local_ns(found[1])
-                start = start if at is None else at
-            elif first is not None and not text.lower().startswith(_KNOWN):
-                tally.miss(line, "it is no line of an ASC log")
-            continue
-        ns = stamps.from_text(words[0])
-        now = now + ns if relative else ns
-        try:
-            parsed = _parse(words, base, line)
-        except ValueError as error:
-            tally.miss(line, str(error) if isinstance(error, Bad) else "it is no frame")
-            continue
-        if parsed is None:
-            continue
-        if first is None:
-            first = now
-            state.start_ns = None if start is None else start + now
-        tally.read += 1
-        bus, id_, data, flags, length = parsed
-        yield Frame((now - first) * 1e-9, bus, id_, data, flags, length)
+    reading = _Reading(state, tally)
+    for block in blocks(path, state, tally):
+        chunk = reading.block(block)
+        if wanted is not None:
+            chunk = select(chunk, wanted.rows(chunk.id))
+        if chunk.t.size:
+            yield chunk
     state.damage = tally.damage(path)
 
 
-def _parse(words: list[str], base: int, line: Line) -> _Parsed | None:
-    """Parse a frame; None where the line is about something else. Raises ValueError."""
-    if len(words) < 3:
-        if not line.whole:
-            raise Bad("the file ends in it")
-        return None
-    if words[1].upper() == "CANFD":
-        return _fd(words, base, line)
-    if not words[1].isdecimal():
-        return None
-    bus = max(int(words[1]) - 1, 0)
-    if words[2].lower() == "errorframe":
-        return _Parsed(bus, 0, b"", int(Flag.ERROR))
-    direction = words[3].lower() if len(words) > 3 else ""
-    if direction not in _DIRECTIONS:
-        # statistics, J1939, "TxRq" (a wish to send, not a frame); or a line that was cut
-        if not line.whole:
-            raise Bad("the file ends in it")
-        return None
-    id_, flags = _id(words[2], base)
-    flags |= _DIRECTIONS[direction]
-    kind = words[4].lower() if len(words) > 4 else ""
-    if kind == "r":
-        if not line.whole:
-            raise Bad("the file ends in it")
-        asked = int(words[5], 16) if len(words) > 5 and len(words[5]) == 1 else 0
-        return _Parsed(bus, id_, b"", flags | int(Flag.REMOTE), asked)
-    if kind != "d" or len(words) < 6:
-        raise Bad("it is cut short or damaged")
-    # a DLC of 9 to 15 is allowed in classic CAN and means 8 bytes
-    length = min(8, _dlc(words[5], base))
-    return _Parsed(bus, id_, _data(words, 6, length, base, line), flags)
+class _Reading:
+    """One pass over a file: what the lines so far say about those to come."""
+
+    def __init__(self, state: ReadState, tally: Tally):
+        self._state = state
+        self._tally = tally
+        self._base, self._relative = 16, False
+        self._start: int | None = None  # epoch ns of the file's time zero
+        self._exact = False
+        self._now = 0  # ns, of the latest line with a time
+        self._first: int | None = None  # ns of the first frame
+
+    def block(self, block: Block) -> Columns:
+        """The frames of some lines."""
+        usual = asc_shapes.read(block) if self._base == 16 else asc_shapes.nothing(len(block.ends))
+        header = self._base, self._relative, self._start, self._exact
+        seldom = self._seldom(block, usual)
+        if seldom is None:
+            # the numbers become decimal somewhere in these lines: no line is usual
+            self._base, self._relative, self._start, self._exact = header
+            usual = asc_shapes.nothing(len(block.ends))
+            seldom = self._seldom(block, usual)
+            assert seldom is not None
+        return self._columns(usual, seldom)
+
+    def _seldom(self, block: Block, usual: Usual) -> _Seldom | None:
+        """Read all lines that are not usual; None where a usual one cannot be so, because of what they say."""
+        seldom = _Seldom(self._relative, self._start)
+        # the frame that comes first, if it has not come yet: before it nothing is complained about
+        first = int(usual.found.argmax()) if usual.found.any() else len(block.ends)
+        if self._first is not None:
+            first = -1
+        ends = block.ends
+        misses = []
+        for k in np.flatnonzero(~usual.found).tolist():
+            item = line(block, k, int(ends[k - 1]) if k else 0, int(ends[k]))
+            words = item.text.split()
+            if not words:
+                continue
+            if not _TIMED.match(words[0]):
+                if not self._header(item.text, seldom, k) and first < k:
+                    misses.append((item, "it is no line of an ASC log"))
+                if self._base != 16 and usual.found.any():
+                    return None
+                continue
+            ns = stamps.from_text(words[0])
+            if ns > _LONGEST_TIME:
+                misses.append((item, "its time is damaged"))
+                continue
+            seldom.timed.append((k, ns))
+            try:
+                parsed = parse(words, self._base, item)
+            except ValueError as error:
+                misses.append((item, str(error) if isinstance(error, Bad) else "it is no frame"))
+                continue
+            if parsed is not None:
+                seldom.frames.append((k, parsed))
+                first = min(first, k)
+        for item, why in misses:
+            self._tally.miss(item, why)
+        return seldom
+
+    def _header(self, text: str, seldom: _Seldom, k: int) -> bool:
+        """Take a line without a time; says whether it belongs to the format."""
+        text = text.strip().removeprefix("\xef\xbb\xbf")
+        if text.startswith(EXACT_START) and text[len(EXACT_START) :].isdecimal():
+            self._start, self._exact = int(text[len(EXACT_START) :]), True
+        elif found := _BASE.match(text):
+            self._base = 10 if found[1].lower() == "dec" else 16
+            self._relative = (found[2] or "").lower() == "relative"
+            seldom.relative.append((k, self._relative))
+        elif (found := _DATE.match(text)) and not self._exact:
+            # the begin of the trigger block comes later and is nearer to time zero than the file's date
+            at = asc_date.local_ns(found[1])
+            self._start = self._start if at is None else at
+        else:
+            return text.lower().startswith(_KNOWN)
+        seldom.starts.append((k, self._start))
+        return True
+
+    def _columns(self, usual: Usual, seldom: _Seldom) -> Columns:
+        """Put usual and other lines together, and give them their times."""
+        usual = _merged(usual, seldom)
+        found = usual.found
+        timed = found.copy()
+        ns = usual.ns
+        for k, at in seldom.timed:
+            timed[k], ns[k] = True, at
+        now = self._times(ns, timed, seldom)
+        self._tally.read += int(found.sum())
+        if self._first is None and found.any():
+            k = int(found.argmax())
+            self._first = int(now[k])
+            start = [start for at, start in seldom.starts if at < k][-1]
+            self._state.start_ns = None if start is None else start + self._first
+        if timed.any():
+            self._now = int(now[np.flatnonzero(timed)[-1]])
+        t = (now - (self._first or 0)).astype(np.float64) * 1e-9
+        chunk = Columns(t, usual.bus, usual.id, usual.flags, usual.length, usual.data)
+        return chunk if found.all() else select(chunk, found)
+
+    def _times(
+        self, ns: npt.NDArray[np.int64], timed: npt.NDArray[np.bool_], seldom: _Seldom
+    ) -> npt.NDArray[np.int64]:
+        """Give each line its time, of which relative ones are the sum so far."""
+        if not any(relative for _, relative in seldom.relative):
+            return ns
+        ns = np.where(timed, ns, 0)
+        now = self._now
+        borders = [k for k, _ in seldom.relative] + [len(ns)]
+        for (_, relative), a, b in zip(seldom.relative, borders[:-1], borders[1:], strict=True):
+            if relative and b > a:
+                ns[a:b] = now + np.cumsum(ns[a:b])
+                now = int(ns[b - 1])
+            elif timed[a:b].any():
+                now = int(ns[a + np.flatnonzero(timed[a:b])[-1]])
+        return ns
 
 
-def _fd(words: list[str], base: int, line: Line) -> _Parsed | None:
-    """`t CANFD channel Rx id [name] brs esi dlc length data... duration length flags ...`."""
-    if len(words) < 5:
-        raise Bad("it is cut short")
-    bus = max(int(words[2]) - 1, 0)
-    direction = words[3].lower()
-    if direction not in _DIRECTIONS:
-        return None
-    flags = _DIRECTIONS[direction]
-    if words[4].lower() == "errorframe":
-        return _Parsed(bus, 0, b"", flags | int(Flag.ERROR))
-    id_, extended = _id(words[4], base)
-    flags |= extended
-    at = 5 if len(words) > 5 and words[5] in ("0", "1") else 6  # without or with a symbolic name
-    if len(words) < at + 4:
-        raise Bad("it is cut short")
-    brs, esi, dlc_word, length_word = words[at : at + 4]
-    dlc, length = _dlc(dlc_word, base), int(length_word)
-    if length > 64:
-        raise Bad(f"it announces {length} data bytes")
-    data = _data(words, at + 4, length, base, line)
-    if not line.whole and len(words) <= at + 7 + length:
-        raise Bad("the file ends in it")  # perhaps within the flags
-    behind = words[at + 4 + length : at + 7 + length]  # duration, length in bits, flags
-    bits = int(behind[2], 16) if len(behind) == 3 else FD64_EDL
-    if bits & FD64_REMOTE or (length == 0 and dlc > 0):
-        return _Parsed(bus, id_, b"", flags | int(Flag.REMOTE), DLC_BYTES[dlc])
-    # flags without EDL: a classic frame on a CAN FD channel; all zero: the writer left them out
-    if bits & FD64_EDL or not bits:
-        flags |= int(Flag.FD)
-        flags |= int(Flag.BRS) if brs == "1" or bits & FD64_BRS else 0
-        flags |= int(Flag.ESI) if esi == "1" or bits & FD64_ESI else 0
-    return _Parsed(bus, id_, data, flags)
+class _Seldom:
+    """Lines that were read one by one; `k` is a line's place in its block."""
+
+    def __init__(self, relative: bool, start: int | None):
+        self.timed: list[tuple[int, int]] = []  # k, ns as it stands there
+        self.frames: list[tuple[int, Parsed]] = []
+        # from which line on times are relative, and which start holds; before the first line: as it was
+        self.relative = [(0, relative)]
+        self.starts = [(-1, start)]
 
 
-def _id(word: str, base: int) -> tuple[int, int]:
-    found = _ID.match(word)
-    if not found:
-        raise Bad(f"{word[:32]!r} is no id (symbolic names are not supported)")
-    flags = int(Flag.EXTENDED) if found[2] else 0
-    id_ = int(found[1], base)
-    if id_ > (0x1FFFFFFF if flags else 0x7FF):
-        raise Bad(f"{word[:32]!r} is too large for an id")
-    return id_, flags
-
-
-def _dlc(word: str, base: int) -> int:
-    # one hex digit whatever the base; with base dec some tools write 10..15
-    dlc = int(word, 16 if len(word) == 1 else base)
-    if not 0 <= dlc <= 15:
-        raise Bad(f"{word!r} is no DLC")
-    return dlc
-
-
-def _data(words: list[str], at: int, length: int, base: int, line: Line) -> bytes:
-    found = words[at : at + length]
-    if len(found) < length:
-        raise Bad(f"it announces {length} data bytes and has {len(found)}")
-    last = length > 0 and at + length == len(words)
-    if base == 16:
-        # always two digits: one alone is what is left of two
-        if any(len(word) != 2 for word in found):
-            raise Bad("its data are not hexadecimal bytes")
-        return bytes.fromhex("".join(found))
-    if last and not line.whole:
-        raise Bad("the file ends in it")
-    if any(int(word) > 255 for word in found):
-        raise Bad("a data byte is larger than 255")
-    return bytes(int(word) for word in found)
+def _merged(usual: Usual, seldom: _Seldom) -> Usual:
+    """Put frames that were read one by one in their places."""
+    if not seldom.frames:
+        return usual
+    longest = max(len(parsed.data) for _, parsed in seldom.frames)
+    if longest > usual.data.shape[1]:
+        wider = np.zeros((len(usual.data), FD_BYTES), np.uint8)
+        wider[:, : usual.data.shape[1]] = usual.data
+        usual = usual._replace(data=wider)
+    for k, (bus, id_, data, flags, length) in seldom.frames:
+        usual.found[k] = True
+        usual.bus[k], usual.id[k], usual.flags[k] = bus, id_, flags
+        usual.length[k] = length if flags & _REMOTE else len(data)
+        usual.data[k, : len(data)] = np.frombuffer(data, np.uint8)
+    return usual

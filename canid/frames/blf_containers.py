@@ -11,13 +11,14 @@ from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
 from canid.frames import blf_layout as blf
+from canid.frames.blf_chain import Broken, chain
+from canid.frames.blf_layout import LIMIT, PADDING
 
-# The usual container holds 128 kB; 128 times that is no container but damage or a zip bomb.
-LIMIT = 16 * 1024 * 1024
 # Read and search in pieces of this size: large against a seek, small against memory.
 PIECE = 64 * 1024
-# Objects are padded by at most 3 bytes; look a little further, as python-can and Vector's library do.
-PADDING = 8
+# A container that is no longer than this when compressed is inflated in one go: deflate makes at most 1,032 times as
+# much of it (zlib's technical details), 132 MB, before it is seen for a bomb.
+SMALL = 128 * 1024
 
 
 class Payload(NamedTuple):
@@ -25,6 +26,7 @@ class Payload(NamedTuple):
 
     at: int  # byte in the file where the container begins
     data: bytes
+    bare: bool = False  # whole objects without a container: each stands for itself
 
 
 class Gap(NamedTuple):
@@ -37,7 +39,7 @@ class Gap(NamedTuple):
 def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]:
     """Payloads and gaps in the order of the file, from byte `start` to byte `size`.
 
-    Objects that stand in the file without a container (written with compression off) come one payload each.
+    Objects that stand in the file without a container come as payloads of whole objects, see `Payload.bare`.
     """
     position = start
     bare: bool | None = None  # no containers in this file; None: not known yet
@@ -61,7 +63,7 @@ def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]
             # A container's header is shorter than any other's: one whose type is damaged shows by that.
             bare = header_size in (blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
         if bare:
-            got = _bare(file, position, object_size, size)
+            got = _bare_row(file, position) or _bare(file, position, object_size, size)
         elif kind == blf.LOG_CONTAINER:
             got = _unpack(file, position, object_size, size)
         else:
@@ -71,8 +73,24 @@ def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]
             position = _next_object(file, position + len(blf.SIGNATURE), size, bare)
         else:
             data, end = got
-            yield Payload(position, data)
+            yield Payload(position, data, bare)
             position = end
+
+
+def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
+    """Some objects without a container that follow each other, and where they end; None: look at one at a time."""
+    file.seek(position)
+    data = file.read(PIECE)
+    try:
+        found = chain(data, 0)
+    except Broken:
+        return None
+    others = (found.kind == blf.LOG_CONTAINER).nonzero()[0]
+    n = int(others[0]) if others.size else len(found.kind)
+    if n < 2:
+        return None
+    end = int(found.begin[n - 1] + found.size[n - 1])
+    return data[:end], position + end
 
 
 def _bare(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[bytes, int] | str:
@@ -93,12 +111,16 @@ def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple
     method, declared = blf.CONTAINER.unpack(head)
     begin = position + blf.CONTAINER_HEAD_SIZE
     if method == blf.DEFLATED:
+        announced = object_size - blf.CONTAINER_HEAD_SIZE
+        whole = _inflate_at_once(file, announced, declared)
+        if whole is not None:
+            return whole, begin + announced
+        file.seek(begin)
         inflated = _inflate(file)
         if isinstance(inflated, str):
             return inflated
         data, used = inflated
         # The stream knows its own end and has a checksum: sizes beside it may be damaged, the data are not.
-        announced = object_size - blf.CONTAINER_HEAD_SIZE
         return data, begin + (announced if used <= announced <= used + PADDING else used)
     if method == blf.STORED:
         if object_size - blf.CONTAINER_HEAD_SIZE != declared or declared > LIMIT:
@@ -107,6 +129,22 @@ def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple
             return "the file ends in a container"
         return file.read(declared), position + object_size
     return f"a container has the unknown compression method {method}"
+
+
+def _inflate_at_once(file: BinaryIO, announced: int, declared: int) -> bytes | None:
+    """Inflate a container whose sizes are both right, which is usual; None: it needs a closer look."""
+    if not (0 < announced <= SMALL and 0 < declared <= LIMIT):
+        return None
+    packed = file.read(announced)
+    behind = file.read(PADDING)
+    if behind.strip(b"\0") and blf.SIGNATURE not in behind:
+        return None
+    try:
+        # room for one byte more, so that the stream's end is reached in one go
+        data = zlib.decompress(packed, bufsize=declared + 1)
+    except zlib.error:
+        return None
+    return data if len(data) == declared else None
 
 
 def _inflate(file: BinaryIO) -> tuple[bytes, int] | str:

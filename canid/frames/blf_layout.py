@@ -13,6 +13,11 @@ from typing import NamedTuple
 
 from canid.frames.stamps import EPOCH_FLOOR, SECOND
 
+# The usual container holds 128 kB; 128 times that is no container but damage or a zip bomb.
+LIMIT = 16 * 1024 * 1024
+# Objects are padded by at most 3 bytes; look a little further, as python-can and Vector's library do.
+PADDING = 8
+
 # signature, header size, application id and version (3), format version (4), file size, uncompressed size,
 # object count, objects read, start (SYSTEMTIME), stop (SYSTEMTIME)
 FILE_HEADER = Struct("<4sL8BQQLL8H8H")

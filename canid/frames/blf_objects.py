@@ -1,4 +1,4 @@
-"""The inner layer of a .blf: from a payload to frames.
+"""The inner layer of a .blf: from a payload to columns.
 
 Every size is checked before it is believed. An object of an unknown type is counted and passed over.
 A time of 2^63 ns or more is a negative one: so `blf_writer` keeps frames that a clock set back put before
@@ -7,34 +7,79 @@ the first.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from canid.frames import blf_layout as blf
-from canid.frames.blf_containers import LIMIT, PADDING
-from canid.types import Flag, Frame
+from canid.frames.blf_chain import Broken, Chain, Ints, chain
+from canid.frames.blf_layout import LIMIT, PADDING
+from canid.frames.columns import CLASSIC_BYTES, FD_BYTES, Wanted
+from canid.types import Array, Columns, Flag
 
-_CLASSIC, _ERROR, _FD, _FD64 = blf.CLASSIC, blf.ERROR_EXT, blf.FD, blf.FD64
-# plain ints: arithmetic on an IntFlag costs a microsecond
-_EXTENDED, _REMOTE, _ERROR_FLAG, _TX = (int(f) for f in (Flag.EXTENDED, Flag.REMOTE, Flag.ERROR, Flag.TX))
-_FD_FLAG, _BRS, _ESI = (int(f) for f in (Flag.FD, Flag.BRS, Flag.ESI))
+_EXTENDED, _REMOTE, _ERROR, _TX = (int(f) for f in (Flag.EXTENDED, Flag.REMOTE, Flag.ERROR, Flag.TX))
+_FD, _BRS, _ESI = (int(f) for f in (Flag.FD, Flag.BRS, Flag.ESI))
 _HEADER_SIZE = {1: blf.OBJECT_V1_SIZE, 2: blf.OBJECT_V2_SIZE}
-_BODY_SIZE = {
-    blf.CAN_MESSAGE: _CLASSIC.size,
-    blf.CAN_MESSAGE2: _CLASSIC.size,
-    blf.CAN_ERROR_EXT: _ERROR.size,
-    blf.CAN_FD_MESSAGE: _FD.size,
-    blf.CAN_FD_MESSAGE_64: _FD64.size,
+_VERSIONS = tuple(_HEADER_SIZE)
+_HEADER = [
+    ("signature", "<u4"), ("header_size", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4"),
+    ("unit", "<u4"), ("client", "<u2"), ("object_version", "<u2"), ("ns", "<i8"),
+]  # fmt: skip
+# as blf_layout.CLASSIC, ERROR_EXT, FD and FD64
+_CLASSIC_BODY = [("channel", "<u2"), ("how", "u1"), ("dlc", "u1"), ("word", "<u4"), ("data", "<u8")]
+_ERROR_BODY = [
+    ("channel", "<u2"), ("length", "<u2"), ("flags", "<u4"), ("ecc", "u1"), ("position", "u1"), ("dlc", "u1"),
+    ("pad", "u1"), ("frame_length", "<u4"), ("word", "<u4"), ("more", "<u2"), ("pad2", "<u2"), ("data", "<u8"),
+]  # fmt: skip
+_FD_BODY = [
+    ("channel", "<u2"), ("how", "u1"), ("dlc", "u1"), ("word", "<u4"), ("frame_length", "<u4"), ("bits", "u1"),
+    ("fd", "u1"), ("valid", "u1"), ("pad", "V5"), ("data", "u1", (64,)),
+]  # fmt: skip
+_FD64_BODY = [
+    ("channel", "u1"), ("dlc", "u1"), ("valid", "u1"), ("tx_count", "u1"), ("word", "<u4"), ("frame_length", "<u4"),
+    ("fd", "<u4"), ("rates", "<u4", (2,)), ("offsets", "<u4", (2,)), ("bits", "<u2"), ("sent", "u1"),
+    ("extended_at", "u1"), ("crc", "<u4"),
+]  # fmt: skip
+_BODY: dict[int, list[Any]] = {
+    blf.CAN_MESSAGE: _CLASSIC_BODY,
+    blf.CAN_MESSAGE2: _CLASSIC_BODY,
+    blf.CAN_ERROR_EXT: _ERROR_BODY,
+    blf.CAN_FD_MESSAGE: _FD_BODY,
+    blf.CAN_FD_MESSAGE_64: _FD64_BODY,
 }
 
 
-class Broken(Exception):  # noqa: N818  (a finding inside this package, not an error that a user sees)
-    """The payload is not a row of objects."""
+def _layout(body: list[Any], version: int) -> np.dtype[Any]:
+    """An object's header and body, and beside the id's word its highest byte."""
+    room = _HEADER_SIZE[version] - blf.OBJECT_V1_SIZE
+    plain = np.dtype(_HEADER + [("longer", f"V{room}")] * bool(room) + body)
+    fields = {name: field[:2] for name, field in (plain.fields or {}).items()}
+    fields["top"] = (np.dtype("u1"), fields["word"][1] + 3)
+    return np.dtype(
+        {
+            "names": [*fields],
+            "formats": [f[0] for f in fields.values()],
+            "offsets": [f[1] for f in fields.values()],
+            "itemsize": plain.itemsize,
+        }
+    )
+
+
+_LAYOUTS = {
+    (kind, version): _layout(body, version) for kind, body in _BODY.items() for version in _HEADER_SIZE
+}
+# what keeps the first n of eight bytes, little-endian
+_KEEP = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
+_DLC_BYTES = np.array(blf.DLC_BYTES, dtype=np.uint8)
+# beyond this, sums of times would leave 64 bits: such times are damage, but they must give the same numbers
+_FAR = 1 << 61
 
 
 class Walked(NamedTuple):
     """What a payload held."""
 
-    frames: list[Frame]
+    frames: Columns
     objects: int  # frames and objects of other types
     rest: int  # where the unfinished last object begins
     first: int | None  # ns of the log's first frame, once there was one
@@ -57,103 +102,207 @@ def first_object(data: bytes) -> int:
     return -1
 
 
-def walk(data: bytes, position: int, first: int | None) -> Walked:
+def walk(data: bytes, position: int, first: int | None, wanted: Wanted | None = None) -> Walked:
     """All whole objects of `data` from byte `position`.
 
-    `first`: ns that times are relative to, None if no frame came yet. Raises Broken.
+    `first`: ns that times are relative to, None if no frame came yet. `wanted`: frames with other ids may be left
+    out, but for the log's first. Raises Broken.
     """
-    frames: list[Frame] = []
-    append = frames.append
-    new = tuple.__new__  # a NamedTuple's own __new__ costs twice as much, and there are millions
-    unpack_object, unpack_stamp, unpack_classic = (
-        blf.OBJECT.unpack_from,
-        blf.STAMP.unpack_from,
-        _CLASSIC.unpack_from,
-    )
-    objects = 0
-    total = len(data)
-    while True:
-        begin = data.find(blf.SIGNATURE, position, position + PADDING)
-        if begin < 0:
-            # too little is left to tell padding from the beginning of an object
-            if position + PADDING > total:
-                break
-            raise Broken("no object begins where one should")
-        position = begin
-        if position + blf.OBJECT.size > total:
-            break
-        _, header_size, version, size, kind = unpack_object(data, position)
-        if size < blf.OBJECT.size or size > LIMIT:
-            raise Broken(f"an object claims a size of {size} bytes")
-        end = position + size
-        if end > total:
-            break
-        objects += 1
-        if kind in _BODY_SIZE:
-            at = position + _HEADER_SIZE.get(version, size)
-            if at + _BODY_SIZE[kind] > end or header_size > size:
-                raise Broken("an object is too short for what it holds")
-            unit, _, _, ns = unpack_stamp(data, position + 16)
-            if ns >= 1 << 63:
-                ns -= 1 << 64
-            if unit == blf.TEN_MICROSECONDS:
-                ns *= 10_000
-            if first is None:
-                first = ns
-            t = (ns - first) * 1e-9
-            if kind == blf.CAN_MESSAGE or kind == blf.CAN_MESSAGE2:
-                channel, how, dlc, word, payload = unpack_classic(data, at)
-                flags = _EXTENDED if word & blf.ID_EXTENDED else 0
-                length = -1
-                if dlc < 8:
-                    payload = payload[:dlc]
-                if how & blf.TX:
-                    flags |= _TX
-                if how & blf.REMOTE:
-                    flags |= _REMOTE
-                    payload, length = b"", dlc
-                append(
-                    new(Frame, (t, channel - 1 if channel else 0, word & blf.ID_MASK, payload, flags, length))
-                )
-            else:
-                append(_seldom(data, at, position, size, kind, t))
-        position = end
-    return Walked(frames, objects, position, first)
-
-
-def _seldom(data: bytes, at: int, begin: int, size: int, kind: int, t: float) -> Frame:
-    """Decode a CAN FD or an error frame; `begin`, `size`: of its object, `at`: where its body begins."""
-    if kind == blf.CAN_ERROR_EXT:
-        channel, _, _, _, _, dlc, _, word, _, payload = _ERROR.unpack_from(data, at)
-        return _frame(t, channel, word, payload[:dlc], _ERROR_FLAG)
-    flags = 0
-    if kind == blf.CAN_FD_MESSAGE:
-        channel, how, dlc, word, _, _, fd, valid, payload = _FD.unpack_from(data, at)
-        if valid > 64:
-            raise Broken(f"a CAN FD frame claims {valid} bytes")
-        payload = payload[:valid]
-        sent, remote = how & blf.TX, how & blf.REMOTE
-        is_fd, brs, esi = fd & blf.FD_EDL, fd & blf.FD_BRS, fd & blf.FD_ESI
+    links = chain(data, position)
+    groups = _groups(data, links)
+    if wanted is not None and first is not None:
+        groups = [_only(group, wanted) for group in groups]
+    n = sum(len(group.items) for group in groups)
+    wide = any(group.kind in (blf.CAN_FD_MESSAGE, blf.CAN_FD_MESSAGE_64) for group in groups)
+    width = FD_BYTES if wide else CLASSIC_BYTES
+    if len(groups) == 1:
+        # all frames alike, the usual log: the group's columns are the payload's
+        parts = _columns(data, groups[0], width)
     else:
-        channel, dlc, valid, _, word, _, fd, _, _, _, _, _, sent, extended_at, _ = _FD64.unpack_from(data, at)
-        body = at + _FD64.size
-        room = (begin + extended_at if extended_at else begin + size) - body
-        if valid > 64 or room < 0 or body + room > begin + size:
-            raise Broken("a CAN FD frame's sizes do not agree")
-        # CANoe logs fewer bytes than are valid where the rest is zero
-        payload = data[body : body + min(valid, room)].ljust(valid, b"\0")
-        remote = fd & blf.FD64_REMOTE
-        is_fd, brs, esi = fd & blf.FD64_EDL, fd & blf.FD64_BRS, fd & blf.FD64_ESI
-    flags |= _TX if sent else 0
-    flags |= _FD_FLAG if is_fd else 0
-    flags |= _BRS if brs else 0
-    flags |= _ESI if esi else 0
-    if remote:
-        return _frame(t, channel, word, b"", flags | _REMOTE, blf.DLC_BYTES[min(dlc, 15)])
-    return _frame(t, channel, word, payload, flags)
+        # frames are numbered in the order of the payload, objects of other types left out
+        rank = np.zeros(len(links.begin), dtype=np.int64)
+        for group in groups:
+            rank[group.rows] = 1
+        rank = np.cumsum(rank) - 1
+        parts = _Parts(
+            np.empty(n, np.int64), np.empty(n, bool), np.empty(n, np.uint16), np.empty(n, np.uint32),
+            np.empty(n, np.uint8), np.empty(n, np.uint8), np.empty((n, width), np.uint8),
+        )  # fmt: skip
+        for group in groups:
+            rows = rank[group.rows]
+            into: tuple[npt.NDArray[Any], ...] = parts
+            for whole, part in zip(into, _columns(data, group, width), strict=True):
+                whole[rows] = part
+    t, first = _times(parts.ns, parts.coarse, first)
+    return Walked(Columns(t, *parts[2:]), len(links.begin), links.rest, first)
 
 
-def _frame(t: float, channel: int, word: int, data: bytes, flags: int, length: int = -1) -> Frame:
-    if word & blf.ID_EXTENDED:
-        flags |= _EXTENDED
-    return Frame(t, channel - 1 if channel else 0, word & blf.ID_MASK, data, flags, length)
+class _Group(NamedTuple):
+    """Frames of one kind and one header version."""
+
+    kind: int
+    rows: Ints | slice  # (m,) which objects of the payload
+    begin: Ints  # (m,)
+    items: npt.NDArray[Any]  # (m,) of a layout
+
+
+class _Parts(NamedTuple):
+    """Columns before their times are relative."""
+
+    ns: Ints
+    coarse: npt.NDArray[np.bool_]  # the time counts 10 µs
+    bus: npt.NDArray[np.uint16]
+    id: npt.NDArray[np.uint32]
+    flags: npt.NDArray[np.uint8]
+    length: npt.NDArray[np.uint8]
+    data: npt.NDArray[np.uint8]
+
+
+def _groups(data: bytes, links: Chain) -> list[_Group]:
+    """Group the frames among the objects, their sizes checked. Raises Broken."""
+    if links.step:
+        _, header_size, version, size, kind = blf.OBJECT.unpack_from(data, links.begin[0])
+        if kind not in _BODY:
+            return []
+        layout = _LAYOUTS.get((kind, version))
+        if layout is None or size < max(layout.itemsize, header_size):
+            raise Broken("an object is too short for what it holds")
+        items = np.ndarray((len(links.begin),), layout, data, int(links.begin[0]), (links.step,))
+        return [_Group(kind, slice(None), links.begin, items)]
+    groups = []
+    for kind in _BODY:
+        rows = np.flatnonzero(links.kind == kind)
+        if not len(rows):
+            continue
+        begin, size = links.begin[rows], links.size[rows]
+        if size.min() < _LAYOUTS[kind, 1].itemsize:
+            raise Broken("an object is too short for what it holds")
+        heads = _items(data, begin, _LAYOUTS[kind, 1])
+        versions = heads["version"]
+        if (heads["header_size"] > size).any() or not np.isin(versions, _VERSIONS).all():
+            raise Broken("an object is too short for what it holds")
+        for version in _VERSIONS:
+            layout, chosen = _LAYOUTS[kind, version], versions == version
+            if (size[chosen] < layout.itemsize).any():
+                raise Broken("an object is too short for what it holds")
+            if chosen.any():
+                items = heads[chosen] if version == 1 else _items(data, begin[chosen], layout)
+                groups.append(_Group(kind, rows[chosen], begin[chosen], items))
+    return groups
+
+
+def _only(group: _Group, wanted: Wanted) -> _Group:
+    """Keep the frames that are wanted."""
+    items = group.items
+    rows = wanted.rows(items["word"])
+    number = rows if isinstance(group.rows, slice) else group.rows[rows]
+    # as plain bytes: numpy copies structures field by field
+    chosen = items.view(f"V{items.dtype.itemsize}")[rows].view(items.dtype)
+    return group._replace(rows=number, begin=group.begin[rows], items=chosen)
+
+
+def _items(data: bytes, begin: Ints, layout: np.dtype[Any]) -> npt.NDArray[Any]:
+    """Copy the structures at `begin`, out of a view of overlapping ones: one for every byte."""
+    size = layout.itemsize
+    overlapping: npt.NDArray[Any] = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))
+    return overlapping[begin].view(layout)
+
+
+def _columns(data: bytes, group: _Group, width: int) -> _Parts:
+    items = group.items
+    channel, word = items["channel"].astype(np.uint16), items["word"].astype(np.uint32)
+    n = len(items)
+    flags = items["top"] >> np.uint8(7)  # the word's highest bit; Flag.EXTENDED is 1
+    remote: npt.NDArray[np.bool_] | None = None
+    if group.kind in (blf.CAN_MESSAGE, blf.CAN_MESSAGE2):
+        how, dlc = items["how"], items["dlc"]
+        length = np.minimum(dlc, CLASSIC_BYTES)
+        if how.any():
+            flags |= (how & blf.TX) * np.uint8(_TX)
+            remote = (how & blf.REMOTE) != 0
+        payload = _eight(items["data"], length)
+        asked = dlc
+    elif group.kind == blf.CAN_ERROR_EXT:
+        length = np.minimum(items["dlc"], CLASSIC_BYTES)
+        payload = _eight(items["data"], length)
+        flags |= np.uint8(_ERROR)
+        asked = length
+    else:
+        length, payload, sent, remote, kinds = (_fd if group.kind == blf.CAN_FD_MESSAGE else _fd64)(
+            data, group
+        )
+        flags |= sent * np.uint8(_TX)
+        for present, flag in zip(kinds, (_FD, _BRS, _ESI), strict=True):
+            flags |= present * np.uint8(flag)
+        asked = _DLC_BYTES[np.minimum(items["dlc"], 15)]
+    if remote is not None and remote.any():
+        flags |= remote * np.uint8(_REMOTE)
+        length = np.where(remote, asked, length)
+        payload = np.where(remote[:, np.newaxis], np.uint8(0), payload)
+    if payload.shape[1] < width:
+        padded = np.zeros((n, width), np.uint8)
+        padded[:, : payload.shape[1]] = payload
+        payload = padded
+    return _Parts(
+        ns=items["ns"].astype(np.int64),
+        coarse=items["unit"] == blf.TEN_MICROSECONDS,
+        bus=np.maximum(channel, 1) - np.uint16(1),
+        id=word & np.uint32(blf.ID_MASK),
+        flags=flags,
+        length=length,
+        data=payload,
+    )
+
+
+def _eight(words: npt.NDArray[np.uint64], length: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Bytes of eight-byte words, zero from `length` on."""
+    if length.size and length.min() < CLASSIC_BYTES:
+        words = words & _KEEP[length]
+    return np.ascontiguousarray(words, dtype="<u8").view(np.uint8).reshape(-1, CLASSIC_BYTES)
+
+
+_Bools = npt.NDArray[np.bool_]
+_FdParts = tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8], _Bools, _Bools, tuple[_Bools, _Bools, _Bools]]
+_WITHIN = np.arange(FD_BYTES)
+
+
+def _fd(data: bytes, group: _Group) -> _FdParts:
+    items = group.items
+    valid, how, fd = items["valid"], items["how"], items["fd"]
+    if valid.max(initial=0) > FD_BYTES:
+        raise Broken(f"a CAN FD frame claims {valid.max()} bytes")
+    payload = np.where(valid[:, np.newaxis] > _WITHIN, items["data"], np.uint8(0))
+    kinds = ((fd & blf.FD_EDL) != 0, (fd & blf.FD_BRS) != 0, (fd & blf.FD_ESI) != 0)
+    return valid, payload, (how & blf.TX) != 0, (how & blf.REMOTE) != 0, kinds
+
+
+def _fd64(data: bytes, group: _Group) -> _FdParts:
+    items = group.items
+    valid, fd, extended_at = items["valid"], items["fd"], items["extended_at"].astype(np.int64)
+    size = items["size"].astype(np.int64)
+    head = items.dtype.itemsize
+    room = np.where(extended_at > 0, extended_at, size) - head
+    if valid.max(initial=0) > FD_BYTES or (room < 0).any() or (room > size - head).any():
+        raise Broken("a CAN FD frame's sizes do not agree")
+    # CANoe logs fewer bytes than are valid where the rest is zero
+    there = np.minimum(valid, room)
+    body = np.ndarray((len(data) + 1,), f"V{FD_BYTES}", data + bytes(FD_BYTES), 0, (1,))[group.begin + head]
+    payload = body.view(np.uint8).reshape(-1, FD_BYTES)
+    payload = np.where(there[:, np.newaxis] > _WITHIN, payload, np.uint8(0))
+    kinds = ((fd & blf.FD64_EDL) != 0, (fd & blf.FD64_BRS) != 0, (fd & blf.FD64_ESI) != 0)
+    return valid, payload, items["sent"] != 0, (fd & blf.FD64_REMOTE) != 0, kinds
+
+
+def _times(ns: Ints, coarse: npt.NDArray[np.bool_], first: int | None) -> tuple[Array, int | None]:
+    """Seconds since the first frame, and that frame's ns."""
+    if not ns.size:
+        return np.zeros(0), first
+    scale = 10_000 if coarse.any() else 1
+    begin = int(ns[0]) * (scale if coarse[0] else 1) if first is None else first
+    usual = scale == 1 and 0 <= begin <= _FAR and ns.min() >= 0
+    if not usual and max(int(ns.max()), -int(ns.min())) * scale + abs(begin) > _FAR:
+        exact = [int(x) * (10_000 if ten else 1) - begin for x, ten in zip(ns, coarse, strict=True)]
+        return np.array([float(x) for x in exact]) * 1e-9, begin
+    if scale > 1:
+        ns = np.where(coarse, ns * scale, ns)
+    return (ns - begin).astype(np.float64) * 1e-9, begin

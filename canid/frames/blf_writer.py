@@ -11,10 +11,10 @@ import zlib
 from pathlib import Path
 from types import TracebackType
 
-from canid.errors import OutputError
 from canid.frames import blf_layout as blf
+from canid.frames.blf_marker import marker
 from canid.frames.disk import Disk
-from canid.types import Flag, Frame
+from canid.types import Event, Flag, Frame
 
 # Vector's and python-can's container size; bigger gains nothing, and a damaged container is lost whole.
 CONTAINER_SIZE = 128 * 1024
@@ -77,38 +77,40 @@ class BlfWriter:
         self.lead_ns = 0
         self.frames = 0
         self._buffer: list[bytes] = []
-        self._buffered = 0
-        self._uncompressed = blf.FILE_HEADER_SIZE
+        self._buffered = self._buffered_frames = 0
+        self._uncompressed = self._size = blf.FILE_HEADER_SIZE
         self._last = 0  # ns, the latest frame's
-        self._disk = Disk(self.path, overwrite=overwrite)
-        try:
-            self._disk.append(self._header())
-        except OutputError:
-            self._disk.close()
-            raise
+        self._disk = Disk(self.path, overwrite=overwrite, head=self._header())
 
     @property
     def kept(self) -> int:
         """Frames that are in the file, not waiting for their container."""
-        return self.frames - len(self._buffer)
+        return self.frames - self._buffered_frames
 
     @property
     def bytes(self) -> int:
         """Bytes in the file so far, without what waits for its container."""
         return self._disk.size
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait for their container, uncompressed."""
+        return self._buffered
+
     def append(self, frame: Frame) -> None:
         """Take one frame; a full container is written at once, the rest at the next `checkpoint()`."""
         ns = round(frame.t * 1e9)
-        # the header keeps whole milliseconds: the rest of the start goes here
-        rest = 0 if self.start_ns is None else (self.start_ns - self.lead_ns) % 1_000_000 + self.lead_ns
-        item = encode(frame, ns + rest)
-        if self._buffered + len(item) > CONTAINER_SIZE:
-            self._write_container()
-        self._buffer.append(item)
-        self._buffered += len(item)
+        self._add(encode(frame, ns + self._rest()))
         self.frames += 1
+        self._buffered_frames += 1
         self._last = max(self._last, ns)
+
+    def note(self, event: Event) -> None:
+        """Write an event between the frames, as a global marker; other readers show it or pass it over.
+
+        The header's count is of frames: readers that pass markers over find as many as it says.
+        """
+        self._add(marker(event, round(event.t * 1e9) + self._rest()))
 
     def checkpoint(self, *, sync: bool = True) -> None:
         """Make the file complete as it stands: container, header, and (`sync`) down to the disk itself."""
@@ -142,6 +144,16 @@ class BlfWriter:
     ) -> None:
         self.close()
 
+    def _rest(self) -> int:
+        """Ns of the start that the header cannot keep: it has whole milliseconds."""
+        return 0 if self.start_ns is None else (self.start_ns - self.lead_ns) % 1_000_000 + self.lead_ns
+
+    def _add(self, item: _Bytes) -> None:
+        if self._buffered + len(item) > CONTAINER_SIZE:
+            self._write_container()
+        self._buffer.append(item)
+        self._buffered += len(item)
+
     def _write_container(self) -> None:
         if not self._buffer:
             return
@@ -152,8 +164,9 @@ class BlfWriter:
         # size % 4 zeros, not up to the next multiple of 4: this is the format's own habit
         self._disk.append(head + blf.CONTAINER.pack(blf.DEFLATED, len(data)) + packed + b"\0" * (size % 4))
         self._uncompressed += blf.CONTAINER_HEAD_SIZE + len(data)
+        self._size = self._disk.size
         self._buffer.clear()
-        self._buffered = 0
+        self._buffered = self._buffered_frames = 0
 
     def _header(self) -> _Bytes:
         stop = None if self.start_ns is None else self.start_ns + self._last
@@ -161,7 +174,7 @@ class BlfWriter:
             blf.FILE_SIGNATURE,
             blf.FILE_HEADER_SIZE,
             *_APPLICATION,
-            max(self._disk.size, blf.FILE_HEADER_SIZE),
+            self._size,
             self._uncompressed,
             self.kept,
             0,

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from canid.errors import BusError, ConfigError
-from canid.frames import devices, listen_only, messages, python_can, stamps
+from canid.frames import devices, listen_only, messages, python_can, stamp_clock, stamps
 from canid.frames.listen_only import ListenOnly
 from canid.frames.received import Received, Receiver
+from canid.frames.stamp_clock import StampClock
 from canid.types import NAN
 
 # linux/can.h: CAN_INV_FILTER, a filter whose match is turned round; only the kernel knows it
@@ -25,8 +27,10 @@ class _PythonCanReceiver:
         # the methods, not the bus: what is not here cannot be called
         self._recv = bus.recv
         self._shutdown = bus.shutdown
+        self._state = _state_of(bus)
         self._name = name
         self._count = count
+        self.clock = StampClock.UNKNOWN
 
     @property
     def drops(self) -> int:
@@ -41,6 +45,9 @@ class _PythonCanReceiver:
                 raise BusError(f"{self._name} is lost: {_one_line(error)}") from None
             if message is None:
                 return None
+            if self.clock is StampClock.UNKNOWN:
+                interface = self._name.partition(" ")[0]
+                self.clock = stamp_clock.of_interface(interface, stamped=bool(message.timestamp))
             # an interface that gives no time stamp: the host's clock is the next best
             ns = stamps.from_float(message.timestamp) if message.timestamp else time.time_ns()
             length = message.dlc if message.is_remote_frame else -1
@@ -48,8 +55,32 @@ class _PythonCanReceiver:
                 ns, message.arbitration_id, bytes(message.data), messages.flags_of(message), length
             )
 
+    def controller(self) -> str:
+        return self._state()
+
     def close(self) -> None:
         self._shutdown()
+
+
+def _state_of(bus: Any) -> Callable[[], str]:
+    """What the driver says of the controller; most say nothing, and the base class says ACTIVE for them.
+
+    A PASSIVE that was asked for (pcan, systec: listen-only) says nothing of errors.
+    """
+    can = python_can.load()
+    if getattr(type(bus), "state", None) is can.BusABC.state:
+        return lambda: ""
+    words = {can.BusState.ACTIVE: "error_active", can.BusState.PASSIVE: "error_passive"}
+
+    def told() -> str:
+        try:
+            return "bus_off" if bus.state is can.BusState.ERROR else words.get(bus.state, "")
+        except Exception:  # back ends raise errors of their own kinds; `recv` will tell
+            return ""
+
+    if told() == "error_passive":
+        del words[can.BusState.PASSIVE]
+    return told
 
 
 class ReceiveOnlyBus:
@@ -100,6 +131,15 @@ class ReceiveOnlyBus:
         return "closed" if self._receiver is None else "open"
 
     @property
+    def clock(self) -> StampClock:
+        """Which clock stamps the frames; unknown before the first one."""
+        return self._receiver.clock if self._receiver else StampClock.UNKNOWN
+
+    def controller(self) -> str:
+        """What the driver says of the controller, as in `BusStats`; "" where it says nothing."""
+        return self._receiver.controller() if self._receiver else ""
+
+    @property
     def drops(self) -> int:
         """Frames that the kernel dropped because we were late; 0 where the interface cannot tell."""
         return self._lost_drops + (self._receiver.drops if self._receiver else 0)
@@ -140,11 +180,11 @@ def resolve(config: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in found.items() if value is not None}
 
 
-def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
+def open_bus(config: Mapping[str, Any], *, hardware_stamps: bool = False) -> ReceiveOnlyBus:
     """Open one bus with python-can's keyword arguments; can.conf and CAN_* fill in what is missing.
 
-    Listen-only is asked for where the interface has it. Raises BusError, or ConfigError for a filter that the
-    interface does not have.
+    Listen-only is asked for where the interface has it. `hardware_stamps`: SocketCAN devices stamp with their own
+    clock where they have one. Raises BusError, or ConfigError for a filter that the interface does not have.
 
     >>> bus = open_bus({"interface": "virtual", "channel": "doctest"})
     >>> bus.name, bus.recv(0.0), hasattr(bus, "send")
@@ -174,11 +214,15 @@ def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
         if interface == "socketcan":
             from canid.frames.socketcan import SocketcanReceiver
 
-            return SocketcanReceiver(bus)
+            return SocketcanReceiver(bus, hardware=hardware_stamps)
         if interface == "udp_multicast":
             from canid.frames.udp_drops import watch
 
-            return _PythonCanReceiver(bus, name, watch(bus))
+            if not hasattr(socket.socket, "recvmsg") or bus.filters:  # Windows; filters in software
+                return _PythonCanReceiver(bus, name, watch(bus))
+            from canid.frames.udp_multicast import UdpReceiver
+
+            return UdpReceiver(bus, name, watch(bus))
         return _PythonCanReceiver(bus, name)
 
     bitrate = float(resolved.get("bitrate", NAN))
@@ -198,11 +242,16 @@ def open_bus(config: Mapping[str, Any]) -> ReceiveOnlyBus:
 
 
 def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:
-    """Open all, or none: where one fails the others are closed again. Raises BusError."""
+    """Open all, or none: where one fails the others are closed again. Raises BusError.
+
+    A single bus is stamped by its hardware where SocketCAN gives that. Several are stamped by the kernel: devices'
+    clocks drift apart by tens of ms an hour, and dead times between buses would drift with them.
+    """
     buses: list[ReceiveOnlyBus] = []
     try:
         for config in configs:
-            buses.append(open_bus(config))  # noqa: PERF401  (those open already must be closed)
+            bus = open_bus(config, hardware_stamps=len(configs) == 1)
+            buses.append(bus)
     except BusError:
         for bus in buses:
             bus.shutdown()

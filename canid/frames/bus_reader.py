@@ -8,11 +8,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from canid.frames.bus import ReceiveOnlyBus
+from canid.frames.clock_watch import ClockWatch
 from canid.frames.received import Received
+from canid.frames.stamp_clock import StampClock
 from canid.types import NAN
 
 # s that a reader waits for a frame before it looks whether it should stop
 POLL = 0.1
+# s between two looks at what the driver says of the controller
+LOOK = 0.5
 # s between attempts to open a lost bus again: within 2 s it is back
 RETRY = 1.0
 # s that emptying a bus may take at the end: 60,000 frames take one on a laptop, 20 on an emulated machine
@@ -49,24 +53,44 @@ class BusReader:
         self._tell = tell
         self.state = "open"
         self.lost_at: float | None = None  # s, monotonic clock
-        # kept by the writing thread
+        # kept by the passing thread
         self.frames = self.errors = 0
+        self.drops_told = 0
+        self.clock = StampClock.UNKNOWN
+        self.watch = ClockWatch()
         self.busy = 0.0  # s on the bus since the window began
         self.load = NAN
-        self.controller = ""
+        self.controller = ""  # by either thread: error frames tell, or the driver does
+        self.counters: tuple[int, int] | None = None  # TEC, REC
 
     def run(self) -> None:
         """Read; the body of the thread."""
+        now = looked = time.monotonic()
         while not self._stopping.is_set():
+            if now - looked >= LOOK:
+                looked = now
+                self.controller_is(self.bus.controller())
             try:
                 got = self.bus.recv(POLL)
+                now = time.monotonic()
             except Exception as error:  # a reader must never die in silence
                 self._lose(error)
                 continue
             if got is not None:
-                self._put(Arrival(self.index, time.monotonic(), got))
+                self._put(Arrival(self.index, now, got))
         if self.lost_at is None:
             self._drain()
+
+    def controller_is(self, state: str) -> None:
+        """Tell a controller's state that is new; "" says nothing. canid restarts no controller."""
+        before = self.controller or "error_active"
+        self.controller = state or self.controller
+        if state in ("", before):
+            return
+        says = f"{self.bus.name}: the controller reports {state.replace('_', ' ')}"
+        if state == "bus_off":
+            says += "; it stays off until somebody restarts it"
+        self._tell(state, says)
 
     def _lose(self, error: Exception) -> None:
         """Say so, and try to open it again until it is back or the recorder stops."""
@@ -79,8 +103,10 @@ class BusReader:
             except Exception as again:
                 self.state = f"lost: {again}"
                 continue
+            away = time.monotonic() - self.lost_at
             self.state, self.lost_at = "open", None
-            self._tell("bus_back", f"{self.bus.name} is back")
+            self.watch.forget()
+            self._tell("bus_back", f"{self.bus.name} is back; nothing was received for {away:.1f} s")
             return
 
     def _drain(self) -> None:
@@ -99,7 +125,8 @@ class BusReader:
                 continue
             empty = 0
             self._put(Arrival(self.index, time.monotonic(), got))
-            if got.ns > until_ns and self.bus.interface in HOST_CLOCK:
+            host = self.bus.interface in HOST_CLOCK and self.bus.clock is StampClock.KERNEL
+            if host and got.ns > until_ns:
                 return  # it came after the stop
         if empty < 3:
             self._tell("left_unread", f"{self.bus.name}: frames that came before the stop were left unread")

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from canid.frames import stamps
-from canid.frames.lines import Bad, Line, Tally, hex_bytes, lines
+from canid.frames.lines import Bad, Line, Tally, hex_bytes, lines, remote_length
 from canid.frames.read_state import ReadState
 from canid.types import Flag, Frame
 
@@ -70,7 +70,7 @@ def _parse(line: Line) -> tuple[int, str, int, bytes, int, int]:
         return ns, interface, id_, data, int(flags), -1
     rest = rest.partition("_")[0]  # "_9".."_F" behind 8 bytes: the raw DLC, which says nothing more
     if rest[:1] in ("R", "r"):
-        return ns, interface, id_, b"", int(flags | Flag.REMOTE), int(rest[1:] or "0", 16)
+        return ns, interface, id_, b"", int(flags | Flag.REMOTE), remote_length(int(rest[1:] or "0", 16))
     digits = rest.replace(".", "")
     data = hex_bytes(digits, len(digits) // 2)
     if len(data) > 8:

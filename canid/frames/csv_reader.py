@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from canid.frames import stamps
-from canid.frames.lines import Bad, Tally, lines
+from canid.frames.lines import LARGEST_ID, Bad, Tally, lines, remote_length
 from canid.frames.read_state import ReadState
 from canid.types import Flag, Frame
 
@@ -47,11 +47,13 @@ def _parse(text: str) -> tuple[int, int, bytes, int, int]:
         data = base64.b64decode(packed, validate=True)
     except binascii.Error:
         raise Bad("its data are not base64") from None
-    announced = int(dlc)
+    announced, number = int(dlc), int(id_, 16)
+    if not 0 <= number <= LARGEST_ID:
+        raise Bad(f"{id_[:32]!r} is too large for an id")
     if flags & Flag.REMOTE:
-        return stamps.from_float(float(stamp)), int(id_, 16), b"", flags, announced
+        return stamps.from_float(float(stamp)), number, b"", flags, remote_length(announced)
     if len(data) != announced and not flags & Flag.ERROR:
         raise Bad(f"it announces {announced} data bytes and has {len(data)}")
     # the format has no mark for CAN FD, but its length gives it away
     flags |= int(Flag.FD) if len(data) > 8 else 0
-    return stamps.from_float(float(stamp)), int(id_, 16), data, flags, -1
+    return stamps.from_float(float(stamp)), number, data, flags, -1

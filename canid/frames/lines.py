@@ -7,7 +7,10 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from canid.errors import LogError
 from canid.frames.read_state import ReadState
@@ -15,6 +18,10 @@ from canid.types import Damage
 
 # A CAN FD line has some 350 characters; what is longer than this is no line but damage or a zip bomb.
 LONGEST = 8192
+# Lines are read in blocks of this size: numpy's overhead per block is spread over some 60,000 lines of an .asc.
+# The first is small, because whoever opens a log waits for its first frame.
+BLOCK, FIRST_BLOCK = 2 * 1024 * 1024, 64 * 1024
+_LINE_FEED = 10
 
 
 class Line(NamedTuple):
@@ -58,27 +65,82 @@ class Tally:
         )
 
 
-def lines(path: Path, state: ReadState, tally: Tally) -> Iterator[Line]:
-    """All lines; a gzip stream that breaks off ends them and is noted in `tally.cut`."""
+class Block(NamedTuple):
+    """Consecutive lines of the file."""
+
+    data: bytes
+    ends: npt.NDArray[np.int64]  # (n,) where each line ends in `data`, behind its line feed
+    number: int  # of the first of them, counted from 1
+
+
+def blocks(path: Path, state: ReadState, tally: Tally) -> Iterator[Block]:
+    """All lines, some thousands at a time; a gzip stream that breaks off ends them and is noted in `tally.cut`."""
     with open(path, "rb") as raw:
         zipped = path.suffix.lower() == ".gz"
         file = gzip.GzipFile(fileobj=raw) if zipped else raw
-        number = 0
-        done = 0
-        while True:
-            try:
-                data = file.readline(LONGEST)
-            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-                tally.cut = f"the gzip stream is damaged after line {number} ({error})"
-                break
-            if not data:
-                break
-            number += 1
-            done += len(data)
+        number, rest, size, done = 1, b"", FIRST_BLOCK, 0
+        more = True
+        while more:
+            piece, why = _fill(file, size)
+            size = BLOCK
+            more = bool(piece) and not why
+            data = rest + piece
+            end = data.rfind(b"\n") + 1
+            # a line that is too long is cut; the last one needs no line feed, unless it is not the last
+            end = len(data) if not more and not why else end + (len(data) - end) // LONGEST * LONGEST
+            done += end
             # of a gzipped file only the position in the compressed bytes tells how far we are
             state.done = raw.tell() if zipped else done
-            yield Line(data.decode("latin-1").rstrip("\r\n"), number, data.endswith(b"\n"))
+            rest = data[end:]
+            if end:
+                block = Block(data[:end] if rest else data, _ends(data, end), number)
+                number += len(block.ends)
+                yield block
+            if why:
+                tally.cut = f"the gzip stream is damaged after line {number - 1} ({why})"
         state.done = state.size
+
+
+def _fill(file: BinaryIO | gzip.GzipFile, size: int) -> tuple[bytes, str]:
+    """Read `size` bytes, fewer at the end; and why it broke off, where it did."""
+    parts: list[bytes] = []
+    while size > 0:
+        try:
+            # one step at a time: what came before the damage is not lost with it
+            part = file.read1(size) if isinstance(file, gzip.GzipFile) else file.read(size)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            return b"".join(parts), str(error)
+        if not part:
+            break
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts), ""
+
+
+def _ends(data: bytes, end: int) -> npt.NDArray[np.int64]:
+    ends = np.flatnonzero(np.frombuffer(data, np.uint8, end) == _LINE_FEED) + 1
+    if not ends.size or ends[-1] < end:
+        ends = np.append(ends, end)
+    long = np.flatnonzero(np.diff(ends, prepend=0) > LONGEST)
+    if long.size:
+        cuts = [np.arange(ends[k - 1] if k else 0, ends[k], LONGEST)[1:] for k in long.tolist()]
+        ends = np.sort(np.concatenate([ends, *cuts]))
+    return ends
+
+
+def lines(path: Path, state: ReadState, tally: Tally) -> Iterator[Line]:
+    """All lines, one by one; see `blocks`."""
+    for block in blocks(path, state, tally):
+        begin = 0
+        for k, end in enumerate(block.ends.tolist()):
+            yield line(block, k, begin, end)
+            begin = end
+
+
+def line(block: Block, k: int, begin: int, end: int) -> Line:
+    """The block's line `k`, from byte `begin` to `end`."""
+    data = block.data[begin:end]
+    return Line(data.decode("latin-1").rstrip("\r\n"), block.number + k, data.endswith(b"\n"))
 
 
 def hex_bytes(text: str, length: int) -> bytes:
@@ -94,3 +156,17 @@ def hex_bytes(text: str, length: int) -> bytes:
     if len(data) != length:
         raise Bad(f"it announces {length} data bytes and has {len(data)}")
     return data
+
+
+LARGEST_ID = 0x1FFFFFFF
+
+
+def remote_length(asked: int) -> int:
+    """Check how many bytes a remote frame asks for. Raises Bad.
+
+    >>> remote_length(8)
+    8
+    """
+    if not 0 <= asked <= 64:
+        raise Bad(f"it asks for {asked} data bytes")
+    return asked

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from canid.errors import ConfigError, LogError
 from canid.frames import stamps
-from canid.frames.read_state import Read, ReadState
-from canid.types import Damage, Frame
+from canid.frames.columns import Wanted, chunks
+from canid.frames.read_state import Read, ReadColumns, ReadState
+from canid.types import Columns, Damage, Frame
 
-# suffix -> where its reader lives; imported when needed, so that one format does not pay for the others
+_T = TypeVar("_T")
+
+# suffix -> where its reader lives; imported when needed, so that one format does not pay for the others.
+# A reader that gives columns has a second function for them, NAME_columns.
 _READERS = {
     ".blf": ("blf_reader", "read_blf"),
     ".asc": ("asc_reader", "read_asc"),
@@ -41,9 +46,10 @@ class Log:
     `damage` is known when an iteration is over; `progress` (0..1) tells how much of the file it has read.
     """
 
-    def __init__(self, path: Path, read: Read):
+    def __init__(self, path: Path, read: Read, read_columns: ReadColumns | None = None):
         self.path = path
         self._read = read
+        self._read_columns = read_columns
         self._state = self._new_state()
         # the first frame, for the start
         frames = read(path, self._state)
@@ -66,9 +72,24 @@ class Log:
         return min(1.0, self._state.done / self._state.size) if self._state.size else 1.0
 
     def __iter__(self) -> Iterator[Frame]:
+        return self._pass(self._read)
+
+    def columns(self, ids: Iterable[int] | None = None) -> Iterator[Columns]:
+        """The frames as columns, some thousands at a time: however long the log, memory is bounded.
+
+        The same frames as one by one, many times faster where the format allows (.blf, .asc).
+        `ids`: the ids that are wanted; frames with others may be left out.
+        """
+        wanted = None if ids is None else Wanted(ids)
+        columns = self._read_columns
+        if columns is None:
+            return self._pass(lambda path, state: chunks(self._read(path, state)))
+        return self._pass(lambda path, state: columns(path, state, wanted))
+
+    def _pass(self, read: Callable[[Path, ReadState], Iterator[_T]]) -> Iterator[_T]:
         state = self._state = self._new_state()
         try:
-            yield from self._read(self.path, state)
+            yield from read(self.path, state)
         except OSError as error:
             raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
 
@@ -105,8 +126,10 @@ def open_log(path: str | os.PathLike[str]) -> Log:
     if path.stat().st_size == 0:
         raise LogError(f"{path} is empty")
     module, name = _READERS[suffix.removesuffix(".gz")]
-    read: Read = getattr(importlib.import_module(f"canid.frames.{module}"), name)
+    reader = importlib.import_module(f"canid.frames.{module}")
+    read: Read = getattr(reader, name)
+    read_columns: ReadColumns | None = getattr(reader, f"{name}_columns", None)
     try:
-        return Log(path, read)
+        return Log(path, read, read_columns)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from None

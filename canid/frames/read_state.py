@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from canid.types import Damage, Frame
+from canid.frames.columns import Wanted
+from canid.types import Columns, Damage, Frame
 
 
 @dataclass
@@ -21,3 +22,5 @@ class ReadState:
 
 # A reader of one format. Raises LogError where nothing at all can be read.
 Read = Callable[[Path, ReadState], Iterator[Frame]]
+# The same, as columns; of frames with ids that are not wanted (None: all are) some may be left out.
+ReadColumns = Callable[[Path, ReadState, Wanted | None], Iterator[Columns]]

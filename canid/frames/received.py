@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from canid.frames.stamp_clock import StampClock
+
 
 class Received(NamedTuple):
     """One frame as it came from a bus."""
@@ -24,6 +26,13 @@ class Receiver(Protocol):
     @property
     def drops(self) -> int:
         """Frames that the system is known to have dropped before we could read them."""
+
+    @property
+    def clock(self) -> StampClock:
+        """Which clock stamps the frames; known with the first one."""
+
+    def controller(self) -> str:
+        """What the driver says of the controller, as in `BusStats`; "" where it says nothing."""
 
     def close(self) -> None:
         """Let go of the bus."""

@@ -16,16 +16,19 @@ class BusStats(NamedTuple):
     drops: int  # dropped by the kernel before we could read them; 0 where it cannot be told
     load: float  # share of the bus's time in the last second; NaN: bit rate unknown
     controller: str  # "error_active", "error_passive", "bus_off", "rx_overflow"; "" not told
+    clock: str = "unknown"  # that stamps the frames: a name of `StampClock`, in lower case
+    tec: int | None = None  # the controller's transmit error counter; None: not told
+    rec: int | None = None  # its receive error counter
 
 
 class Stats(NamedTuple):
     """The recorder at one moment."""
 
     state: str  # "waiting", "recording", "listening" (no file), "failed: why", "stopped"
-    path: Path | None  # the log; the name may differ from the one asked for
+    path: Path | None  # the log, or the newest of them; the name may differ from the one asked for
     frames: int  # received
     written: int  # appended to the log
-    bytes: int  # in the file
+    bytes: int  # in the file, or the newest one
     rate: float  # frames/s over the last second
     errors: int  # error frames
     drops_bus: int
@@ -34,3 +37,5 @@ class Stats(NamedTuple):
     waiting: int  # frames received and not yet appended
     start_ns: int | None  # epoch ns of the first frame
     buses: tuple[BusStats, ...]
+    files: int = 0  # that were begun
+    drops_disk: int = 0  # frames that are not in the log because the disk was too slow

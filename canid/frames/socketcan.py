@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from canid.errors import BusError
 from canid.frames.received import Received
+from canid.frames.stamp_clock import StampClock
 from canid.types import Flag
 
 # id, length (of a classic frame with raw DLC the data have 8 bytes), flags, two bytes unused; the data follow
@@ -30,21 +31,33 @@ SO_RXQ_OVFL, SO_RCVBUFFORCE = 40, 33
 SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW = 35, 64
 _TIMESPEC_64, _TIMESPEC_32 = Struct("=qq"), Struct("=ll")
 _COUNT = Struct("=I")
-_ANCILLARY = socket.CMSG_SPACE(_TIMESPEC_64.size) + socket.CMSG_SPACE(_COUNT.size)
+# linux/net_tstamp.h; the message holds three times: software, one that is not used any more, raw hardware
+SO_TIMESTAMPING, SO_TIMESTAMPING_NEW = 37, 65
+_RX_HARDWARE, _RX_SOFTWARE, _SOFTWARE, _RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
+_ANCILLARY = (
+    socket.CMSG_SPACE(_TIMESPEC_64.size)
+    + socket.CMSG_SPACE(3 * _TIMESPEC_64.size)
+    + socket.CMSG_SPACE(_COUNT.size)
+)
 
 # 2 s of a full 1 Mbit/s bus (8,000 frames/s), each some 900 bytes of kernel memory, and as much again.
 RECEIVE_BUFFER = 32 * 1024 * 1024
 
-# linux/can/error.h: classes in the id of an error frame, and the details in data[1]
-_ERROR_CONTROLLER, _ERROR_BUS_OFF, _ERROR_RESTARTED = 0x04, 0x40, 0x100
+# s after the first frame has come until it is read, with those that follow: a wake-up costs more than a frame. The
+# kernel has stamped them, and keeps 2 s of them.
+NAP = 0.003
+
+# linux/can/error.h: classes in the id of an error frame, details in data[1], counters in data[6] and data[7]
+_ERROR_CONTROLLER, _ERROR_BUS_OFF, _ERROR_RESTARTED, _ERROR_COUNTERS = 0x04, 0x40, 0x100, 0x200
 _CONTROLLER = {0x01: "rx_overflow", 0x10: "error_passive", 0x20: "error_passive", 0x40: "error_active"}
 
 
 class Parsed(NamedTuple):
-    """A message of the socket: the frame, and the kernel's count of drops if it was told."""
+    """A message of the socket: the frame, stamped by the kernel, and what was told beside it."""
 
     frame: Received
-    drops: int | None
+    drops: int | None  # the kernel's count
+    hardware: int = 0  # ns of the device's own clock; 0: not told
 
 
 def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: int) -> Parsed:
@@ -58,14 +71,14 @@ def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: i
     if len(data) not in (CAN_MTU, CANFD_MTU):
         raise ValueError(f"{len(data)} bytes are no CAN frame")
     word, length, bits = _HEAD.unpack_from(data)
-    ns, drops = 0, None
+    ns, hardware, drops = 0, 0, None
     for level, kind, value in ancillary:
         if level != socket.SOL_SOCKET:
             continue
         if kind in (SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW):
-            timespec = _TIMESPEC_64 if len(value) >= _TIMESPEC_64.size else _TIMESPEC_32
-            seconds, rest = timespec.unpack_from(value)
-            ns = seconds * 1_000_000_000 + rest
+            ns = timespec_ns(value)
+        elif kind in (SO_TIMESTAMPING, SO_TIMESTAMPING_NEW):
+            hardware = timespec_ns(value[2 * len(value) // 3 :])
         elif kind == SO_RXQ_OVFL:
             (drops,) = _COUNT.unpack_from(value)
     payload = data[_HEAD.size : _HEAD.size + length]
@@ -73,7 +86,7 @@ def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: i
     # the kernel marks frames that this machine sent
     flags = int(Flag.TX) if message_flags & socket.MSG_DONTROUTE else 0
     if word & _ERR:
-        return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.ERROR)), drops)
+        return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.ERROR)), drops, hardware)
     if len(data) == CANFD_MTU:
         flags |= int(Flag.FD)
         flags |= int(Flag.BRS) if bits & _BRS else 0
@@ -82,8 +95,16 @@ def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: i
         flags |= int(Flag.REMOTE)
         payload, asked = b"", length
     if word & _EFF:
-        return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.EXTENDED), asked), drops)
-    return Parsed(Received(ns, word & 0x7FF, payload, flags, asked), drops)
+        extended = flags | int(Flag.EXTENDED)
+        return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, extended, asked), drops, hardware)
+    return Parsed(Received(ns, word & 0x7FF, payload, flags, asked), drops, hardware)
+
+
+def timespec_ns(value: bytes) -> int:
+    """Ns of a struct timespec, of 64 or 32 bits."""
+    timespec = _TIMESPEC_64 if len(value) >= _TIMESPEC_64.size else _TIMESPEC_32
+    seconds, rest = timespec.unpack_from(value)
+    return int(seconds) * 1_000_000_000 + int(rest)
 
 
 def meaning(error_id: int, data: bytes) -> str | None:
@@ -101,17 +122,40 @@ def meaning(error_id: int, data: bytes) -> str | None:
     return None
 
 
-class SocketcanReceiver:
-    """Receives from the socket of python-can's SocketcanBus."""
+def error_counters(error_id: int, data: bytes) -> tuple[int, int] | None:
+    """The controller's transmit and receive error counters (TEC, REC), None where an error frame does not tell.
 
-    def __init__(self, bus: Any):
+    Drivers before Linux 6.0 do not mark them; there a controller's frame with counters other than 0 is believed.
+
+    >>> error_counters(0x200, bytes(6) + bytes([128, 96])), error_counters(0x08, bytes(8))
+    ((128, 96), None)
+    """
+    if len(data) < 8:
+        return None
+    told = error_id & _ERROR_COUNTERS or (error_id & _ERROR_CONTROLLER and (data[6] or data[7]))
+    return (data[6], data[7]) if told else None
+
+
+class SocketcanReceiver:
+    """Receives from the socket of python-can's SocketcanBus.
+
+    `hardware`: stamp with the device's clock where it gives one. Whether it does shows at the first frame; frames
+    without such a stamp (error frames) are then put on the same clock by what the two clocks differ.
+    """
+
+    def __init__(self, bus: Any, *, hardware: bool = False):
         self._close = bus.shutdown
         self._socket: socket.socket = bus.socket
         self._name = f"socketcan {bus.channel}"
         self.drops = 0
+        self.clock = StampClock.UNKNOWN
+        self._hardware = hardware
+        self._ahead = 0  # ns, the device's clock before the kernel's
         self._drops_seen = 0
         self._fault: BusError | None = None
         configure(self._socket)
+        if hardware:
+            ask_for_hardware_stamps(self._socket)
         # binding to a device that is down succeeds; the kernel leaves the truth here
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
@@ -134,7 +178,8 @@ class SocketcanReceiver:
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
-                self._poll.poll(left * 1000)
+                if self._poll.poll(left * 1000):
+                    time.sleep(NAP)
                 continue
             except OSError as error:
                 fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
@@ -151,11 +196,33 @@ class SocketcanReceiver:
                 # the kernel counts in 32 bits
                 self.drops += (parsed.drops - self._drops_seen) & 0xFFFF_FFFF
                 self._drops_seen = parsed.drops
+            if self.clock is not StampClock.KERNEL:
+                return self._stamped(parsed)
             return parsed.frame
+
+    def controller(self) -> str:
+        """Nothing: error frames tell."""
+        return ""
+
+    def _stamped(self, parsed: Parsed) -> Received:
+        """Choose the clock at the first frame that is no error frame, and keep to it."""
+        frame, hardware = parsed.frame, parsed.hardware if self._hardware else 0
+        if hardware:
+            self._ahead = hardware - frame.ns
+        if self.clock is StampClock.UNKNOWN and not frame.flags & Flag.ERROR:
+            self.clock = StampClock.HARDWARE if hardware else StampClock.KERNEL
+        return frame._replace(ns=hardware or frame.ns + self._ahead)
 
     def close(self) -> None:
         """Close the socket."""
         self._close()
+
+
+def ask_for_hardware_stamps(sock: socket.socket) -> None:
+    """Ask for the device's stamps beside the kernel's; vcan and many devices have none."""
+    wanted = _RX_HARDWARE | _RX_SOFTWARE | _SOFTWARE | _RAW_HARDWARE
+    with contextlib.suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, wanted)
 
 
 def configure(sock: socket.socket) -> None:

@@ -10,7 +10,7 @@ from canid.frames.asc_reader import EXACT_START
 from canid.frames.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, dlc_of
 from canid.frames.candump_reader import ERROR_BIT
 from canid.frames.disk import Disk
-from canid.types import Flag, Frame
+from canid.types import Event, Flag, Frame
 
 # Lines wait in memory up to this size: few system calls, and never half a line in the file.
 _WAITING = 64 * 1024
@@ -29,6 +29,7 @@ class _TextWriter:
         self.kept = 0
         self._waiting: list[str] = []
         self._length = 0
+        self._begun = False
         self._disk = Disk(self.path, overwrite=overwrite)
 
     @property
@@ -36,10 +37,14 @@ class _TextWriter:
         """Bytes in the file so far."""
         return self._disk.size
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait to be written."""
+        return self._length
+
     def append(self, frame: Frame) -> None:
         """Take one frame."""
-        if not self.frames:
-            self._add(self._head())
+        self._begin()
         self._add(self._line(frame))
         self.frames += 1
         if self._length > _WAITING:
@@ -60,8 +65,7 @@ class _TextWriter:
         if self._disk.closed:
             return
         try:
-            if not self.frames:
-                self._add(self._head())
+            self._begin()
             self._add(self._tail())
             self.checkpoint()
         finally:
@@ -71,7 +75,20 @@ class _TextWriter:
         """Close without writing any more."""
         self._disk.close()
 
+    def note(self, event: Event) -> None:
+        """Write an event between the frames, where the format has comments."""
+        self._begin()
+        self._add(self._comment(event))
+
+    def _begin(self) -> None:
+        if not self._begun:
+            self._begun = True
+            self._add(self._head())
+
     def _head(self) -> str:
+        return ""
+
+    def _comment(self, event: Event) -> str:
         return ""
 
     def _tail(self) -> str:
@@ -125,6 +142,10 @@ class AscWriter(_TextWriter):
             f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n{exact}"
             f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
         )
+
+    def _comment(self, event: Event) -> str:
+        says = " ".join(event.says.split()).encode("ascii", "replace").decode()
+        return f"// {event.t + self.lead_ns * 1e-9:.6f} canid {event.what}: {says}\n"
 
     def _tail(self) -> str:
         return "End TriggerBlock\n"

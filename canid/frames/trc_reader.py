@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from canid.frames import messages, python_can, stamps
-from canid.frames.lines import Line, Tally, lines
+from canid.frames.lines import LARGEST_ID, Line, Tally, lines
 from canid.frames.read_state import ReadState
 from canid.types import Frame
 
@@ -17,7 +17,11 @@ def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
     """Frames in the order of the file; raises LogError where no line is one."""
     tally = Tally()
     first: int | None = None
-    for message in _messages(lines(path, state, tally), tally):
+    feed = _Feed(lines(path, state, tally), tally)
+    for message in _messages(feed, tally):
+        if feed.last is not None and not (message.arbitration_id <= LARGEST_ID and 0 <= message.dlc <= 64):
+            tally.miss(feed.last, "its id or its length is too large")
+            continue
         ns = stamps.from_float(message.timestamp)
         if first is None:
             first = ns
@@ -28,8 +32,7 @@ def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
     state.damage = tally.damage(path)
 
 
-def _messages(source: Iterator[Line], tally: Tally) -> Iterator[Any]:
-    feed = _Feed(source, tally)
+def _messages(feed: _Feed, tally: Tally) -> Iterator[Any]:
     while not feed.over:
         try:
             # A reader that has raised is spent: a new one gets the header again, then the remaining lines.

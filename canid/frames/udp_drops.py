@@ -11,6 +11,10 @@ from typing import Any
 
 from canid.frames.socketcan import configure
 
+# linux/in.h, linux/in6.h; Python's socket module has neither
+IP_MULTICAST_ALL, IPV6_MULTICAST_ALL = 49, 29
+# frames that may wait in a new socket: 1 s of a full bus
+_QUEUED = 8000
 _TABLES = ("/proc/net/udp", "/proc/net/udp6")
 
 
@@ -19,6 +23,7 @@ def watch(bus: Any) -> Callable[[], int]:
     fd = int(bus.fileno())
     with contextlib.suppress(OSError), socket.socket(fileno=os.dup(fd)) as sock:
         configure(sock)
+        own_group_alone(sock)
     try:
         inode = str(os.fstat(fd).st_ino)
     except OSError:
@@ -35,6 +40,20 @@ def watch(bus: Any) -> Callable[[], int]:
         return seen
 
     return count
+
+
+def own_group_alone(sock: socket.socket) -> None:
+    """Linux hands a socket the groups that any other socket of the machine has joined, unless told not to.
+
+    What came before it was told, in the moment of opening, may be of any of them: it is let go.
+    """
+    if sock.family == socket.AF_INET6:
+        sock.setsockopt(socket.IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0)
+    else:
+        sock.setsockopt(socket.IPPROTO_IP, IP_MULTICAST_ALL, 0)
+    with contextlib.suppress(BlockingIOError):
+        for _ in range(_QUEUED):
+            sock.recv(1, socket.MSG_DONTWAIT)
 
 
 def in_table(text: str, inode: str) -> int:

@@ -14,7 +14,7 @@ from canid.frames import stamps
 from canid.frames.blf_writer import BlfWriter
 from canid.frames.disk import TakenError
 from canid.frames.log import log_suffix
-from canid.types import NAN, Frame
+from canid.types import NAN, Event, Frame
 
 
 class Writer(Protocol):
@@ -36,8 +36,15 @@ class Writer(Protocol):
     def bytes(self) -> int:
         """Bytes in the file so far."""
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that were appended and not written yet; in the file they are no more than that, but for a header."""
+
     def append(self, frame: Frame) -> None:
         """Take one frame."""
+
+    def note(self, event: Event) -> None:
+        """Write an event between the frames, where the format can."""
 
     def checkpoint(self, *, sync: bool = True) -> None:
         """Make the file complete as it stands."""
@@ -63,16 +70,22 @@ def open_writer(
 
     Raises ConfigError for another suffix, OutputError where the file exists or cannot be created.
     """
-    suffix = log_suffix(path)
+    suffix = check_suffix(path)
     if suffix == ".blf":
         return BlfWriter(path, start_ns, overwrite=overwrite)
-    if suffix in _TEXT:
-        kind = getattr(importlib.import_module("canid.frames.text_writers"), _TEXT[suffix])
-        writer: Writer = kind(path, start_ns, overwrite=overwrite)
-        return writer
-    raise ConfigError(
-        f"{path}: cannot write the format {suffix or '(no suffix)'!r}; choose {', '.join(WRITTEN)}"
-    )
+    kind = getattr(importlib.import_module("canid.frames.text_writers"), _TEXT[suffix])
+    writer: Writer = kind(path, start_ns, overwrite=overwrite)
+    return writer
+
+
+def check_suffix(path: str | os.PathLike[str]) -> str:
+    """Return the suffix; raises ConfigError where no writer is there for it."""
+    suffix = log_suffix(path)
+    if suffix not in WRITTEN:
+        raise ConfigError(
+            f"{path}: cannot write the format {suffix or '(no suffix)'!r}; choose {', '.join(WRITTEN)}"
+        )
+    return suffix
 
 
 def open_new(path: str | os.PathLike[str]) -> Writer:

@@ -34,11 +34,11 @@ def scan(v: Array, alpha: Array) -> Array:
     array([1.  , 0.5 , 0.25])
     """
     y = v.copy()
-    reach, power = 1, alpha
+    reach, power, largest = 1, alpha, float(np.abs(alpha).max())
     # below 1e-17 a term no longer changes a float64 sum
-    while reach < v.shape[-1] and float(np.max(np.abs(power))) > 1e-17:
+    while reach < v.shape[-1] and largest > 1e-17:
         y[..., reach:] += power * y[..., :-reach]
-        reach, power = 2 * reach, power * power
+        reach, power, largest = 2 * reach, power * power, largest * largest
     return y
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,12 @@ def project(c: Array, radius: float) -> Array:
     return out
 
 
+@lru_cache(maxsize=8)
+def _zeros(c: tuple[float, ...]) -> tuple[complex, ...]:
+    """Zeros of 1 + c1 z^-1 + ...; a drive is divided by the same C once per run of samples."""
+    return tuple(np.roots(np.concatenate([[1.0], c])))
+
+
 def divide(x: Array, c: Array) -> Array:
     """Solve y_t = x_t - sum c_i y_(t-i), at rest before, along the last axis: x filtered by 1/C.
 
@@ -67,9 +74,8 @@ def divide(x: Array, c: Array) -> Array:
         return x
     if len(c) == 1:
         return scan(x, np.array([-c[0]]))
-    zeros = np.roots(np.concatenate([[1.0], c]))
     y: Any = x.astype(np.complex128)  # `scan` is arithmetic alone, and as right for complex numbers
-    for zero in zeros:
+    for zero in _zeros(tuple(c)):
         y = scan(y, np.array([zero]))
     out: Array = np.ascontiguousarray(y.real)
     return out

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from canid.errors import ConfigError
+from canid.imports import without
 from canid.vehicle.bits import Bits
 from canid.vehicle.mapping import Condition, MessageMap
 
@@ -57,8 +58,9 @@ def load(path: Path, bus: int | None) -> tuple[Dbc, list[str]]:
 
 
 def _parse(path: Path) -> tuple[Database, list[str]]:
-    # cantools takes 0.2 s to import: only who reads a vehicle pays for it.
-    import cantools
+    # cantools takes 0.2 s to import: only who reads a vehicle pays for it, and nobody for what its own imports drag in
+    with without("asammdf"):
+        import cantools
 
     with _collected("cantools") as said:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ Decoded = Reading | TrackReading | Event
 # A counter that repeats once or twice is a frame sent twice by a gateway; five at 20 Hz are a quarter of a
 # second in which the sender's program did not run.
 FROZEN_AFTER = 5
-_NO_DATA = int(Flag.REMOTE | Flag.ERROR)
+NO_DATA = int(Flag.REMOTE | Flag.ERROR)
 
 
 class Life(NamedTuple):
@@ -31,7 +32,7 @@ class Decoding(NamedTuple):
     counters: Mapping[str, int] = {}  # what was not measured, and why -> how often
     buses: Mapping[str, int] = {}  # message -> the bus that it is taken from
     elsewhere: Mapping[str, int] = {}  # message -> another bus, on which it was seen too
-    lives: Mapping[str, Life] = {}
+    lives: Mapping[tuple[str, int | None], Life] = {}  # by name and bus of the message
     seen: frozenset[str] = frozenset()  # roles (and "lead", of tracks) that came at least once
 
 
@@ -39,7 +40,7 @@ Init = Callable[[], Decoding]
 Step = Callable[[Decoding, Frame], tuple[Decoding, list[Decoded]]]
 
 
-class _Plan(NamedTuple):
+class Plan(NamedTuple):
     """What to do with one message."""
 
     message: MessageMap
@@ -62,11 +63,11 @@ def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
         >>> readings[0]
         Reading(t=0.5, role='pedal', value=20.0)
     """
-    table = _table(vehicle)
+    plans_of = table(vehicle)
 
     def step(state: Decoding, frame: Frame) -> tuple[Decoding, list[Decoded]]:
-        plans = table.get(frame.id)
-        if plans is None or frame.flags & _NO_DATA:
+        plans = plans_of.get(frame.id)
+        if plans is None or frame.flags & NO_DATA:
             return state, []
         out: list[Decoded] = []
         for plan in plans:
@@ -77,34 +78,30 @@ def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
     return Decoding, step
 
 
-def _table(vehicle: Vehicle) -> dict[int, tuple[_Plan, ...]]:
+def table(vehicle: Vehicle) -> dict[int, tuple[Plan, ...]]:
     """Tabulate message id -> what to do."""
-    table: dict[int, tuple[_Plan, ...]] = {}
+    plans: dict[int, tuple[Plan, ...]] = {}
     for message in vehicle.messages:
         key = (message.name, message.bus)
         same = (message.id, message.extended)
         others = {m.bus for m in vehicle.messages if (m.id, m.extended) == same and m != message}
-        plan = _Plan(
+        plan = Plan(
             message,
             tuple(role for role in vehicle.roles.values() if (role.message, role.bus) == key),
             tuple(track for track in vehicle.lead.tracks or () if (track.message, track.bus) == key),
             frozenset(bus for bus in others if bus is not None),
         )
-        table[message.id] = (*table.get(message.id, ()), plan)
-    return table
+        plans[message.id] = (*plans.get(message.id, ()), plan)
+    return plans
 
 
-def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
+def _step(plan: Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
     message = plan.message
-    name = message.name
-    taken = message.bus if message.bus is not None else state.buses.get(name)
-    if taken is None and frame.bus not in plan.claimed:
-        taken = frame.bus
-        state = state._replace(buses={**state.buses, name: taken})
-    if taken != frame.bus:
-        if message.bus is not None or not _at_home(state, name, frame.bus, taken):
-            return _other_bus(plan, taken, state, frame, out)
-        state = _move(plan, taken, state, frame, out)
+    state, taken, event = taken_from(plan, state, frame.bus, frame.t)
+    if event is not None:
+        out.append(event)
+    if not taken:
+        return state if frame.bus in plan.claimed else counted(state, {ignored(message, frame.bus): 1})
 
     data = frame.data
     bits = 8 * len(data)
@@ -114,20 +111,21 @@ def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Dec
     if message.counter is not None:
         raw = _raw(message.counter, little, big, bits)
         if raw is not None:
-            life = _life(state.lives.get(name), raw)
+            key = (message.name, message.bus)
+            life = _life(state.lives.get(key), raw)
             alive = life.still < FROZEN_AFTER
-            state = state._replace(lives={**state.lives, name: life})
+            state = state._replace(lives={**state.lives, key: life})
     for selector, where, defined in message.selectors:
         raw = _raw(where, little, big, bits)
         if raw is not None and raw not in defined:
-            problems.append(f"{name}: {selector} = {raw:g} is not defined in the DBC")
+            problems.append(undefined(message, selector, raw))
 
     for role in plan.roles:
         value = _value(role.how, role.role, little, big, bits, problems)
         if value is None:
             continue
         if not alive and value == value:
-            problems.append(f"{role.role}: stale, the counter of {name} stands still")
+            problems.append(stale(role.role, message.name))
             value = NAN
         out.append(Reading(frame.t, role.role, value))
         if role.role not in state.seen:
@@ -136,7 +134,41 @@ def _step(plan: _Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Dec
         out.append(_track(track, frame.t, alive, little, big, bits, problems))
         if "lead" not in state.seen:
             state = state._replace(seen=state.seen | {"lead"})
-    return _count(state, problems) if problems else state
+    return counted(state, Counter(problems)) if problems else state
+
+
+def taken_from(plan: Plan, state: Decoding, bus: int, t: float) -> tuple[Decoding, bool, Event | None]:
+    """Decide whether a frame with a message's id is the message, by its bus.
+
+    Returns:
+        the next state, the decision, and what the user should know of it.
+    """
+    message = plan.message
+    name = message.name
+    taken = message.bus if message.bus is not None else state.buses.get(name)
+    if taken is None and bus not in plan.claimed:
+        taken = bus
+        state = state._replace(buses={**state.buses, name: taken})
+    if taken == bus:
+        return state, True, None
+    if message.bus is None and _at_home(state, name, bus, taken):
+        says = (
+            f"{name} (0x{message.id:X}) comes on bus {taken} and on bus {bus}; bus {bus} is used, "
+            f"where most of the mapped messages are. To choose, write bus = {taken} in the vehicle file"
+        )
+        elsewhere = state.elsewhere if taken is None else {**state.elsewhere, name: taken}
+        moved = state._replace(buses={**state.buses, name: bus}, elsewhere=elsewhere)
+        return moved, True, Event(t, "ambiguous_bus", says)
+    if bus in plan.claimed or name in state.elsewhere:
+        return state, False, None  # another message's own frame, or nothing new
+    state = state._replace(elsewhere={**state.elsewhere, name: bus})
+    if message.bus is not None:
+        return state, False, None
+    says = (
+        f"{name} (0x{message.id:X}) comes on bus {taken} and on bus {bus}; "
+        f"bus {taken} is used. To choose, write bus = {bus} in the vehicle file"
+    )
+    return state, False, Event(t, "ambiguous_bus", says)
 
 
 def _at_home(state: Decoding, name: str, bus: int, taken: int | None) -> bool:
@@ -149,32 +181,45 @@ def _at_home(state: Decoding, name: str, bus: int, taken: int | None) -> bool:
     return others.count(bus) > others.count(-1 if taken is None else taken)
 
 
-def _move(plan: _Plan, taken: int | None, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
-    """Take a message from this frame's bus from now on, and say so."""
-    name = plan.message.name
-    says = (
-        f"{name} (0x{plan.message.id:X}) comes on bus {taken} and on bus {frame.bus}; bus {frame.bus} is used, "
-        f"where most of the mapped messages are. To choose, write bus = {taken} in the vehicle file"
-    )
-    out.append(Event(frame.t, "ambiguous_bus", says))
-    elsewhere = state.elsewhere if taken is None else {**state.elsewhere, name: taken}
-    return state._replace(buses={**state.buses, name: frame.bus}, elsewhere=elsewhere)
+# What is counted, in words that live and desk share.
 
 
-def _other_bus(plan: _Plan, taken: int | None, state: Decoding, frame: Frame, out: list[Decoded]) -> Decoding:
-    """Count a frame with a mapped id on a bus that is not the message's."""
-    message = plan.message
-    if frame.bus in plan.claimed:
-        return state  # another message's own frame
-    if message.name not in state.elsewhere:
-        state = state._replace(elsewhere={**state.elsewhere, message.name: frame.bus})
-        if message.bus is None:
-            says = (
-                f"{message.name} (0x{message.id:X}) comes on bus {taken} and on bus {frame.bus}; "
-                f"bus {taken} is used. To choose, write bus = {frame.bus} in the vehicle file"
-            )
-            out.append(Event(frame.t, "ambiguous_bus", says))
-    return _count(state, [f"{message.name}: frame on bus {frame.bus} ignored"])
+def ignored(message: MessageMap, bus: int) -> str:
+    """A frame with the message's id on a bus that is not the message's."""
+    return f"{message.name}: frame on bus {bus} ignored"
+
+
+def undefined(message: MessageMap, selector: str, raw: float) -> str:
+    """A multiplexer's value that stands for nothing."""
+    return f"{message.name}: {selector} = {raw:g} is not defined in the DBC"
+
+
+def short(what: str) -> str:
+    """A frame that ends before the signal does."""
+    return f"{what}: frame too short"
+
+
+def no_value(what: str, text: str) -> str:
+    """A value-table entry that says that there is none."""
+    return f'{what}: "{text}"'
+
+
+def out_of_range(what: str) -> str:
+    """A value outside what the vehicle file or the DBC allows."""
+    return f"{what}: out of range"
+
+
+def stale(what: str, message: str) -> str:
+    """A message whose sender does not run."""
+    return f"{what}: stale, the counter of {message} stands still"
+
+
+def counted(state: Decoding, problems: Mapping[str, int]) -> Decoding:
+    """Add to what was not measured."""
+    counters = dict(state.counters)
+    for problem, n in problems.items():
+        counters[problem] = counters.get(problem, 0) + n
+    return state._replace(counters=counters)
 
 
 def _life(life: Life | None, raw: float) -> Life:
@@ -183,13 +228,6 @@ def _life(life: Life | None, raw: float) -> Life:
     if raw != life.last:
         return Life(raw, True)
     return life._replace(still=life.still + 1) if life.moved else life
-
-
-def _count(state: Decoding, problems: list[str]) -> Decoding:
-    counters = dict(state.counters)
-    for problem in problems:
-        counters[problem] = counters.get(problem, 0) + 1
-    return state._replace(counters=counters)
 
 
 def _raw(where: tuple[int, int, bool, bool, bool], little: int, big: int, bits: int) -> float | None:
@@ -216,14 +254,14 @@ def _value(how: SignalMap, what: str, little: int, big: int, bits: int, problems
         return None
     raw = _raw(how.bits, little, big, bits)
     if raw is None:
-        problems.append(f"{what}: frame too short")
+        problems.append(short(what))
         return NAN
     if how.no_value and raw in how.no_value:
-        problems.append(f'{what}: "{how.no_value[int(raw)]}"')
+        problems.append(no_value(what, how.no_value[int(raw)]))
         return NAN
     value = raw * how.factor + how.offset
     if not how.low <= value <= how.high:
-        problems.append(f"{what}: out of range")
+        problems.append(out_of_range(what))
         return NAN
     if how.kind != "bool":
         return value
@@ -244,7 +282,7 @@ def _track(
     if valid != 1.0:
         return TrackReading(t, track.track, NAN, NAN, NAN, False, False)
     if not alive:
-        problems.append(f"track: stale, the counter of {track.message} stands still")
+        problems.append(stale("track", track.message))
         return TrackReading(t, track.track, NAN, NAN, NAN, False, False)
 
     def value(how: SignalMap | None, what: str) -> float:

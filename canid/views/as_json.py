@@ -59,7 +59,7 @@ def residual_tests(tests: ResidualTests) -> dict[str, Any]:
 def estimate(e: Estimate) -> dict[str, Any]:
     """One line of `live --json` and `replay --json`."""
     return {
-        "t": round(e.t, 6),
+        "t": number(round(e.t, 6)),
         "estimator": e.estimator,
         "status": e.status.value,
         "says": e.says,
@@ -92,12 +92,12 @@ def screened(s: Screened) -> dict[str, Any]:
     """
     told = {"fits": s.fits, "since": number(s.since), "block": s.block, "says": s.says}
     blocks = {name: watched(w) for name, w in s.blocks.items()}
-    return {"t": round(s.t, 6), "screen": told | {"blocks": blocks}}
+    return {"t": number(round(s.t, 6)), "screen": told | {"blocks": blocks}}
 
 
 def event(e: Event) -> dict[str, Any]:
     """An event, as a line of its own."""
-    return {"t": round(e.t, 6), "event": e.what, "says": e.says}
+    return {"t": number(round(e.t, 6)), "event": e.what, "says": e.says}
 
 
 def line(value: dict[str, Any] | list[dict[str, Any]]) -> str:

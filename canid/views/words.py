@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from canid.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Screened, Status
 
 # before the estimate whose number is the one to read
@@ -37,6 +39,8 @@ def clock(t: float) -> str:
         >>> clock(83.25)
         '1:23.2'
     """
+    if not math.isfinite(t):
+        return "–"
     minutes, seconds = divmod(max(t, 0.0), 60.0)
     return f"{int(minutes)}:{int(seconds * 10) / 10:04.1f}"
 

@@ -189,3 +189,21 @@ def test_what_udp_multicast_drops_is_counted() -> None:
         assert received + bus.drops == sent
     finally:
         bus.shutdown()
+
+
+@pytest.mark.netns
+def test_a_group_is_a_bus_of_its_own() -> None:
+    """Two udp_multicast channels on one machine: none receives what was sent to the other."""
+    configs = [{"interface": "udp_multicast", "channel": f"239.74.163.{n}", "hop_limit": 0} for n in (11, 12)]
+    buses = [open_bus(config) for config in configs]
+    try:
+        for n, config in enumerate(configs):
+            onto(config, [Frame(0.0, 0, 0x100 + n, bytes([n]))], speed=math.inf)
+        for n, bus in enumerate(buses):
+            received = []
+            while (got := bus.recv(0.5)) is not None:
+                received.append(got.data)
+            assert received == [bytes([n])]
+    finally:
+        for bus in buses:
+            bus.shutdown()

@@ -265,3 +265,54 @@ def test_an_interface_that_comes_back_goes_on(tmp_path: Path, listening: Callabl
             raw.send(counted(i))
     assert record.end(signal.SIGTERM) == 143
     assert numbers(recording) == list(range(200))
+
+
+def error_frame(kind: int, data: bytes) -> bytes:
+    """What a CAN driver tells (linux/can.h: CAN_ERR_FLAG, linux/can/error.h)."""
+    return struct.pack("=IB3x8s", 0x2000_0000 | kind, 8, data)
+
+
+def test_error_frames_and_bus_off_are_logged_and_told(
+    tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
+) -> None:
+    """Error counters are shown, bus-off stands in the journal, and nothing is restarted."""
+    recording, told = tmp_path / "heard.blf", tmp_path / "told.json"
+    record = listening("record", *BUS, "-o", recording, "--json", told)
+    raw.send(counted(0))
+    raw.send(error_frame(0x204, bytes([0, 0x20, 0, 0, 0, 0, 128, 96])))  # error passive, with counters
+    raw.send(error_frame(0x40, bytes(8)))  # bus-off
+    raw.send(counted(1))
+    record.wait_for("bus off")
+    assert record.end(signal.SIGTERM) == 143
+    frames = list(open_log(recording))
+    assert [bool(frame.flags & Flag.ERROR) for frame in frames] == [False, True, True, False]
+    bus = json.loads(told.read_text().splitlines()[-1])["buses"][0]
+    assert (bus["errors"], bus["controller"], bus["tec"], bus["rec"]) == (2, "bus_off", 128, 96)
+    # a vcan has no clock of its own: asked for hardware stamps, it gives the kernel's
+    assert bus["clock"] == "kernel"
+    journal = (tmp_path / "heard.events.jsonl").read_text().splitlines()
+    assert [json.loads(text)["what"] for text in journal] == ["error_passive", "bus_off"]
+
+
+def test_what_the_kernel_dropped_stands_in_the_journal(
+    tmp_path: Path, start: Callable[..., Any], raw: socket.socket
+) -> None:
+    """A recorder that stood still: the event tells as many drops as the last line."""
+    recording = tmp_path / "heard.blf"
+    small = "from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 100_000; "
+    record = start(
+        sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
+    )
+    record.wait_for("listen-only")
+    record.process.send_signal(signal.SIGSTOP)
+    for i in range(3000):
+        raw.send(counted(i))
+    record.process.send_signal(signal.SIGCONT)
+    time.sleep(3)
+    raw.send(counted(3000))
+    record.wait_for("frames were dropped")
+    assert record.end(signal.SIGTERM) == 0
+    events = [json.loads(text) for text in (tmp_path / "heard.events.jsonl").read_text().splitlines()]
+    says = [event["says"] for event in events if event["what"] == "frames_dropped"]
+    counted_ = int(re.search(r"\(([\d,]+) in all\)", says[-1])[1].replace(",", ""))  # type: ignore[index]
+    assert len(numbers(recording)) + counted_ == 3001
