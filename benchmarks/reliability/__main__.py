@@ -1,0 +1,80 @@
+"""Try out what recording promises.
+
+    python -m benchmarks.reliability kill|cut|ends|seams|disks|buses [--trials N] [--seed S] [--out FILE]
+    python -m benchmarks.reliability soak [--hours 1] [--rate 4000]
+
+Runs itself in a network namespace that has loopback alone (tests/bus/alone). Prints a table; exit code 1 where a
+promise was broken. With --out it goes on where it was. `cut` and `disks` need root: they mount file systems.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PROMISES = {
+    "kill": "kills",
+    "cut": "cuts",
+    "ends": "ends",
+    "seams": "seams",
+    "disks": "disks",
+    "buses": "buses",
+}
+_INSIDE = "CANID_ALONE"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.reliability", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("promise", choices=(*PROMISES, "soak"))
+    parser.add_argument("--trials", type=int, help="default: what docs/reliability.md states")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, help="one line per trial; a run goes on where the file ends")
+    parser.add_argument("--hours", type=float, default=1.0, help="soak")
+    parser.add_argument("--rate", type=float, default=4000.0, help="soak: frames/s")
+    args = parser.parse_args()
+    if os.environ.get(_INSIDE) is None:
+        os.environ[_INSIDE] = "1"
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+        os.environ["PYTHONPATH"] = str(ROOT)
+        alone = str(ROOT / "tests/bus/alone")
+        os.execv(alone, [alone, sys.executable, "-m", "benchmarks.reliability", *sys.argv[1:]])
+    if args.promise == "soak":
+        from benchmarks.reliability import soak
+
+        return soak.run(args.hours, args.rate)
+    return tried(args)
+
+
+def tried(args: argparse.Namespace) -> int:
+    """Run the trials that are not stored yet, and print the table of all."""
+    from benchmarks.reliability import table
+    from benchmarks.reliability.outcome import Outcome
+
+    promise = import_module(f"benchmarks.reliability.{PROMISES[args.promise]}")
+    done = table.stored(args.out) if args.out else {}
+    for k in range(args.trials or promise.TRIALS):
+        if k in done:
+            continue
+        try:
+            done[k] = list(promise.trial(k, args.seed))
+        except Exception as error:  # a trial that cannot be judged is one that went wrong
+            done[k] = [Outcome("not judged", math.nan, 0, f"trial {k}: {type(error).__name__}: {error}")]
+        for outcome in done[k]:
+            if outcome.wrong:
+                print(f"trial {k}: {outcome.group}: {outcome.wrong}", file=sys.stderr, flush=True)
+        if args.out:
+            with args.out.open("a") as file:
+                file.write(table.line(k, done[k]) + "\n")
+    outcomes = [outcome for k in sorted(done) for outcome in done[k]]
+    print(table.markdown(outcomes))
+    return int(any(outcome.wrong for outcome in outcomes))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

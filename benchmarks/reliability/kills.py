@@ -1,0 +1,35 @@
+"""kill -9 at random times: how much is lost, and is the rest whole."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.reliability.outcome import Outcome, after_an_end
+from benchmarks.reliability.recording import Recording
+from benchmarks.reliability.traffic import Traffic
+
+TRIALS = 200
+RATES = (100, 2000, 8000)  # frames/s
+# s after the first frame; python-can's own containers take 1.4 s at 2,000 frames/s, 27 s at 100
+EARLIEST, LATEST = 0.02, 2.5
+PROMISED = 0.25  # s
+
+
+def trial(k: int, seed: int = 0) -> Iterator[Outcome]:
+    """Kill number `k`: the rates in turn, the time at random."""
+    rng = random.Random(f"kill {seed} {k}")
+    with TemporaryDirectory() as folder:
+        yield one(Path(folder), RATES[k % len(RATES)], rng.uniform(EARLIEST, LATEST))
+
+
+def one(folder: Path, rate: int, after: float, promised: float = PROMISED) -> Outcome:
+    """One kill, `after` s of traffic; wrong where more than `promised` s are lost."""
+    with Recording(folder / "x.blf", talk=folder) as recording:
+        traffic = Traffic(rate).start()
+        traffic.wait(after)
+        moment = recording.kill()
+        traffic.stop()
+    return after_an_end(folder / "x.blf", traffic, moment, f"{rate} frames/s").within(promised)

@@ -1,0 +1,54 @@
+"""What one trial says: how much was lost, and what was wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.reliability.readers import by_canid, disagreement
+from benchmarks.reliability.traffic import Traffic, number
+
+
+class Outcome(NamedTuple):
+    """One trial; `wrong` is "" where every promise but the loss itself was kept."""
+
+    group: str  # trials of one row of the table
+    lost: float  # s; NaN: not what this trial asks
+    frames: int  # that were lost
+    wrong: str = ""
+
+    def within(self, promised: float) -> Outcome:
+        """The same, wrong where more than `promised` s were lost."""
+        late = self.lost - promised
+        return (
+            self._replace(wrong=f"{late:.3f} s more than is promised")
+            if late > 0 and not self.wrong
+            else self
+        )
+
+
+def after_an_end(path: Path, traffic: Traffic, moment: float, group: str, *, whole: bool = True) -> Outcome:
+    """What the file holds of what was sent before `moment`, the wall clock of a kill or a power cut.
+
+    Lost time counts from the first frame that is missing. `whole`: no reader may find damage either.
+    """
+    due = traffic.before(moment)
+    if not path.exists():
+        return Outcome(group, moment - traffic.sent[0] if due else 0.0, due)
+    if path.stat().st_size == 0:
+        return Outcome(group, float("nan"), due, "0 bytes")
+    try:
+        ours = by_canid(path)
+    except Exception as error:
+        return Outcome(group, float("nan"), due, f"canid: {error}")
+    n = len(ours.frames)
+    wrong = ""
+    if ours.frames != [(i % 2048, number(i)) for i in range(n)]:
+        wrong = "not contiguous from the first frame on"
+    # 10 ms: the kernel stamps a frame after the sender's note of the time, on a busy machine well after
+    elif n and not traffic.sent[0] - 0.01 <= ours.times[0] <= ours.times[-1] <= moment + 0.01:
+        wrong = f"absolute time: {ours.times[0] - traffic.sent[0]:.3f} s off"
+    elif whole:
+        wrong = disagreement(path)
+    lost = moment - traffic.sent[n] if n < due else 0.0
+    return Outcome(group, lost, max(due - n, 0), wrong)

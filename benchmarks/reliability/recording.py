@@ -1,0 +1,104 @@
+"""`canid record` and `canid live` as processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.reliability.traffic import WORDS
+
+ROOT = Path(__file__).parents[2]
+# s: a busy machine may need them
+PATIENCE = 120.0
+# what a process of ours needs before the command itself: signals that a shell in the background had switched off
+_BEGIN = (
+    "import signal; [signal.signal(s, signal.default_int_handler if s == signal.SIGINT else signal.SIG_DFL) \
+for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]; import sys; "
+)
+
+
+class Recording:
+    """A verb that listens to the traffic; `said` is what it told so far."""
+
+    def __init__(
+        self,
+        output: Path,
+        *words: object,
+        verb: str = "record",
+        talk: Path,
+        before: str = "",
+        bus: Any = WORDS,
+    ):
+        """Start it and wait until its bus is open. `talk`: folder for what it says; `before`: Python run first."""
+        self.output = output
+        self._out, self._err = talk / f"{output.name}.out", talk / f"{output.name}.err"
+        self.json = talk / f"{output.name}.json"
+        name = "--record" if verb == "live" else "-o"
+        command = ["canid", verb, *bus, name, str(output), "--json", str(self.json), *map(str, words)]
+        code = f"{_BEGIN}{before}\nfrom canid.cli import main; sys.exit(main(sys.argv[1:]))"
+        environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+        with self._out.open("wb") as out, self._err.open("wb") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", code, *command[1:]],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env=environment,
+                start_new_session=True,
+            )
+        until(lambda: "listen-only" in self.said or self.process.poll() is not None)
+
+    @property
+    def said(self) -> str:
+        """Standard error so far."""
+        return self._err.read_text(errors="replace")
+
+    @property
+    def printed(self) -> str:
+        """Standard output so far."""
+        return self._out.read_text(errors="replace")
+
+    def kill(self) -> float:
+        """Send SIGKILL; returns the wall clock just before."""
+        moment = time.time()
+        os.kill(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        return moment
+
+    def end(self, number: int | None = signal.SIGTERM) -> int:
+        """Send a signal, if any, and wait; returns the exit code."""
+        if number is not None:
+            self.process.send_signal(number)
+        return self.process.wait(PATIENCE)
+
+    def told(self) -> dict[str, Any]:
+        """The last line of --json."""
+        told: dict[str, Any] = json.loads(self.json.read_text().splitlines()[-1])
+        return told
+
+    def journal(self) -> list[dict[str, Any]]:
+        """The events beside the log."""
+        path = self.output.with_name(f"{self.output.stem}.events.jsonl")
+        return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.kill()
+
+
+def until(true: Any, patience: float = PATIENCE) -> None:
+    """Wait for something; raises TimeoutError where it does not come."""
+    end = time.monotonic() + patience
+    while not true():
+        if time.monotonic() > end:
+            raise TimeoutError(f"waited {patience:g} s for nothing")
+        time.sleep(0.01)

@@ -1,0 +1,212 @@
+"""Hours of traffic between processes: what is dropped, how memory grows, what it costs.
+
+The sender plays the generic vehicle's frames with others that nobody maps in between; `canid live` records, runs both
+estimators, and draws its screen on a pseudo-terminal. CPU and memory are those of both of its processes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.reliability.recording import ROOT, until
+from benchmarks.reliability.traffic import BUS, GROUP, WORDS
+
+MEMORY, CPU = 5e6, 0.25  # bytes of growth, share of a core: what is promised
+# the drive that is played over and over, minutes
+DRIVE = 10.0
+# s after which memory is compared: imports, the filters' and the window's filling are over then
+SETTLED = 120.0
+EVERY = 5.0  # s between two looks
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+_TICK = os.sysconf("SC_CLK_TCK")
+
+
+def run(hours: float, rate: float) -> int:
+    """Print what came out; returns the exit code."""
+    with tempfile.TemporaryDirectory() as name:
+        rows, sent, wrong = _soak(Path(name), hours * 3600.0, rate)
+    for row in rows:
+        print(row)
+    for each in wrong:
+        print(f"wrong: {each}")
+    print(f"{sent:,} frames in {hours * 60:.1f} min")
+    return int(bool(wrong))
+
+
+def _soak(folder: Path, seconds: float, rate: float) -> tuple[list[str], int, list[str]]:
+    log, told = folder / "soak.blf", folder / "soak.jsonl"
+    words = ["live", *WORDS, "--vehicle", "generic", "--record", str(log), "--json", str(told)]
+    environment = os.environ | {
+        "TERM": "xterm-256color",
+        "COLUMNS": "110",
+        "LINES": "40",
+        "PYTHONPATH": str(ROOT),
+    }
+    terminal, inside = pty.openpty()
+    live = subprocess.Popen(
+        [sys.executable, "-m", "canid", *words],
+        stdin=subprocess.DEVNULL,
+        stdout=inside,
+        stderr=subprocess.PIPE,
+        env=environment,
+        start_new_session=True,
+    )
+    os.close(inside)
+    drawn = _Drawn(terminal)
+    assert live.stderr is not None
+    said: list[bytes] = []
+    hearing = threading.Thread(target=lambda: said.extend(live.stderr or ()), daemon=True)
+    hearing.start()
+    until(lambda: any(b"listen-only" in text for text in said))
+    sender = subprocess.Popen(
+        [sys.executable, "-m", "benchmarks.reliability.soak", GROUP, str(rate), str(seconds)],
+        stdout=subprocess.PIPE,
+    )
+    looks: list[tuple[float, float, float]] = []  # s, CPU s, bytes
+    began = time.monotonic()
+    while sender.poll() is None:
+        looks.append((time.monotonic() - began, *_used(live.pid)))
+        time.sleep(min(EVERY, seconds / 20))
+    assert sender.stdout is not None
+    sent = int(sender.stdout.read())
+    time.sleep(1.0)
+    looks.append((time.monotonic() - began, *_used(live.pid)))
+    live.send_signal(signal.SIGTERM)
+    code = live.wait(120.0)
+    drawn.join()
+    hearing.join(5.0)
+    live.stderr.close()
+    sender.stdout.close()
+    return _judged(looks, drawn.text, code, sent, log, told)
+
+
+def _judged(
+    looks: list[tuple[float, float, float]], screen: str, code: int, sent: int, log: Path, told: Path
+) -> tuple[list[str], int, list[str]]:
+    from canid.frames import open_log
+
+    opened = open_log(log)
+    recorded = sum(1 for _ in opened)
+    dropped = [int(n.replace(",", "")) for n in re.findall(r"([\d,]+) dropped", screen)]
+    settled = min(
+        (look for look in looks if look[0] >= min(SETTLED, looks[-1][0] / 3)), key=lambda look: look[0]
+    )
+    share = (looks[-1][1] - settled[1]) / (looks[-1][0] - settled[0])
+    growth = looks[-1][2] - settled[2]
+    estimates = [json.loads(line) for line in told.read_text().splitlines()]
+    names = {row.get("estimator") for row in estimates if row.get("status") == "ok"}
+    bus = dropped[-1] if dropped else "?"
+    ok = ", ".join(sorted(str(name) for name in names if name))
+    busy = os.getloadavg()[0]
+    rows = [
+        f"frames recorded {recorded:,} of {sent:,}; the bus line says {bus} dropped",
+        f"CPU {100 * share:.1f} % of a core, from {settled[0]:.0f} s on (the machine's load at the end: {busy:.1f})",
+        f"memory {settled[2] / 1e6:.1f} MB at {settled[0]:.0f} s, {growth / 1e6:+.1f} MB at the end",
+        f"{len(estimates):,} estimates, ok were {ok}; {len(screen):,} characters drawn at the end",
+    ]
+    parts = [looks[len(looks) * k // 4 - 1] for k in (1, 2, 3, 4)]
+    rows.append("memory by quarters: " + ", ".join(f"{m / 1e6:.1f} MB" for _, _, m in parts))
+    wrong = []
+    if recorded != sent:
+        wrong.append(f"frames were lost: {sent - recorded:,}")
+    if not dropped or any(dropped):
+        wrong.append(f"drops are counted: {sorted(set(dropped))}")
+    if opened.damage:
+        wrong.append(f"the log is damaged: {opened.damage.says}")
+    if "not estimated" in screen:
+        wrong.append("the estimators did not get every frame")
+    if growth > MEMORY:
+        wrong.append(f"memory grew by {growth / 1e6:.1f} MB, {MEMORY / 1e6:.0f} MB are promised")
+    if share > CPU:
+        wrong.append(f"{100 * share:.1f} % of a core, {100 * CPU:.0f} % are promised")
+    if code != 143:
+        wrong.append(f"exit code {code}")
+    return rows, sent, wrong
+
+
+class _Drawn:
+    """Reads a pseudo-terminal, as a terminal would; keeps what was drawn last."""
+
+    def __init__(self, terminal: int):
+        self.text = ""
+        self._terminal = terminal
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        self._thread.join(5.0)
+
+    def _read(self) -> None:
+        while True:
+            try:
+                data = os.read(self._terminal, 65536)
+            except OSError:  # the other end is closed
+                os.close(self._terminal)
+                return
+            self.text = (self.text + data.decode(errors="replace"))[-200_000:]
+
+
+def _used(pid: int) -> tuple[float, float]:
+    """CPU s and resident bytes of a process and its children."""
+    cpu = memory = 0.0
+    for each in (pid, *_children(pid)):
+        try:
+            fields = Path(f"/proc/{each}/stat").read_text().rsplit(")", 1)[1].split()
+            cpu += (int(fields[11]) + int(fields[12])) / _TICK
+            memory += int(Path(f"/proc/{each}/statm").read_text().split()[1]) * _PAGE
+        except OSError:
+            continue
+    return cpu, memory
+
+
+def _children(pid: int) -> Iterator[int]:
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        try:
+            yield from map(int, (task / "children").read_text().split())
+        except OSError:
+            continue
+
+
+def _send(group: str, rate: float, seconds: float) -> int:
+    """The sender process: returns how many frames it has sent."""
+    from canid.frames.send import onto
+    from canid.simulation import frames, simulate
+    from canid.types import Frame
+    from canid.vehicle import read_vehicle
+
+    drive = simulate(minutes=min(DRIVE, seconds / 60 + 0.2), seed=3, profile="urban")
+    mapped = frames(drive, read_vehicle("generic"))
+    span = mapped[-1].t + mapped[1].t - mapped[0].t
+    every = span / max(rate * span - len(mapped), 1.0)  # s between two that nobody maps
+
+    def stream() -> Iterator[Frame]:
+        k, turn = 0, 0.0
+        while True:
+            for frame in mapped:
+                t = frame.t + turn
+                if t >= seconds:
+                    return
+                while (k + 0.5) * every < t:
+                    yield Frame(
+                        (k + 0.5) * every, 0, 0x600 + k % 64, (k * 2654435761 % 2**64).to_bytes(8, "big")
+                    )
+                    k += 1
+                yield frame._replace(t=t)
+            turn += span
+
+    return int(onto(BUS | {"channel": group}, stream(), speed=1.0))
+
+
+if __name__ == "__main__":
+    print(_send(sys.argv[1], float(sys.argv[2]), float(sys.argv[3])))

@@ -1,0 +1,30 @@
+"""An event in a .blf: a global marker, as CANoe's and CANalyzer's users set them by hand (Vector_BLF, GlobalMarker)."""
+
+from __future__ import annotations
+
+from struct import Struct
+
+from canid.frames import blf_layout as blf
+from canid.types import Event
+
+GLOBAL_MARKER = 96
+# commented event type, foreground and background colour, relocatable; lengths of group, marker and description
+_MARKER = Struct("<LLL3xBLLL12x")
+_BLACK, _AMBER = 0x000000, 0x00BFFF  # Windows' order of colours: 0x00BBGGRR
+_GROUP = b"canid"
+
+
+def marker(event: Event, stamp: int) -> bytes:
+    """Encode one event. `stamp`: ns since the file's start.
+
+    >>> data = marker(Event(1.5, "bus_lost", "can0 is lost"), 1_500_000_000)
+    >>> len(data) % 4, b"bus_lost" in data, b"can0 is lost" in data
+    (0, True, True)
+    """
+    name, says = event.what.encode(), event.says.encode("utf-8", "replace")
+    # objects are padded by `size % 4` bytes, a habit of the format that not every reader has: leave nothing to pad
+    says += b" " * (-(len(_GROUP) + len(name) + len(says)) % 4)
+    body = _MARKER.pack(0, _BLACK, _AMBER, 0, len(_GROUP), len(name), len(says)) + _GROUP + name + says
+    size = blf.OBJECT_V1_SIZE + len(body)
+    head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT_V1_SIZE, 1, size, GLOBAL_MARKER)
+    return head + blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, stamp & 0xFFFF_FFFF_FFFF_FFFF) + body

@@ -1,0 +1,44 @@
+"""Notices that the clock which stamps a bus's frames was set."""
+
+from __future__ import annotations
+
+# ns; a clock that steps by less cannot be told from a busy machine
+STEP = 500_000_000
+
+
+class ClockWatch:
+    """Holds stamps against the times of arrival, by a clock that nobody sets.
+
+    A reader that lags makes stamps look late, never early: so a step forward is one beyond the largest lead so far,
+    and a step back is a stamp before the one that came last.
+
+    >>> watch = ClockWatch()
+    >>> watch.look(10**18, 5.0), watch.look(10**18 + 10**9, 6.0)
+    (0.0, 0.0)
+    >>> round(watch.look(10**18 + 61 * 10**9, 6.0), 3)
+    60.0
+    """
+
+    def __init__(self) -> None:
+        """Nothing was seen yet."""
+        self._last = 0  # ns
+        self._ahead: float | None = None  # ns, the largest lead of a stamp before its arrival
+
+    def look(self, ns: int, at: float) -> float:
+        """Take the stamp of a frame that arrived at `at` s; returns the step in s, 0 where there was none."""
+        ahead = ns - at * 1e9
+        before, largest = self._last, self._ahead
+        self._last = ns
+        if largest is None or largest < ahead <= largest + STEP:
+            self._ahead = ahead
+        elif ns < before - STEP:
+            self._ahead = ahead
+            return (ns - before) * 1e-9
+        elif ahead > largest:
+            self._ahead = ahead
+            return (ahead - largest) * 1e-9
+        return 0.0
+
+    def forget(self) -> None:
+        """The bus was opened anew: its clock may count from another zero."""
+        self._ahead = None
