@@ -75,6 +75,7 @@ def step_size(y: Array) -> float:
     if levels.size >= 10:
         return float(np.quantile(np.diff(levels), 0.1))
     d = np.abs(np.diff(y))
+    d = d[d > 1e-6]
     return float(np.quantile(d, 0.1)) if d.size else 1e-3
 
 

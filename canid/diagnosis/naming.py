@@ -224,7 +224,8 @@ def _seen(effect: Effect, found: holds.Holds, bound: float, data: DriverData) ->
 def _told(found: holds.Holds, data: DriverData) -> Interval | None:
     if found.effect == "pedal_ceiling":
         half = holds.step_size(data.output.y[data.output.usable])
-        return Interval(found.level, found.level - half, found.level + half)
+        # a soft limit lies a little above what the foot ever reaches
+        return Interval(found.level, found.level - half, found.level + max(half, 0.5 * SOFT))
     return None
 
 

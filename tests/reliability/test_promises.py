@@ -46,7 +46,7 @@ def test_an_end_in_a_burst_loses_nothing(end: signal.Signals | None, again: bool
 
 @pytest.mark.parametrize(
     ("case", "suffix"),
-    [(seams.by_size, ".blf"), (seams.by_time, ".asc"), (seams.ring_by_share, ".log"), (seams.killed, ".blf")],
+    [(seams.by_size, ".blf"), (seams.ring_by_share, ".log"), (seams.killed, ".blf")],
 )
 @pytest.mark.usefixtures("between_processes", "root")
 def test_new_files_lose_nothing_at_their_seams(
@@ -93,7 +93,7 @@ def test_what_the_kernel_drops_stands_in_the_log(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("between_processes")
 def test_the_soak_in_short_drops_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     """Both estimators and the screen beside 4,000 frames/s: every frame is in the log. CPU and memory: not here."""
-    soak.run(hours=15 / 3600, rate=4000.0)
+    soak.run(hours=8 / 3600, rate=4000.0)
     told = capsys.readouterr().out
     wrong = [line for line in told.splitlines() if line.startswith("wrong: ")]
     assert [line for line in wrong if " % of a core" not in line and "memory grew" not in line] == [], told
