@@ -1,18 +1,16 @@
-"""Gap and range rate from noisy radar reports: a Kalman filter (filterpy's) with a short fixed lag.
+"""Gap and range rate from noisy radar reports: a Kalman filter with a short fixed lag.
 
 State: gap, range rate, relative acceleration. The lag lets the next few reports correct an estimate, and no more
 than that: what is smoothed with all of the future carries the driver's own answer back into his input, and then
 biases everything that is identified from it.
+
+Three states are written out in plain floats: a report costs a tenth of what calls of numpy or filterpy on arrays of
+three cost, and an hour of a 20 Hz radar has 72,000. tests/test_smoothing.py holds it against filterpy.
 """
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any, NamedTuple
-
-import numpy as np
-
-from canid.types import Array
+from typing import NamedTuple
 
 # s; a person answers after 0.2 s or more, so nothing that the driver does at t has entered an input at t − 0.2 s
 LAG = 0.2
@@ -41,6 +39,8 @@ class Noise(NamedTuple):
 
 
 Vector = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]  # 00, 01, 02, 11, 12, 22 of a (3, 3)
+Square = tuple[float, float, float, float, float, float, float, float, float]  # a (3, 3), row by row
 
 
 class Filtered(NamedTuple):
@@ -48,9 +48,9 @@ class Filtered(NamedTuple):
 
     t: float
     x: Vector
-    P: Array  # (3, 3)
+    P: Symmetric
     prior: Vector  # x as the report before expected it
-    back: tuple[float, ...]  # (9,) the smoother's gain, from this report to the one before, row by row
+    back: Square  # the smoother's gain, from this report to the one before
 
 
 class Smoothed(NamedTuple):
@@ -69,40 +69,75 @@ class State(NamedTuple):
     started: bool = False  # has history[0] been given out?
 
 
-@cache
-def _filter() -> Any:
-    # filterpy costs 1.5 s to import: not before the first report of a lead
-    from filterpy.kalman import KalmanFilter
+def _predict(x: Vector, P: Symmetric, dt: float) -> tuple[Vector, Symmetric, Square]:
+    """Let a white-jerk motion go on for dt (Bar-Shalom 2001, eq. 6.2.3-7).
 
-    return KalmanFilter(dim_x=3, dim_z=2)
+    Returns:
+        x and P then, and the gain P F' inv(F P F' + Q) that takes back what is learnt of them.
+    """
+    gap, rate, accel = x
+    p00, p01, p02, p11, p12, p22 = P
+    half = dt * dt / 2
+    # F P with F = [1, dt, half; 0, 1, dt; 0, 0, 1]; its last row is P's
+    f00, f01, f02 = p00 + dt * p01 + half * p02, p01 + dt * p11 + half * p12, p02 + dt * p12 + half * p22
+    f10, f11, f12 = p01 + dt * p02, p11 + dt * p12, p12 + dt * p22
+    cubed = dt * half * JERK
+    n00 = f00 + dt * f01 + half * f02 + cubed * dt * dt / 10
+    n01 = f01 + dt * f02 + cubed * dt / 4
+    n02 = f02 + cubed / 3
+    n11 = f11 + dt * f12 + cubed * 2 / 3
+    n12 = f12 + half * JERK
+    n22 = p22 + dt * JERK
+    # the inverse by cofactors: the covariance of three things that are told apart by every report
+    c00, c01, c02 = n11 * n22 - n12 * n12, n02 * n12 - n01 * n22, n01 * n12 - n02 * n11
+    c11, c12, c22 = n00 * n22 - n02 * n02, n01 * n02 - n00 * n12, n00 * n11 - n01 * n01
+    d = 1.0 / (n00 * c00 + n01 * c01 + n02 * c02)
+    # (F P)' inv(...)
+    back = (
+        (f00 * c00 + f10 * c01 + p02 * c02) * d,
+        (f00 * c01 + f10 * c11 + p02 * c12) * d,
+        (f00 * c02 + f10 * c12 + p02 * c22) * d,
+        (f01 * c00 + f11 * c01 + p12 * c02) * d,
+        (f01 * c01 + f11 * c11 + p12 * c12) * d,
+        (f01 * c02 + f11 * c12 + p12 * c22) * d,
+        (f02 * c00 + f12 * c01 + p22 * c02) * d,
+        (f02 * c01 + f12 * c11 + p22 * c12) * d,
+        (f02 * c02 + f12 * c12 + p22 * c22) * d,
+    )
+    return (gap + dt * rate + half * accel, rate + dt * accel, accel), (n00, n01, n02, n11, n12, n22), back
 
 
-def load() -> None:
-    """Import what the first report would import."""
-    _filter()
+def _update(x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise) -> tuple[Vector, Symmetric]:
+    """Take in what a report has, one number after the other: their noises have nothing in common."""
+    x0, x1, x2 = x
+    p00, p01, p02, p11, p12, p22 = P
+    if gap == gap:
+        s = p00 + noise.gap * noise.gap
+        k0, k1, k2, e = p00 / s, p01 / s, p02 / s, gap - x0
+        x0, x1, x2 = x0 + k0 * e, x1 + k1 * e, x2 + k2 * e
+        p11, p12, p22 = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
+        # 1 - k0 = R / s: no difference of what is nearly the same
+        left = noise.gap * noise.gap / s
+        p00, p01, p02 = left * p00, left * p01, left * p02
+    if range_rate == range_rate:
+        s = p11 + noise.range_rate * noise.range_rate
+        k0, k1, k2, e = p01 / s, p11 / s, p12 / s, range_rate - x1
+        x0, x1, x2 = x0 + k0 * e, x1 + k1 * e, x2 + k2 * e
+        p00, p02, p22 = p00 - k0 * p01, p02 - k0 * p12, p22 - k2 * p12
+        left = noise.range_rate * noise.range_rate / s
+        p01, p11, p12 = left * p01, left * p11, left * p12
+    return (x0, x1, x2), (p00, p01, p02, p11, p12, p22)
 
 
-def _motion(dt: float) -> tuple[Array, Array]:
-    """Transition and process noise of a white-jerk motion over dt (Bar-Shalom 2001, eq. 6.2.3-7)."""
-    F = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    a, b, c = dt**5 / 20, dt**4 / 8, dt**3 / 6
-    Q = JERK * np.array([[a, b, c], [b, dt**3 / 3, dt * dt / 2], [c, dt * dt / 2, dt]])
-    return F, Q
+_NOTHING: Square = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _start(t: float, gap: float, range_rate: float, noise: Noise) -> State:
     rate_known = range_rate == range_rate
     # an unknown range rate is within ±20 m/s; relative accelerations stay within ±2 m/s²
-    P = np.diag([noise.gap**2, noise.range_rate**2 if rate_known else 100.0, 1.0])
+    P = (noise.gap**2, 0.0, 0.0, noise.range_rate**2 if rate_known else 100.0, 0.0, 1.0)
     x = (gap, range_rate if rate_known else 0.0, 0.0)
-    return State((Filtered(t, x, P, x, (0.0,) * 9),))
-
-
-@cache
-def _measuring(noise: Noise, gap: bool, range_rate: bool) -> tuple[Array, Array]:
-    """Noise and matrix of a report that has a gap, a range rate or both."""
-    known = np.array([gap, range_rate])
-    return np.diag([noise.gap**2, noise.range_rate**2])[np.ix_(known, known)], np.eye(3)[:2][known]
+    return State((Filtered(t, x, P, x, _NOTHING),))
 
 
 def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise) -> bool:
@@ -152,17 +187,10 @@ def step(
             return state._replace(foreign=state.foreign + 1), [], False
         return _start(t, gap, range_rate, noise), flush(state), True
     last = state.history[-1]
-    F, Q = _motion(t - last.t)
-    kf = _filter()
-    kf.x, kf.P = np.array(last.x), last.P.copy()
-    kf.predict(F=F, Q=Q)
     # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
-    back = last.P @ F.T @ np.linalg.inv(kf.P)
-    prior: Vector = tuple(kf.x.tolist())
-    R, H = _measuring(noise, gap == gap, range_rate == range_rate)
-    kf.update(np.array([z for z in (gap, range_rate) if z == z]), R=R, H=H)
-    x: Vector = tuple(kf.x.tolist())
-    history = (*state.history, Filtered(t, x, kf.P, prior, tuple(back.ravel().tolist())))
+    prior, P, back = _predict(last.x, last.P, t - last.t)
+    x, P = _update(prior, P, gap, range_rate, noise)
+    history = (*state.history, Filtered(t, x, P, prior, back))
     # times are whole nanoseconds: half of one keeps a report that is exactly LAG old on this side
     ready = sum(item.t <= t - LAG + 5e-10 for item in history)
     out = _smooth(history)[1 if state.started else 0 : ready] if ready > state.started else []
