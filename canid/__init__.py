@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from canid.diagnosis.diagnosing import diagnose as diagnose
     from canid.drive import identify as identify
     from canid.errors import CanidError as CanidError
+    from canid.frames.recovery import recover as recover
     from canid.logs import read_drive as read_drive
     from canid.logs import read_signals as read_signals
     from canid.logs import read_trace as read_trace
@@ -31,6 +32,7 @@ _HOME = {
     "read_signals": "logs",
     "read_trace": "logs",
     "read_vehicle": "vehicle",
+    "recover": "frames.recovery",
     "replay": "logs",
     "simulate": "simulation",
 }

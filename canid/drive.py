@@ -106,11 +106,9 @@ def identify(
 
 def samples(trace: Trace) -> list[Sample]:
     """The trace row by row, as the estimators take it."""
-    rows = zip(trace.t, trace.output, trace.inputs, trace.gate, trace.learn, trace.segment, strict=True)
-    return [
-        Sample(float(t), float(y), tuple(float(x) for x in u), gate, bool(learn), int(segment), {})
-        for t, y, u, gate, learn, segment in rows
-    ]
+    numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment)
+    rows = zip(*(column.tolist() for column in numbers), trace.gate, strict=True)
+    return [Sample(t, y, tuple(u), gate, learn, segment, {}) for t, y, u, learn, segment, gate in rows]
 
 
 def windows(trace: Trace, armax: ArmaxSettings, fopdt: FopdtSettings) -> list[Estimate]:
@@ -165,19 +163,31 @@ def _advance(estimator: AnyEstimator, state: Any, sample: Sample) -> tuple[Any, 
 def _judged(recent: Sequence[list[_Due]]) -> tuple[Estimate, ...]:
     """Let the estimators check each other at the last of these instants.
 
-    Where no intervals are apart then, it does not matter what was before; only else that is looked at.
+    Only intervals that are apart then can contradict each other, and only what has been since they last touched
+    matters, no further back than it takes to persist: so far back estimates are made, from the newest, and no further.
     """
-    now = recent[-1]
-    latest = {due.name: due for instant in recent for due in instant}
-    silent = [due for due in latest.values() if due not in now]
-    others = tuple(due.tell()[1] for due in silent)
-    state, told = agreement.step(agreement.State(others), [due.tell()[1] for due in now])
-    if not state.apart:
-        return told
-    state = agreement.init()
-    for instant in recent:
-        state, told = agreement.step(state, [due.tell()[1] for due in instant])
+    first, t = len(recent) - 1, recent[-1][0].sample.t
+    apart = set(_check(_before(recent, first), recent[first])[0].apart)
+    while apart and first and t - recent[first][0].sample.t < agreement.PERSISTENT - status.ROUNDING:
+        first -= 1
+        apart &= _check(_before(recent, first), recent[first])[0].apart.keys()
+    state, told = _check(_before(recent, first), recent[first])
+    for k in range(first + 1, len(recent)):
+        state, told = _check(state, recent[k])
     return told
+
+
+def _check(state: agreement.State, instant: list[_Due]) -> tuple[agreement.State, tuple[Estimate, ...]]:
+    return agreement.step(state, [due.tell()[1] for due in instant])
+
+
+def _before(recent: Sequence[list[_Due]], k: int) -> agreement.State:
+    """What those said last that say nothing at instant `k`, if it still counts then."""
+    now = recent[k]
+    oldest = now[0].sample.t - agreement.FRESH - status.ROUNDING
+    latest = {due.name: due for i in range(k) for due in recent[i] if due.sample.t >= oldest}
+    spoken = {due.name for due in now}
+    return agreement.State(tuple(due.tell()[1] for name, due in latest.items() if name not in spoken))
 
 
 def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings) -> ArmaxDrive | None:

@@ -264,14 +264,13 @@ def main() -> int:
         sink.flush()
 
     try:
-        from canid import pipeline, smoothing
+        from canid import pipeline
         from canid.saving.knowledge import EVERY, go_on, keeping
         from canid.vehicle import missing, read_vehicle
 
         vehicle = read_vehicle(sys.argv[1])
         running = pipeline.build(vehicle)
         keep = keeping(vehicle, running)
-        smoothing.load()
         state = running.init()
         say("ready", vehicle.driver.output)
 

@@ -47,13 +47,17 @@ class Track(NamedTuple):
     since: float  # s; NaN: it is none
 
 
+# no report is being collected
+NOTHING = (NAN, NAN, NAN)
+
+
 class State(NamedTuple):
     """What the next reading's meaning depends on."""
 
     tracks: dict[int, Track]
     target: int = -1  # track number; -1: none
     serial: int = 0  # of the target: grows by one with every change
-    pending: tuple[float, float, float] = (NAN, NAN, NAN)  # t, gap, range rate of the report being collected
+    pending: tuple[float, float, float] = NOTHING  # t, gap, range rate of the report being collected
     valid: bool = True  # lead_valid, where it is a signal
     speed: float = NAN  # m/s, own
     yaw_rate: float = 0.0  # rad/s, own, left positive, averaged over CURVE_TIME
@@ -94,7 +98,8 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
         pending = (reading.t, value, rate) if role == "gap" else (reading.t, gap, value)
         return state._replace(pending=pending), out
     if role == "lead_valid" and not settings.from_tracks:
-        return state._replace(valid=value != 0.0), out
+        valid = value != 0.0
+        return (state if valid is state.valid else state._replace(valid=valid)), out
     if role == "speed":
         state = state._replace(speed=value)
     elif role == "yaw_rate" and value == value:
@@ -109,7 +114,6 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
 def _collected(state: State, settings: Settings) -> tuple[State, Out]:
     """One frame's gap and range rate are together: smooth them."""
     t, gap, rate = state.pending
-    state = state._replace(pending=(NAN, NAN, NAN))
     if not state.valid or (gap != gap and not state.smooth.history):
         return _lost(state, t)
     last = state.smooth.history[-1].t if state.smooth.history else t
@@ -136,7 +140,7 @@ def _lost(state: State, t: float) -> tuple[State, Out]:
     latest = state.smooth.history[-1].t if state.smooth.history else -1.0
     if at > latest:
         out += [Reading(at, role, NAN) for role in ("gap", "range_rate")] + [Reading(at, "lead_valid", 0.0)]
-    return state._replace(smooth=smoothing.State(), target=-1), out
+    return state._replace(pending=NOTHING, smooth=smoothing.State(), target=-1), out
 
 
 def _follow(state: State, t: float, gap: float, rate: float, noise: Noise) -> tuple[State, Out]:
@@ -149,7 +153,7 @@ def _follow(state: State, t: float, gap: float, rate: float, noise: Noise) -> tu
         if serial > 1 or changed:
             says = f"{t:.1f} s: another vehicle ahead, at {gap:.0f} m"
             out.append(Event(t, "target_change", says))
-    return state._replace(smooth=smooth, serial=serial), out
+    return state._replace(pending=NOTHING, smooth=smooth, serial=serial), out
 
 
 def _lateral(state: State, reading: TrackReading) -> float:

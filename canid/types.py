@@ -64,6 +64,8 @@ class Damage(NamedTuple):
     says: str
     read: int  # objects (frames, lines) that were read
     total: int  # objects that the file should hold; -1 where nobody knows
+    # first and last byte of what is damaged, as far as that is known; of a gzipped log: of what it holds
+    spans: tuple[tuple[int, int], ...] = ()
 
 
 # --- decoded ---------------------------------------------------------------------------------------

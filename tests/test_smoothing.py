@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from canid import smoothing
 from canid.smoothing import LAG, Noise, Smoothed, State
@@ -60,6 +61,50 @@ def test_it_is_better_than_the_radar_and_not_late() -> None:
         assert error_gap[100:-20].std() < 0.5 * NOISE.gap
     assert np.mean(ratios) < 0.6
     assert abs(np.mean(lags)) < 0.015
+
+
+@pytest.mark.parametrize(("hz", "noise"), [(20.0, NOISE), (100.0, NOISE), (10.0, Noise(0.02, 0.5))])
+def test_it_is_the_fixed_lag_smoother_of_filterpy(hz: float, noise: Noise) -> None:
+    """Each report as filterpy smooths it with the reports up to LAG later, whatever is missing of them: to 1e-9."""
+    kalman = pytest.importorskip(
+        "filterpy.kalman", reason="filterpy is not installed (pip install canid[dev])"
+    )
+    rng = np.random.default_rng(6)
+    t, _, _, gap, rate = drive(rng, 6.0, hz)
+    gap[rng.random(t.size) < 0.1] = np.nan
+    rate[rng.random(t.size) < 0.1] = np.nan
+    gap[0], rate[0] = 40.0, np.nan
+    kept = (rng.random(t.size) > 0.1) & ~(np.isnan(gap) & np.isnan(rate))
+    kept[0] = True
+    t, gap, rate = t[kept] + 1e-3 * rng.random(kept.sum()), gap[kept], rate[kept]
+    state, out = State(), []
+    for k in range(t.size):
+        state, ready, changed = smoothing.step(state, float(t[k]), float(gap[k]), float(rate[k]), noise)
+        assert not changed
+        assert not state.foreign
+        out += ready
+    out += smoothing.flush(state)
+
+    kf = kalman.KalmanFilter(dim_x=3, dim_z=1)
+    kf.x, kf.P = np.array([gap[0], 0.0, 0.0]), np.diag([noise.gap**2, 100.0, 1.0])
+    Xs, Ps, Fs, Qs = [kf.x], [kf.P], [np.eye(3)], [np.zeros((3, 3))]
+    for k in range(1, t.size):
+        dt = t[k] - t[k - 1]
+        Fs.append(np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]]))
+        c = np.array([[dt**5 / 20, dt**4 / 8, dt**3 / 6], [0, dt**3 / 3, dt**2 / 2], [0, 0, dt]])
+        Qs.append(smoothing.JERK * (c + np.triu(c, 1).T))
+        kf.predict(F=Fs[-1], Q=Qs[-1])
+        for z, sd, H in ((gap[k], noise.gap, np.eye(3)[:1]), (rate[k], noise.range_rate, np.eye(3)[1:2])):
+            if not np.isnan(z):
+                kf.update(z, R=sd**2, H=H)
+        Xs.append(kf.x.copy())
+        Ps.append(kf.P.copy())
+    for k, point in enumerate(out):
+        until = min(np.searchsorted(t, t[k] + LAG - 5e-10), t.size - 1) + 1
+        past = slice(max(until - 60, 0), until)  # what comes before k does not matter to the way back
+        X, *_ = kf.rts_smoother(*(np.array(x[past]) for x in (Xs, Ps)), Fs=Fs[past], Qs=Qs[past])
+        assert abs(X[k - past.start, 0] - point.gap) < 1e-9
+        assert abs(X[k - past.start, 1] - point.range_rate) < 1e-9
 
 
 def test_nothing_later_than_the_lag_is_used() -> None:

@@ -28,6 +28,7 @@ VERBS = (
     ("simulate", "make a log with known truth"),
     ("check", "does the vehicle file fit this log or bus, and what is missing"),
     ("init", "propose a vehicle file from a DBC"),
+    ("recover", "a clean copy of a damaged log, and what is missing in it"),
     ("export", "signals and estimates as CSV or Parquet"),
 )
 

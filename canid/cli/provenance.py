@@ -12,7 +12,7 @@ from canid.findings import Provenance
 from canid.vehicle import Vehicle
 
 # packages whose release can change a number
-NUMERIC = ("numpy", "scipy", "filterpy", "python-can", "cantools")
+NUMERIC = ("numpy", "scipy", "python-can", "cantools")
 
 
 def sha256(path: str | Path) -> str:
@@ -29,7 +29,7 @@ def versions() -> dict[str, str]:
 
     Example:
         >>> sorted(versions())[:3]
-        ['canid', 'cantools', 'filterpy']
+        ['canid', 'cantools', 'numpy']
     """
     told = {"canid": __version__, "python": platform.python_version()}
     for name in NUMERIC:

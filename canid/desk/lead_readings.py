@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -45,28 +47,28 @@ def step(state: lead.State, said: Decoded, chunk: Columns, settings: lead.Settin
     else:
         passed = tuple(readings for readings in said.roles if readings.role not in own)
         fed = _with_ticks(feed, said, chunk, state.pending[0])
-    made: dict[str, tuple[list[float], list[float], list[int]]] = {}
+    made: defaultdict[str, list[tuple[float, float, int]]] = defaultdict(list)
     events: list[tuple[int, Event]] = []
-
-    def add(row: int, reading: Reading) -> None:
-        t, value, rows = made.setdefault(reading.role, ([], [], []))
-        t.append(reading.t)
-        value.append(reading.value)
-        rows.append(row)
-
     for row, reading in fed:
         state, out = lead.step(state, reading, settings)
         for item in out:
+            if item is reading:  # what passes is in `passed` already
+                continue
             if isinstance(item, Event):
                 events.append((row, item))
-            elif item is not reading:  # what passes is in `passed` already
-                add(row, item)
+            else:
+                made[item.role].append((item.t, item.value, row))
         for item in reported(reading, state.target):
-            add(row, item)
-    columns = {
-        role: Made(np.array(t), np.array(value), np.array(rows)) for role, (t, value, rows) in made.items()
-    }
-    return state, Led(passed, columns, tuple(events))
+            made[item.role].append((item.t, item.value, row))
+    columns = {role: np.array(found).T for role, found in made.items()}
+    return state, Led(
+        passed,
+        {
+            role: Made(t.copy(), value.copy(), row.astype(np.int64))
+            for role, (t, value, row) in columns.items()
+        },
+        tuple(events),
+    )
 
 
 _Fed = list[tuple[int, Reading | TrackReading]]
@@ -86,7 +88,7 @@ def _readings(feed: list[RoleReadings], chunk: Columns) -> _Ordered:
 
 
 def _sorted(found: _Ordered) -> _Fed:
-    found.sort(key=lambda item: item[:2])
+    found.sort(key=itemgetter(0, 1))
     return [(row, reading) for row, _, reading in found]
 
 

@@ -6,6 +6,7 @@ The mathematics is in identification/armax_batch.py, armax_recursive.py, memorie
 from __future__ import annotations
 
 import math
+import operator
 from typing import NamedTuple
 
 import numpy as np
@@ -133,6 +134,7 @@ def make(
     first = max(round(settings.start / dt), 6 * o.count(m))
     look = dt / LOOK
     fade = dt / FIT
+    still = [(STILL * status.usual(name)) ** 2 for name in input_names]
     tested = round(TESTED / dt)
     empty = np.zeros((0, 3 + m))
 
@@ -154,9 +156,13 @@ def make(
             state = _interrupt(state)
         closed, forced = status.step(state.closed, sample)
         missing = _missing(state, sample)
-        state = state._replace(closed=closed, t=sample.t, segment=sample.segment)
         state, row = _take(state, sample) if usable else (state, (math.nan, math.nan))
-        state = state._replace(recent=(*state.recent, *missing, (*row, sample.output, *sample.inputs)))
+        state = state._replace(
+            closed=closed,
+            t=sample.t,
+            segment=sample.segment,
+            recent=(*state.recent, *missing, (*row, sample.output, *sample.inputs)),
+        )
         if forced is not None:
             if not status.due(closed, sample.t, forced):
                 return state, False
@@ -193,19 +199,20 @@ def make(
 
     def _take(state: State, sample: Sample) -> tuple[State, tuple[float, float]]:
         movement = _moved(state.movement, sample.inputs)
-        state = state._replace(movement=movement)
         piece = float(state.piece)
         before = state.model
         if before is None:
-            return state._replace(learnt=_learnt(state.learnt, sample.t)), (piece, math.nan)
+            state = state._replace(movement=movement, learnt=_learnt(state.learnt, sample.t))
+            return state, (piece, math.nan)
         learn = _excited(movement)
         model, innovation = armax_recursive.step(before, o, sample.output, sample.inputs, learn)
         if not learn:
-            return state._replace(model=model), (math.nan, innovation)
+            return state._replace(movement=movement, model=model), (math.nan, innovation)
         if model.restarts > before.restarts:
             # what came before is of another driver, or another manner: collect anew for a fit of the new one
             state = state._replace(past=empty, recent=(), due=AGAIN * first)
         return state._replace(
+            movement=movement,
             model=model,
             quality=_simulated(state.quality, before, sample),
             learnt=_learnt(state.learnt, sample.t),
@@ -229,10 +236,7 @@ def make(
         )
 
     def _excited(movement: Movement) -> bool:
-        return any(
-            v > (STILL * status.usual(name)) ** 2
-            for name, v in zip(input_names, movement.variance, strict=True)
-        )
+        return any(map(operator.gt, movement.variance, still))
 
     def _simulated(quality: Quality, model: armax_recursive.State, sample: Sample) -> Quality:
         """Run the model, as it was before this sample, on its own past outputs beside the measured one."""
@@ -240,11 +244,12 @@ def make(
         if len(past) < o.na or not model.u or len(model.u[0]) < o.nb + o.nk - 1:
             return quality._replace(simulated=(output, *past)[: o.na])
         theta = armax_recursive.leading(model)
-        y = -sum(a * x for a, x in zip(theta, past, strict=False)) + theta[o.na + m * o.nb]
-        for i, (now, before) in enumerate(zip(sample.inputs, model.u, strict=True)):
-            lagged = (now, *before)[o.nk :]
-            for b, x in zip(theta[o.na + i * o.nb :][: o.nb], lagged, strict=False):
-                y += b * x
+        y = -sum(map(operator.mul, theta, past)) + theta[o.na + m * o.nb]
+        k = o.na
+        for now, before in zip(sample.inputs, model.u, strict=True):
+            for x in (now, *before)[o.nk :]:
+                y += theta[k] * x
+                k += 1
         away = output - (quality.mean if math.isfinite(quality.mean) else output)
         return Quality(
             # a simulation that runs away starts again from what was measured

@@ -26,6 +26,9 @@ from canid.types import (
 
 NAME = "fopdt"
 
+# Samples after which rows are made of them, asked for or not: as many as `rows.put` takes one by one, whatever the cut.
+FOLD = 64
+
 # An input that moves less than this share of what it usually does (status.usual) is not worth a fit.
 STILL = 0.01
 
@@ -35,9 +38,9 @@ class State(NamedTuple):
 
     closed: status.Closed
     t: float  # s, of the last sample
-    recent: tuple[tuple[float, ...], ...]  # samples since the last refit: output, learn, segment, inputs
+    recent: tuple[tuple[float, ...], ...]  # samples that are no rows yet: output, learn, segment, inputs
     making: rows.State
-    window: Array  # (n, width) rows, read only, up to the last refit
+    window: Array  # (n, width) rows, read only
     start: process_fit.Start | None  # where the fit of the last mark lay
     marked: bool = False  # the estimate that is due is a mark's: its fit begins with the whole box
 
@@ -92,6 +95,7 @@ def make(
         recent = (*state.recent, *_missing(state, sample), _row(sample))
         closed, forced = status.step(state.closed, sample)
         state = state._replace(closed=closed, t=sample.t, recent=recent)
+        state = _fold(state) if len(recent) >= FOLD else state
         if forced is not None:
             if not status.due(closed, sample.t, forced, settings.refit):
                 return state, False
@@ -99,13 +103,13 @@ def make(
         elif not status.told_by_gate(closed) and sample.t - closed.emitted < settings.refit - status.ROUNDING:
             return state, False
         said = status.said(closed, sample.t, Status.OK if forced is None else forced)
-        return _fold(state)._replace(closed=said, marked=status.marked(closed, sample.t)), True
+        return state._replace(closed=said, marked=status.marked(closed, sample.t)), True
 
     def tell(state: State, sample: Sample) -> tuple[State, Estimate]:
         forced = state.closed.kind
         if forced is not None and status.told_by_gate(state.closed):
             return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
-        state, estimate = _refit(state, sample)
+        state, estimate = _refit(_fold(state), sample)
         return state._replace(closed=status.said(state.closed, sample.t, estimate.status)), estimate
 
     def _missing(state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:

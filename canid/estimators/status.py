@@ -61,7 +61,7 @@ def step(state: Closed, sample: Sample) -> tuple[Closed, Status | None]:
     <Status.NO_DRIVER: 'no_driver'>
     """
     if sample.gate is Gate.OPEN:
-        return state._replace(since=NAN), None
+        return (state if state.since != state.since else state._replace(since=NAN)), None
     since = sample.t if state.since != state.since else state.since
     forced = _AT_ONCE.get(sample.gate)
     if forced is None and sample.t - since >= BRIEF - ROUNDING:

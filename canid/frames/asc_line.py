@@ -15,8 +15,8 @@ from canid.types import Flag
 
 _ID = re.compile(r"([0-9a-fA-F]+)(x?)$")
 _DIRECTIONS = {"rx": 0, "tx": int(Flag.TX)}
-# channels have numbers of one or two digits; more than this is damage
-_CHANNELS = 0xFFFF
+# channels have numbers of one or two digits; more than this, which no .blf can hold either, is damage
+_CHANNELS = 0xFFFF - 1
 
 
 class Parsed(NamedTuple):

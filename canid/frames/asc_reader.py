@@ -16,20 +16,22 @@ from canid.frames import asc_date, asc_shapes, stamps
 from canid.frames.asc_line import Parsed, parse
 from canid.frames.asc_shapes import Usual
 from canid.frames.columns import FD_BYTES, Wanted, frames_of, keep_memory, select
-from canid.frames.lines import Bad, Block, Tally, blocks, line
-from canid.frames.read_state import ReadState
-from canid.types import Columns, Flag, Frame
+from canid.frames.lines import LONGEST_TIME, Bad, Block, Tally, blocks, line
+from canid.frames.read_state import Note, ReadState
+from canid.types import Columns, Event, Flag, Frame
 
 # our own writer's line: the start without doubt about zone, language and digits
 EXACT_START = "// start, epoch ns: "
 _BASE = re.compile(r"base\s+(hex|dec)\b(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
 _DATE = re.compile(r"(?:date\s+|begin\s+triggerblock\s+)(.*)", re.IGNORECASE)
 _TIMED = re.compile(r"\d+[.,]\d+$")
+# our own writer's events: time in the file, what, says
+_EVENT = re.compile(r"// (-?\d+\.\d+) canid (\w+): (.*)")
+# events that are kept until the first frame comes
+_EARLY = 1000
 # lines without a time that belong to the format
 _KNOWN = ("//", "date", "base", "begin", "end", "internal", "no internal", "version")
 _REMOTE = int(Flag.REMOTE)
-# ns; 146 years: a longer time is damage, and sums of two still fit 64 bits
-_LONGEST_TIME = 1 << 62
 
 
 def read_asc(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -68,6 +70,10 @@ class _Reading:
         self._exact = False
         self._now = 0  # ns, of the latest line with a time
         self._first: int | None = None  # ns of the first frame
+        self._rows = 0  # frames given so far
+        self._told: list[
+            tuple[int, int, str, str]
+        ] = []  # events that wait for the first frame: row, ns, what, says
 
     def block(self, block: Block) -> Columns:
         """The frames of some lines."""
@@ -103,7 +109,7 @@ class _Reading:
                     return None
                 continue
             ns = stamps.from_text(words[0])
-            if ns > _LONGEST_TIME:
+            if ns > LONGEST_TIME:
                 misses.append((item, "its time is damaged"))
                 continue
             seldom.timed.append((k, ns))
@@ -132,6 +138,8 @@ class _Reading:
             # the begin of the trigger block comes later and is nearer to time zero than the file's date
             at = asc_date.local_ns(found[1])
             self._start = self._start if at is None else at
+        elif self._state.notes is not None and (found := _EVENT.match(text)):
+            seldom.told.append((k, stamps.from_text(found[1]), found[2], found[3]))
         else:
             return text.lower().startswith(_KNOWN)
         seldom.starts.append((k, self._start))
@@ -154,9 +162,22 @@ class _Reading:
             self._state.start_ns = None if start is None else start + self._first
         if timed.any():
             self._now = int(now[np.flatnonzero(timed)[-1]])
+        if self._state.notes is not None:
+            self._note(self._state.notes, seldom, found)
+        self._rows += int(found.sum())
         t = (now - (self._first or 0)).astype(np.float64) * 1e-9
         chunk = Columns(t, usual.bus, usual.id, usual.flags, usual.length, usual.data)
         return chunk if found.all() else select(chunk, found)
+
+    def _note(self, notes: list[Note], seldom: _Seldom, found: npt.NDArray[np.bool_]) -> None:
+        """Give out the events, as soon as there is a time that theirs can count from."""
+        told = [(self._rows + int(found[:k].sum()), ns, what, says) for k, ns, what, says in seldom.told]
+        if self._first is None:
+            self._told = (self._told + told)[:_EARLY]
+            return
+        for row, ns, what, says in self._told + told:
+            notes.append(Note(row, Event((ns - self._first) * 1e-9, what, says)))
+        self._told = []
 
     def _times(
         self, ns: npt.NDArray[np.int64], timed: npt.NDArray[np.bool_], seldom: _Seldom
@@ -185,6 +206,7 @@ class _Seldom:
         # from which line on times are relative, and which start holds; before the first line: as it was
         self.relative = [(0, relative)]
         self.starts = [(-1, start)]
+        self.told: list[tuple[int, int, str, str]] = []  # k, ns, what, says
 
 
 def _merged(usual: Usual, seldom: _Seldom) -> Usual:

@@ -8,7 +8,7 @@ among them.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -126,17 +126,22 @@ def _aligned(data: bytes, first: int) -> _Linked | None:
     return begin, size, kind.astype(np.int64)
 
 
-def _unaligned(data: bytes, first: int) -> _Linked:
-    """The chain from `first` among all signatures."""
-    body = len(data) - blf.OBJECT.size + 1
+def signatures(data: bytes, first: int) -> tuple[Ints, npt.NDArray[Any]]:
+    """Where signatures stand from byte `first` on, with room for a header, and these headers."""
     found = []
     for phase in range(_WORD):
         words = np.frombuffer(data, "<u4", max(len(data) - first - phase, 0) // _WORD, first + phase)
         found.append(np.flatnonzero(words == _SIGNATURE) * _WORD + (first + phase))
     candidate = np.sort(np.concatenate(found))
+    body = max(len(data) - blf.OBJECT.size + 1, 0)
     candidate = candidate[candidate < body]
     # a view of overlapping headers: one for every byte
-    headers = np.ndarray((body,), _HEADER, data, 0, (1,))[candidate]
+    return candidate, np.ndarray((body,), _HEADER, data, 0, (1,))[candidate]
+
+
+def _unaligned(data: bytes, first: int) -> _Linked:
+    """The chain from `first` among all signatures."""
+    candidate, headers = signatures(data, first)
     size = headers["size"].astype(np.int64)
     end = candidate + size
     follower = np.searchsorted(candidate, end)

@@ -20,11 +20,15 @@ PIECE = 64 * 1024
 # much of it (zlib's technical details), 132 MB, before it is seen for a bomb.
 SMALL = 128 * 1024
 
+# signature, header size and version of a container
+_CONTAINER_BEGINS = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT.size, 1, 0, 0)[:8]
+
 
 class Payload(NamedTuple):
     """Objects, whole or continued in the next payload."""
 
     at: int  # byte in the file where the container begins
+    end: int  # the byte behind it
     data: bytes
     bare: bool = False  # whole objects without a container: each stands for itself
 
@@ -33,6 +37,7 @@ class Gap(NamedTuple):
     """Something was lost here."""
 
     at: int
+    end: int  # the byte behind it
     why: str
 
 
@@ -50,10 +55,9 @@ def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]
         if skip < 0 or len(head) - skip < blf.OBJECT.size:
             if len(head) < blf.OBJECT.size and not head.strip(b"\0"):
                 return  # padding at the end of the file
-            yield Gap(
-                position, "no object begins where one should" if skip < 0 else "the file ends in an object"
-            )
-            position = _next_object(file, position + 1, size, bare)
+            why = "no object begins where one should" if skip < 0 else "the file ends in an object"
+            begin, position = position, _next_object(file, position + 1, size, bare)
+            yield Gap(begin, position, why)
             continue
         position += skip
         _, header_size, _, object_size, kind = blf.OBJECT.unpack_from(head, skip)
@@ -63,18 +67,23 @@ def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]
             # A container's header is shorter than any other's: one whose type is damaged shows by that.
             bare = header_size in (blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
         if bare:
-            got = _bare_row(file, position) or _bare(file, position, object_size, size)
+            got = _bare_row(file, position) or _bare(file, position, kind, object_size, size)
         elif kind == blf.LOG_CONTAINER:
             got = _unpack(file, position, object_size, size)
         else:
             got = f"an object of type {kind} stands where a container should"
         if isinstance(got, str):
-            yield Gap(position, got)
-            position = _next_object(file, position + len(blf.SIGNATURE), size, bare)
+            begin, position = position, _next_object(file, position + len(blf.SIGNATURE), size, bare)
+            yield Gap(begin, position, got)
         else:
             data, end = got
-            yield Payload(position, data, bare)
+            yield Payload(position, end, data, bare)
             position = end
+
+
+def first_container(file: BinaryIO, size: int) -> int:
+    """Where the first container of a file begins whose own beginning is damaged; `size` where none does."""
+    return _next_object(file, 0, size, bare=False)
 
 
 def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
@@ -84,7 +93,7 @@ def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
     try:
         found = chain(data, 0)
     except Broken:
-        return None
+        return _sound(data, position)
     others = (found.kind == blf.LOG_CONTAINER).nonzero()[0]
     n = int(others[0]) if others.size else len(found.kind)
     if n < 2:
@@ -93,9 +102,21 @@ def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
     return data[:end], position + end
 
 
-def _bare(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[bytes, int] | str:
-    if not blf.OBJECT.size <= object_size <= LIMIT:
-        return f"an object claims a size of {object_size} bytes"
+def _sound(data: bytes, position: int) -> tuple[bytes, int] | None:
+    """The objects from the beginning of `data` up to where they are broken; None: look at one at a time."""
+    n = end = at = 0
+    while at >= 0 and at + blf.OBJECT.size <= len(data):
+        *_, size, kind = blf.OBJECT.unpack_from(data, at)
+        if kind == blf.LOG_CONTAINER or not blf.believable(kind, size) or at + size > len(data):
+            break
+        n, end = n + 1, at + size
+        at = data.find(blf.SIGNATURE, end, end + PADDING)
+    return (data[:end], position + end) if n > 1 else None
+
+
+def _bare(file: BinaryIO, position: int, kind: int, object_size: int, size: int) -> tuple[bytes, int] | str:
+    if not blf.believable(kind, object_size):
+        return f"an object of type {kind} claims a size of {object_size} bytes"
     if position + object_size > size:
         return "the file ends in an object"
     file.seek(position)
@@ -121,13 +142,17 @@ def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple
             return inflated
         data, used = inflated
         # The stream knows its own end and has a checksum: sizes beside it may be damaged, the data are not.
-        return data, begin + (announced if used <= announced <= used + PADDING else used)
+        return data, begin + used
     if method == blf.STORED:
         if object_size - blf.CONTAINER_HEAD_SIZE != declared or declared > LIMIT:
             return "a container's sizes do not agree"
         if position + object_size > size:
             return "the file ends in a container"
-        return file.read(declared), position + object_size
+        data, behind = file.read(declared), file.read(PADDING + len(_CONTAINER_BEGINS))
+        # where no container follows, but one begins within it, bytes are missing: it reaches into the next one
+        if behind.strip(b"\0") and _CONTAINER_BEGINS not in behind and _CONTAINER_BEGINS in data + behind:
+            return "a container is shorter than it says"
+        return data, position + object_size
     return f"a container has the unknown compression method {method}"
 
 
@@ -137,8 +162,10 @@ def _inflate_at_once(file: BinaryIO, announced: int, declared: int) -> bytes | N
         return None
     packed = file.read(announced)
     behind = file.read(PADDING)
-    if behind.strip(b"\0") and blf.SIGNATURE not in behind:
+    if len(packed) < announced or (behind.strip(b"\0") and blf.SIGNATURE not in behind):
         return None
+    if blf.SIGNATURE in packed:
+        return None  # the announced size may reach over other containers, and inflating stops where it should
     try:
         # room for one byte more, so that the stream's end is reached in one go
         data = zlib.decompress(packed, bufsize=declared + 1)
@@ -178,8 +205,8 @@ def _next_object(file: BinaryIO, position: int, size: int, bare: bool | None) ->
         found = window.find(blf.SIGNATURE)
         while found >= 0 and found + blf.OBJECT.size <= len(window):
             _, _, _, object_size, kind = blf.OBJECT.unpack_from(window, found)
-            plausible = kind == blf.LOG_CONTAINER or bare is not False
-            if plausible and blf.OBJECT.size <= object_size <= 2 * LIMIT:
+            container = kind == blf.LOG_CONTAINER and blf.OBJECT.size <= object_size <= 2 * LIMIT
+            if container or (bare is not False and blf.believable(kind, object_size)):
                 return position + found
             found = window.find(blf.SIGNATURE, found + 1)
         if not piece:

@@ -56,6 +56,20 @@ CAN_MESSAGE, LOG_CONTAINER, CAN_ERROR_EXT, CAN_MESSAGE2, CAN_FD_MESSAGE, CAN_FD_
     100,
     101,
 )
+# what is no object of a log: not in its header's count, as Vector_BLF counts
+UNCOUNTED = 115
+
+# Of frames: header, body, and room for what newer versions append; a larger one is damage, and its size must not be
+# followed. Of other objects only that their types have numbers up to some 150.
+_ROOM = 16
+LARGEST = {
+    CAN_MESSAGE: OBJECT_V2_SIZE + CLASSIC.size + _ROOM,
+    CAN_MESSAGE2: OBJECT_V2_SIZE + CLASSIC.size + _ROOM,
+    CAN_ERROR_EXT: OBJECT_V2_SIZE + ERROR_EXT.size + _ROOM,
+    CAN_FD_MESSAGE: OBJECT_V2_SIZE + FD.size + _ROOM,
+    CAN_FD_MESSAGE_64: OBJECT_V2_SIZE + FD64.size + 64 + 255,  # the extended data begin at a byte's offset
+}
+KINDS = 1024
 
 ID_MASK = 0x1FFFFFFF
 ID_EXTENDED = 0x80000000
@@ -65,6 +79,15 @@ FD64_REMOTE, FD64_EDL, FD64_BRS, FD64_ESI = 0x10, 0x1000, 0x2000, 0x4000
 
 # bytes that each DLC code announces (ISO 11898-1)
 DLC_BYTES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+
+
+def believable(kind: int, size: int) -> bool:
+    """Whether an object of this type can have this size.
+
+    >>> believable(CAN_MESSAGE, 48), believable(CAN_MESSAGE, 4096), believable(65, 4096), believable(1 << 20, 48)
+    (True, False, True, False)
+    """
+    return OBJECT.size <= size <= LARGEST.get(kind, LIMIT) and kind < KINDS
 
 
 class FileHeader(NamedTuple):

@@ -1,8 +1,9 @@
-"""An event in a .blf: a global marker, as CANoe's and CANalyzer's users set them by hand (Vector_BLF, GlobalMarker)."""
+"""Events in a .blf: global markers, as CANoe's and CANalyzer's users set them by hand (Vector_BLF, GlobalMarker)."""
 
 from __future__ import annotations
 
 from struct import Struct
+from typing import NamedTuple
 
 from canid.frames import blf_layout as blf
 from canid.types import Event
@@ -28,3 +29,37 @@ def marker(event: Event, stamp: int) -> bytes:
     size = blf.OBJECT_V1_SIZE + len(body)
     head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT_V1_SIZE, 1, size, GLOBAL_MARKER)
     return head + blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, stamp & 0xFFFF_FFFF_FFFF_FFFF) + body
+
+
+class Told(NamedTuple):
+    """An event that this package wrote."""
+
+    stamp: int  # ns since the file's start
+    what: str
+    says: str
+
+
+def told(data: bytes, begin: int, size: int) -> Told | None:
+    """Decode the marker of `size` bytes at `begin`; None where it is somebody else's, or damaged.
+
+    >>> item = marker(Event(1.5, "bus_lost", "can0 is lost"), -20)
+    >>> told(item, 0, len(item))
+    Told(stamp=-20, what='bus_lost', says='can0 is lost')
+    """
+    end, body = begin + size, begin + blf.OBJECT_V1_SIZE
+    _, header_size, version, _, _ = blf.OBJECT.unpack_from(data, begin)
+    if version != 1 or header_size != blf.OBJECT_V1_SIZE or body + _MARKER.size > end:
+        return None
+    group, name, description = _MARKER.unpack_from(data, body)[4:]
+    at = body + _MARKER.size
+    if at + group + name + description > end or data[at : at + group] != _GROUP:
+        return None
+    at += group
+    unit, _, _, stamp = blf.STAMP.unpack_from(data, begin + blf.OBJECT.size)
+    what, says = data[at : at + name], data[at + name : at + name + description]
+    stamp -= (stamp >> 63) << 64  # negative where a clock was set back, as frames are
+    return Told(
+        stamp * (10_000 if unit == blf.TEN_MICROSECONDS else 1),
+        what.decode("utf-8", "replace"),
+        says.decode("utf-8", "replace").rstrip(" "),
+    )

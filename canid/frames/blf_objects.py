@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.frames import blf_layout as blf
-from canid.frames.blf_chain import Broken, Chain, Ints, chain
+from canid.frames.blf_chain import Broken, Chain, Ints, chain, signatures
 from canid.frames.blf_layout import LIMIT, PADDING
+from canid.frames.blf_marker import GLOBAL_MARKER, Told, told
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES, Wanted
 from canid.types import Array, Columns, Flag
 
@@ -72,7 +73,7 @@ _LAYOUTS = {
 # what keeps the first n of eight bytes, little-endian
 _KEEP = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
 _DLC_BYTES = np.array(blf.DLC_BYTES, dtype=np.uint8)
-# beyond this, sums of times would leave 64 bits: such times are damage, but they must give the same numbers
+# ns, 73 years: longer times are damage, and differences of shorter ones fit 64 bits
 _FAR = 1 << 61
 
 
@@ -80,7 +81,9 @@ class Walked(NamedTuple):
     """What a payload held."""
 
     frames: Columns
-    objects: int  # frames and objects of other types
+    objects: int  # what a file header counts: frames and objects of other types, but not our own events
+    others: int  # of these, objects of other types
+    notes: list[tuple[int, Told]]  # our own events, and how many of the frames stand before each
     rest: int  # where the unfinished last object begins
     first: int | None  # ns of the log's first frame, once there was one
 
@@ -90,16 +93,18 @@ def first_object(data: bytes) -> int:
 
     Its header must be plausible and, if it ends in these data, another object must follow.
     """
-    found = data.find(blf.SIGNATURE)
-    while found >= 0 and found + blf.OBJECT.size <= len(data):
-        _, header_size, version, size, _ = blf.OBJECT.unpack_from(data, found)
-        end = found + size
-        if _HEADER_SIZE.get(version) == header_size <= size <= LIMIT and (
-            end + PADDING >= len(data) or data.find(blf.SIGNATURE, end, end + PADDING) >= 0
-        ):
-            return found
-        found = data.find(blf.SIGNATURE, found + 1)
-    return -1
+    if len(data) < blf.OBJECT.size:
+        return -1
+    begin, heads = signatures(data, 0)
+    size = heads["size"].astype(np.int64)
+    good = (size >= heads["header_size"]) & (size <= LIMIT)
+    good &= np.isin(heads["version"], _VERSIONS)
+    good &= heads["header_size"] == np.where(heads["version"] == 1, blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
+    end = begin + size
+    follower = np.append(begin, len(data))[np.searchsorted(begin, end)]
+    good &= (end + PADDING >= len(data)) | (follower <= end + PADDING - len(blf.SIGNATURE))
+    found = np.flatnonzero(good)
+    return int(begin[found[0]]) if found.size else -1
 
 
 def walk(data: bytes, position: int, first: int | None, wanted: Wanted | None = None) -> Walked:
@@ -109,7 +114,9 @@ def walk(data: bytes, position: int, first: int | None, wanted: Wanted | None = 
     out, but for the log's first. Raises Broken.
     """
     links = chain(data, position)
+    _unfinished(data, links.rest)
     groups = _groups(data, links)
+    frames = sum(len(group.items) for group in groups)
     if wanted is not None and first is not None:
         groups = [_only(group, wanted) for group in groups]
     n = sum(len(group.items) for group in groups)
@@ -134,7 +141,29 @@ def walk(data: bytes, position: int, first: int | None, wanted: Wanted | None = 
             for whole, part in zip(into, _columns(data, group, width), strict=True):
                 whole[rows] = part
     t, first = _times(parts.ns, parts.coarse, first)
-    return Walked(Columns(t, *parts[2:]), len(links.begin), links.rest, first)
+    notes, uncounted = _notes(data, links) if frames < len(links.begin) else ([], 0)
+    others = len(links.begin) - frames - len(notes) - uncounted
+    return Walked(Columns(t, *parts[2:]), frames + others, others, notes, links.rest, first)
+
+
+def _unfinished(data: bytes, rest: int) -> None:
+    """Look at the last object, as far as it is there: nothing is waited for that no object can have. Raises Broken."""
+    if data.startswith(blf.SIGNATURE, rest) and rest + blf.OBJECT.size <= len(data):
+        *_, size, kind = blf.OBJECT.unpack_from(data, rest)
+        if not blf.believable(kind, size):
+            raise Broken(f"an object of type {kind} claims a size of {size} bytes")
+
+
+def _notes(data: bytes, links: Chain) -> tuple[list[tuple[int, Told]], int]:
+    """Our own events, with the number of frames before each; and how many objects no header counts."""
+    notes = []
+    frame = np.isin(links.kind, list(_BODY))
+    for k in np.flatnonzero(links.kind == GLOBAL_MARKER).tolist():
+        event = told(data, int(links.begin[k]), int(links.size[k]))
+        if event is not None:
+            notes.append((k, event))
+    before = np.cumsum(frame)
+    return [(int(before[k]), event) for k, event in notes], int((links.kind == blf.UNCOUNTED).sum())
 
 
 class _Group(NamedTuple):
@@ -162,6 +191,8 @@ def _groups(data: bytes, links: Chain) -> list[_Group]:
     """Group the frames among the objects, their sizes checked. Raises Broken."""
     if links.step:
         _, header_size, version, size, kind = blf.OBJECT.unpack_from(data, links.begin[0])
+        if not blf.believable(kind, size):
+            raise Broken(f"an object of type {kind} claims a size of {size} bytes")
         if kind not in _BODY:
             return []
         layout = _LAYOUTS.get((kind, version))
@@ -170,11 +201,15 @@ def _groups(data: bytes, links: Chain) -> list[_Group]:
         items = np.ndarray((len(links.begin),), layout, data, int(links.begin[0]), (links.step,))
         return [_Group(kind, slice(None), links.begin, items)]
     groups = []
+    if links.kind.size and links.kind.max() >= blf.KINDS:
+        raise Broken(f"an object has the type {links.kind.max()}")
     for kind in _BODY:
         rows = np.flatnonzero(links.kind == kind)
         if not len(rows):
             continue
         begin, size = links.begin[rows], links.size[rows]
+        if size.max() > blf.LARGEST[kind]:
+            raise Broken(f"an object of type {kind} claims a size of {size.max()} bytes")
         if size.min() < _LAYOUTS[kind, 1].itemsize:
             raise Broken("an object is too short for what it holds")
         heads = _items(data, begin, _LAYOUTS[kind, 1])
@@ -294,15 +329,16 @@ def _fd64(data: bytes, group: _Group) -> _FdParts:
 
 
 def _times(ns: Ints, coarse: npt.NDArray[np.bool_], first: int | None) -> tuple[Array, int | None]:
-    """Seconds since the first frame, and that frame's ns."""
+    """Seconds since the first frame, and that frame's ns. Raises Broken."""
     if not ns.size:
         return np.zeros(0), first
     scale = 10_000 if coarse.any() else 1
-    begin = int(ns[0]) * (scale if coarse[0] else 1) if first is None else first
-    usual = scale == 1 and 0 <= begin <= _FAR and ns.min() >= 0
-    if not usual and max(int(ns.max()), -int(ns.min())) * scale + abs(begin) > _FAR:
-        exact = [int(x) * (10_000 if ten else 1) - begin for x, ten in zip(ns, coarse, strict=True)]
-        return np.array([float(x) for x in exact]) * 1e-9, begin
+    # the numbers themselves leave 64 bits if they are coarse
+    if max(int(ns.max()), -int(ns.min())) * scale > _FAR and any(
+        abs(int(x)) * (10_000 if ten else 1) > _FAR for x, ten in zip(ns, coarse, strict=True)
+    ):
+        raise Broken("an object's time is a lifetime away")
     if scale > 1:
         ns = np.where(coarse, ns * scale, ns)
+    begin = int(ns[0]) if first is None else first
     return (ns - begin).astype(np.float64) * 1e-9, begin

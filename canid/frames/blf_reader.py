@@ -9,15 +9,19 @@ from typing import BinaryIO
 from canid.errors import LogError
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, chain
-from canid.frames.blf_containers import Gap, Payload, containers
-from canid.frames.blf_objects import first_object, walk
+from canid.frames.blf_containers import Gap, Payload, containers, first_container
+from canid.frames.blf_marker import Told
+from canid.frames.blf_objects import Walked, first_object, walk
 from canid.frames.columns import Wanted, frames_of, keep_memory
-from canid.frames.read_state import ReadState
-from canid.types import Columns, Damage, Frame
+from canid.frames.damaged import Damaged
+from canid.frames.read_state import Note, ReadState
+from canid.types import Columns, Damage, Event, Frame
 
 # Containers are walked together up to this many bytes: numpy's overhead per step is spread over eight usual
 # containers, and they still fit a processor's second cache.
 BATCH = 1024 * 1024
+# events that are kept until the first frame comes: a recorder has a handful to tell before it
+_EARLY = 1000
 
 
 def read_blf(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -35,13 +39,15 @@ def read_blf_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
     with open(path, "rb") as file:
         header, start = _file_header(file, path, state.size)
         reading = _Reading(state, header, wanted)
+        if header is None:
+            reading.lose(0, start, "the file's own header is damaged")
         waiting: list[Payload] = []
         size = 0
         for item in containers(file, start, state.size):
             state.done = item.at
             if isinstance(item, Gap):
                 yield from reading.take(waiting)
-                reading.gap(item)
+                reading.lose(*item)
                 waiting, size = [], 0
                 continue
             waiting.append(item)
@@ -56,67 +62,150 @@ def read_blf_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
 class _Reading:
     """One pass over a file: what continues from payload to payload."""
 
-    def __init__(self, state: ReadState, header: blf.FileHeader, wanted: Wanted | None):
+    def __init__(self, state: ReadState, header: blf.FileHeader | None, wanted: Wanted | None):
         self.first: int | None = None  # ns of the first frame, since the header's start
         self._state = state
         self._header = header
         self._wanted = wanted
         self._objects = 0
-        self._gaps: list[Gap] = []
+        self._rows = 0  # frames given so far
+        self._told: list[tuple[int, Told]] = []  # events that wait for the first frame
+        self._inflated = blf.FILE_HEADER_SIZE  # bytes, as the file's header counts them
+        self._damaged = Damaged()
         self._carry = b""  # an object that continues in the next container
+        self._middle: list[bytes] = []  # what follows it, in containers that hold nothing else
+        self._missing = 0  # bytes that it still lacks; 0: it is whole, or that is not known yet
+        self._source = (0, 0)  # the bytes of the container that it began in
         self._aligned = True  # the next payload begins with an object, or continues `carry`
 
     def take(self, payloads: list[Payload]) -> Iterator[Columns]:
         """Walk payloads that follow each other: together or, where that fails, one by one."""
-        if len(payloads) > 1 and self._aligned:
+        self._inflated += sum(len(p.data) + (0 if p.bare else blf.CONTAINER_HEAD_SIZE) for p in payloads)
+        if len(payloads) > 1 and self._aligned and not self._missing:
             data = b"".join([self._carry, *(payload.data for payload in payloads)])
+            last = payloads[-1]
             try:
-                yield from self._walk(data, 0)
+                walked = walk(data, 0, self.first, self._wanted)
             except Broken:
                 pass
             else:
-                return
+                # an object that began before the last payload, and is not over yet, wants a closer look
+                if walked.rest >= len(data) - len(last.data):
+                    yield from self._took(walked, data, last)
+                    return
         for payload in payloads:
-            data = self._carry + payload.data if self._carry else payload.data
-            begin = 0 if self._aligned else first_object(data)
-            self._carry = b""
-            if begin < 0:
-                continue
-            try:
-                yield from self._walk(data, begin)
-            except Broken as broken:
-                single = _single(payload) if payload.bare else []
-                if len(single) > 1:
-                    yield from self.take(single)
-                    continue
-                # the container is lost whole: what looked well in it may not be
-                self._gaps.append(Gap(payload.at, str(broken)))
-                self._aligned = False
+            yield from self._one(payload)
 
-    def _walk(self, data: bytes, begin: int) -> Iterator[Columns]:
-        walked = walk(data, begin, self.first, self._wanted)
+    def _one(self, payload: Payload) -> Iterator[Columns]:
+        """Walk one payload; where it is broken it is lost whole: what looked well in it may not be."""
+        why = ""
+        if self._missing > len(payload.data):
+            if not self._holds_frames(payload.data):
+                self._middle.append(payload.data)
+                self._missing -= len(payload.data)
+                return
+            why = "an object claims to be so long that others would stand in it"
+        elif self._carry:
+            data = b"".join([self._carry, *self._middle, payload.data])
+            try:
+                walked = walk(data, 0, self.first, self._wanted)
+            except Broken as broken:
+                why = str(broken)
+            else:
+                yield from self._took(walked, data, payload)
+                return
+        if not why and not payload.data.strip(b"\0"):
+            return  # nothing but padding
+        begin = 0
+        missing = len(payload.data) > blf.PADDING and blf.SIGNATURE not in payload.data[: blf.PADDING]
+        if missing or not self._aligned or why:
+            begin = first_object(payload.data)
+            why = why or ("a container begins within an object" if self._aligned else "")
+        try:
+            if begin < 0:
+                raise Broken("no object begins where one should")
+            walked = walk(payload.data, begin, self.first, self._wanted)
+        except Broken as broken:
+            single = _single(payload) if payload.bare else []
+            if len(single) > 1:
+                yield from self.take(single)
+                return
+            self.lose(payload.at, payload.end, why or str(broken))
+            return
+        if why:
+            # well by itself: so it is what stands before it that is not, or that is missing
+            self.lose(*self._source, why)
+        yield from self._took(walked, payload.data, payload)
+
+    def _holds_frames(self, data: bytes) -> bool:
+        """Whether a payload that should be the middle of one long object is a row of frames."""
+        begin = first_object(data)
+        try:
+            return begin >= 0 and walk(data, begin, self.first).frames.t.size > 0
+        except Broken:
+            return False
+
+    def _took(self, walked: Walked, data: bytes, last: Payload) -> Iterator[Columns]:
+        """Go on from what was walked, `last` the payload that it ends with."""
         self._aligned = True
-        self._carry = data[walked.rest :]
+        carry = self._carry = data[walked.rest :]
+        begun = len(carry) >= blf.OBJECT.size and carry.startswith(blf.SIGNATURE)
+        self._missing = blf.OBJECT.unpack_from(carry)[3] - len(carry) if begun else 0
+        self._middle = []
+        self._source = last.at, last.end
         self._objects += walked.objects
+        self._state.others += walked.others
         if self.first is None and walked.first is not None:
             self.first = walked.first
-            if self._header.start_ms is not None:
+            if self._header is not None and self._header.start_ms is not None:
                 self._state.start_ns = self._header.start_ms * 1_000_000 + self.first
+        if self._state.notes is not None:
+            self._note(self._state.notes, walked.notes)
+        self._rows += walked.frames.t.size
         if walked.frames.t.size:
             yield walked.frames
 
-    def gap(self, gap: Gap) -> None:
+    def _note(self, notes: list[Note], told: list[tuple[int, Told]]) -> None:
+        """Give out the events, as soon as there is a time that theirs can count from."""
+        told = [(self._rows + before, event) for before, event in told]
+        if self.first is None:
+            self._told = (self._told + told)[:_EARLY]
+            return
+        for row, (stamp, what, says) in self._told + told:
+            notes.append(Note(row, Event((stamp - self.first) * 1e-9, what, says)))
+        self._told = []
+
+    def lose(self, begin: int, end: int, why: str) -> None:
         """Something was lost in the file: whatever comes next has to be found."""
-        self._gaps.append(gap)
-        self._carry, self._aligned = b"", False
+        self._damaged.add(begin, end, why)
+        self._carry, self._middle, self._missing, self._aligned = b"", [], 0, False
 
     def end(self) -> None:
         """Sum up."""
         size = self._state.size
         if self._carry.strip(b"\0"):
-            self._gaps.append(Gap(size, "the file ends in an object"))
+            self._damaged.add(self._source[0], size, "the file ends in an object")
         self._state.done = size
-        self._state.damage = _damage(self._header, size, self._objects, self._gaps)
+        self._state.damage = self._damage(size)
+
+    def _damage(self, size: int) -> Damage | None:
+        header, objects, damaged = self._header, self._objects, self._damaged
+        total = -1
+        if header is not None:
+            # A killed writer leaves the counts of its last checkpoint, or none. A flipped bit can leave anything.
+            plausible = objects <= header.objects and (
+                header.objects * blf.OBJECT.size <= header.uncompressed_size
+            )
+            total = header.objects if plausible else -1
+            if not damaged and objects != total and size < header.file_size:
+                early = header.file_size - size
+                damaged.add(size, header.file_size, f"the file ends here, {early} bytes early")
+            # only a header that knows of all these bytes is believed when it knows of more objects
+            if not damaged and objects < total and self._inflated <= header.uncompressed_size:
+                damaged.add(size, 0, f"the file's header counts {total - objects} more")
+        if not damaged:
+            return None
+        return Damage(damaged.says("objects", objects, total), objects, total, damaged.spans)
 
 
 def _single(payload: Payload) -> list[Payload]:
@@ -124,32 +213,28 @@ def _single(payload: Payload) -> list[Payload]:
     found = chain(payload.data, 0)
     spans = zip(found.begin.tolist(), found.size.tolist(), strict=True)
     return [
-        Payload(payload.at + begin, payload.data[begin : begin + size], bare=True) for begin, size in spans
+        Payload(payload.at + begin, payload.at + begin + size, payload.data[begin : begin + size], bare=True)
+        for begin, size in spans
     ]
 
 
-def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader, int]:
-    """Return the header, and the byte where the first object should be."""
+def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader | None, int]:
+    """Return the header, None where it is damaged, and the byte where the first object should be."""
     head = file.read(blf.FILE_HEADER_SIZE + len(blf.SIGNATURE))
     usual = head.endswith(blf.SIGNATURE)
     if not head.startswith(blf.FILE_SIGNATURE) and not usual:
-        raise LogError(f"{path} is not a BLF log: it does not begin with LOGG")
+        start = first_container(file, size)
+        if start == size:
+            raise LogError(f"{path} is not a BLF log: it does not begin with LOGG, and no container is in it")
+        return None, start
     if len(head) < blf.FILE_HEADER.size:
         raise LogError(f"{path} is cut off in its header: {size} bytes")
+    early = head.find(blf.SIGNATURE)
+    if 0 < early < blf.FILE_HEADER.size:
+        return None, early
     header = blf.parse_file_header(head)
+    if early > 0:
+        return header, early
     # Every known writer's header has 144 bytes. Believe others within reason: `containers` finds its way.
-    believable = blf.FILE_HEADER.size <= header.size <= 4096 and not usual
+    believable = blf.FILE_HEADER.size <= header.size <= 4096
     return header, header.size if believable else blf.FILE_HEADER_SIZE
-
-
-def _damage(header: blf.FileHeader, size: int, objects: int, gaps: list[Gap]) -> Damage | None:
-    # A killed writer leaves the counts of its last checkpoint, or none. A flipped bit can leave anything.
-    plausible = objects <= header.objects and header.objects * blf.OBJECT.size <= header.uncompressed_size
-    total = header.objects if plausible else -1
-    if not gaps and size < header.file_size and not (plausible and objects == total):
-        gaps = [Gap(size, f"the file ends here, {header.file_size - size} bytes early")]
-    if not gaps:
-        return None
-    more = f", and {len(gaps) - 1} more" if len(gaps) > 1 else ""
-    of = f" of {total}" if total >= 0 else ""
-    return Damage(f"read {objects}{of} objects: {gaps[0].why} (byte {gaps[0].at}{more})", objects, total)

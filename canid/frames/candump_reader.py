@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from canid.frames import stamps
-from canid.frames.lines import Bad, Line, Tally, hex_bytes, lines, remote_length
+from canid.frames.lines import LONGEST_TIME, Bad, Line, Tally, hex_bytes, lines, remote_length
 from canid.frames.read_state import ReadState
 from canid.types import Flag, Frame
 
@@ -51,6 +51,8 @@ def _parse(line: Line) -> tuple[int, str, int, bytes, int, int]:
     if not (stamp.startswith("(") and stamp.endswith(")")):
         raise Bad("it is no candump line")
     ns = stamps.from_text(stamp[1:-1])
+    if not 0 <= ns <= LONGEST_TIME:
+        raise Bad("its time is damaged")
     name, _, rest = frame.partition("#")
     if len(name) not in (3, 8) or not _:
         raise Bad("it is no candump line")

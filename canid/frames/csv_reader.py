@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from canid.frames import stamps
-from canid.frames.lines import LARGEST_ID, Bad, Tally, lines, remote_length
+from canid.frames.lines import LARGEST_ID, LONGEST_TIME, Bad, Tally, lines, remote_length
 from canid.frames.read_state import ReadState
 from canid.types import Flag, Frame
 
@@ -47,13 +47,15 @@ def _parse(text: str) -> tuple[int, int, bytes, int, int]:
         data = base64.b64decode(packed, validate=True)
     except binascii.Error:
         raise Bad("its data are not base64") from None
-    announced, number = int(dlc), int(id_, 16)
+    announced, number, ns = int(dlc), int(id_, 16), stamps.from_float(float(stamp))
+    if not 0 <= ns <= LONGEST_TIME:
+        raise Bad("its time is damaged")
     if not 0 <= number <= LARGEST_ID:
         raise Bad(f"{id_[:32]!r} is too large for an id")
     if flags & Flag.REMOTE:
-        return stamps.from_float(float(stamp)), number, b"", flags, remote_length(announced)
+        return ns, number, b"", flags, remote_length(announced)
     if len(data) != announced and not flags & Flag.ERROR:
         raise Bad(f"it announces {announced} data bytes and has {len(data)}")
     # the format has no mark for CAN FD, but its length gives it away
     flags |= int(Flag.FD) if len(data) > 8 else 0
-    return stamps.from_float(float(stamp)), number, data, flags, -1
+    return ns, number, data, flags, -1

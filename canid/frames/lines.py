@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.errors import LogError
+from canid.frames.damaged import Damaged
 from canid.frames.read_state import ReadState
 from canid.types import Damage
 
@@ -30,6 +31,8 @@ class Line(NamedTuple):
     text: str  # each byte one character: no encoding can fail; without the line's end
     number: int
     whole: bool  # False: the file ends, or the line is cut, before the line's end
+    begin: int = 0  # its first byte in the file
+    end: int = 0  # the byte behind it
 
 
 class Bad(ValueError):  # noqa: N818  (a finding inside this package)
@@ -42,27 +45,23 @@ class Tally:
 
     read: int = 0
     bad: int = 0
-    first: str = ""  # about the first bad line
-    cut: str = ""  # why reading ended early
+    damaged: Damaged = field(default_factory=Damaged)
+    cut: bool = False  # reading ended early: nobody knows how many there were
 
     def miss(self, line: Line, why: str) -> None:
         """Count a bad line."""
         self.bad += 1
-        if not self.first:
-            self.first = f"line {line.number}: {why}"
+        self.damaged.add(line.begin, line.end, f"line {line.number}: {why}")
 
     def damage(self, path: Path) -> Damage | None:
         """Sum up. Raises LogError if there was trouble and not one frame."""
-        says = "; ".join(part for part in (self.first, self.cut) if part)
-        if not says:
+        if not self.damaged:
             return None
+        total = -1 if self.cut else self.read + self.bad
+        says = self.damaged.says("frame lines", self.read, total)
         if not self.read:
             raise LogError(f"{path} holds no frame that can be read ({says})")
-        more = f", and {self.bad - 1} more" if self.bad > 1 else ""
-        total = self.read + self.bad
-        return Damage(
-            f"read {self.read} of {total} frame lines: {says}{more}", self.read, -1 if self.cut else total
-        )
+        return Damage(says, self.read, total, self.damaged.spans)
 
 
 class Block(NamedTuple):
@@ -71,10 +70,11 @@ class Block(NamedTuple):
     data: bytes
     ends: npt.NDArray[np.int64]  # (n,) where each line ends in `data`, behind its line feed
     number: int  # of the first of them, counted from 1
+    at: int = 0  # where `data` begins in the file
 
 
 def blocks(path: Path, state: ReadState, tally: Tally) -> Iterator[Block]:
-    """All lines, some thousands at a time; a gzip stream that breaks off ends them and is noted in `tally.cut`."""
+    """All lines, some thousands at a time; a gzip stream that breaks off ends them and is told to `tally`."""
     with open(path, "rb") as raw:
         zipped = path.suffix.lower() == ".gz"
         file = gzip.GzipFile(fileobj=raw) if zipped else raw
@@ -93,11 +93,12 @@ def blocks(path: Path, state: ReadState, tally: Tally) -> Iterator[Block]:
             state.done = raw.tell() if zipped else done
             rest = data[end:]
             if end:
-                block = Block(data[:end] if rest else data, _ends(data, end), number)
+                block = Block(data[:end] if rest else data, _ends(data, end), number, done - end)
                 number += len(block.ends)
                 yield block
             if why:
-                tally.cut = f"the gzip stream is damaged after line {number - 1} ({why})"
+                tally.cut = True
+                tally.damaged.add(done, 0, f"the gzip stream is damaged after line {number - 1} ({why})")
         state.done = state.size
 
 
@@ -140,7 +141,8 @@ def lines(path: Path, state: ReadState, tally: Tally) -> Iterator[Line]:
 def line(block: Block, k: int, begin: int, end: int) -> Line:
     """The block's line `k`, from byte `begin` to `end`."""
     data = block.data[begin:end]
-    return Line(data.decode("latin-1").rstrip("\r\n"), block.number + k, data.endswith(b"\n"))
+    text = data.decode("latin-1").rstrip("\r\n")
+    return Line(text, block.number + k, data.endswith(b"\n"), block.at + begin, block.at + end)
 
 
 def hex_bytes(text: str, length: int) -> bytes:
@@ -159,6 +161,8 @@ def hex_bytes(text: str, length: int) -> bytes:
 
 
 LARGEST_ID = 0x1FFFFFFF
+# ns; 146 years, since 1970 or since the log's start: a longer time is damage, and sums of two still fit 64 bits
+LONGEST_TIME = 1 << 62
 
 
 def remote_length(asked: int) -> int:

@@ -11,7 +11,7 @@ from typing import TypeVar
 from canid.errors import ConfigError, LogError
 from canid.frames import stamps
 from canid.frames.columns import Wanted, chunks
-from canid.frames.read_state import Read, ReadColumns, ReadState
+from canid.frames.read_state import Note, Read, ReadColumns, ReadState
 from canid.types import Columns, Damage, Frame
 
 _T = TypeVar("_T")
@@ -55,16 +55,22 @@ class Log:
         frames = read(path, self._state)
         next(frames, None)
         frames.close()  # type: ignore[attr-defined]  # it is a generator: close the file now
-        self.start_utc = stamps.epoch_seconds(self._state.start_ns)
+        self.start_ns = self._state.start_ns  # as `start_utc`, exactly; None where the log does not tell
+        self.start_utc = stamps.epoch_seconds(self.start_ns)
         self._state = self._new_state()
 
-    def _new_state(self) -> ReadState:
-        return ReadState(size=self.path.stat().st_size)
+    def _new_state(self, notes: list[Note] | None = None) -> ReadState:
+        return ReadState(size=self.path.stat().st_size, notes=notes)
 
     @property
     def damage(self) -> Damage | None:
         """What could not be read; None before the end of an iteration, or when all was well."""
         return self._state.damage
+
+    @property
+    def others(self) -> int:
+        """How many objects beside frames and the recorder's events the latest iteration has passed over (.blf)."""
+        return self._state.others
 
     @property
     def progress(self) -> float:
@@ -74,20 +80,24 @@ class Log:
     def __iter__(self) -> Iterator[Frame]:
         return self._pass(self._read)
 
-    def columns(self, ids: Iterable[int] | None = None) -> Iterator[Columns]:
+    def columns(self, ids: Iterable[int] | None = None, notes: list[Note] | None = None) -> Iterator[Columns]:
         """The frames as columns, some thousands at a time: however long the log, memory is bounded.
 
         The same frames as one by one, many times faster where the format allows (.blf, .asc).
         `ids`: the ids that are wanted; frames with others may be left out.
+        `notes`: takes the events that canid's recorder wrote between the frames (.blf, .asc), at the latest with the
+        frames before which they stand; whoever looks at it may empty it. Their rows count all frames given.
         """
         wanted = None if ids is None else Wanted(ids)
         columns = self._read_columns
         if columns is None:
             return self._pass(lambda path, state: chunks(self._read(path, state)))
-        return self._pass(lambda path, state: columns(path, state, wanted))
+        return self._pass(lambda path, state: columns(path, state, wanted), notes)
 
-    def _pass(self, read: Callable[[Path, ReadState], Iterator[_T]]) -> Iterator[_T]:
-        state = self._state = self._new_state()
+    def _pass(
+        self, read: Callable[[Path, ReadState], Iterator[_T]], notes: list[Note] | None = None
+    ) -> Iterator[_T]:
+        state = self._state = self._new_state(notes)
         try:
             yield from read(self.path, state)
         except OSError as error:

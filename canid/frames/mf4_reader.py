@@ -59,5 +59,5 @@ def read_mf4(path: Path, state: ReadState) -> Iterator[Frame]:
             why = last or f"the reading process ended with code {code}"
             if not read:
                 raise LogError(f"cannot read {path}: {why}")
-            state.damage = Damage(f"read {read} frames, then: {why}", read, -1)
+            state.damage = Damage(f"read {read} frames: {why}", read, -1)
     state.done = state.size

@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from canid.frames import messages, python_can, stamps
-from canid.frames.lines import LARGEST_ID, Line, Tally, lines
+from canid.frames.lines import LARGEST_ID, LONGEST_TIME, Line, Tally, lines
 from canid.frames.read_state import ReadState
 from canid.types import Frame
+
+# lines of a header, of some twenty, that are kept: more is damage
+_HEADER = 1000
 
 
 def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -23,6 +26,9 @@ def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
             tally.miss(feed.last, "its id or its length is too large")
             continue
         ns = stamps.from_float(message.timestamp)
+        if feed.last is not None and abs(ns) > LONGEST_TIME:
+            tally.miss(feed.last, "its time is damaged")
+            continue
         if first is None:
             first = ns
             state.start_ns = ns
@@ -60,7 +66,7 @@ class _Feed:
     def __iter__(self) -> Iterator[str]:
         for line in chain(tuple(self._header), self._source):
             if line.text.startswith(";"):
-                if line not in self._header[-64:]:
+                if line not in self._header[-64:] and len(self._header) < _HEADER:
                     self._header.append(line)
             elif not line.whole:
                 self._tally.miss(line, "the file ends in it")

@@ -91,6 +91,7 @@ class _Data(NamedTuple):
     y: Array
     u: Array  # (m, N)
     runs: list[tuple[int, int]]  # usable stretches, longer than the lags
+    age: npt.NDArray[np.int64]  # (N,) samples since the first of its run that can be predicted; -1: cannot be
 
 
 def runs(usable: npt.NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
@@ -118,21 +119,34 @@ def _regressors(data: _Data, o: Orders) -> Array:
     return np.array(rows)
 
 
-def _predict(theta: Array, phi: Array, data: _Data, o: Orders) -> tuple[Array, Array]:
-    """Innovations (N,) and their negative gradient (n, N); zero outside the runs."""
+def _innovations(theta: Array, phi: Array, data: _Data) -> Array:
+    """(N,), zero outside the runs."""
     linear, c = theta[: len(phi)], theta[len(phi) :]
-    e = np.zeros(len(data.y))
-    psi = np.zeros((len(theta), len(data.y)))
-    simple = data.y - linear @ phi
-    for a, b in data.runs:
-        a += o.lag()
-        e[a:b] = polynomial.divide(simple[a:b], c)
-        block = np.zeros((len(theta), b - a))
-        block[: len(phi)] = phi[:, a:b]
-        for k in range(1, o.nc + 1):
-            block[len(phi) + k - 1, k:] = e[a : b - k]
-        psi[:, a:b] = polynomial.divide(block, c)
-    return e, psi
+    return polynomial.divide(np.where(data.age >= 0, data.y - linear @ phi, 0.0), c, data.age)
+
+
+def _gradient(theta: Array, e: Array, phi: Array, data: _Data, o: Orders) -> Array:
+    """Negative gradient (n, N) of the innovations; zero outside the runs.
+
+    Every row is filtered by 1/C from rest at the start of its run. The rows of one signal are lags of each other: its
+    first is filtered, and each next one is that a sample later, plus what the sample that it has before answers: the
+    impulse response.
+    """
+    linear, c, outside = len(phi), theta[len(phi) :], data.age < 0
+    first = [0] * (o.na > 0) + [o.na + i * o.nb for i in range(len(data.u))] + [linear - 1]
+    ready = np.concatenate([phi[first], e[None], (data.age == 0)[None]])
+    ready[:, outside] = 0.0
+    *done, of_e, impulse = polynomial.divide(ready, c, data.age)
+    begin = np.where(outside, 0, np.arange(len(e)) - data.age)
+    psi = np.zeros((len(theta), len(e)))
+    psi[first] = done
+    for k in range(len(theta)):
+        if k not in first:
+            psi[k, 1:] = of_e[:-1] if k == linear else psi[k - 1, :-1]
+            if k < linear:  # the innovations have no sample before their first
+                psi[k] += phi[k, begin] * impulse
+            psi[k, outside] = 0.0
+    return psi
 
 
 def _start(data: _Data, phi: Array, o: Orders) -> Array:
@@ -197,7 +211,7 @@ def fit_armax(
         raise ValueError(f"{orders}: na, nc, nk >= 0 and nb >= 1")
     data, scale = _ready(np.asarray(output, float), inputs, usable, orders, segment)
     n = orders.count(inputs.shape[1])
-    count = sum(b - a - orders.lag() for a, b in data.runs)
+    count = int((data.age >= 0).sum())
     # five samples per parameter is the least from which the start's long regression can be solved
     if count < 5 * n or not scale > 0.0:
         return None
@@ -209,9 +223,7 @@ def fit_armax(
     theta, e, psi = found
     sigma2 = float(e @ e) / max(count - n, 1)
     H = psi @ psi.T
-    inside = np.zeros(len(e), bool)
-    for a, b in data.runs:
-        inside[a + orders.lag() : b] = True
+    inside = data.age >= 0
     try:
         inverse = np.linalg.inv(H)
     except np.linalg.LinAlgError:
@@ -268,7 +280,10 @@ def _ready(
         ]
     y = np.where(good, output, 0.0)
     u = np.ascontiguousarray(np.where(good[:, None], inputs, 0.0).T)
-    return _Data(y, u, pieces), float(np.std(output[good])) if good.any() else 0.0
+    age = np.full(len(y), -1)
+    for a, b in pieces:
+        age[a + orders.lag() : b] = np.arange(b - a - orders.lag())
+    return _Data(y, u, pieces, age), float(np.std(output[good])) if good.any() else 0.0
 
 
 def _cut(start: int, end: int, cuts: npt.NDArray[np.int64]) -> list[tuple[int, int]]:
@@ -278,7 +293,8 @@ def _cut(start: int, end: int, cuts: npt.NDArray[np.int64]) -> list[tuple[int, i
 
 def _descend(theta: Array, phi: Array, data: _Data, o: Orders) -> tuple[Array, Array, Array] | None:
     """Levenberg-Marquardt; None where the data do not excite every parameter."""
-    e, psi = _predict(theta, phi, data, o)
+    e = _innovations(theta, phi, data)
+    psi = _gradient(theta, e, phi, data, o)
     V, mu = float(e @ e), 1e-6
     # thirty steps: from Hannan & Rissanen five are usual
     for _ in range(30):
@@ -292,14 +308,15 @@ def _descend(theta: Array, phi: Array, data: _Data, o: Orders) -> tuple[Array, A
             except np.linalg.LinAlgError:
                 return None
             if polynomial.is_stable([float(c) for c in trial[len(phi) :]], 0.999):
-                e2, psi2 = _predict(trial, phi, data, o)
+                e2 = _innovations(trial, phi, data)
                 if float(e2 @ e2) <= V:
                     break
             mu *= 10.0
         else:
             return theta, e, psi
         gained = V - float(e2 @ e2)
-        theta, e, psi, V, mu = trial, e2, psi2, V - gained, max(mu / 10.0, 1e-12)
+        theta, e, V, mu = trial, e2, V - gained, max(mu / 10.0, 1e-12)
+        psi = _gradient(theta, e, phi, data, o)
         if gained <= 1e-9 * V:
             break
     return theta, e, psi

@@ -223,9 +223,10 @@ def _newest(e: Array, before: Array, nc: int) -> Array:
 
 def _keep_stable(new: Array, old: Array, nc: int) -> None:
     """Shorten a step that would make 1/C unstable until it does not (Ljung & Söderström 1983, sec. 6.6)."""
-    for i, c in enumerate(new[:, 0, -nc:].tolist()):
+    every, sufficient = new[:, 0, -nc:].tolist(), RADIUS**nc
+    for i, c in enumerate(every):
         # the first is sufficient and, for one zero, all that is to be asked
-        if sum(map(abs, c)) < RADIUS**nc or polynomial.is_stable(c, RADIUS):
+        if sum(map(abs, c)) < sufficient or polynomial.is_stable(c, RADIUS):
             continue
         for _ in range(6):
             new[i] = 0.5 * (new[i] + old[i])

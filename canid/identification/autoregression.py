@@ -85,9 +85,8 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     series = np.where(usable, np.atleast_2d(r), 0.0)
     n = series.shape[1]
     # (1 + most, series, rows): each series now and at every lag
-    X = np.array([series[:, most - i : n - i] for i in range(most + 1)])[:, :, rows[most:]].reshape(
-        most + 1, -1
-    )
+    X = np.array([series[:, most - i : n - i] for i in range(most + 1)])[:, :, chosen(rows[most:])]
+    X = X.reshape(most + 1, -1)
     products = X @ X.T
     yy, h, G = float(products[0, 0]) * (1.0 + floor), products[1:, 0], products[1:, 1:].copy()
     G[np.diag_indices(most)] *= 1.0 + floor

@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.types import Array
 
@@ -24,20 +25,25 @@ class Response(NamedTuple):
     d_dead_time: Array  # (n,) per s
 
 
-def scan(v: Array, alpha: Array) -> Array:
+def scan(v: Array, alpha: Array, age: npt.NDArray[np.int64] | None = None) -> Array:
     """Solve y_k = alpha y_(k-1) + v_k, y_(-1) = 0, along the last axis: (..., n), alpha (..., 1).
+
+    With age (n,), how many samples before k the recursion goes back to at most, it begins anew wherever that is 0.
 
     By doubling (Hillis & Steele 1986): after step j each y_k holds 2^j terms of the sum. Ten array operations
     instead of a loop of 600; and numpy alone, because importing scipy.signal costs more than a second.
 
     >>> scan(np.array([1.0, 0.0, 0.0]), np.array([0.5]))
     array([1.  , 0.5 , 0.25])
+    >>> scan(np.array([1.0, 0.0, 1.0]), np.array([0.5]), np.array([0, 1, 0]))
+    array([1. , 0.5, 1. ])
     """
     y = v.copy()
     reach, power, largest = 1, alpha, float(np.abs(alpha).max())
     # below 1e-17 a term no longer changes a float64 sum
     while reach < v.shape[-1] and largest > 1e-17:
-        y[..., reach:] += power * y[..., :-reach]
+        weight = power if age is None else np.where(age[reach:] >= reach, power, 0.0)
+        y[..., reach:] += weight * y[..., :-reach]
         reach, power, largest = 2 * reach, power * power, largest * largest
     return y
 

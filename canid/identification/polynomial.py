@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.identification.first_order import scan
 from canid.types import Array
@@ -62,10 +63,11 @@ def _zeros(c: tuple[float, ...]) -> tuple[complex, ...]:
     return tuple(np.roots(np.concatenate([[1.0], c])))
 
 
-def divide(x: Array, c: Array) -> Array:
+def divide(x: Array, c: Array, age: npt.NDArray[np.int64] | None = None) -> Array:
     """Solve y_t = x_t - sum c_i y_(t-i), at rest before, along the last axis: x filtered by 1/C.
 
-    One first-order recursion per zero of C (complex where they are), each a scan: no loop over time.
+    One first-order recursion per zero of C (complex where they are), each a scan: no loop over time. With `age` it
+    begins anew, see `first_order.scan`.
 
     >>> divide(np.array([1.0, 0.0, 0.0]), np.array([-0.5]))
     array([1.  , 0.5 , 0.25])
@@ -73,9 +75,14 @@ def divide(x: Array, c: Array) -> Array:
     if len(c) == 0:
         return x
     if len(c) == 1:
-        return scan(x, np.array([-c[0]]))
+        return scan(x, np.array([-c[0]]), age)
+    zeros = np.array(_zeros(tuple(c)))
+    if not zeros.imag.any():
+        for zero in zeros.real:
+            x = scan(x, np.array([zero]), age)
+        return x
     y: Any = x.astype(np.complex128)  # `scan` is arithmetic alone, and as right for complex numbers
-    for zero in _zeros(tuple(c)):
-        y = scan(y, np.array([zero]))
+    for zero in zeros:
+        y = scan(y, np.array([zero]), age)
     out: Array = np.ascontiguousarray(y.real)
     return out

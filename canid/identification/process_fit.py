@@ -7,6 +7,7 @@ time; there is no descent that could stop in a side valley. K and the offset are
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -264,10 +265,21 @@ def _lay(lay: rows.Layout, regions: tuple[posterior.Region, ...], prior: Prior |
     return Laid(regions, cells, W, belief.log_density(prior, cells) if prior is not None else None)
 
 
+@cache
+def _whole(box: answers.Box) -> tuple[posterior.Region, posterior.Cells, Array]:
+    region = posterior.whole_box(box)
+    cells = posterior.lay(region, box)
+    return region, cells, answers.weights(answers.basis(box), cells.tau, cells.dead_time)
+
+
 def _cold(lay: rows.Layout, data: _Data, prior: Prior | None) -> Start:
     """Look at the whole box as if the noise were white: the least residual there shows the noise's colour."""
     m, n = lay.inputs, len(data.y)
-    laid = _lay(lay, (posterior.whole_box(lay.basis.box),) * m, prior)
+    region, cells, W = _whole(lay.basis.box)
+    every = (cells,) * m
+    laid = Laid(
+        (region,) * m, every, (W,) * m, belief.log_density(prior, every) if prior is not None else None
+    )
     white = _Colour(np.zeros(0), 1, 0, data.usable, np.zeros(n), 1.0)
     return Start(_middle(lay, data, _look(lay, data, laid, white)[1], False), laid)
 

@@ -188,8 +188,8 @@ def _advance(lay: Layout, history: History | None, u: Array) -> tuple[History, A
     return kept, columns.transpose(0, 2, 1).reshape(k, -1), age
 
 
-# up to so many samples a loop over them is faster than a scan over all
-_LOOP = 64
+# up to so many samples a loop over them, whose last bits do not depend on where it is cut; beyond, a scan is faster
+_LOOP = 128
 
 
 def _average(ready: Array, per_row: int) -> Array:

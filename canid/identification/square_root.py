@@ -62,9 +62,10 @@ def update(root: Array, psi: Array) -> Update:
            [0. , 1. ]]), array([[0.5, 0. ]]))
     """
     f = psi @ root
-    spread = f @ f.swapaxes(1, 2) + 1.0
-    g = f @ root.swapaxes(1, 2)
-    return Update(root - g.swapaxes(1, 2) * (f / (spread + np.sqrt(spread))), g / spread, spread)
+    column = f.swapaxes(1, 2)
+    spread = f @ column + 1.0
+    g = root @ column
+    return Update(root - g * (f / (spread + np.sqrt(spread))), g.swapaxes(1, 2) / spread, spread)
 
 
 def forget(root: Array, regressors: Array, forgetting: Array) -> Array:

@@ -119,8 +119,10 @@ def test_damage_says_how_many_of_how_many(written: bytes, tmp_path: Path) -> Non
     assert log.damage is not None
     assert (log.damage.read, log.damage.total) == (n, COUNT)
     assert COUNT - PER_CONTAINER <= n < COUNT
-    assert log.damage.says.startswith(f"read {n} of {COUNT} objects: ")
-    assert "byte " in log.damage.says
+    assert log.damage.says.startswith(f"read {n} of {COUNT} objects, bytes ")
+    ((first, last),) = log.damage.spans
+    assert first <= len(data) // 2 <= last
+    assert f"bytes {first}–{last} damaged" in log.damage.says
     assert "\n" not in log.damage.says
 
 

@@ -257,7 +257,9 @@ def test_bad_lines_are_counted_and_named(tmp_path: Path) -> None:
     assert len(list(log)) == 3
     assert log.damage is not None
     assert (log.damage.read, log.damage.total) == (3, 5)
-    assert log.damage.says.startswith("read 3 of 5 frame lines: line 2: ")
+    assert log.damage.says.startswith(
+        "read 3 of 5 frame lines, bytes 41–47 and 1 more place damaged: line 2: "
+    )
 
 
 def test_a_gzip_stream_that_breaks_off_is_told(tmp_path: Path) -> None:

@@ -62,12 +62,13 @@ def test_gradient_is_the_difference_quotient():
     data, _ = armax_batch._ready(y, u, usable, o, None)
     phi = armax_batch._regressors(data, o)
     theta = rng.normal(size=o.count(2)) * 0.2
-    _, psi = armax_batch._predict(theta, phi, data, o)
+    e = armax_batch._innovations(theta, phi, data)
+    psi = armax_batch._gradient(theta, e, phi, data, o)
     for i in range(len(theta)):
         step = np.zeros(len(theta))
         step[i] = 1e-6
-        high, _ = armax_batch._predict(theta + step, phi, data, o)
-        low, _ = armax_batch._predict(theta - step, phi, data, o)
+        high = armax_batch._innovations(theta + step, phi, data)
+        low = armax_batch._innovations(theta - step, phi, data)
         assert np.allclose(psi[i], -(high - low) / 2e-6, atol=1e-6)
 
 
@@ -132,7 +133,7 @@ def test_begins_with_the_lags_that_the_fit_ended_with():
     y, u = table_1(11, N=170)
     start = fit_armax(y[:150], u[:150], np.full(150, True))
     data, _ = armax_batch._ready(y, u, np.full(170, True), Orders(), None)
-    e, _ = armax_batch._predict(start.theta, armax_batch._regressors(data, Orders()), data, Orders())
+    e = armax_batch._innovations(start.theta, armax_batch._regressors(data, Orders()), data)
     state = armax_recursive.begin(start)
     for k in range(150, 170):
         state, innovation = armax_recursive.step(state, Orders(), float(y[k]), u[k].tolist(), learn=False)

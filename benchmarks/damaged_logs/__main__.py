@@ -1,0 +1,61 @@
+"""More damaged logs than the tests read: `python -m benchmarks.damaged_logs --mutants 100000 --seed 7`.
+
+Ends with 1 where a claim does not hold of one of them; `--keep FOLDER` keeps these files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.damaged_logs.bases import bases
+from benchmarks.damaged_logs.claims import check
+from benchmarks.damaged_logs.mutants import mutant
+
+# one in so many is read frame by frame too
+_ONE_BY_ONE = 10
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mutants", type=int, default=5_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=Path, metavar="FOLDER")
+    args = parser.parse_args()
+    failed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        made = bases(Path(folder), args.seed)
+        for base in made:
+            rng = random.Random(f"{args.seed} {base.name}")
+            path = Path(folder) / f"x{base.suffix}"
+            n, kept, lost, worst, begun = args.mutants // len(made), 0, 0, 0.0, time.process_time()
+            for k in range(n):
+                damaged = mutant(rng, base)
+                one = time.process_time()
+                try:
+                    found = check(base, damaged, path, one_by_one=k % _ONE_BY_ONE == 0)
+                except Exception as error:  # of any kind: each is a finding
+                    failed += 1
+                    print(f"{base.name} {k}, {damaged.what}: {type(error).__name__}: {error}", flush=True)
+                    if args.keep:
+                        args.keep.mkdir(parents=True, exist_ok=True)
+                        shutil.copy(path, args.keep / f"{base.name}-{k}{base.suffix}")
+                    continue
+                worst = max(worst, time.process_time() - one)
+                kept, lost = kept + found.kept, lost + found.lost
+            spent = time.process_time() - begun
+            print(
+                f"{base.name:16} {n:7} mutants, {100 * lost / max(n * len(base.frames), 1):4.1f} % of the frames lost, "
+                f"none of {kept} outside the damage; {1e3 * spent / max(n, 1):.1f} ms of CPU each, {1e3 * worst:.0f} at most",  # noqa: E501
+                flush=True,
+            )
+    print(f"{failed} failed")
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,70 @@
+"""`canid recover LOG`: a clean copy of a damaged log."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+from canid.cli import options, show
+from canid.errors import DAMAGED, DONE
+from canid.frames.recovery import Recovered
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("log", metavar="LOG", help=options.LOGS)
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        help="the copy: .blf, .asc or .log, never over a file that exists; default: LOG with .recovered before its "
+        "suffix, .blf where LOG has a format that canid does not write",
+    )
+    options.json_file(parser)
+    parser.epilog = (
+        "exit: 0 nothing was damaged and the copy is whole, 4 something was damaged and all the rest is in the copy, "
+        "or not one frame could be read and there is no copy"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Recover."""
+    from canid.frames.recovery import recover
+    from canid.views import as_json
+
+    bar = show.Progress(f"reading {args.log}")
+    with options.sink(args.json) as sink:
+        try:
+            found = recover(args.log, args.output, bar.to)
+        finally:
+            bar.close()
+        options.talk(found.damage.says if found.damage else f"read {found.frames} frames, nothing damaged")
+        events = f", {found.events} of the recorder's events" if found.events else ""
+        options.talk(f"{found.path}: {found.frames} frames{events}")
+        if found.others:
+            options.talk(f"{found.others} objects that are no CAN frames are not in the copy")
+        if sink is not None:
+            sink.write(as_json.line(told(args.log, found)) + "\n")
+    return DAMAGED if found.damage else DONE
+
+
+def told(log: str, found: Recovered) -> dict[str, Any]:
+    """The same as JSON."""
+    damage = found.damage
+    return {
+        "log": log,
+        "path": str(found.path),
+        "frames": found.frames,
+        "events": found.events,
+        "others": found.others,
+        "start_utc": None if math.isnan(found.start_utc) else found.start_utc,
+        "read": damage.read if damage else found.frames + found.others,
+        "total": damage.total
+        if damage and damage.total >= 0
+        else None
+        if damage
+        else found.frames + found.others,
+        "damaged": [list(span) for span in damage.spans] if damage else [],
+        "says": damage.says if damage else "",
+    }
