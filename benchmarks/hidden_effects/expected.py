@@ -12,18 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.hidden_effects.knowable import answer, known
+from benchmarks.hidden_effects.knowable import GRID, WALK, answer, known
 from benchmarks.hidden_effects.metric import Metric, metric, size
 from benchmarks.hidden_effects.planted import EFFECTS, Array, Planted
 from canid.types import Trace
 
-GRID = 0.1  # s: canid's own
 FINE = 0.02  # s: answers are made here, where a dead time between grid points costs nothing
 # %; a pedal position in 8 bits has 0.4 % steps, whose error is uniform
 QUANTUM = 0.4
 # s; what a baseline may have, wider than any driver that is planted
 TAU, DEAD_TIME = (0.5 * FINE, 5.0), (0.0, 2.5)
-WALK = 1.0  # m/s; below, a headway says nothing
 # lags and dead times (4,) s -> headway (n,) s and range rate (n,) m/s through them
 Answers = Callable[[Array], tuple[Array, Array]]
 

@@ -65,7 +65,7 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
         solved: the model whose residual is looked at; its dead times and lags are used, its causes are not.
     """
     dt, q = data.output.dt, solved.q
-    fine = solved.rows & ~data.output.below & ~data.output.above
+    fine = solved.rows & ~data.output.hidden
     acted = parts(solved.model._replace(effects=(), where=()), data, q)
     late = seen_late(data, float(q[THETA2]))
     gap = np.maximum(late.gap, 1.0)
@@ -135,7 +135,7 @@ def shapes(data: DriverData, solved: Solved) -> list[Shapes]:
 
 def answers(data: DriverData, solved: Solved) -> dict[str, Array]:
     """What the driver answers, through his lag, and how fast the output should move: name -> (n,)."""
-    fine = solved.rows & ~data.output.below & ~data.output.above
+    fine = solved.rows & ~data.output.hidden
     acted = parts(solved.model._replace(effects=(), where=()), data, solved.q)
     late = _through(float(solved.q[TAU2]), data.output.dt, _standard(acted.w, fine), _standard(acted.e, fine))
     slope = _standard(np.gradient(solved.fitted.model, data.output.dt), fine)

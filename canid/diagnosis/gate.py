@@ -188,7 +188,7 @@ def _share(gain: float, data: DriverData, solved: Solved) -> float:
     What a slow structure with variance s explains of a noise with spectrum S is T·s/S (DESIGN, measured fact 9).
     """
     n = max(solved.fitted.scored.free, 1)
-    residual = (data.output.y - solved.fitted.model)[solved.rows & ~data.output.below & ~data.output.above]
+    residual = (data.output.y - solved.fitted.model)[solved.rows & ~data.output.hidden]
     A = solved.noise.A
     turn = np.exp(-2j * np.pi * SLOW * data.output.dt * np.arange(A.size))
     spectrum = solved.noise.sd**2 / float(abs(A @ turn) ** 2)

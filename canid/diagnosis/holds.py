@@ -92,7 +92,7 @@ def look(data: DriverData, solved: Solved, before: tuple[Holds, ...] = ()) -> Ho
     y, noise = data.output.y, solved.noise
     step = step_size(y[data.output.usable])
     held_sd = max(TREMBLE * step, 1e-3)
-    free = data.output.usable & ~data.output.below & ~data.output.above
+    free = data.output.usable & ~data.output.hidden
     # innovations also where rows do not count after a masked stretch: there the noise is as wide as it can be
     sd = noise.sd * noise.size
     e = np.where(solved.rows, solved.fitted.scored.e, 0.0)

@@ -52,7 +52,7 @@ def look(found: Search, families: list[Shapes]) -> Instead | None:
     # what the wander wins: as it was fitted, as it was priced, and as free as a level can be
     of_wander = max(plain - beside(found.data, solved, own, memory).deviance, told, level, 0.0)
     best = Instead("an answer that explains more than a wish that wanders", 1.0, 0.0, 0, 0.0)
-    rows = solved.rows & ~found.data.output.below & ~found.data.output.above
+    rows = solved.rows & ~found.data.output.hidden
     left = float(np.var((found.data.output.y - solved.fitted.model)[rows]))
     share = float(np.var(added[rows])) / max(float(np.var(added[rows])) + left, 1e-12)
     for family in others:

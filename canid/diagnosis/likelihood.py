@@ -38,6 +38,11 @@ class Output(NamedTuple):
     ceiling: float
     dt: float  # s
 
+    @property
+    def hidden(self) -> Flags:
+        """Samples that tell only on which side of floor or ceiling the demand was."""
+        return self.below | self.above
+
 
 class Noise(NamedTuple):
     """A(q) n(t) = sd · size(t) · e(t), e white with variance 1."""
@@ -59,7 +64,7 @@ class Scored(NamedTuple):
 
 def counted(output: Output, p: int) -> Flags:
     """Samples that count: usable, with p usable and free samples before them."""
-    known = output.usable & ~output.below & ~output.above
+    known = output.usable & ~output.hidden
     run = np.zeros(known.size, dtype=np.int64)
     index = np.arange(known.size)
     last = np.maximum.accumulate(np.where(known, -1, index))
@@ -99,7 +104,7 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
     # who stands at a ceiling is known to want more than that, not how far he pushes into a soft one
     e = whitened(noise, np.where(output.above, output.ceiling, output.y) - model)
     slope = np.full(e.size, -1.0)
-    hidden = rows & (output.below | output.above)
+    hidden = rows & output.hidden
     if hidden.any():
         # e is y − E[y | before] in sd; at the floor y = floor, so −e is how far the expected demand lies above it
         sign = np.where(output.above[hidden], -1.0, 1.0)
@@ -116,7 +121,7 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
 
 def colour(output: Output, residual: Array, p: int, size: Array) -> Noise:
     """Fit A of order p to a residual (n,), by least squares over the samples that count, each weighted by its size."""
-    rows = counted(output, p) & ~output.below & ~output.above
+    rows = counted(output, p) & ~output.hidden
     index = np.flatnonzero(rows)
     if index.size < 4 * (p + 1):
         return Noise(
@@ -139,7 +144,7 @@ def order(output: Output, residual: Array) -> int:
     chosen too short is whitened into something that looks like an answer.
     """
     ones = np.ones(residual.size)
-    rows = counted(output, ORDERS[-1]) & ~output.below & ~output.above
+    rows = counted(output, ORDERS[-1]) & ~output.hidden
     n = int(rows.sum())
     best, chosen = np.inf, ORDERS[0]
     for p in ORDERS:

@@ -107,7 +107,7 @@ def told(data: DriverData, solved: Solved, where: slice, narrow: dict[str, Inter
         where: the line's parameters in q.
         narrow: intervals for a phase that stands still.
     """
-    rows, dt, t = solved.rows & ~data.output.below & ~data.output.above, data.output.dt, data.seen.t
+    rows, dt, t = solved.rows & ~data.output.hidden, data.output.dt, data.seen.t
     amplitude, frequency = (float(x) for x in solved.q[where][:2])
     bare = solved.q.copy()
     bare[where.start] = 0.0

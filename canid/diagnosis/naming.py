@@ -19,8 +19,8 @@ from canid.types import Array, Interval
 MOST = 4
 # 2 Δ log likelihood within which another cause explains the same data as well: a chance of 1 in 20 of e^3
 RIVAL = 6.0
-# how much more evidence a cause beside a ceiling needs, in parts of what it needs alone: a foot that meets a soft limit
-# is bent there, and causes were named for that bend with up to twice what chance gives
+# how much more evidence a cause beside a ceiling needs, in parts of what it needs alone: how far a soft limit bends the
+# foot below `SOFT` is not known
 CLIPPED = 0.5
 # % below a ceiling from which on the foot may be bent by it
 SOFT = 1.5

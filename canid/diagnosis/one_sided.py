@@ -41,7 +41,7 @@ class OneSided(NamedTuple):
 def look(data: DriverData, solved: Solved) -> OneSided:
     """Look at the residual and at what is new in it, smoothed."""
     output, model = data.output, solved.fitted.model
-    free = solved.rows & ~output.below & ~output.above
+    free = solved.rows & ~output.hidden
     left = np.where(output.usable, output.y - model, 0.0)
     away = AWAY * float(np.std(left[free])) if free.any() else 0.0
     far = free.copy()

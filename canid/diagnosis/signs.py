@@ -44,9 +44,7 @@ def look(found: Search, original: DriverData) -> list[Sign]:
     if "act_and_wait" in named:
         return []  # a sawtooth has a line, a rhythm and standstills of its own
     out = []
-    left = np.where(
-        solved.rows & ~data.output.below & ~data.output.above, data.output.y - solved.fitted.model, 0.0
-    )
+    left = np.where(solved.rows & ~data.output.hidden, data.output.y - solved.fitted.model, 0.0)
     out.append(_still(data._replace(output=data.output._replace(y=original.output.y)), found, left, named))
     if "periodic_task" not in named:
         out.append(_line(left, solved.fitted.scored.e, data.output.dt))
@@ -109,7 +107,7 @@ def _wander(found: Search, left: Array) -> Sign:
     says = "a wish that wanders"
     if drift is None or drift.evidence <= 0.0:
         return Sign("wander", says, 1.0, 0.0, 0.0)
-    rows = found.solved.rows & ~found.data.output.below & ~found.data.output.above
+    rows = found.solved.rows & ~found.data.output.hidden
     ratio = float(np.var(drift.added[rows])) / max(float(np.var(left[rows])), 1e-12)
     # a variance is not negative: half of the chances are none (Self & Liang 1987)
     return Sign("wander", says, 0.5 * float(chi2.sf(drift.evidence, 1)), drift.evidence, min(ratio, 1.0))

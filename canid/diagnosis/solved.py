@@ -197,7 +197,7 @@ def features(data: DriverData, model: Array) -> Array:
 
 def sized(data: DriverData, fitted: Fitted, noise: Noise, rows: Flags) -> Noise:
     """Let the noise's size follow the state, then fit its colour again."""
-    free = rows & ~data.output.below & ~data.output.above
+    free = rows & ~data.output.hidden
     plain = likelihood.whitened(noise._replace(size=np.ones(rows.size)), data.output.y - fitted.model)
     size, state = likelihood.state_size(plain, free, features(data, fitted.model))
     p = noise.A.size - 1
