@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from canid import state_file
@@ -88,7 +88,9 @@ def session(
             bus.shutdown()
         raise
     save = _saver(state, saved)
-    results: SimpleQueue[Result] = SimpleQueue()
+    # Not a SimpleQueue: before Python 3.13 its `get(timeout=...)` waits for ever where a signal's handler returns after
+    # the timeout, on a busy machine or in a process that stood still, and the signal that should end us has no effect.
+    results: Queue[Result] = Queue()
     began = time.monotonic()
     estimating = None
     if vehicle is not None:

@@ -1,7 +1,7 @@
 """Try out what recording promises.
 
     python -m benchmarks.reliability kill|cut|ends|seams|disks|buses [--trials N] [--seed S] [--out FILE]
-    python -m benchmarks.reliability soak [--hours 1] [--rate 4000]
+    python -m benchmarks.reliability soak [--hours 1] [--rate 4000] [--channel vcan0]
 
 Runs itself in a network namespace that has loopback alone (tests/bus/alone). Prints a table; exit code 1 where a
 promise was broken. With --out it goes on where it was. `cut` and `disks` need root: they mount file systems.
@@ -37,6 +37,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="one line per trial; a run goes on where the file ends")
     parser.add_argument("--hours", type=float, default=1.0, help="soak")
     parser.add_argument("--rate", type=float, default=4000.0, help="soak: frames/s")
+    parser.add_argument(
+        "--channel", default="", help="soak: of SocketCAN, without a wire; default: udp_multicast"
+    )
     args = parser.parse_args()
     if os.environ.get(_INSIDE) is None:
         os.environ[_INSIDE] = "1"
@@ -47,7 +50,7 @@ def main() -> int:
     if args.promise == "soak":
         from benchmarks.reliability import soak
 
-        return soak.run(args.hours, args.rate)
+        return soak.run(args.hours, args.rate, args.channel)
     return tried(args)
 
 

@@ -1,7 +1,8 @@
 """Hours of traffic between processes: what is dropped, how memory grows, what it costs.
 
 The sender plays the generic vehicle's frames with others that nobody maps in between; `canid live` records, runs both
-estimators, and draws its screen on a pseudo-terminal. CPU and memory are those of both of its processes.
+estimators, and draws its screen on a pseudo-terminal. CPU and memory are those of both of its processes. The bus is
+udp_multicast, or a channel of SocketCAN that has no wire.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from benchmarks.reliability.recording import ROOT, until
-from benchmarks.reliability.traffic import BUS, GROUP, WORDS
+from benchmarks.reliability.traffic import BUS, WORDS
 
 MEMORY, CPU = 5e6, 0.25  # bytes of growth, share of a core: what is promised
 # the drive that is played over and over, minutes
@@ -32,10 +34,10 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 _TICK = os.sysconf("SC_CLK_TCK")
 
 
-def run(hours: float, rate: float) -> int:
-    """Print what came out; returns the exit code."""
+def run(hours: float, rate: float, channel: str = "") -> int:
+    """Print what came out; returns the exit code. `channel`: of SocketCAN, such as vcan0."""
     with tempfile.TemporaryDirectory() as name:
-        rows, sent, wrong = _soak(Path(name), hours * 3600.0, rate)
+        rows, sent, wrong = _soak(Path(name), hours * 3600.0, rate, channel)
     for row in rows:
         print(row)
     for each in wrong:
@@ -44,9 +46,11 @@ def run(hours: float, rate: float) -> int:
     return int(bool(wrong))
 
 
-def _soak(folder: Path, seconds: float, rate: float) -> tuple[list[str], int, list[str]]:
+def _soak(folder: Path, seconds: float, rate: float, channel: str) -> tuple[list[str], int, list[str]]:
     log, told = folder / "soak.blf", folder / "soak.jsonl"
-    words = ["live", *WORDS, "--vehicle", "generic", "--record", str(log), "--json", str(told)]
+    bus = {"interface": "socketcan", "channel": channel} if channel else BUS
+    where = ["-i", "socketcan", "-c", channel] if channel else WORDS
+    words = ["live", *where, "--vehicle", "generic", "--record", str(log), "--json", str(told)]
     environment = os.environ | {
         "TERM": "xterm-256color",
         "COLUMNS": "110",
@@ -70,7 +74,7 @@ def _soak(folder: Path, seconds: float, rate: float) -> tuple[list[str], int, li
     hearing.start()
     until(lambda: any(b"listen-only" in text for text in said))
     sender = subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.reliability.soak", GROUP, str(rate), str(seconds)],
+        [sys.executable, "-m", "benchmarks.reliability.soak", json.dumps(bus), str(rate), str(seconds)],
         stdout=subprocess.PIPE,
     )
     looks: list[tuple[float, float, float]] = []  # s, CPU s, bytes
@@ -178,7 +182,7 @@ def _children(pid: int) -> Iterator[int]:
             continue
 
 
-def _send(group: str, rate: float, seconds: float) -> int:
+def _send(bus: dict[str, Any], rate: float, seconds: float) -> int:
     """The sender process: returns how many frames it has sent."""
     from canid.frames.send import onto
     from canid.simulation import frames, simulate
@@ -205,8 +209,8 @@ def _send(group: str, rate: float, seconds: float) -> int:
                 yield frame._replace(t=t)
             turn += span
 
-    return int(onto(BUS | {"channel": group}, stream(), speed=1.0))
+    return int(onto(bus, stream(), speed=1.0))
 
 
 if __name__ == "__main__":
-    print(_send(sys.argv[1], float(sys.argv[2]), float(sys.argv[3])))
+    print(_send(json.loads(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])))

@@ -206,6 +206,7 @@ class Recorder:
         """Take what waits, up to `BATCH`; True: that was all there will ever be."""
         batch: list[Arrival] = []
         try:
+            # before Python 3.13 a signal may make this wait last until the next frame: of no harm in this thread
             item = self._queue.get(timeout=timeout)
             if not self._stopping.is_set():
                 time.sleep(GATHER)
