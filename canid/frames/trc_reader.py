@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from canid.frames import messages, python_can, stamps
+from canid.frames.blf_layout import DLC_BYTES
 from canid.frames.lines import LARGEST_ID, LONGEST_TIME, Line, Tally, lines
 from canid.frames.read_state import ReadState
 from canid.types import Frame
 
 # lines of a header, of some twenty, that are kept: more is damage
 _HEADER = 1000
+# A line that ends like this lacks nothing but its line feed: a data byte's both digits (python-can counts the bytes
+# against the length), or a remote frame with the one digit of its length.
+_COMPLETE = re.compile(r"(\s[0-9A-Fa-f]{2}|\sRTR|\sRR\s.*\s\d)\s*$")
+# Lines of other things than frames, in any version; of all others one that yields no frame is damaged.
+_OTHERS = {"FFFFFFFF", "Warng", "Error", "ST", "ER", "EC", "EV"}
 
 
 def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -22,8 +29,13 @@ def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
     first: int | None = None
     feed = _Feed(lines(path, state, tally), tally)
     for message in _messages(feed, tally):
+        feed.open = False
         if feed.last is not None and not (message.arbitration_id <= LARGEST_ID and 0 <= message.dlc <= 64):
             tally.miss(feed.last, "its id or its length is too large")
+            continue
+        announced = DLC_BYTES[min(message.dlc, 15)] if message.is_fd else min(message.dlc, 8)
+        if feed.last is not None and not message.is_remote_frame and len(message.data) != announced:
+            tally.miss(feed.last, f"it announces {announced} data bytes and has {len(message.data)}")
             continue
         ns = stamps.from_float(message.timestamp)
         if feed.last is not None and abs(ns) > LONGEST_TIME:
@@ -46,6 +58,7 @@ def _messages(feed: _Feed, tally: Tally) -> Iterator[Any]:
         except (ValueError, IndexError, KeyError, TypeError, NotImplementedError, OverflowError) as error:
             if feed.last is None:
                 return
+            feed.open = False
             tally.miss(feed.last, str(error))
             if feed.last.text.startswith(";"):
                 return  # the header itself is bad: no reader will get beyond it
@@ -61,19 +74,29 @@ class _Feed:
         self._tally = tally
         self._header: list[Line] = []
         self.last: Line | None = None
+        self.open = False  # nothing has come of the last line yet
         self.over = False
 
     def __iter__(self) -> Iterator[str]:
         for line in chain(tuple(self._header), self._source):
+            self._settle()
             if line.text.startswith(";"):
                 if line not in self._header[-64:] and len(self._header) < _HEADER:
                     self._header.append(line)
-            elif not line.whole:
+            elif not (line.whole or _COMPLETE.search(line.text)):
                 self._tally.miss(line, "the file ends in it")
                 continue
             self.last = line
+            self.open = not line.text.startswith(";") and bool(line.text.strip())
             yield line.text + "\n"
+        self._settle()
         self.over = True
+
+    def _settle(self) -> None:
+        """Count the last line as damaged if python-can's reader has passed it over without a word."""
+        if self.open and self.last is not None and not _OTHERS.intersection(self.last.text.split()):
+            self._tally.miss(self.last, "its columns are not those of a frame")
+        self.open = False
 
     def close(self) -> None:
         """Nothing: the file belongs to `lines`."""

@@ -287,6 +287,59 @@ def test_a_trc_goes_on_after_a_bad_line(tmp_path: Path) -> None:
     assert (log.damage.read, log.damage.total) == (9, 10)
 
 
+TRC = """\
+;$FILEVERSION=2.1
+;$STARTTIME=44548.9121
+;$COLUMNS=N,O,T,B,I,d,R,L,D
+     1        10.000 DT 1     0704 Rx -  8    00 01 02 03 04 05 06 07
+     2        11.000 RR 1     0704 Rx -  4
+     3        12.000 DT 1     0705 Rx -  8    08 09 0A 0B 0C 0D 0E 0F"""
+
+
+def test_the_last_line_of_a_trc_needs_no_line_feed(tmp_path: Path) -> None:
+    """PEAK's own tools end a file without one; a line that is really cut yields no frame, and is told."""
+    path = tmp_path / "x.trc"
+    whole = list(read(path, TRC))
+    assert [(frame.id, frame.length, frame.data[:1]) for frame in whole] == [
+        (0x704, -1, b"\0"),
+        (0x704, 4, b""),
+        (0x705, -1, b"\x08"),
+    ]
+    lines = TRC.splitlines()
+    for n in (4, 5, 6):
+        log = read(path, "\n".join(lines[:n]))
+        assert list(log) == whole[: n - 3]
+        assert log.damage is None
+        for cut in range(8, len(lines[n - 1].rstrip())):
+            try:
+                log = read(path, "\n".join([*lines[: n - 1], lines[n - 1][:cut]]))
+                assert list(log) == whole[: n - 4], cut
+            except LogError:
+                assert n == 4
+            else:
+                assert log.damage is not None, cut
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "     2        11.000 DT 1",
+        "     2  11.000 DT 1 0704 Rx - 8 00 01 02",
+        "     2  x DT 1 0704 Rx - 1 00",
+    ],
+)
+def test_a_line_of_a_trc_that_python_can_passes_over_is_told(bad: str, tmp_path: Path) -> None:
+    """Its reader drops short lines in silence, and takes what data there are; status lines are no damage."""
+    lines = TRC.splitlines()
+    log = read(
+        tmp_path / "x.trc", "\n".join([*lines[:4], "     2  11.000 ST 1 - Rx - 4 00 00 00 08", bad, lines[5]])
+    )
+    assert [frame.id for frame in log] == [0x704, 0x705]
+    assert log.damage is not None
+    assert (log.damage.read, log.damage.total) == (2, 3)
+    assert "line 6" in log.damage.says
+
+
 @pytest.mark.parametrize("suffix", [".asc", ".log", ".csv", ".trc"])
 def test_what_is_not_the_format_is_one_line(suffix: str, tmp_path: Path) -> None:
     """Binary nonsense raises LogError when it is read, or yields nothing."""
