@@ -52,13 +52,14 @@ def ring_by_age(suffix: str, folder: Path) -> list[str]:
 
 
 def ring_by_share(suffix: str, folder: Path) -> list[str]:
-    """All files together take at most 30 % of the disk, but for what a second adds."""
+    """All files together take at most 15 % of the disk, but for what a second adds."""
     with tmpfs(folder / "disk", "2000k") as disk:
         foreign = _foreign(disk, suffix)
-        wrong, files, _ = _recorded(disk, suffix, "--file-size", 50_000, "--keep-share", "30%", talk=folder)
-        took = sum(path.stat().st_size for path in files)
-        if not 0.3 * 2_048_000 - 100_000 < took < 0.3 * 2_048_000 + 160_000:
-            wrong.append(f"{took} bytes are left")
+        words = ("--file-size", 50_000, "--keep-share", "15%")
+        wrong, files, recording = _recorded(disk, suffix, *words, talk=folder)
+        took, room = sum(path.stat().st_size for path in files), 0.15 * 2_048_000
+        if not room - 100_000 < took < room + 160_000 or recording.told()["files"] <= len(files):
+            wrong.append(f"{took} bytes are left in {len(files)} files of {recording.told()['files']}")
         return wrong + foreign() + _contiguous(files, None)
 
 
