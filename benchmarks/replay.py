@@ -52,7 +52,7 @@ def main() -> None:
         )
         for which, make in ESTIMATORS:
             estimator = make(drive.trace.input_names, drive.trace.dt, getattr(vehicle, which))
-            rows = samples(drive.trace)
+            rows = list(samples(drive.trace))
             state, last, said = estimator.init(), time.process_time(), 0
             for row in rows:
                 state, estimate = estimator.step(state, row)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,11 +104,18 @@ def identify(
     )
 
 
-def samples(trace: Trace) -> list[Sample]:
+# rows that are made samples at once: a whole drive's would take 20 MB an hour
+AT_ONCE = 1024
+
+
+def samples(trace: Trace) -> Iterator[Sample]:
     """The trace row by row, as the estimators take it."""
-    numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment)
-    rows = zip(*(column.tolist() for column in numbers), trace.gate, strict=True)
-    return [Sample(t, y, tuple(u), gate, learn, segment, {}) for t, y, u, learn, segment, gate in rows]
+    for a in range(0, len(trace.t), AT_ONCE):
+        part = slice(a, a + AT_ONCE)
+        numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment)
+        rows = zip(*(column[part].tolist() for column in numbers), trace.gate[part], strict=True)
+        for t, y, u, learn, segment, gate in rows:
+            yield Sample(t, y, tuple(u), gate, learn, segment, {})
 
 
 def windows(trace: Trace, armax: ArmaxSettings, fopdt: FopdtSettings) -> list[Estimate]:
@@ -145,7 +152,14 @@ class _Due:
     def __init__(self, name: str, sample: Sample, tell: Callable[[], tuple[Any, Estimate]]):
         self.name = name
         self.sample = sample
-        self.tell = cache(tell)
+        self._tell = tell
+        self._told: tuple[Any, Estimate] | None = None
+
+    def tell(self) -> tuple[Any, Estimate]:
+        """Return what `Estimator.tell` does."""
+        if self._told is None:
+            self._told = self._tell()
+        return self._told
 
 
 def _advance(estimator: AnyEstimator, state: Any, sample: Sample) -> tuple[Any, _Due | None]:

@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 # s; a person answers after 0.2 s or more, so nothing that the driver does at t has entered an input at t − 0.2 s
 LAG = 0.2
+# s; times are whole nanoseconds: half of one keeps a report that is exactly LAG old on this side
+ROUNDING = 5e-10
 # (m/s³)²·s; white jerk of the relative motion. Traffic itself has 0.4 (0.6 m/s² over 2 s), but a filter that trusts it
 # delays a range rate that moves at 0.2 to 0.5 Hz by 7 to 30 ms, which the driver then seems to answer too soon. With
 # eight times that it is 1 to 8 ms, for an eighth more noise (0.040 m/s, reports at 20 Hz)
@@ -69,31 +71,44 @@ class State(NamedTuple):
     started: bool = False  # has history[0] been given out?
 
 
-def _predict(x: Vector, P: Symmetric, dt: float) -> tuple[Vector, Symmetric, Square]:
-    """Let a white-jerk motion go on for dt (Bar-Shalom 2001, eq. 6.2.3-7).
+def expect(x: Vector, dt: float) -> Vector:
+    """Let the motion go on for dt."""
+    gap, rate, accel = x
+    return gap + dt * rate + dt * dt / 2 * accel, rate + dt * accel, accel
+
+
+def spread(P: Symmetric, dt: float) -> tuple[Square, Symmetric]:
+    """Let the doubt about a white-jerk motion grow for dt (Bar-Shalom 2001, eq. 6.2.3-7).
 
     Returns:
-        x and P then, and the gain P F' inv(F P F' + Q) that takes back what is learnt of them.
+        F P, and F P F' + Q.
     """
-    gap, rate, accel = x
     p00, p01, p02, p11, p12, p22 = P
     half = dt * dt / 2
-    # F P with F = [1, dt, half; 0, 1, dt; 0, 0, 1]; its last row is P's
+    # F = [1, dt, half; 0, 1, dt; 0, 0, 1]; the last row of F P is P's
     f00, f01, f02 = p00 + dt * p01 + half * p02, p01 + dt * p11 + half * p12, p02 + dt * p12 + half * p22
     f10, f11, f12 = p01 + dt * p02, p11 + dt * p12, p12 + dt * p22
     cubed = dt * half * JERK
-    n00 = f00 + dt * f01 + half * f02 + cubed * dt * dt / 10
-    n01 = f01 + dt * f02 + cubed * dt / 4
-    n02 = f02 + cubed / 3
-    n11 = f11 + dt * f12 + cubed * 2 / 3
-    n12 = f12 + half * JERK
-    n22 = p22 + dt * JERK
+    N = (
+        f00 + dt * f01 + half * f02 + cubed * dt * dt / 10,
+        f01 + dt * f02 + cubed * dt / 4,
+        f02 + cubed / 3,
+        f11 + dt * f12 + cubed * 2 / 3,
+        f12 + half * JERK,
+        p22 + dt * JERK,
+    )
+    return (f00, f01, f02, f10, f11, f12, p02, p12, p22), N
+
+
+def gain(FP: Square, N: Symmetric) -> Square:
+    """Return P F' inv(N), which takes back what is learnt of the motion; numbers, or columns of them."""
+    f00, f01, f02, f10, f11, f12, p02, p12, p22 = FP
+    n00, n01, n02, n11, n12, n22 = N
     # the inverse by cofactors: the covariance of three things that are told apart by every report
     c00, c01, c02 = n11 * n22 - n12 * n12, n02 * n12 - n01 * n22, n01 * n12 - n02 * n11
     c11, c12, c22 = n00 * n22 - n02 * n02, n01 * n02 - n00 * n12, n00 * n11 - n01 * n01
     d = 1.0 / (n00 * c00 + n01 * c01 + n02 * c02)
-    # (F P)' inv(...)
-    back = (
+    return (
         (f00 * c00 + f10 * c01 + p02 * c02) * d,
         (f00 * c01 + f10 * c11 + p02 * c12) * d,
         (f00 * c02 + f10 * c12 + p02 * c22) * d,
@@ -104,10 +119,9 @@ def _predict(x: Vector, P: Symmetric, dt: float) -> tuple[Vector, Symmetric, Squ
         (f02 * c01 + f12 * c11 + p22 * c12) * d,
         (f02 * c02 + f12 * c12 + p22 * c22) * d,
     )
-    return (gap + dt * rate + half * accel, rate + dt * accel, accel), (n00, n01, n02, n11, n12, n22), back
 
 
-def _update(x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise) -> tuple[Vector, Symmetric]:
+def update(x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise) -> tuple[Vector, Symmetric]:
     """Take in what a report has, one number after the other: their noises have nothing in common."""
     x0, x1, x2 = x
     p00, p01, p02, p11, p12, p22 = P
@@ -145,13 +159,17 @@ def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise) ->
     if not state.history:
         return False
     last = state.history[-1]
-    if t - last.t > BRIDGE:
+    return near(last.x, t - last.t, gap, range_rate, noise)
+
+
+def near(x: Vector, dt: float, gap: float, range_rate: float, noise: Noise) -> bool:
+    """Could a report be of the object that was at `x` dt ago?"""
+    if dt > BRIDGE:
         return False
-    dt = t - last.t
-    expected = last.x[0] + last.x[1] * dt
-    near = not abs(gap - expected) > ELSEWHERE + SIGMAS * noise.gap
     # comparisons with NaN are false: what the report does not say does not speak against it
-    return near and not abs(range_rate - last.x[1]) > HARDEST * dt + SIGMAS * noise.range_rate
+    if abs(gap - (x[0] + x[1] * dt)) > ELSEWHERE + SIGMAS * noise.gap:
+        return False
+    return not abs(range_rate - x[1]) > HARDEST * dt + SIGMAS * noise.range_rate
 
 
 def step(
@@ -188,11 +206,10 @@ def step(
         return _start(t, gap, range_rate, noise), flush(state), True
     last = state.history[-1]
     # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
-    prior, P, back = _predict(last.x, last.P, t - last.t)
-    x, P = _update(prior, P, gap, range_rate, noise)
-    history = (*state.history, Filtered(t, x, P, prior, back))
-    # times are whole nanoseconds: half of one keeps a report that is exactly LAG old on this side
-    ready, old = 0, t - LAG + 5e-10
+    prior, (FP, N) = expect(last.x, t - last.t), spread(last.P, t - last.t)
+    x, P = update(prior, N, gap, range_rate, noise)
+    history = (*state.history, Filtered(t, x, P, prior, gain(FP, N)))
+    ready, old = 0, t - LAG + ROUNDING
     while history[ready].t <= old:
         ready += 1
     out = _smooth(history, int(state.started), ready) if ready > state.started else []

@@ -79,7 +79,7 @@ def test_windows_do_not_lead_each_other_astray() -> None:
 
     In the first minute of this hardly excited drive a noise that drifts can excuse a gain of eight times the truth.
     """
-    rows = samples(canid.read_trace(REPO / "replay_logs" / "following_mixed.blf", "generic"))[:700]
+    rows = list(samples(canid.read_trace(REPO / "replay_logs" / "following_mixed.blf", "generic")))[:700]
     estimator = fopdt.make(("headway_error", "range_rate"), pipeline.DT)
     state, lows = estimator.init(), []
     for row in rows:

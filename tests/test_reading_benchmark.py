@@ -25,13 +25,23 @@ def test_the_synthetic_log_is_as_described() -> None:
 
 
 def test_it_prints_its_tables() -> None:
-    """A small log through python-can with cantools, through canid and through zlib alone."""
+    """A small log through python-can with cantools, through canid, and through zlib and libdeflate alone."""
     command = [sys.executable, "-m", "benchmarks.reading", "--frames", "8000", "--rounds", "1", "--mf4", "0"]
     done = subprocess.run(
         [*command, "--data", "nowhere"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=200
     )
-    for line in ("synthetic.blf", "synthetic.asc", "columns and signals", "inflate alone", "9,200 values"):
+    files = "synthetic.blf", "synthetic.asc", "synthetic, base dec.asc"
+    for line in (*files, "columns and signals", "zlib inflate alone", "libdeflate inflate alone"):
         assert line in done.stdout
+    assert done.stdout.count("9,200 values") == len(files)
+
+
+def test_decimal_numbers_are_the_same_log(tmp_path: Path) -> None:
+    """The .asc with decimal numbers holds the frames that the other one holds."""
+    plain, decimal = tmp_path / "plain.asc", tmp_path / "decimal.asc"
+    synthetic.write(plain, synthetic.frames(1))
+    synthetic.write_decimal(decimal, synthetic.frames(1))
+    assert list(open_log(decimal)) == list(open_log(plain))
 
 
 def test_a_busy_bus_holds_the_drive(tmp_path: Path) -> None:

@@ -1,6 +1,9 @@
 """More damaged logs than the tests read: `python -m benchmarks.damaged_logs --mutants 100000 --seed 7`.
 
 Ends with 1 where a claim does not hold of one of them; `--keep FOLDER` keeps these files.
+
+`--hostile MIB`: instead, files of so many MiB that were made to stop a reader (see `hostile`), each read, read again
+and recovered; prints the longest CPU time between two advances, how much in all, and the largest memory.
 """
 
 from __future__ import annotations
@@ -12,12 +15,18 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.damaged_logs import hostile
 from benchmarks.damaged_logs.bases import bases
 from benchmarks.damaged_logs.claims import check
 from benchmarks.damaged_logs.mutants import mutant
+from benchmarks.damaged_logs.progress import measure
 
 # one in so many is read frame by frame too
 _ONE_BY_ONE = 10
+# what is promised: CPU s between two advances, MB
+_STANDSTILL, _MEMORY = 2.0, 512.0
+# s after which a hostile file is given up, per MiB
+_PATIENCE = 120.0
 
 
 def main() -> int:
@@ -25,7 +34,11 @@ def main() -> int:
     parser.add_argument("--mutants", type=int, default=5_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, metavar="FOLDER")
+    parser.add_argument("--hostile", type=float, metavar="MIB")
+    parser.add_argument("--only", default="", metavar="WORD", help="hostile files with this in their name")
     args = parser.parse_args()
+    if args.hostile:
+        return _hostile(args.hostile, args.only)
     failed = 0
     with tempfile.TemporaryDirectory() as folder:
         made = bases(Path(folder), args.seed)
@@ -51,6 +64,29 @@ def main() -> int:
             print(
                 f"{base.name:16} {n:7} mutants, {100 * lost / max(n * len(base.frames), 1):4.1f} % of the frames lost, "
                 f"none of {kept} outside the damage; {1e3 * spent / max(n, 1):.1f} ms of CPU each, {1e3 * worst:.0f} at most",  # noqa: E501
+                flush=True,
+            )
+    print(f"{failed} failed")
+    return int(failed > 0)
+
+
+def _hostile(mib: float, only: str) -> int:
+    """Measure all hostile files; 1 where one breaks a promise."""
+    failed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        for name in hostile.FAMILIES:
+            if only not in name:
+                continue
+            path = hostile.write(name, Path(folder), int(mib * hostile.MIB))
+            size = path.stat().st_size / hostile.MIB
+            found = measure(path, _PATIENCE * max(mib, 1))
+            path.unlink()
+            # of .mf4 nothing is known from within while asammdf reads
+            well = found.longest <= _STANDSTILL and found.memory <= _MEMORY
+            failed += not well
+            print(
+                f"{name:34} {size:7.2f} MiB, {found.longest:5.2f} s without an advance, {found.cpu:6.2f} s of CPU, "
+                f"{found.memory:4.0f} MB{'' if well else '  FAILED'}: {found.says.rpartition('/')[2]}",
                 flush=True,
             )
     print(f"{failed} failed")

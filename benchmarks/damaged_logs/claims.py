@@ -88,18 +88,30 @@ def _hit(base: Base, mutant: Mutant) -> list[int]:
 def _intact(base: Base, mutant: Mutant) -> list[int]:
     """Frames that stand in parts without damage only."""
     bad = {k for part in _hit(base, mutant) for k in base.parts[part].frames}
-    a, b = mutant.hit
-    for before, behind in zip(base.parts[:-1], base.parts[1:], strict=True):
-        if a <= behind.begin and b >= before.end:
-            # between containers: what begins in the one and ends in the other is not whole
-            bad |= {*before.frames} & {*behind.frames}
+    bad |= {k for crossing in _torn(base, mutant) for k in crossing}
     return [k for k in range(len(base.frames)) if k not in bad]
 
 
+def _torn(base: Base, mutant: Mutant) -> list[set[int]]:
+    """Frames that begin in one container and end in the next, of each border between containers that was hit."""
+    a, b = mutant.hit
+    pairs = zip(base.parts[:-1], base.parts[1:], strict=True)
+    torn = [
+        {*before.frames} & {*behind.frames}
+        for before, behind in pairs
+        if a <= behind.begin and b >= before.end
+    ]
+    return [frames for frames in torn if frames]
+
+
 def _alterable(base: Base, mutant: Mutant) -> int:
-    """How many frames may have become others: none where there are checksums."""
+    """How many frames may have become others: none where there are checksums.
+
+    But a container that is missing as a whole leaves no trace. The beginning of an object and the end of another
+    that fits it then are a frame, which no reader can tell from a true one.
+    """
     if base.checked:
-        return 0
+        return int(bool(_torn(base, mutant)))
     # of a line that is cut there are two pieces
     return sum(len(base.parts[k].frames) for k in _hit(base, mutant)) + 2
 

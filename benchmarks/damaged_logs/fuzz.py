@@ -23,6 +23,7 @@ with atheris.instrument_imports(include=["canid.frames"]):
         asc_line,  # noqa: F401
         asc_reader,  # noqa: F401
         asc_shapes,  # noqa: F401
+        asc_words,  # noqa: F401
         blf_reader,  # noqa: F401
         candump_reader,  # noqa: F401
         csv_reader,  # noqa: F401

@@ -4,7 +4,7 @@
     python -m benchmarks.reading --identify [--minutes 60]
     python -m benchmarks.reading --memory [--memory-frames 10000000]
 
-The first form takes some two minutes; peers that are not installed are left out (`pip install canid[bench]`).
+The first form takes some three minutes; peers that are not installed are left out (`pip install canid[bench]`).
 --identify: CPU and memory of `canid identify` on a drive of an hour with 2,000 frames/s, a process of its own.
 --memory: the largest memory of a process that reads all columns of a log, and of `canid identify` on it.
 """
@@ -31,7 +31,7 @@ from benchmarks.reading.cost import child, cpu
 from canid.frames import open_log
 from canid.vehicle import Vehicle, read_vehicle
 
-# what is asked for: times python-can + cantools, and times inflating alone
+# what is asked for: times python-can + cantools, and times inflating alone by Python's zlib
 WANTED = {".blf": 15.0, ".asc": 20.0}
 OVER_INFLATE = 1.3
 
@@ -61,11 +61,10 @@ def table(path: Path, vehicle: Vehicle, wanted: peers.Wanted, rounds: int) -> fl
     seconds, n = cpu(lambda: sum(1 for _ in open_log(path)), min(rounds, 3))
     row("canid, frame by frame", n, seconds, base)
     if path.suffix == ".blf":
-        seconds, _ = cpu(peers.inflate_alone(path), rounds)
-        times = (
-            f"canid's columns take {columns / seconds:.2f} × as long, with signals {signals / seconds:.2f} ×"
-        )
-        row("zlib inflate alone", frames, seconds, base, f"{times}; asked: {OVER_INFLATE}")
+        for by, asked in (("zlib", f"; asked: {OVER_INFLATE}"), ("libdeflate", ", which inflates for canid")):
+            seconds, _ = cpu(peers.inflate_alone(path, by), rounds)
+            times = f"canid's columns take {columns / seconds:.2f} × as long, with signals {signals / seconds:.2f} ×"
+            row(f"{by} inflate alone", frames, seconds, base, times + asked)
     return base
 
 
@@ -83,12 +82,14 @@ def reading(args: argparse.Namespace, folder: Path) -> None:
     dbc = synthetic.HERE / "drive.dbc"
     wanted = peers.cantools_messages([(dbc, None)], {"ENGINE", "MOTION", "RADAR", "POSITION"})
     base = 1.0
-    for suffix in WANTED:
-        path = folder / f"synthetic{suffix}"
-        synthetic.write(path, synthetic.frames(seconds))
-        base = base if suffix != ".blf" else 1.0
-        rate = table(path, synthetic.vehicle(), wanted, args.rounds)
-        base = rate if suffix == ".blf" else base
+    for name, write in (
+        ("synthetic.blf", synthetic.write),
+        ("synthetic.asc", synthetic.write),
+        ("synthetic, base dec.asc", synthetic.write_decimal),
+    ):
+        write(folder / name, synthetic.frames(seconds))
+        rate = table(folder / name, synthetic.vehicle(), wanted, args.rounds)
+        base = rate if name.endswith(".blf") else base
     few = min(args.mf4, seconds * synthetic.FRAMES_PER_SECOND)
     if few:
         frames = list(islice(synthetic.frames(seconds), few))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import deflate
 import numpy as np
 
 from canid.frames import blf_layout as blf
@@ -49,8 +50,16 @@ def python_can_and_cantools(path: Path, wanted: Wanted) -> Callable[[], tuple[in
     return run
 
 
-def inflate_alone(path: Path) -> Callable[[], int]:
-    """Nothing but zlib on each container, one after the other: the floor of any .blf reader."""
+# what inflates a container, out of its bytes and the size that they will have
+INFLATERS: dict[str, Callable[[memoryview, int], bytes | bytearray]] = {
+    "zlib": lambda packed, size: zlib.decompress(packed),
+    "libdeflate": deflate.zlib_decompress,
+}
+
+
+def inflate_alone(path: Path, by: str) -> Callable[[], int]:
+    """Nothing but inflating each container, one after the other: the floor of a .blf reader that inflates so."""
+    inflate = INFLATERS[by]
 
     def run() -> int:
         data = path.read_bytes()
@@ -58,7 +67,8 @@ def inflate_alone(path: Path) -> Callable[[], int]:
         view = memoryview(data)
         while position + blf.CONTAINER_HEAD_SIZE <= len(data):
             _, _, _, object_size, _ = blf.OBJECT.unpack_from(data, position)
-            size += len(zlib.decompress(view[position + blf.CONTAINER_HEAD_SIZE : position + object_size]))
+            _, declared = blf.CONTAINER.unpack_from(data, position + blf.OBJECT.size)
+            size += len(inflate(view[position + blf.CONTAINER_HEAD_SIZE : position + object_size], declared))
             position += object_size + object_size % 4
         return size
 

@@ -55,3 +55,13 @@ def write(path: Path, source: Iterator[Frame]) -> None:
     with python_can.load().Logger(str(path)) as writer:
         for frame in source:
             writer.on_message_received(message_of(frame, START))
+
+
+def write_decimal(path: Path, source: Iterator[Frame]) -> None:
+    """Write an .asc with decimal numbers, which python-can reads and does not write."""
+    with open(path, "w") as file:
+        file.write(
+            "date Tue Nov 14 22:13:20.000 2023\nbase dec  timestamps absolute\ninternal events logged\n"
+        )
+        for t, bus, id_, data, _, _ in source:
+            file.write(f"{t:9.6f} {bus + 1}  {id_:<15} Rx   d {len(data)} {' '.join(map(str, data))}\n")

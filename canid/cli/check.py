@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, show
+from canid.cli import options, progress
 from canid.errors import CHECK_FAILED, DAMAGED, DONE
 from canid.types import Frame
 
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.log and not named(args):
         return alone(args, vehicle)
     log = open_log(args.log) if args.log else None
-    bar = show.Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s")
+    bar = progress.Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s")
     try:
         if log is None:
             text, told, problems = look(listen(args), vehicle)

@@ -7,7 +7,7 @@ import shlex
 from collections import Counter
 from pathlib import Path
 
-from canid.cli import options, show
+from canid.cli import options, progress
 from canid.errors import CHECK_FAILED, DAMAGED, DONE, ConfigError
 
 # so that `--report LOG` (a name forgotten, the log taken for it) never writes over a log
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     damaged = inadequate = False
     with options.sink(args.json) as sink:
         for k, path in enumerate(args.logs):
-            bar = show.Progress(f"reading {path}")
+            bar = progress.Progress(f"reading {path}")
             log = open_log(path)
             try:
                 drive = logs.read_drive(
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
                 )
             finally:
                 bar.close()
-            bar = show.Progress(f"diagnosing {path}")
+            bar = progress.Progress(f"diagnosing {path}")
             try:
                 report = diagnose(drive.trace)
             finally:

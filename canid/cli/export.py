@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from canid.cli import options, show
+from canid.cli import options, progress
 from canid.errors import DAMAGED, DONE
 
 
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         # before the log is read: that may take minutes
         options.refuse_to_overwrite(path, force=args.force)
     log = open_log(args.log)
-    bar = show.Progress(f"reading {args.log}")
+    bar = progress.Progress(f"reading {args.log}")
     try:
         drive = logs.read_drive(
             args.log, args.vehicle, dt=args.dt, start=args.start, stop=args.stop, log=log, progress=bar.to

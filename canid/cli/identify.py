@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from canid.cli import options, show
+from canid.cli import options, progress
 from canid.errors import DAMAGED, DONE
 
 
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     with options.sink(args.json) as sink:
         for path in args.logs:
             log = open_log(path)
-            bar = show.Progress(f"reading {path}")
+            bar = progress.Progress(f"reading {path}")
             try:
                 drive = logs.read_drive(
                     path,

@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import Any
 
-from canid.cli import options, show
+from canid.cli import options, progress
 from canid.errors import DAMAGED, DONE
 from canid.frames.recovery import Recovered
 
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from canid.frames.recovery import recover
     from canid.views import as_json
 
-    bar = show.Progress(f"reading {args.log}")
+    bar = progress.Progress(f"reading {args.log}")
     with options.sink(args.json) as sink:
         try:
             found = recover(args.log, args.output, bar.to)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import sys
 import time
 from collections.abc import Iterable
-from typing import Any, Protocol, TextIO
+from typing import Protocol, TextIO
 
+from canid.cli.progress import REDRAW, is_terminal
 from canid.types import Estimate, Event, Sample, Screened, Status
 from canid.views import as_json, words
 from canid.views.screen import BusLine, View, render, update
@@ -20,8 +20,6 @@ LINE_EVERY = 5.0
 SAME_EVERY = 30.0
 # s between two plain lines of the same trouble
 WRONG_EVERY = 10.0
-# redraws per second: readable, and a few per cent of a core
-REDRAW = 5.0
 
 
 Shown = Sample | Estimate | Screened | Event
@@ -132,48 +130,12 @@ class Screen:
         self._live.stop()
 
 
-def is_terminal(stream: TextIO) -> bool:
-    """Can a screen be drawn there?"""
-    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
-
-
 def display(view: View, *, json: str | None) -> Display:
     """Choose the display: the screen on a terminal, lines elsewhere; beside JSON on standard output, standard error."""
     stream = sys.stderr if json == "-" else sys.stdout
     if is_terminal(stream):
         return Screen(view, stream)
     return Silent() if json == "-" else Plain(stream)
-
-
-class Progress:
-    """A progress bar on a terminal, nothing elsewhere."""
-
-    def __init__(self, label: str) -> None:
-        """Start it: it only says that something goes on, until `to` says how far."""
-        self._bar: Any = None
-        self._drawn = 0.0
-        if is_terminal(sys.stderr):
-            from rich.console import Console
-            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-            from rich.progress import Progress as Bar
-
-            columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-            self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
-            self._task = self._bar.add_task(label, total=None)
-            self._bar.start()
-
-    def to(self, fraction: float) -> None:
-        """Set it."""
-        now = time.monotonic()
-        if self._bar is not None and now - self._drawn > 1.0 / REDRAW:
-            self._drawn = now
-            self._bar.update(self._task, total=1.0, completed=fraction)
-
-    def close(self) -> None:
-        """Take it away."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
 
 
 def write_json(file: TextIO | None, item: Estimate | Screened) -> None:

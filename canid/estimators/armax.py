@@ -57,6 +57,10 @@ DECISIVE = 2.0
 BREAK = 60.0
 
 
+# Rows that are put to those before together, asked for or not: an array for each would cost more than what it holds.
+FOLD = 64
+
+
 class Movement(NamedTuple):
     """Exponentially weighted mean and variance of each input."""
 
@@ -90,8 +94,8 @@ class State(NamedTuple):
     t: float  # s, of the last sample
     segment: int  # of the inputs' history
     piece: int  # grows with every interruption
-    past: Array  # (n, 3 + m) rows on the grid, read only, up to the last estimate
-    recent: tuple[tuple[float, ...], ...]  # rows since then
+    past: Array  # (n, 3 + m) rows on the grid, read only
+    recent: tuple[tuple[float, ...], ...]  # rows since then, no more than `FOLD`
     due: int  # samples to learn from, of these rows, at which the next batch fit is made; 0: none any more
     model: armax_recursive.State | None
     learnt: Learnt
@@ -157,24 +161,23 @@ def make(
         closed, forced = status.step(state.closed, sample)
         missing = _missing(state, sample)
         state, row = _take(state, sample) if usable else (state, (math.nan, math.nan))
-        state = state._replace(
-            closed=closed,
-            t=sample.t,
-            segment=sample.segment,
-            recent=(*state.recent, *missing, (*row, sample.output, *sample.inputs)),
-        )
+        recent = (*state.recent, *missing, (*row, sample.output, *sample.inputs))
+        state = state._replace(closed=closed, t=sample.t, segment=sample.segment, recent=recent)
+        state = _fold(state) if len(recent) >= FOLD else state
         if forced is not None:
             if not status.due(closed, sample.t, forced):
                 return state, False
-            return _fold(state)._replace(closed=status.said(closed, sample.t, forced)), True
+            return state._replace(closed=status.said(closed, sample.t, forced)), True
         if not status.told_by_gate(closed) and sample.t - closed.emitted < status.EVERY - status.ROUNDING:
             return state, False
-        return _fitted(_fold(state))._replace(closed=status.said(closed, sample.t, Status.OK)), True
+        state = _fitted(_fold(state)) if state.due else state
+        return state._replace(closed=status.said(closed, sample.t, Status.OK)), True
 
     def tell(state: State, sample: Sample) -> tuple[State, Estimate]:
         forced = state.closed.kind
         if forced is not None and status.told_by_gate(state.closed):
             return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
+        state = _fold(state)
         estimate = _estimate(state, sample)
         return state._replace(closed=status.said(state.closed, sample.t, estimate.status)), estimate
 
@@ -191,6 +194,8 @@ def make(
         return ((math.nan,) * (3 + m),) * min(round((sample.t - state.t) / dt) - 1, tested)
 
     def _fold(state: State) -> State:
+        if not state.recent:
+            return state
         past = np.concatenate([state.past, np.array(state.recent).reshape(-1, 3 + m)])
         # while a batch fit is to come, twice what it needs, for the samples that it may not learn from
         past = past[-max(tested, 2 * state.due) :]
@@ -263,7 +268,7 @@ def make(
         """Make a batch fit where one is due."""
         piece, output, inputs = state.past[:, 0], state.past[:, 2], state.past[:, 3:]
         usable = np.isfinite(piece)
-        if not state.due or usable.sum() < state.due or not _excited(state.movement):
+        if usable.sum() < state.due or not _excited(state.movement):
             return state
         fit = armax_batch.fit_armax(
             output, inputs, usable, o, segment=np.where(usable, piece, -1.0).astype(np.int64)

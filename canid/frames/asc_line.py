@@ -1,4 +1,6 @@
-"""One line of an .asc: what frame it is, if it is one. The definition; `asc_shapes` reads usual lines by the thousand.
+"""One line of an .asc: what frame it is, if it is one.
+
+This is the definition; `asc_shapes` and `asc_words` read usual lines by the thousand, and give what this would.
 
 Lines that hold no frame (statistics, status, J1939 and LIN events) are passed over; a line that should be a frame
 and is not is bad. A frame needs as many data bytes as it announces.

@@ -1,6 +1,6 @@
 """Reads Vector's .asc: hex or dec, absolute or relative times, classic and CAN FD lines, any locale's date.
 
-Usual lines are read by the thousand (`asc_shapes`), all others one by one (`asc_line`).
+Usual lines are read by the thousand (`asc_shapes`, `asc_words`), all others one by one (`asc_line`).
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from canid.frames import asc_date, asc_shapes, stamps
+from canid.frames import asc_date, asc_shapes, asc_words, stamps
 from canid.frames.asc_line import Parsed, parse
-from canid.frames.asc_shapes import Usual
-from canid.frames.columns import FD_BYTES, Wanted, frames_of, keep_memory, select
-from canid.frames.lines import LONGEST_TIME, Bad, Block, Tally, blocks, line
+from canid.frames.asc_usual import Usual, nothing, wide_enough
+from canid.frames.columns import Wanted, frames_of, keep_memory, select
+from canid.frames.lines import LONGEST_TIME, STEP, Bad, Block, Tally, blocks, line
 from canid.frames.read_state import Note, ReadState
 from canid.types import Columns, Event, Flag, Frame
 
@@ -26,9 +26,11 @@ _BASE = re.compile(r"base\s+(hex|dec)\b(?:\s+timestamps\s+(absolute|relative))?"
 _DATE = re.compile(r"(?:date\s+|begin\s+triggerblock\s+)(.*)", re.IGNORECASE)
 _TIMED = re.compile(r"\d+[.,]\d+$")
 # our own writer's events: time in the file, what, says
-_EVENT = re.compile(r"// (-?\d+\.\d+) canid (\w+): (.*)")
+_EVENT = re.compile(r"// (-?\d{1,9}\.\d+) canid (\w+): (.*)")
 # events that are kept until the first frame comes
 _EARLY = 1000
+# digits of a time: Python converts no more than 4,300, and of a log's have twenty
+_LONGEST_WORD = 100
 # lines without a time that belong to the format
 _KNOWN = ("//", "date", "base", "begin", "end", "internal", "no internal", "version")
 _REMOTE = int(Flag.REMOTE)
@@ -77,13 +79,13 @@ class _Reading:
 
     def block(self, block: Block) -> Columns:
         """The frames of some lines."""
-        usual = asc_shapes.read(block) if self._base == 16 else asc_shapes.nothing(len(block.ends))
+        usual = asc_shapes.read(block) if self._base == 16 else asc_words.read(block)
         header = self._base, self._relative, self._start, self._exact
         seldom = self._seldom(block, usual)
         if seldom is None:
-            # the numbers become decimal somewhere in these lines: no line is usual
+            # the numbers change their base somewhere in these lines: no line is usual
             self._base, self._relative, self._start, self._exact = header
-            usual = asc_shapes.nothing(len(block.ends))
+            usual = nothing(len(block.ends))
             seldom = self._seldom(block, usual)
             assert seldom is not None
         return self._columns(usual, seldom)
@@ -97,7 +99,12 @@ class _Reading:
             first = -1
         ends = block.ends
         misses = []
-        for k in np.flatnonzero(~usual.found).tolist():
+        base = self._base
+        # empty lines are passed over together: a bomb may hold millions of them
+        filled = np.diff(ends, prepend=0) > 1
+        for n, k in enumerate(np.flatnonzero(~usual.found & filled).tolist()):
+            if n % STEP == 0:
+                self._state.unpacked = block.at + int(ends[k])
             item = line(block, k, int(ends[k - 1]) if k else 0, int(ends[k]))
             words = item.text.split()
             if not words:
@@ -105,10 +112,10 @@ class _Reading:
             if not _TIMED.match(words[0]):
                 if not self._header(item.text, seldom, k) and first < k:
                     misses.append((item, "it is no line of an ASC log"))
-                if self._base != 16 and usual.found.any():
+                if self._base != base and usual.found.any():
                     return None
                 continue
-            ns = stamps.from_text(words[0])
+            ns = stamps.from_text(words[0]) if len(words[0]) <= _LONGEST_WORD else LONGEST_TIME + 1
             if ns > LONGEST_TIME:
                 misses.append((item, "its time is damaged"))
                 continue
@@ -128,8 +135,9 @@ class _Reading:
     def _header(self, text: str, seldom: _Seldom, k: int) -> bool:
         """Take a line without a time; says whether it belongs to the format."""
         text = text.strip().removeprefix("\xef\xbb\xbf")
-        if text.startswith(EXACT_START) and text[len(EXACT_START) :].isdecimal():
-            self._start, self._exact = int(text[len(EXACT_START) :]), True
+        exact = text[len(EXACT_START) :] if text.startswith(EXACT_START) else ""
+        if exact.isdecimal() and len(exact) <= _LONGEST_WORD:
+            self._start, self._exact = int(exact), True
         elif found := _BASE.match(text):
             self._base = 10 if found[1].lower() == "dec" else 16
             self._relative = (found[2] or "").lower() == "relative"
@@ -213,11 +221,7 @@ def _merged(usual: Usual, seldom: _Seldom) -> Usual:
     """Put frames that were read one by one in their places."""
     if not seldom.frames:
         return usual
-    longest = max(len(parsed.data) for _, parsed in seldom.frames)
-    if longest > usual.data.shape[1]:
-        wider = np.zeros((len(usual.data), FD_BYTES), np.uint8)
-        wider[:, : usual.data.shape[1]] = usual.data
-        usual = usual._replace(data=wider)
+    usual = wide_enough(usual, max(len(parsed.data) for _, parsed in seldom.frames))
     for k, (bus, id_, data, flags, length) in seldom.frames:
         usual.found[k] = True
         usual.bus[k], usual.id[k], usual.flags[k] = bus, id_, flags

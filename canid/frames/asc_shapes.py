@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.frames.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
+from canid.frames.asc_usual import Bytes, Usual, fd_flags, nothing, wide_enough
+from canid.frames.blf_layout import FD64_EDL, FD64_REMOTE
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES
 from canid.frames.lines import Block
 from canid.types import Flag
 
-Bytes = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.int64]
 
 # high half of a code: its class; low half, for hexadecimal digits: the digit
@@ -25,10 +25,7 @@ _DIGIT, _SPACE, _POINT, _R, _T, _X, _OTHER, _N, _ALIEN = (k << 4 for k in range(
 _CLASS = 0xF0
 # shapes tried per length of line, and lines that make one worth while; what is left is read line by line
 _SHAPES, _FEW = 16, 8
-# digits that a float holds exactly
-_EXACT = 15
 _TX, _EXTENDED = int(Flag.TX), int(Flag.EXTENDED)
-_FD, _BRS, _ESI = int(Flag.FD), int(Flag.BRS), int(Flag.ESI)
 
 
 def _codes() -> bytes:
@@ -49,18 +46,6 @@ _CODES = _codes()
 _CANFD = np.array([0xC, 0xA, _N, 0xF, 0xD], dtype=np.uint8)
 
 
-class Usual(NamedTuple):
-    """A block's lines; where not `found`, the other columns mean nothing."""
-
-    found: npt.NDArray[np.bool_]  # (n,) it is a frame, and read
-    ns: npt.NDArray[np.int64]  # (n,) its time as it stands there
-    bus: npt.NDArray[np.uint16]
-    id: npt.NDArray[np.uint32]
-    flags: Bytes
-    length: Bytes
-    data: Bytes  # (n, 8) or (n, 64)
-
-
 class _Shape(NamedTuple):
     """Where everything stands in lines of one shape."""
 
@@ -79,14 +64,6 @@ class _Shape(NamedTuple):
     brs_esi: tuple[int, int] = (-1, -1)
     size: int = -1  # FD: column of the number of bytes
     size_digits: bytes = b""
-
-
-def nothing(n: int, width: int = CLASSIC_BYTES) -> Usual:
-    """`n` lines of which none is read."""
-    return Usual(
-        np.zeros(n, bool), np.zeros(n, np.int64), np.zeros(n, np.uint16), np.zeros(n, np.uint32),
-        np.zeros(n, np.uint8), np.zeros(n, np.uint8), np.zeros((n, width), np.uint8),
-    )  # fmt: skip
 
 
 def read(block: Block) -> Usual:
@@ -264,10 +241,7 @@ def _read(shape: _Shape, codes: Bytes, rows: Rows, out: Usual) -> Usual:
     out.flags[rows] = flags
     out.length[rows] = shape.length
     out.found[rows] = True
-    if shape.length > out.data.shape[1]:
-        wider = np.zeros((len(out.data), FD_BYTES), np.uint8)
-        wider[:, : out.data.shape[1]] = out.data
-        out = out._replace(data=wider)
+    out = wide_enough(out, shape.length)
     if shape.length:
         high, low = _pairs(codes, shape.data)
         out.data[rows, : shape.length] = high << 4 | low
@@ -301,8 +275,4 @@ def _fd_flags(shape: _Shape, codes: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]
     if len(codes) and shape.brs_esi[0] >= 0:
         # the first of both may be a symbolic name of one character
         plain &= (brs <= 1) & (esi <= 1)
-    fd = ((bits & FD64_EDL) != 0) | (bits == 0)
-    kinds = fd * np.uint8(_FD)
-    kinds |= (fd & ((brs == 1) | ((bits & FD64_BRS) != 0))) * np.uint8(_BRS)
-    kinds |= (fd & ((esi == 1) | ((bits & FD64_ESI) != 0))) * np.uint8(_ESI)
-    return kinds, plain
+    return fd_flags(bits, brs, esi), plain

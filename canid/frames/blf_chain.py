@@ -14,13 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.frames import blf_layout as blf
-from canid.frames.blf_layout import LIMIT, PADDING
+from canid.frames.blf_layout import LIMIT, PADDING, Data
 
 _WORD = 4
 _SIGNATURE = int.from_bytes(blf.SIGNATURE, "little")
 _SIZE_AT, _KIND_AT = 8, 12  # in an object's header
 # how far behind an object the next signature may begin
 _SLACK = PADDING - len(blf.SIGNATURE)
+# Objects of a payload that have signatures within: a text or two may. With more the chain would be followed in Python
+# for seconds.
+_JUMPS = 20_000
 
 Ints = npt.NDArray[np.int64]
 
@@ -39,7 +42,7 @@ class Chain(NamedTuple):
     step: int = 0  # bytes from one object to the next, where that and their headers are all alike; else 0
 
 
-def chain(data: bytes, position: int) -> Chain:
+def chain(data: Data, position: int) -> Chain:
     """Find all whole objects of `data` from byte `position`. Raises Broken.
 
     >>> item = blf.OBJECT.pack(blf.SIGNATURE, 16, 1, 18, 65) + b"ab" + bytes(2)
@@ -73,7 +76,7 @@ _NONE = (np.zeros(0, np.int64),) * 3
 _Linked = tuple[Ints, Ints, Ints]
 
 
-def _rest(data: bytes, position: int) -> int:
+def _rest(data: Data, position: int) -> int:
     """Where an unfinished object begins, at `position` or behind padding; `position` where nothing does."""
     begin = data.find(blf.SIGNATURE, position, position + PADDING)
     if begin >= 0:
@@ -84,7 +87,7 @@ def _rest(data: bytes, position: int) -> int:
     raise Broken("no object begins where one should")
 
 
-def _regular(data: bytes, first: int) -> Chain | None:
+def _regular(data: Data, first: int) -> Chain | None:
     """The chain from `first` if it ends the data with objects that are all alike, else None."""
     _, _, _, size, kind = blf.OBJECT.unpack_from(data, first)
     follower = data.find(blf.SIGNATURE, first + size, first + size + PADDING)
@@ -106,7 +109,7 @@ def _regular(data: bytes, first: int) -> Chain | None:
     return Chain(begin, *alike, rest, step)
 
 
-def _aligned(data: bytes, first: int) -> _Linked | None:
+def _aligned(data: Data, first: int) -> _Linked | None:
     """The chain from `first` if it is all there is on multiples of four bytes, else None.
 
     The last object may be unfinished; nothing else but it may follow the last signature found.
@@ -126,7 +129,7 @@ def _aligned(data: bytes, first: int) -> _Linked | None:
     return begin, size, kind.astype(np.int64)
 
 
-def signatures(data: bytes, first: int) -> tuple[Ints, npt.NDArray[Any]]:
+def signatures(data: Data, first: int) -> tuple[Ints, npt.NDArray[Any]]:
     """Where signatures stand from byte `first` on, with room for a header, and these headers."""
     found = []
     for phase in range(_WORD):
@@ -139,7 +142,7 @@ def signatures(data: bytes, first: int) -> tuple[Ints, npt.NDArray[Any]]:
     return candidate, np.ndarray((body,), _HEADER, data, 0, (1,))[candidate]
 
 
-def _unaligned(data: bytes, first: int) -> _Linked:
+def _unaligned(data: Data, first: int) -> _Linked:
     """The chain from `first` among all signatures."""
     candidate, headers = signatures(data, first)
     size = headers["size"].astype(np.int64)
@@ -149,9 +152,11 @@ def _unaligned(data: bytes, first: int) -> _Linked:
     linked = (follower < len(candidate)) & (there <= end + _SLACK) & (size >= blf.OBJECT.size)
     # runs of candidates that follow each other, and jumps over those within an object's data
     jumps = np.flatnonzero(~linked | (follower != np.arange(1, len(candidate) + 1)))
-    runs = []
+    runs: list[Ints] = []
     index = 0
     while True:
+        if len(runs) > _JUMPS:
+            raise Broken("signatures stand within too many objects")
         jump = jumps[np.searchsorted(jumps, index)]
         runs.append(np.arange(index, jump + 1))
         if not linked[jump]:

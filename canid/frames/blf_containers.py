@@ -1,27 +1,41 @@
 """The outer layer of a .blf: from the file to whole, verified payloads, and gaps where there was damage.
 
 A container is given on only if all of it inflates and its checksum holds; after damage the search goes on at
-the next container. Memory is bounded by `LIMIT`, whatever the file claims.
+the next container. Memory is bounded by `LIMIT`, whatever the file claims, and work by the file's length: each
+attempt costs no more than `VAIN`, and a stretch that takes more than `BREAKS` of them is given up.
 """
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
+import deflate
+
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, chain
-from canid.frames.blf_layout import LIMIT, PADDING
+from canid.frames.blf_layout import LIMIT, PADDING, Data
 
 # Read and search in pieces of this size: large against a seek, small against memory.
 PIECE = 64 * 1024
-# A container that is no longer than this when compressed is inflated in one go: deflate makes at most 1,032 times as
-# much of it (zlib's technical details), 132 MB, before it is seen for a bomb.
+# A container that is no longer than this when compressed is read and inflated in one go. Usual ones hold 128 kB, and
+# where an announced size is wrong no more than this was read in vain.
 SMALL = 128 * 1024
+# Search so far, about 20 ms, before telling how far.
+SEARCH = 16 * 1024 * 1024
+# Damage is a place or a few. A piece of a file that breaks more often, or in which more was unpacked for nothing
+# than two of the largest containers hold, was made to keep us busy: what is left of it is passed over.
+BREAKS, VAIN = 64, 2 * LIMIT
 
 # signature, header size and version of a container
 _CONTAINER_BEGINS = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT.size, 1, 0, 0)[:8]
+# these, a size that a container may have, and its type
+_CONTAINER = re.compile(re.escape(_CONTAINER_BEGINS) + rb".{3}[\0-\2]\n\0\0\0", re.DOTALL)
+# what may be one though its header's size or version is damaged; and any object that `blf_layout.believable` may hold
+_LIKE_CONTAINER = re.compile(rb"LOBJ(?=.{7}[\0-\2]\n\0\0\0)", re.DOTALL)
+_LIKE_OBJECT = re.compile(rb"LOBJ(?=.{7}[\0\1].[\0-\3]\0\0)", re.DOTALL)
 
 
 class Payload(NamedTuple):
@@ -29,7 +43,7 @@ class Payload(NamedTuple):
 
     at: int  # byte in the file where the container begins
     end: int  # the byte behind it
-    data: bytes
+    data: Data
     bare: bool = False  # whole objects without a container: each stands for itself
 
 
@@ -41,13 +55,21 @@ class Gap(NamedTuple):
     why: str
 
 
-def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]:
+class _Vain(NamedTuple):
+    """What could not be read."""
+
+    why: str
+    spent: int = 0  # bytes that were read and unpacked before that was known
+
+
+def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) -> Iterator[Payload | Gap]:
     """Payloads and gaps in the order of the file, from byte `start` to byte `size`.
 
     Objects that stand in the file without a container come as payloads of whole objects, see `Payload.bare`.
+    `bare`: there are no containers in this file; None: not known yet.
     """
     position = start
-    bare: bool | None = None  # no containers in this file; None: not known yet
+    stretch, breaks, vain = start, 0, 0
     while position < size:
         file.seek(position)
         head = file.read(blf.OBJECT.size + PADDING)
@@ -55,80 +77,95 @@ def containers(file: BinaryIO, start: int, size: int) -> Iterator[Payload | Gap]
         if skip < 0 or len(head) - skip < blf.OBJECT.size:
             if len(head) < blf.OBJECT.size and not head.strip(b"\0"):
                 return  # padding at the end of the file
-            why = "no object begins where one should" if skip < 0 else "the file ends in an object"
-            begin, position = position, _next_object(file, position + 1, size, bare)
-            yield Gap(begin, position, why)
-            continue
-        position += skip
-        _, header_size, _, object_size, kind = blf.OBJECT.unpack_from(head, skip)
-        if kind == blf.LOG_CONTAINER:
-            bare = False
-        elif bare is None:
-            # A container's header is shorter than any other's: one whose type is damaged shows by that.
-            bare = header_size in (blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
-        if bare:
-            got = _bare_row(file, position) or _bare(file, position, kind, object_size, size)
-        elif kind == blf.LOG_CONTAINER:
-            got = _unpack(file, position, object_size, size)
+            got: tuple[Data, int] | _Vain = _Vain(
+                "no object begins where one should" if skip < 0 else "the file ends in an object"
+            )
+            behind = position + 1
         else:
-            got = f"an object of type {kind} stands where a container should"
-        if isinstance(got, str):
-            begin, position = position, _next_object(file, position + len(blf.SIGNATURE), size, bare)
-            yield Gap(begin, position, got)
+            position += skip
+            behind = position + len(blf.SIGNATURE)
+            _, header_size, _, object_size, kind = blf.OBJECT.unpack_from(head, skip)
+            if kind == blf.LOG_CONTAINER:
+                bare = False
+            elif bare is None:
+                # A container's header is shorter than any other's: one whose type is damaged shows by that.
+                bare = header_size in (blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
+            if bare:
+                got = _bare_row(file, position) or _bare(file, position, kind, object_size, size)
+            elif kind == blf.LOG_CONTAINER:
+                got = _unpack(file, position, object_size, size)
+            else:
+                got = _Vain(f"an object of type {kind} stands where a container should")
+        if isinstance(got, _Vain):
+            if position >= stretch + PIECE:
+                stretch, breaks, vain = position, 0, 0
+            breaks, vain = breaks + 1, vain + got.spent
+            if breaks > BREAKS or vain > VAIN:
+                behind = max(behind, stretch + PIECE)
+            begin, position = position, _next_object(file, behind, size, bare)
+            yield Gap(begin, position, got.why)
         else:
             data, end = got
-            yield Payload(position, end, data, bare)
+            yield Payload(position, end, data, bool(bare))
             position = end
-
-
-def first_container(file: BinaryIO, size: int) -> int:
-    """Where the first container of a file begins whose own beginning is damaged; `size` where none does."""
-    return _next_object(file, 0, size, bare=False)
 
 
 def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
     """Some objects without a container that follow each other, and where they end; None: look at one at a time."""
     file.seek(position)
-    data = file.read(PIECE)
+    data, behind = file.read(PIECE), file.read(blf.OBJECT.size - 1)
+    stop = _container_in(data + behind)
+    stop = len(data) if stop < 0 else stop
     try:
         found = chain(data, 0)
     except Broken:
-        return _sound(data, position)
-    others = (found.kind == blf.LOG_CONTAINER).nonzero()[0]
-    n = int(others[0]) if others.size else len(found.kind)
+        return _sound(data, position, stop)
+    # a container ends the row, though an object that is cut off may claim to reach over its beginning
+    n = int((found.begin + found.size).searchsorted(stop, "right"))
     if n < 2:
         return None
     end = int(found.begin[n - 1] + found.size[n - 1])
     return data[:end], position + end
 
 
-def _sound(data: bytes, position: int) -> tuple[bytes, int] | None:
+def _sound(data: bytes, position: int, stop: int) -> tuple[bytes, int] | None:
     """The objects from the beginning of `data` up to where they are broken; None: look at one at a time."""
     n = end = at = 0
     while at >= 0 and at + blf.OBJECT.size <= len(data):
         *_, size, kind = blf.OBJECT.unpack_from(data, at)
-        if kind == blf.LOG_CONTAINER or not blf.believable(kind, size) or at + size > len(data):
+        if not blf.believable(kind, size) or at + size > stop:
             break
         n, end = n + 1, at + size
         at = data.find(blf.SIGNATURE, end, end + PADDING)
     return (data[:end], position + end) if n > 1 else None
 
 
-def _bare(file: BinaryIO, position: int, kind: int, object_size: int, size: int) -> tuple[bytes, int] | str:
+def _bare(file: BinaryIO, position: int, kind: int, object_size: int, size: int) -> tuple[bytes, int] | _Vain:
     if not blf.believable(kind, object_size):
-        return f"an object of type {kind} claims a size of {object_size} bytes"
+        return _Vain(f"an object of type {kind} claims a size of {object_size} bytes")
     if position + object_size > size:
-        return "the file ends in an object"
+        return _Vain("the file ends in an object")
     file.seek(position)
-    return file.read(object_size), position + object_size
+    data = file.read(object_size + blf.OBJECT.size - 1)
+    if _container_in(data) >= 0:
+        return _Vain("an object reaches into a container", object_size)
+    return data[:object_size], position + object_size
 
 
-def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[bytes, int] | str:
+def _container_in(data: Data) -> int:
+    """Where a container's header stands in `data`, -1 if none does whole."""
+    if _CONTAINER_BEGINS not in data:
+        return -1  # the usual case, and much faster
+    found = _CONTAINER.search(data)
+    return found.start() if found else -1
+
+
+def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[Data, int] | _Vain:
     """Return the container's data and the byte where it ends, or what is wrong with it."""
     file.seek(position + blf.OBJECT.size)
     head = file.read(blf.CONTAINER.size)
     if len(head) < blf.CONTAINER.size:
-        return "the file ends in a container"
+        return _Vain("the file ends in a container")
     method, declared = blf.CONTAINER.unpack(head)
     begin = position + blf.CONTAINER_HEAD_SIZE
     if method == blf.DEFLATED:
@@ -138,43 +175,71 @@ def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple
             return whole, begin + announced
         file.seek(begin)
         inflated = _inflate(file)
-        if isinstance(inflated, str):
+        if isinstance(inflated, _Vain):
             return inflated
         data, used = inflated
         # The stream knows its own end and has a checksum: sizes beside it may be damaged, the data are not.
         return data, begin + used
     if method == blf.STORED:
         if object_size - blf.CONTAINER_HEAD_SIZE != declared or declared > LIMIT:
-            return "a container's sizes do not agree"
+            return _Vain("a container's sizes do not agree")
         if position + object_size > size:
-            return "the file ends in a container"
-        data, behind = file.read(declared), file.read(PADDING + len(_CONTAINER_BEGINS))
+            return _Vain("the file ends in a container")
+        file.seek(position + object_size)
+        behind = file.read(PADDING + len(_CONTAINER_BEGINS))
         # where no container follows, but one begins within it, bytes are missing: it reaches into the next one
-        if behind.strip(b"\0") and _CONTAINER_BEGINS not in behind and _CONTAINER_BEGINS in data + behind:
-            return "a container is shorter than it says"
-        return data, position + object_size
-    return f"a container has the unknown compression method {method}"
+        if _CONTAINER_BEGINS not in behind:
+            stop = min(position + object_size + PADDING + blf.OBJECT.size, size)
+            within = _next_container(file, begin, stop)
+            if within < stop:
+                return _Vain("a container is shorter than it says", within - begin)
+        file.seek(begin)
+        return file.read(declared), position + object_size
+    return _Vain(f"a container has the unknown compression method {method}")
 
 
-def _inflate_at_once(file: BinaryIO, announced: int, declared: int) -> bytes | None:
-    """Inflate a container whose sizes are both right, which is usual; None: it needs a closer look."""
+def _next_container(file: BinaryIO, begin: int, end: int) -> int:
+    """Where the next container begins that is before byte `end`, else `end`."""
+    file.seek(begin)
+    window = b""
+    while begin < end:
+        window += file.read(min(PIECE, end - begin - len(window)))
+        found = _container_in(window)
+        if found >= 0:
+            return begin + found
+        if begin + len(window) >= end:
+            break
+        begin += len(window) - blf.OBJECT.size + 1
+        window = window[1 - blf.OBJECT.size :]
+    return end
+
+
+def _inflate_at_once(file: BinaryIO, announced: int, declared: int) -> bytearray | None:
+    """Inflate a container whose sizes are both right, which is usual; None: it needs a closer look.
+
+    libdeflate knows whole streams only, and does those in less than half of zlib's time. It holds their checksums
+    against the data as zlib does, and makes no more than what is declared. Whether anything is damaged, `_inflate`
+    says alone.
+    """
     if not (0 < announced <= SMALL and 0 < declared <= LIMIT):
         return None
     packed = file.read(announced)
     behind = file.read(PADDING)
     if len(packed) < announced or (behind.strip(b"\0") and blf.SIGNATURE not in behind):
         return None
-    if blf.SIGNATURE in packed:
-        return None  # the announced size may reach over other containers, and inflating stops where it should
     try:
-        # room for one byte more, so that the stream's end is reached in one go
-        data = zlib.decompress(packed, bufsize=declared + 1)
-    except zlib.error:
+        data = deflate.zlib_decompress(packed, declared)
+    except deflate.DeflateError:
         return None
-    return data if len(data) == declared else None
+    if len(data) != declared:
+        return None
+    # A stream ends with its checksum. Where something else stands there, bytes follow it, and the announced size may
+    # reach over other containers.
+    ends = packed.endswith(deflate.adler32(data).to_bytes(4, "big"))
+    return data if ends or blf.SIGNATURE not in packed else None
 
 
-def _inflate(file: BinaryIO) -> tuple[bytes, int] | str:
+def _inflate(file: BinaryIO) -> tuple[bytes, int] | _Vain:
     """Inflate the zlib stream at the file's position: data and length of the stream, or what is wrong."""
     stream = zlib.decompressobj()
     parts: list[bytes] = []
@@ -182,35 +247,38 @@ def _inflate(file: BinaryIO) -> tuple[bytes, int] | str:
     while not stream.eof:
         piece = file.read(PIECE)
         if not piece:
-            return "the file ends in a container"
+            return _Vain("the file ends in a container", fed + total)
         fed += len(piece)
         try:
             part = stream.decompress(piece, LIMIT + 1 - total)
         except zlib.error:
-            return "a container's compressed data are damaged"
+            return _Vain("a container's compressed data are damaged", fed + total)
         total += len(part)
         if total > LIMIT:
-            return f"a container inflates to more than {LIMIT >> 20} MiB"
+            return _Vain(f"a container inflates to more than {LIMIT >> 20} MiB", fed + total)
         parts.append(part)
     return b"".join(parts), fed - len(stream.unused_data)
 
 
 def _next_object(file: BinaryIO, position: int, size: int, bare: bool | None) -> int:
-    """Where the next object begins (in a file with containers: the next container), or `size`."""
+    """Where the next object begins (in a file with containers: the next container), or how far was searched."""
+    like = _LIKE_CONTAINER if bare is False else _LIKE_OBJECT
+    end = position + SEARCH
     file.seek(position)
     window = b""
-    while True:
+    while position < end:
         piece = file.read(PIECE)
         window += piece
-        found = window.find(blf.SIGNATURE)
-        while found >= 0 and found + blf.OBJECT.size <= len(window):
-            _, _, _, object_size, kind = blf.OBJECT.unpack_from(window, found)
+        for found in like.finditer(window):
+            if found.start() + blf.OBJECT.size > len(window):
+                break
+            *_, object_size, kind = blf.OBJECT.unpack_from(window, found.start())
             container = kind == blf.LOG_CONTAINER and blf.OBJECT.size <= object_size <= 2 * LIMIT
             if container or (bare is not False and blf.believable(kind, object_size)):
-                return position + found
-            found = window.find(blf.SIGNATURE, found + 1)
+                return position + found.start()
         if not piece:
             return size
-        keep = window[found:] if found >= 0 else window[-len(blf.SIGNATURE) + 1 :]
+        keep = window[1 - blf.OBJECT.size :]
         position += len(window) - len(keep)
         window = keep
+    return min(position, size)

@@ -15,6 +15,8 @@ from canid.frames.stamps import EPOCH_FLOOR, SECOND
 
 # The usual container holds 128 kB; 128 times that is no container but damage or a zip bomb.
 LIMIT = 16 * 1024 * 1024
+# What containers hold: zlib gives the one, libdeflate the other.
+Data = bytes | bytearray
 # Objects are padded by at most 3 bytes; look a little further, as python-can and Vector's library do.
 PADDING = 8
 

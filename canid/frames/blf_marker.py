@@ -6,6 +6,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from canid.frames import blf_layout as blf
+from canid.frames.blf_layout import Data
 from canid.types import Event
 
 GLOBAL_MARKER = 96
@@ -39,7 +40,7 @@ class Told(NamedTuple):
     says: str
 
 
-def told(data: bytes, begin: int, size: int) -> Told | None:
+def told(data: Data, begin: int, size: int) -> Told | None:
     """Decode the marker of `size` bytes at `begin`; None where it is somebody else's, or damaged.
 
     >>> item = marker(Event(1.5, "bus_lost", "can0 is lost"), -20)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, Chain, Ints, chain, signatures
-from canid.frames.blf_layout import LIMIT, PADDING
+from canid.frames.blf_layout import LIMIT, PADDING, Data
 from canid.frames.blf_marker import GLOBAL_MARKER, Told, told
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES, Wanted
 from canid.types import Array, Columns, Flag
@@ -73,8 +73,9 @@ _LAYOUTS = {
 # what keeps the first n of eight bytes, little-endian
 _KEEP = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
 _DLC_BYTES = np.array(blf.DLC_BYTES, dtype=np.uint8)
-# ns, 73 years: longer times are damage, and differences of shorter ones fit 64 bits
-_FAR = 1 << 61
+# ns, 146 years, as in text logs (`lines.LONGEST_TIME`): longer times are damage, and differences of shorter ones fit
+# 64 bits
+_FAR = (1 << 62) - 1
 
 
 class Walked(NamedTuple):
@@ -86,9 +87,10 @@ class Walked(NamedTuple):
     notes: list[tuple[int, Told]]  # our own events, and how many of the frames stand before each
     rest: int  # where the unfinished last object begins
     first: int | None  # ns of the log's first frame, once there was one
+    begin: Ints  # (n,) where the whole objects begin
 
 
-def first_object(data: bytes) -> int:
+def first_object(data: Data) -> int:
     """After damage: where the first whole-looking object begins, -1 if none does.
 
     Its header must be plausible and, if it ends in these data, another object must follow.
@@ -107,7 +109,7 @@ def first_object(data: bytes) -> int:
     return int(begin[found[0]]) if found.size else -1
 
 
-def walk(data: bytes, position: int, first: int | None, wanted: Wanted | None = None) -> Walked:
+def walk(data: Data, position: int, first: int | None, wanted: Wanted | None = None) -> Walked:
     """All whole objects of `data` from byte `position`.
 
     `first`: ns that times are relative to, None if no frame came yet. `wanted`: frames with other ids may be left
@@ -143,10 +145,10 @@ def walk(data: bytes, position: int, first: int | None, wanted: Wanted | None = 
     t, first = _times(parts.ns, parts.coarse, first)
     notes, uncounted = _notes(data, links) if frames < len(links.begin) else ([], 0)
     others = len(links.begin) - frames - len(notes) - uncounted
-    return Walked(Columns(t, *parts[2:]), frames + others, others, notes, links.rest, first)
+    return Walked(Columns(t, *parts[2:]), frames + others, others, notes, links.rest, first, links.begin)
 
 
-def _unfinished(data: bytes, rest: int) -> None:
+def _unfinished(data: Data, rest: int) -> None:
     """Look at the last object, as far as it is there: nothing is waited for that no object can have. Raises Broken."""
     if data.startswith(blf.SIGNATURE, rest) and rest + blf.OBJECT.size <= len(data):
         *_, size, kind = blf.OBJECT.unpack_from(data, rest)
@@ -154,7 +156,7 @@ def _unfinished(data: bytes, rest: int) -> None:
             raise Broken(f"an object of type {kind} claims a size of {size} bytes")
 
 
-def _notes(data: bytes, links: Chain) -> tuple[list[tuple[int, Told]], int]:
+def _notes(data: Data, links: Chain) -> tuple[list[tuple[int, Told]], int]:
     """Our own events, with the number of frames before each; and how many objects no header counts."""
     notes = []
     frame = np.isin(links.kind, list(_BODY))
@@ -187,7 +189,7 @@ class _Parts(NamedTuple):
     data: npt.NDArray[np.uint8]
 
 
-def _groups(data: bytes, links: Chain) -> list[_Group]:
+def _groups(data: Data, links: Chain) -> list[_Group]:
     """Group the frames among the objects, their sizes checked. Raises Broken."""
     if links.step:
         _, header_size, version, size, kind = blf.OBJECT.unpack_from(data, links.begin[0])
@@ -236,14 +238,14 @@ def _only(group: _Group, wanted: Wanted) -> _Group:
     return group._replace(rows=number, begin=group.begin[rows], items=chosen)
 
 
-def _items(data: bytes, begin: Ints, layout: np.dtype[Any]) -> npt.NDArray[Any]:
+def _items(data: Data, begin: Ints, layout: np.dtype[Any]) -> npt.NDArray[Any]:
     """Copy the structures at `begin`, out of a view of overlapping ones: one for every byte."""
     size = layout.itemsize
     overlapping: npt.NDArray[Any] = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))
     return overlapping[begin].view(layout)
 
 
-def _columns(data: bytes, group: _Group, width: int) -> _Parts:
+def _columns(data: Data, group: _Group, width: int) -> _Parts:
     items = group.items
     channel, word = items["channel"].astype(np.uint16), items["word"].astype(np.uint32)
     n = len(items)
@@ -301,7 +303,7 @@ _FdParts = tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8], _Bools, _Bools, t
 _WITHIN = np.arange(FD_BYTES)
 
 
-def _fd(data: bytes, group: _Group) -> _FdParts:
+def _fd(data: Data, group: _Group) -> _FdParts:
     items = group.items
     valid, how, fd = items["valid"], items["how"], items["fd"]
     if valid.max(initial=0) > FD_BYTES:
@@ -311,7 +313,7 @@ def _fd(data: bytes, group: _Group) -> _FdParts:
     return valid, payload, (how & blf.TX) != 0, (how & blf.REMOTE) != 0, kinds
 
 
-def _fd64(data: bytes, group: _Group) -> _FdParts:
+def _fd64(data: Data, group: _Group) -> _FdParts:
     items = group.items
     valid, fd, extended_at = items["valid"], items["fd"], items["extended_at"].astype(np.int64)
     size = items["size"].astype(np.int64)

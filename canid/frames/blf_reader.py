@@ -9,7 +9,8 @@ from typing import BinaryIO
 from canid.errors import LogError
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, chain
-from canid.frames.blf_containers import Gap, Payload, containers, first_container
+from canid.frames.blf_containers import Gap, Payload, containers
+from canid.frames.blf_layout import Data
 from canid.frames.blf_marker import Told
 from canid.frames.blf_objects import Walked, first_object, walk
 from canid.frames.columns import Wanted, frames_of, keep_memory
@@ -22,6 +23,8 @@ from canid.types import Columns, Damage, Event, Frame
 BATCH = 1024 * 1024
 # events that are kept until the first frame comes: a recorder has a handful to tell before it
 _EARLY = 1000
+# frames that are given at once: more than usual payloads together have
+_ROWS = 64 * 1024
 
 
 def read_blf(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -43,8 +46,10 @@ def read_blf_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
             reading.lose(0, start, "the file's own header is damaged")
         waiting: list[Payload] = []
         size = 0
-        for item in containers(file, start, state.size):
+        nothing = True
+        for item in containers(file, start, state.size, bare=None if start else False):
             state.done = item.at
+            nothing = nothing and isinstance(item, Gap)
             if isinstance(item, Gap):
                 yield from reading.take(waiting)
                 reading.lose(*item)
@@ -55,6 +60,8 @@ def read_blf_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
             if size >= BATCH or reading.first is None:
                 yield from reading.take(waiting)
                 waiting, size = [], 0
+        if nothing and not start:
+            raise LogError(f"{path} is not a BLF log: it does not begin with LOGG, and no container is in it")
         yield from reading.take(waiting)
         reading.end()
 
@@ -72,8 +79,8 @@ class _Reading:
         self._told: list[tuple[int, Told]] = []  # events that wait for the first frame
         self._inflated = blf.FILE_HEADER_SIZE  # bytes, as the file's header counts them
         self._damaged = Damaged()
-        self._carry = b""  # an object that continues in the next container
-        self._middle: list[bytes] = []  # what follows it, in containers that hold nothing else
+        self._carry: Data = b""  # an object that continues in the next container
+        self._middle = bytearray()  # what follows it, in containers that hold nothing else
         self._missing = 0  # bytes that it still lacks; 0: it is whole, or that is not known yet
         self._source = (0, 0)  # the bytes of the container that it began in
         self._aligned = True  # the next payload begins with an object, or continues `carry`
@@ -81,7 +88,7 @@ class _Reading:
     def take(self, payloads: list[Payload]) -> Iterator[Columns]:
         """Walk payloads that follow each other: together or, where that fails, one by one."""
         self._inflated += sum(len(p.data) + (0 if p.bare else blf.CONTAINER_HEAD_SIZE) for p in payloads)
-        if len(payloads) > 1 and self._aligned and not self._missing:
+        if len(payloads) > 1 and self._aligned and self._missing <= len(payloads[0].data):
             data = b"".join([self._carry, *(payload.data for payload in payloads)])
             last = payloads[-1]
             try:
@@ -89,8 +96,7 @@ class _Reading:
             except Broken:
                 pass
             else:
-                # an object that began before the last payload, and is not over yet, wants a closer look
-                if walked.rest >= len(data) - len(last.data):
+                if _in_each(walked, len(self._carry), payloads):
                     yield from self._took(walked, data, last)
                     return
         for payload in payloads:
@@ -99,16 +105,19 @@ class _Reading:
     def _one(self, payload: Payload) -> Iterator[Columns]:
         """Walk one payload; where it is broken it is lost whole: what looked well in it may not be."""
         why = ""
-        if self._missing > len(payload.data):
-            if not self._holds_frames(payload.data):
-                self._middle.append(payload.data)
-                self._missing -= len(payload.data)
-                return
+        begun = bool(self._carry.strip(b"\0"))
+        if begun and self._reaches_over(payload.data):
             why = "an object claims to be so long that others would stand in it"
+        elif self._missing > len(payload.data):
+            self._middle += payload.data
+            self._missing -= len(payload.data)
+            return
         elif self._carry:
-            data = b"".join([self._carry, *self._middle, payload.data])
+            data = b"".join([self._carry, self._middle, payload.data])
             try:
                 walked = walk(data, 0, self.first, self._wanted)
+                if begun and not len(walked.begin) and self._holds_frames(payload.data):
+                    raise Broken("an object claims to be so long that others would stand in it")
             except Broken as broken:
                 why = str(broken)
             else:
@@ -137,7 +146,14 @@ class _Reading:
             self.lose(*self._source, why)
         yield from self._took(walked, payload.data, payload)
 
-    def _holds_frames(self, data: bytes) -> bool:
+    def _reaches_over(self, data: Data) -> bool:
+        """Whether the object that is not over yet would reach over a payload which is a row of frames."""
+        # where it should end in the middle, a whole row from the payload's first byte on speaks against it
+        if self._missing <= len(data) and not (data.startswith(blf.SIGNATURE) and first_object(data) == 0):
+            return False
+        return self._holds_frames(data)
+
+    def _holds_frames(self, data: Data) -> bool:
         """Whether a payload that should be the middle of one long object is a row of frames."""
         begin = first_object(data)
         try:
@@ -145,13 +161,13 @@ class _Reading:
         except Broken:
             return False
 
-    def _took(self, walked: Walked, data: bytes, last: Payload) -> Iterator[Columns]:
+    def _took(self, walked: Walked, data: Data, last: Payload) -> Iterator[Columns]:
         """Go on from what was walked, `last` the payload that it ends with."""
         self._aligned = True
         carry = self._carry = data[walked.rest :]
         begun = len(carry) >= blf.OBJECT.size and carry.startswith(blf.SIGNATURE)
         self._missing = blf.OBJECT.unpack_from(carry)[3] - len(carry) if begun else 0
-        self._middle = []
+        self._middle = bytearray()
         self._source = last.at, last.end
         self._objects += walked.objects
         self._state.others += walked.others
@@ -162,8 +178,12 @@ class _Reading:
         if self._state.notes is not None:
             self._note(self._state.notes, walked.notes)
         self._rows += walked.frames.t.size
-        if walked.frames.t.size:
-            yield walked.frames
+        # in parts: of a very large container, too, there is something to be seen now and then
+        t, bus, id_, flags, length, payload = walked.frames
+        for begin in range(0, t.size, _ROWS):
+            self._state.unpacked += _ROWS
+            k = slice(begin, begin + _ROWS)
+            yield Columns(t[k], bus[k], id_[k], flags[k], length[k], payload[k])
 
     def _note(self, notes: list[Note], told: list[tuple[int, Told]]) -> None:
         """Give out the events, as soon as there is a time that theirs can count from."""
@@ -178,7 +198,7 @@ class _Reading:
     def lose(self, begin: int, end: int, why: str) -> None:
         """Something was lost in the file: whatever comes next has to be found."""
         self._damaged.add(begin, end, why)
-        self._carry, self._middle, self._missing, self._aligned = b"", [], 0, False
+        self._carry, self._middle, self._missing, self._aligned = b"", bytearray(), 0, False
 
     def end(self) -> None:
         """Sum up."""
@@ -208,6 +228,21 @@ class _Reading:
         return Damage(damaged.says("objects", objects, total), objects, total, damaged.spans)
 
 
+def _in_each(walked: Walked, begin: int, payloads: list[Payload]) -> bool:
+    """Whether objects begin in each payload, and where it begins with a signature there; else, look at it alone.
+
+    `begin`: where the first payload begins in what was walked.
+    """
+    for payload in payloads:
+        end = begin + len(payload.data)
+        k = int(walked.begin.searchsorted(begin))
+        at = int(walked.begin[k]) if k < len(walked.begin) else walked.rest
+        if not begin <= at < end or (at > begin and payload.data.startswith(blf.SIGNATURE)):
+            return False
+        begin = end
+    return True
+
+
 def _single(payload: Payload) -> list[Payload]:
     """The objects of a payload without a container, one each."""
     found = chain(payload.data, 0)
@@ -219,14 +254,11 @@ def _single(payload: Payload) -> list[Payload]:
 
 
 def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader | None, int]:
-    """Return the header, None where it is damaged, and the byte where the first object should be."""
+    """Return the header, None where it is damaged, and the byte where the first object should be; 0: anywhere."""
     head = file.read(blf.FILE_HEADER_SIZE + len(blf.SIGNATURE))
     usual = head.endswith(blf.SIGNATURE)
     if not head.startswith(blf.FILE_SIGNATURE) and not usual:
-        start = first_container(file, size)
-        if start == size:
-            raise LogError(f"{path} is not a BLF log: it does not begin with LOGG, and no container is in it")
-        return None, start
+        return None, 0  # perhaps there are containers somewhere
     if len(head) < blf.FILE_HEADER.size:
         raise LogError(f"{path} is cut off in its header: {size} bytes")
     early = head.find(blf.SIGNATURE)

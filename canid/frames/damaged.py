@@ -17,13 +17,14 @@ class Damaged:
 
     def add(self, begin: int, end: int, why: str) -> None:
         """Bytes from `begin` up to, not including, `end` could not be read; none where nobody knows which."""
-        if self._why:
-            self._more += 1
-        else:
+        touches = bool(self._spans) and begin <= self._spans[-1][1] + 1
+        if not self._why:
             self._why = why
+        elif end <= begin or not touches:
+            self._more += 1
         if end <= begin:
             return
-        if self._spans and (begin <= self._spans[-1][1] + 1 or len(self._spans) == _PLACES):
+        if self._spans and (touches or len(self._spans) == _PLACES):
             first, last = self._spans[-1]
             self._spans[-1] = min(first, begin), max(last, end - 1)
         else:

@@ -20,8 +20,16 @@ from canid.types import Damage
 # A CAN FD line has some 350 characters; what is longer than this is no line but damage or a zip bomb.
 LONGEST = 8192
 # Lines are read in blocks of this size: numpy's overhead per block is spread over some 60,000 lines of an .asc.
-# The first is small, because whoever opens a log waits for its first frame.
-BLOCK, FIRST_BLOCK = 2 * 1024 * 1024, 64 * 1024
+# The first is small, because whoever opens a log waits for its first frame; and in it an .asc may say that its numbers
+# are decimal, which makes its lines be read one by one.
+BLOCK, FIRST_BLOCK = 2 * 1024 * 1024, 8 * 1024
+# A gzipped log is a tenth to a thirtieth of what it holds, for each line has another time. What is less than this of
+# so many bytes is a bomb.
+RATIO, BOMB = 200, 64 * 1024 * 1024
+# Lines of a block. Of usual logs it has half as many; each that cannot be read needs some 400 bytes of memory.
+MOST = 1 << 17
+# lines that are read one by one before it is told how far
+STEP = 1024
 _LINE_FEED = 10
 
 
@@ -83,6 +91,8 @@ def blocks(path: Path, state: ReadState, tally: Tally) -> Iterator[Block]:
         while more:
             piece, why = _fill(file, size)
             size = BLOCK
+            if zipped and not why and done > max(BOMB, RATIO * raw.tell()):
+                why = f"it unpacks to more than {RATIO} times its size"
             more = bool(piece) and not why
             data = rest + piece
             end = data.rfind(b"\n") + 1
@@ -95,11 +105,22 @@ def blocks(path: Path, state: ReadState, tally: Tally) -> Iterator[Block]:
             if end:
                 block = Block(data[:end] if rest else data, _ends(data, end), number, done - end)
                 number += len(block.ends)
-                yield block
+                yield from _parts(block)
             if why:
                 tally.cut = True
                 tally.damaged.add(done, 0, f"the gzip stream is damaged after line {number - 1} ({why})")
         state.done = state.size
+
+
+def _parts(block: Block) -> Iterator[Block]:
+    """The block, in parts where it has too many lines for memory."""
+    data, ends, number, at = block
+    if len(ends) <= MOST:
+        yield block
+        return
+    for k in range(0, len(ends), MOST):
+        begin, end = int(ends[k - 1]) if k else 0, int(ends[min(k + MOST, len(ends)) - 1])
+        yield Block(data[begin:end], ends[k : k + MOST] - begin, number + k, at + begin)
 
 
 def _fill(file: BinaryIO | gzip.GzipFile, size: int) -> tuple[bytes, str]:
@@ -134,7 +155,10 @@ def lines(path: Path, state: ReadState, tally: Tally) -> Iterator[Line]:
     for block in blocks(path, state, tally):
         begin = 0
         for k, end in enumerate(block.ends.tolist()):
-            yield line(block, k, begin, end)
+            if k % STEP == 0:
+                state.unpacked = block.at + begin
+            if end - begin > 1 or block.data[begin] != _LINE_FEED:
+                yield line(block, k, begin, end)
             begin = end
 
 

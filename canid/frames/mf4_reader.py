@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import tempfile
@@ -57,6 +58,8 @@ def read_mf4(path: Path, state: ReadState) -> Iterator[Frame]:
             said.seek(0)
             last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
             why = last or f"the reading process ended with code {code}"
+            if code == -getattr(signal, "SIGPROF", 0):
+                why = "asammdf found no frame in it for many seconds"
             if not read:
                 raise LogError(f"cannot read {path}: {why}")
             state.damage = Damage(f"read {read} frames: {why}", read, -1)

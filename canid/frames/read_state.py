@@ -24,6 +24,7 @@ class ReadState:
 
     size: int = 0  # bytes of the file
     done: int = 0  # bytes read so far
+    unpacked: int = 0  # how far within what these hold unpacked: grows wherever work goes on
     start_ns: int | None = None  # epoch ns of the first frame, known before it is yielded
     damage: Damage | None = None  # known when the reading is over
     # events so far, where they are wanted: whoever gave the list may take them out

@@ -15,7 +15,9 @@ from canid.frames.read_state import ReadState
 from canid.types import Frame
 
 # lines of a header, of some twenty, that are kept: more is damage
-_HEADER = 1000
+_HEADER = 100
+# columns of a frame, in the version that has the fewest: number, time, id, length
+_FEWEST = 4
 # A line that ends like this lacks nothing but its line feed: a data byte's both digits (python-can counts the bytes
 # against the length), or a remote frame with the one digit of its length.
 _COMPLETE = re.compile(r"(\s[0-9A-Fa-f]{2}|\sRTR|\sRR\s.*\s\d)\s*$")
@@ -78,16 +80,19 @@ class _Feed:
         self.over = False
 
     def __iter__(self) -> Iterator[str]:
-        for line in chain(tuple(self._header), self._source):
+        again = len(self._header)
+        for k, line in enumerate(chain(tuple(self._header), self._source)):
             self._settle()
             if line.text.startswith(";"):
-                if line not in self._header[-64:] and len(self._header) < _HEADER:
+                if k >= again and len(self._header) < _HEADER:
                     self._header.append(line)
             elif not (line.whole or _COMPLETE.search(line.text)):
                 self._tally.miss(line, "the file ends in it")
                 continue
             self.last = line
             self.open = not line.text.startswith(";") and bool(line.text.strip())
+            if self.open and len(line.text.split(maxsplit=_FEWEST)) < _FEWEST:
+                continue  # python-can would warn of each of them
             yield line.text + "\n"
         self._settle()
         self.over = True

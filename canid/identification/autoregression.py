@@ -41,12 +41,27 @@ def chosen(rows: npt.NDArray[np.bool_]) -> slice | npt.NDArray[np.bool_]:
 def whiten(x: Array, noise: Array) -> Array:
     """x_t - sum noise_i x_(t-i), along the last axis; the first p values lack what came before them.
 
-    >>> whiten(np.array([1.0, 1.0, 1.0]), np.array([0.5]))
-    array([1. , 0.5, 0.5])
+    One convolution of all rows, one after the other: numpy has a loop of its own for kernels of up to eleven numbers,
+    fifteen times as fast as as many slices. What leaks from one row into the first p values of the next is made anew.
+
+    Args:
+        x: (..., n), finite.
+        noise: (p,).
+
+    >>> whiten(np.array([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]), np.array([0.5]))
+    array([[1. , 0.5, 0.5],
+           [2. , 1. , 1. ]])
     """
-    out = x.copy()
-    for i, phi in enumerate(noise, 1):
-        out[..., i:] -= float(phi) * x[..., :-i]
+    if not len(noise) or not x.size:
+        return x.copy()
+    kernel = np.concatenate([[1.0], -noise])
+    out: Array = np.convolve(x.reshape(-1), kernel)[: x.size].reshape(x.shape)
+    first = min(len(noise), x.shape[-1])
+    # row i of a table in which a coefficient stands at its lag from the diagonal
+    table = np.concatenate([np.zeros(first), kernel[:first]])[
+        first - np.arange(first)[:, None] + np.arange(first)
+    ]
+    out[..., :first] = x[..., :first] @ table
     return out
 
 
@@ -83,13 +98,18 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     if most < 1 or count < 10 * most:
         return np.zeros(0)
     series = np.where(usable, np.atleast_2d(r), 0.0)
-    n = series.shape[1]
-    # (1 + most, series, rows): each series now and at every lag
-    X = np.array([series[:, most - i : n - i] for i in range(most + 1)])[:, :, chosen(rows[most:])]
-    X = X.reshape(most + 1, -1)
-    products = X @ X.T
+    n, later = series.shape[1], rows[most:].astype(float)
+    products = np.zeros((most + 1, most + 1))
+    for first in range(0, n - most, PIECE):
+        piece = slice(first, min(first + PIECE, n - most))
+        # (1 + most, series, rows): each series now and at every lag, zero where not to be counted
+        X = np.empty((most + 1, len(series), piece.stop - first))
+        for i, lagged in enumerate(X):
+            np.multiply(series[:, most - i : n - i][:, piece], later[piece], out=lagged)
+        X = X.reshape(most + 1, -1)
+        products += X @ X.T
     yy, h, G = float(products[0, 0]) * (1.0 + floor), products[1:, 0], products[1:, 1:].copy()
-    G[np.diag_indices(most)] *= 1.0 + floor
+    G.flat[:: most + 1] *= 1.0 + floor
     if not yy > 0.0:
         return np.zeros(0)
     # the orders are nested: one triangular factor solves them all, and its steps are what each order explains
@@ -104,6 +124,9 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     total = float(np.sum(found))
     return found * (SLOWEST / total) if total > SLOWEST else found
 
+
+# Rows whose lags are laid out at once: of a whole drive they would take as much memory as its regression.
+PIECE = 2048
 
 # Noise that remembers for 200 samples cannot be told from a wandering offset in a minute at 10 Hz.
 SLOWEST = 0.995

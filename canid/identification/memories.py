@@ -72,14 +72,15 @@ def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], varian
     """
     if len(trust.weights) == 1:
         return trust
-    likelihood = [-0.5 * (e * e / (variance * s) + math.log(s)) for e, s in zip(errors, spreads, strict=True)]
+    exp, log = math.exp, math.log
+    likelihood = [-0.5 * (e * e / (variance * s) + log(s)) for e, s in zip(errors, spreads, strict=True)]
     top = max(likelihood)
-    joint = [w * math.exp(x - top) for w, x in zip(trust.weights, likelihood, strict=True)]
+    joint = [w * exp(x - top) for w, x in zip(trust.weights, likelihood, strict=True)]
     total = sum(joint)
     home = joint[-1] / total
     away = [(1.0 - RETURN) * x / total + p * home for x, p in zip(joint, trust.leave, strict=False)]
     # the sum of the log ratios since they were last below zero (Page 1954)
-    odds = max(0.0, trust.odds + math.log(total) - (likelihood[-1] - top))
+    odds = max(0.0, trust.odds + log(total) - (likelihood[-1] - top))
     return Trust((*away, 1.0 - sum(away)), trust.leave, odds)
 
 

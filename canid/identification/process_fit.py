@@ -132,15 +132,20 @@ def fit_process(
     lay = layout(inputs.shape[1], dt, tau_max, dead_time_max)
     parts = np.zeros(len(output)) if segment is None else np.asarray(segment, float)
     samples = np.column_stack([np.asarray(output, float), usable, parts, inputs])
-    state, made = rows.State(), []
-    for i in range(0, max(len(samples), 1), CHUNK):
+    most = len(samples) // lay.per_row + 1
+    both, ready = np.empty((_height(lay), most)), np.zeros(most, bool)
+    state, n = rows.State(), 0
+    for i in range(0, len(samples), CHUNK):
         state, more = rows.put(lay, state, samples[i : i + CHUNK], tau_max + dead_time_max)
-        made.append(more)
-    return fit_rows(lay, np.concatenate(made), start, prior)
+        part = slice(n, n + len(more))
+        both[:, part], ready[part] = _columns(lay, more)
+        n += len(more)
+    return _fit(lay, both[:, :n], ready[:n], start, prior)
 
 
-# samples whose answers are made at once: 4,096 of two inputs take 2 MB
-CHUNK = 4096
+# samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
+# hour; whatever is made of all of them is made in such pieces.
+CHUNK = 2048
 
 
 def layout(m: int, dt: float, tau_max: float, dead_time_max: float) -> rows.Layout:
@@ -169,14 +174,25 @@ class _Data(NamedTuple):
         return output
 
 
-def _ready(lay: rows.Layout, window: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
-    both = np.empty((window.shape[1] - 1 - lay.inputs, len(window)))
+def _height(lay: rows.Layout) -> int:
+    """Answers and output."""
+    return lay.inputs * lay.basis.size + 1
+
+
+def _columns(lay: rows.Layout, window: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Answers and output of rows (m b + 1, n), and which are usable."""
+    both = np.empty((_height(lay), len(window)))
     both[:-1], both[-1] = window[:, 2 + lay.inputs :].T, window[:, 0]
-    if count < len(window):
+    return both, window[:, 1] > 0.0
+
+
+def _ready(both: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
+    """Make ready in place."""
+    if count < len(usable):
         both[:, ~usable] = 0.0
     mean = both.sum(axis=1) / count
     both -= mean[:, None]
-    if count < len(window):
+    if count < len(usable):
         both[:, ~usable] = 0.0
     return _Data(both, usable, float(mean[-1]), mean[:-1])
 
@@ -192,14 +208,30 @@ def fit_rows(
         start: of an overlapping window.
         prior: declared belief; None: the box alone.
     """
-    m, box = lay.inputs, lay.basis.box
-    usable = window[:, 1] > 0.0
+    return _fit(lay, *_columns(lay, window), start, prior)
+
+
+def _fit(
+    lay: rows.Layout,
+    both: Array,
+    usable: npt.NDArray[np.bool_],
+    start: Start | None,
+    prior: Prior | None,
+) -> ProcessFit:
+    """Fit answers and output (m b + 1, n), which are used up."""
+    m = lay.inputs
     count = int(usable.sum())
-    y = window[:, 0]
     # a tenth of a window: below this the colour of the noise cannot be told from the answer
-    if count < 20 * (m + 1) or not float(np.ptp(y[usable])) > 0.0:
+    if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return nothing(m, count)
-    data = _ready(lay, window, usable, count)
+    return _search(lay, _ready(both, usable, count), count, start, prior)
+
+
+def _search(
+    lay: rows.Layout, data: _Data, count: int, start: Start | None, prior: Prior | None
+) -> ProcessFit:
+    """Close in on the posterior from the whole box, or from another window's."""
+    m, box = lay.inputs, lay.basis.box
     known = start if start is not None else _cold(lay, data, prior)
     simulated = known.point.w @ data.X
     colour = _colour(lay, data, known.point, simulated)
@@ -226,7 +258,7 @@ def fit_rows(
     told = fit_percent >= CANCELLING
     if not told and start is not None:
         # the window before may have led here: once more from the whole box
-        return fit_rows(lay, window, None, prior)
+        return _search(lay, data, count, None, prior)
     return ProcessFit(
         channels=posterior.channels(grid, box, _limits(lay, moments, grid, known.point), prior is not None)
         if told
@@ -261,7 +293,11 @@ def nothing(m: int, used: int = 0) -> ProcessFit:
 
 def _lay(lay: rows.Layout, regions: tuple[posterior.Region, ...], prior: Prior | None) -> Laid:
     cells = tuple(posterior.lay(region, lay.basis.box) for region in regions)
-    W = tuple(answers.weights(lay.basis, c.tau, c.dead_time) for c in cells)
+    side = posterior.CELLS
+    tau = np.concatenate([c.tau[::side] for c in cells])
+    dead_time = np.concatenate([c.dead_time for c in cells]).reshape(-1, side)
+    every = answers.weights_on_grid(lay.basis, tau, dead_time)
+    W = tuple(every.reshape(len(cells), side * side, -1))
     return Laid(regions, cells, W, belief.log_density(prior, cells) if prior is not None else None)
 
 
@@ -298,9 +334,9 @@ def _power(x: Array) -> float:
 
 def _residual(data: _Data, simulated: Array) -> Array:
     """(n,) not whitened, mean zero, zero where not usable."""
-    residual = data.y - simulated
-    residual[~data.usable] = 0.0
-    residual[data.usable] -= residual[data.usable].mean()
+    usable = data.usable.astype(float)
+    residual: Array = (data.y - simulated) * usable
+    residual -= float(residual.sum()) / float(usable.sum()) * usable
     return residual
 
 
@@ -326,10 +362,11 @@ def _colour(lay: rows.Layout, data: _Data, at: Point, simulated: Array, least: i
         noise = autoregression.fit(r, usable, NOISE_ORDER)
         taken = _taken(lay, at, J, r, noise, autoregression.whole(usable, len(noise)))
         noise = autoregression.fit(np.vstack([r, taken]), usable, NOISE_ORDER)
-        if _flat(r, usable, noise):
+        inside = autoregression.whole(usable, len(noise))
+        white = autoregression.whiten(np.vstack([r, J]), noise)
+        if _flat(white[0] * inside):
             break
-    inside = autoregression.whole(usable, len(noise))
-    white = autoregression.whiten(np.vstack([r, J]), noise)[:, autoregression.chosen(inside)]
+    white = white[:, autoregression.chosen(inside)]
     e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
     sd = (_power(e) / max(len(e), 1)) ** 0.5
     temper = residuals.left_over(score * e, score * sd, round(residuals.CORRELATED / lay.step / stride))
@@ -381,9 +418,8 @@ def _taken(
     return out
 
 
-def _flat(r: Array, usable: npt.NDArray[np.bool_], noise: Array) -> bool:
-    """Whether the whitened residual has content up to the end of the band, see CONTENT."""
-    e = np.where(autoregression.whole(usable, len(noise)), autoregression.whiten(r, noise), 0.0)
+def _flat(e: Array) -> bool:
+    """Whether a whitened residual, zero where there is none, has content up to the end of the band, see CONTENT."""
     power = np.abs(np.fft.rfft(e)[1:]) ** 2
     # ten frequencies in a part at least: their mean is then known to a third
     parts = min(8, len(power) // 10)
@@ -396,16 +432,25 @@ def _flat(r: Array, usable: npt.NDArray[np.bool_], noise: Array) -> bool:
 def _look(
     lay: rows.Layout, data: _Data, laid: Laid, colour: _Colour
 ) -> tuple[posterior.Moments, posterior.Grid]:
+    found = [_products(data, colour, i) for i in range(0, len(colour.rows), CHUNK)]
+    sums = posterior.Products(*(sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
+    known = posterior.moments(sums, lay.inputs, int(np.count_nonzero(colour.rows)))
+    return known, posterior.evaluate(known, laid.W, laid.cells, colour.temper, laid.belief)
+
+
+def _products(data: _Data, colour: _Colour, first: int) -> posterior.Products:
+    """Of a piece of the rows that the colour uses, from its `first` on."""
     pick, p = slice(colour.first, None, colour.stride), len(colour.noise)
-    r = colour.residual[pick]
+    begin = max(first - p, 0)
+    # with the rows before that whitening looks back at
+    piece, new = slice(begin, first + CHUNK), slice(first - begin, None)
+    r, usable = colour.residual[pick][piece], colour.rows[piece][new].astype(float)
     nuisance = np.zeros((p + 1, len(r)))
     nuisance[0] = 1.0
     for i, row in enumerate(nuisance[1:], 1):
         row[i:] = r[:-i]
-    white = autoregression.whiten(data.both[:, pick], colour.noise)
-    inside = autoregression.chosen(colour.rows)
-    known = posterior.moments(white[:, inside], nuisance[:, inside], lay.inputs)
-    return known, posterior.evaluate(known, laid.W, laid.cells, colour.temper, laid.belief)
+    white = autoregression.whiten(data.both[:, pick][:, piece], colour.noise)
+    return posterior.products(white[:, new] * usable, nuisance[:, new] * usable)
 
 
 def _limits(

@@ -18,9 +18,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canid.errors import LogError
-from canid.frames import asc_shapes, messages, open_log, python_can, write_log
+from canid.frames import asc_shapes, asc_words, messages, open_log, python_can, write_log
+from canid.frames import lines as lines_module
+from canid.frames.asc_usual import nothing
+from canid.frames.blf_layout import DLC_BYTES
 from canid.frames.columns import columns_of, frames_of, gather
-from canid.types import Columns, Flag, Frame
+from canid.types import Columns, Damage, Flag, Frame
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 START = 1_600_000_000.0
@@ -57,13 +60,19 @@ def drive(seed: int, n: int, kinds: tuple[str, ...] = ALL) -> list[Frame]:
 
 def read(path: Path) -> list[Frame]:
     """The frames of the columns; and what every chunk promises."""
+    out, damage = read_damaged(path)
+    assert damage is None
+    return out
+
+
+def read_damaged(path: Path) -> tuple[list[Frame], Damage | None]:
+    """The same of a log that is not whole."""
     out: list[Frame] = []
     log = open_log(path)
     for chunk in log.columns():
         check_chunk(chunk)
         out += frames_of(chunk)
-    assert log.damage is None
-    return out
+    return out, log.damage
 
 
 def check_chunk(chunk: Columns) -> None:
@@ -290,9 +299,9 @@ def asc_line(rng: random.Random, base: str) -> str:
         size = rng.choice((0, 8, 12, 64))
         body = " ".join(number(rng.randrange(256)) for _ in range(size))
         dlc = {0: "0", 8: "8", 12: "9", 64: "f"}[size]
-        name = rng.choice(("", "", "Symbol ", "1 "))
+        name = rng.choice(("", "", "Symbol ", "1 ", "Two\x85words ", "Sym\0bol "))
         flags = rng.choice(("1000", "3000", "303000", "0", "1010"))
-        bits = f"{rng.choice('01')} {rng.choice('01')}"
+        bits = " ".join(rng.choices(("0", "1", "01"), (5, 5, 1), k=2))
         return f"   {t} CANFD   1 {way} {id_}  {name}{bits} {dlc} {size} {body} 0 0 {flags} 0 0 0 0 0"
     if kind == 8:
         return rng.choice(
@@ -326,15 +335,53 @@ def test_lines_read_by_the_thousand_are_read_as_one_by_one(
         path = tmp_path / f"{seed}.asc"
         text = HEAD.format(base=base, kind=kind) + ends.join(lines) + rng.choice(("", ends))
         path.write_bytes(text.encode("latin-1"))
-        log = open_log(path)
-        fast, damage = list(log), log.damage
-        with monkeypatch.context() as slow:
-            slow.setattr(asc_shapes, "read", lambda block: asc_shapes.nothing(len(block.ends)))
-            log = open_log(path)
-            assert list(log) == fast
-            assert log.damage == damage
-            assert len(fast) > 500
-            assert damage is not None
+        fast, damage = read_damaged(path)
+        assert one_by_one(path, monkeypatch) == (fast, damage)
+        assert len(fast) > 500
+        assert damage is not None
+
+
+def one_by_one(path: Path, patch: pytest.MonkeyPatch) -> tuple[list[Frame], Damage | None]:
+    """What `asc_line` alone says of a log."""
+    with patch.context() as slow:
+        for usual in (asc_shapes, asc_words):
+            slow.setattr(usual, "read", lambda block: nothing(len(block.ends)))
+        return read_damaged(path)
+
+
+# what may stand in a line in place of another character, and mean something else there
+ODD = "0123456789 .,xXrRdDtTaFgG_+-\t\r\x00\x0b\x1c\x1f\x7f\x80\x85\xa0²é"
+
+
+@settings(max_examples=100, deadline=None)
+@given(data=st.data())
+def test_decimal_lines_with_anything_wrong(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Any few lines with decimal numbers, characters put in and taken out: as one by one, wherever a piece ends."""
+    rng = random.Random(data.draw(st.integers(0, 2**32)))
+    lines = [asc_line(rng, "dec") for _ in range(data.draw(st.integers(1, 60)))]
+    for _ in range(data.draw(st.integers(0, 12))):
+        k = data.draw(st.integers(0, len(lines) - 1))
+        at = data.draw(st.integers(0, len(lines[k])))
+        taken = data.draw(st.integers(0, 2))
+        lines[k] = lines[k][:at] + data.draw(st.sampled_from(["", *ODD])) + lines[k][at + taken :]
+    kind = data.draw(st.sampled_from(("absolute", "relative")))
+    ends = data.draw(st.sampled_from(("\n", "\r\n")))
+    # a good line on each side: without any frame a log is an error
+    good = f"0.5 1 291 Rx d 1 7{ends}"
+    text = (
+        HEAD.format(base="dec", kind=kind) + good + ends.join(lines) + data.draw(st.sampled_from(("", ends)))
+    )
+    path = tmp_path_factory.mktemp("dec") / "x.asc"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.MonkeyPatch.context() as patch:
+        # the head is read line by line, what follows it by the thousand, of which these are few
+        patch.setattr(lines_module, "FIRST_BLOCK", len(HEAD.format(base="dec", kind=kind)) + len(good) + 2)
+        patch.setattr(asc_words, "_AT_ONCE", data.draw(st.sampled_from((1, 7, 8192))))
+        # a line that is longer is cut into pieces of this size
+        patch.setattr(lines_module, "LONGEST", data.draw(st.sampled_from((8192, 30))))
+        assert read_damaged(path) == one_by_one(path, patch)
 
 
 def test_usual_lines_are_not_read_one_by_one(tmp_path: Path) -> None:
@@ -343,32 +390,76 @@ def test_usual_lines_are_not_read_one_by_one(tmp_path: Path) -> None:
     from canid.frames.read_state import ReadState
 
     frames = drive(10, 12_000, ("classic", "classic", "classic", "fd"))
-    own, theirs = tmp_path / "own.asc", tmp_path / "theirs.asc"
+    own, theirs, decimal = tmp_path / "own.asc", tmp_path / "theirs.asc", tmp_path / "decimal.asc"
     write_log(own, frames, START)
     with python_can.load().Logger(str(theirs)) as writer:
         for one in frames:
             writer.on_message_received(messages.message_of(one, START))
-    for path in (own, theirs):
-        found = np.concatenate([asc_shapes.read(b).found for b in blocks(path, ReadState(), Tally())])
+    write_decimal(decimal, frames)
+    for path, usual in ((own, asc_shapes), (theirs, asc_shapes), (decimal, asc_words)):
+        found = np.concatenate([usual.read(b).found for b in blocks(path, ReadState(), Tally())])
         assert found.mean() > 0.97
 
 
-def test_lines_without_end_need_no_memory(tmp_path: Path) -> None:
-    """One line of 100 MB, out of a gzip bomb, among good ones: told, and never held."""
+def write_decimal(path: Path, frames: list[Frame]) -> None:
+    """Data frames with decimal numbers, as Vector's tools write them."""
+    with open(path, "w") as file:
+        file.write(HEAD.format(base="dec", kind="absolute"))
+        for t, bus, id_, data, flags, _ in frames:
+            id_text = f"{id_}{'x' if flags & Flag.EXTENDED else ''}"
+            way, held = "Tx" if flags & Flag.TX else "Rx", " ".join(map(str, data))
+            if flags & Flag.FD:
+                brs, esi = int(bool(flags & Flag.BRS)), int(bool(flags & Flag.ESI))
+                dlc = DLC_BYTES.index(len(data))
+                file.write(
+                    f"{t:9.6f} CANFD {bus + 1:3} {way} {id_text:>8} {brs} {esi} {dlc:x} {len(data):2} {held} "
+                )
+                file.write(f"{100000:8} {130:4} {0x1000 | brs << 13 | esi << 14:8X} 0 0 0 0 0\n")
+            else:
+                file.write(f"{t:9.6f} {bus + 1}  {id_text:15} {way}   d {len(data)} {held}\n")
+
+
+@pytest.mark.parametrize("kinds", [("classic",), ("classic", "fd")], ids=["classic", "fd"])
+def test_decimal_numbers_are_the_frames(kinds: tuple[str, ...], tmp_path: Path) -> None:
+    """Each frame of a log with decimal numbers comes back, and python-can reads the classic ones alike."""
+    frames = drive(15, 40_000, kinds)
+    path = tmp_path / "x.asc"
+    write_decimal(path, frames)
+    assert read(path) == frames
+    if kinds == ("classic",):
+        with python_can.load().ASCReader(str(path)) as reader:
+            theirs = [(m.channel, m.arbitration_id, bytes(m.data), m.is_rx) for m in reader]
+        assert theirs == [(f.bus, f.id, f.data, not f.flags & Flag.TX) for f in frames]
+
+
+def test_a_word_that_a_cut_goes_through_is_two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands behind the cut in a line that is too long is read by itself: 0.5 s here, not 10.5."""
+    path = tmp_path / "x.asc"
+    good, rest = "0.4 1 291 Rx d 1 7\n", "0.5 1 291 Rx d 1 7\n"
+    path.write_text(HEAD.format(base="dec", kind="absolute") + 500 * good + " " * 8191 + "1" + rest)
+    got = read_damaged(path)
+    assert [round(f.t, 6) for f in got[0]] == 500 * [0.0] + [0.1]
+    assert one_by_one(path, monkeypatch) == got
+
+
+@pytest.mark.parametrize(("suffix", "frames"), [(".asc", 2), (".asc.gz", 1)])
+def test_lines_without_end_need_no_memory(suffix: str, frames: int, tmp_path: Path) -> None:
+    """One line of 100 MB among good ones: told, and never held; out of a gzip bomb it is the end of the log."""
     line = b" 0.5 1  123             Rx   d 1 AA\n"
-    path = tmp_path / "x.asc.gz"
-    with gzip.open(path, "wb", compresslevel=1) as file:
+    path = tmp_path / f"x{suffix}"
+    with gzip.open(path, "wb", compresslevel=1) if suffix.endswith(".gz") else path.open("wb") as file:
         file.write(HEAD.format(base="hex", kind="absolute").encode() + line)
         for _ in range(100):
             file.write(b"7" * 1_000_000)
         file.write(b"\n" + line)
     code = (
         "import re, sys\nfrom canid.frames import open_log\n"
-        "for path in sys.argv[1:]:\n"
-        "    log = open_log(path)\n    assert sum(len(c.t) for c in log.columns()) == 2 and log.damage\n"
+        "log = open_log(sys.argv[1])\n"
+        "assert sum(len(c.t) for c in log.columns()) == int(sys.argv[2]) and log.damage\n"
         "assert int(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1]) < 120 * 1024\n"
     )
-    subprocess.run([sys.executable, "-c", code, str(path)], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", code, str(path), str(frames)], check=True, timeout=120)
+    path.unlink()
 
 
 # --- others ----------------------------------------------------------------------------------------

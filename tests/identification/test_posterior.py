@@ -36,7 +36,8 @@ def look(y, inputs, cells, Z=None):
     Z = np.ones((len(y), 1)) if Z is None else Z
     whitened = np.vstack([*(nodes(u) for u in inputs), y])
     W = [answers.weights(BASIS, c.tau, c.dead_time) for c in cells]
-    return posterior.evaluate(posterior.moments(whitened, Z.T, len(inputs)), W, cells)
+    known = posterior.moments(posterior.products(whitened, Z.T), len(inputs), whitened.shape[1])
+    return posterior.evaluate(known, W, cells)
 
 
 def test_every_cell_is_a_least_squares_fit():
@@ -106,7 +107,9 @@ def test_three_inputs_are_a_wrong_call():
     cells = posterior.lay(posterior.whole_box(BOX), BOX, 2)
     with pytest.raises(ValueError, match="one or two"):
         posterior.evaluate(
-            posterior.moments(np.random.default_rng(0).normal(size=(13, 40)), np.ones((1, 40)), 3),
+            posterior.moments(
+                posterior.products(np.random.default_rng(0).normal(size=(13, 40)), np.ones((1, 40))), 3, 40
+            ),
             [np.ones((4, 4))] * 3,
             [cells] * 3,
         )
