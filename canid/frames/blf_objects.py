@@ -318,16 +318,18 @@ def _fd64(data: Data, group: _Group) -> _FdParts:
     valid, fd, extended_at = items["valid"], items["fd"], items["extended_at"].astype(np.int64)
     size = items["size"].astype(np.int64)
     head = items.dtype.itemsize
+    remote = (fd & blf.FD64_REMOTE) != 0
     room = np.where(extended_at > 0, extended_at, size) - head
-    if valid.max(initial=0) > FD_BYTES or (room < 0).any() or (room > size - head).any():
+    # a remote frame has no data, wherever they would end
+    if valid.max(initial=0) > FD_BYTES or (~remote & ((room < 0) | (room > size - head))).any():
         raise Broken("a CAN FD frame's sizes do not agree")
     # CANoe logs fewer bytes than are valid where the rest is zero
-    there = np.minimum(valid, room)
+    there = np.where(remote, 0, np.minimum(valid, room))
     body = np.ndarray((len(data) + 1,), f"V{FD_BYTES}", data + bytes(FD_BYTES), 0, (1,))[group.begin + head]
     payload = body.view(np.uint8).reshape(-1, FD_BYTES)
     payload = np.where(there[:, np.newaxis] > _WITHIN, payload, np.uint8(0))
     kinds = ((fd & blf.FD64_EDL) != 0, (fd & blf.FD64_BRS) != 0, (fd & blf.FD64_ESI) != 0)
-    return valid, payload, items["sent"] != 0, (fd & blf.FD64_REMOTE) != 0, kinds
+    return valid, payload, items["sent"] != 0, remote, kinds
 
 
 def _times(ns: Ints, coarse: npt.NDArray[np.bool_], first: int | None) -> tuple[Array, int | None]:
