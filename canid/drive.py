@@ -209,6 +209,7 @@ def _armax(trace: Trace, usable: npt.NDArray[np.bool_], settings: ArmaxSettings)
     fit = fit_armax(trace.output, trace.inputs, usable, chosen, segment=trace.segment)
     if fit is None:
         return None
-    channels = moments.channels(trace.input_names, fit.A, fit.B, chosen.nk, fit.covariance, trace.dt)
     tests = residuals.look(fit.residual, trace.inputs, trace.input_names, chosen.na + chosen.nc)
+    covariance = residuals.doubt(tests) * fit.covariance
+    channels = moments.channels(trace.input_names, fit.A, fit.B, chosen.nk, covariance, trace.dt)
     return ArmaxDrive(fit, channels, tests)

@@ -293,8 +293,7 @@ def make(
         if state.model is None or not _excited(state.movement):
             return silent(Status.NOT_EXCITED, status.hardly_moved(excitation))
         tests = _tests(state.past[-tested:])
-        # noise of more order than the model's bends what shares its poles: in doubt as much as whiteness fails
-        doubt = max(1.0, tests.statistic / tests.bound) if tests is not None and tests.bound > 0.0 else 1.0
+        doubt = residuals.doubt(tests)
         # Such a model cannot give this driver's answer: a resonance of 0.5 to 1 Hz in the noise bends K and tau far
         # beyond their intervals. In 373 windows of simulated car following both happened together once.
         if tests is not None and tests.left_over and doubt > 1.0:

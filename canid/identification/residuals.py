@@ -88,6 +88,18 @@ def _scaled(x: Array) -> Array:
     return x / largest if largest > 0.0 else np.ascontiguousarray(x)
 
 
+def doubt(tests: ResidualTests | None) -> float:
+    """What the variances of a model's parameters are multiplied by: the whiteness statistic over its bound, at least 1.
+
+    Noise of more order than the model's bends what shares its poles, however many samples there are.
+
+    >>> white = look(np.random.default_rng(0).normal(size=600), np.zeros((600, 0)), (), 3)
+    >>> doubt(white), round(doubt(white._replace(statistic=2.0 * white.bound)), 1), doubt(None)
+    (1.0, 2.0, 1.0)
+    """
+    return max(1.0, tests.statistic / tests.bound) if tests is not None and tests.bound > 0.0 else 1.0
+
+
 def chi2_bound(freedom: int, level: float = LEVEL) -> float:
     """Quantile of chi-squared by Wilson & Hilferty (1931): to 0.2 % from five degrees of freedom, 0.8 % from one.
 
