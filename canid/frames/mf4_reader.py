@@ -57,7 +57,7 @@ def read_mf4(path: Path, state: ReadState) -> Iterator[Frame]:
         if head != END:
             said.seek(0)
             last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
-            why = last or f"the reading process ended with code {code}"
+            why = f"asammdf gives up ({last or f'code {code}'})"
             if code == -getattr(signal, "SIGPROF", 0):
                 why = "asammdf found no frame in it for many seconds"
             if not read:
