@@ -22,18 +22,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-ROOT = Path(__file__).parents[1]
+from benchmarks.alone import enter
+
 BURST = 60_000  # frames
 DRAINED = 3.0  # s after the last frame, for what was not read yet
-_INSIDE = "CANID_ALONE"
 
 
 class Used(NamedTuple):
     """What one recorder made of a run."""
 
     cpu: float  # s
-    frames: int  # in the file, as python-can reads it
-    size: int  # bytes
+    frames: int  # in the file, as far as python-can reads it
 
 
 def main() -> int:
@@ -41,11 +40,7 @@ def main() -> int:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--seconds", type=float, default=20.0, help="of each rate")
     args = parser.parse_args()
-    if os.environ.get(_INSIDE) is None:
-        os.environ[_INSIDE] = "1"
-        os.environ["PYTHONPATH"] = str(ROOT)
-        alone = str(ROOT / "tests/bus/alone")
-        os.execv(alone, [alone, sys.executable, "-m", "benchmarks.recording", *sys.argv[1:]])
+    enter("benchmarks.recording")
     print("| | sent | recorded by canid, can.logger | CPU per frame (µs) | ratio |")
     print("|---|---|---|---|---|")
     idle = _run(0.0, 0, signal.SIGINT)[1]
@@ -70,6 +65,7 @@ def _row(name: str, sent: int, used: list[Used], idle: list[Used]) -> None:
 
 def _run(rate: float, total: int, end: int) -> tuple[int, list[Used]]:
     """Frames sent, and what canid and python-can's logger made of them."""
+    from benchmarks.reliability.readers import by_python_can
     from benchmarks.reliability.traffic import WORDS, Traffic
 
     with tempfile.TemporaryDirectory() as name:
@@ -89,17 +85,16 @@ def _run(rate: float, total: int, end: int) -> tuple[int, list[Used]]:
                 process.returncode = 0  # waited for already
             traffic.stop()
         return sent, [
-            Used(one.ru_utime + one.ru_stime, *_in_file(folder / f"{k}.blf")) for k, one in enumerate(spent)
+            Used(one.ru_utime + one.ru_stime, len(by_python_can(folder / f"{k}.blf").frames))
+            for k, one in enumerate(spent)
         ]
 
 
 @contextmanager
 def _listening(folder: Path, words: tuple[str, ...]) -> Iterator[list[subprocess.Popen[bytes]]]:
     """Both recorders, once they listen."""
-    from benchmarks.reliability.recording import until
+    from benchmarks.reliability.recording import BEGIN, until
 
-    # signals that a shell in the background had switched off
-    begin = "import runpy, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
     modules = (
         ("canid", ["record", *words, "-o", "0.blf"], "listen-only"),
         ("can.logger", [*words, "-f", "1.blf"], "Connected"),
@@ -107,7 +102,7 @@ def _listening(folder: Path, words: tuple[str, ...]) -> Iterator[list[subprocess
     processes = []
     for module, rest, _ in modules:
         with (folder / module).open("wb") as told:
-            code = f"{begin}runpy.run_module({module!r}, run_name='__main__')"
+            code = f"{BEGIN}import runpy; runpy.run_module({module!r}, run_name='__main__')"
             process = subprocess.Popen(
                 [sys.executable, "-u", "-c", code, *rest], cwd=folder, stdout=told, stderr=told
             )
@@ -121,19 +116,6 @@ def _listening(folder: Path, words: tuple[str, ...]) -> Iterator[list[subprocess
             if process.poll() is None:
                 process.kill()
                 process.wait()
-
-
-def _in_file(path: Path) -> tuple[int, int]:
-    """Frames that python-can reads from a file, and its size."""
-    from canid.frames import python_can
-
-    if not path.exists():
-        return 0, 0
-    size = path.stat().st_size
-    try:
-        return sum(1 for _ in python_can.load().LogReader(str(path))), size
-    except Exception:  # a file that it cannot read holds nothing for it
-        return 0, size
 
 
 if __name__ == "__main__":

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import sys
 from importlib import import_module
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from benchmarks.alone import enter
+
 PROMISES = {
     "kill": "kills",
     "cut": "cuts",
@@ -25,7 +25,6 @@ PROMISES = {
     "disks": "disks",
     "buses": "buses",
 }
-_INSIDE = "CANID_ALONE"
 
 
 def main() -> int:
@@ -41,12 +40,7 @@ def main() -> int:
         "--channel", default="", help="soak: of SocketCAN, without a wire; default: udp_multicast"
     )
     args = parser.parse_args()
-    if os.environ.get(_INSIDE) is None:
-        os.environ[_INSIDE] = "1"
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
-        os.environ["PYTHONPATH"] = str(ROOT)
-        alone = str(ROOT / "tests/bus/alone")
-        os.execv(alone, [alone, sys.executable, "-m", "benchmarks.reliability", *sys.argv[1:]])
+    enter("benchmarks.reliability")
     if args.promise == "soak":
         from benchmarks.reliability import soak
 

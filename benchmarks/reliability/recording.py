@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 # s: a busy machine may need them
 PATIENCE = 120.0
 # what a process of ours needs before the command itself: signals that a shell in the background had switched off
-_BEGIN = (
+BEGIN = (
     "import signal; [signal.signal(s, signal.default_int_handler if s == signal.SIGINT else signal.SIG_DFL) \
 for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]; import sys; "
 )
@@ -41,7 +41,7 @@ class Recording:
         self.json = talk / f"{output.name}.json"
         name = "--record" if verb == "live" else "-o"
         command = ["canid", verb, *bus, name, str(output), "--json", str(self.json), *map(str, words)]
-        code = f"{_BEGIN}{before}\nfrom canid.cli import main; sys.exit(main(sys.argv[1:]))"
+        code = f"{BEGIN}{before}\nfrom canid.cli import main; sys.exit(main(sys.argv[1:]))"
         environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(

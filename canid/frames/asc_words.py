@@ -11,15 +11,23 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.frames.asc_usual import Bytes, Usual, fd_flags, nothing, wide_enough
+from canid.frames.asc_usual import Usual, fd_flags, nothing, wide_enough
 from canid.frames.blf_layout import FD64_EDL, FD64_REMOTE
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES
-from canid.frames.digits import NO_NUMBER, ROOM, decimals, hexadecimals, small_decimals
+from canid.frames.digits import (
+    HEX_DIGITS,
+    NO_DIGIT,
+    NO_NUMBER,
+    ROOM,
+    Bools,
+    Bytes,
+    Rows,
+    decimals,
+    hexadecimals,
+    small_decimals,
+)
 from canid.frames.lines import Block
 from canid.types import Flag
-
-Rows = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 _TX, _EXTENDED = int(Flag.TX), int(Flag.EXTENDED)
 # "A" | this is "a", and "a" stays: no other character becomes a letter by it
@@ -28,10 +36,6 @@ _SMALL = 0x20
 _AT_ONCE = 8192
 # digits of a time's fraction: what python-can, Vector's tools and canid write comes first
 _FRACTIONS = (6, 4, 9, 5, 7, 8, 3, 2, 1)
-_NO_DLC = 0xFF
-_DLC = np.full(256, _NO_DLC, np.uint8)
-for _digit in range(16):
-    _DLC[ord(f"{_digit:x}")] = _DLC[ord(f"{_digit:X}")] = _digit
 
 
 class _Words(NamedTuple):
@@ -126,7 +130,7 @@ def _classic(words: _Words, lines: _Lines, out: Usual) -> Usual:
     """`t channel id Rx d dlc data...`."""
     dlc = _dlc(words, lines.first + 5)
     length = np.minimum(dlc, CLASSIC_BYTES)
-    good = _is(words, lines.first + 4, b"d") & (dlc != _NO_DLC) & (lines.words - 6 >= length)
+    good = _is(words, lines.first + 4, b"d") & (dlc != NO_DIGIT) & (lines.words - 6 >= length)
     lines, length = _keep(lines, good), length[good]
     ids, flags, good = _ids(words, lines.first + 2, lines.first + 3)
     return _frames(words, lines, lines.first + 1, ids, flags, good, lines.first + 6, length, out)
@@ -145,7 +149,7 @@ def _fd(words: _Words, lines: _Lines, out: Usual) -> Usual:
         _dlc(words, at + 2),
         _number(words, at + 3),
     )
-    good = _bit(words, at) & _bit(words, at + 1) & (dlc != _NO_DLC)
+    good = _bit(words, at) & _bit(words, at + 1) & (dlc != NO_DIGIT)
     good &= (length <= FD_BYTES) & ((length > 0) | (dlc == 0)) & (at + 4 + length <= behind)
     lines, at, behind, brs, esi = _keep(lines, good), at[good], behind[good], brs[good], esi[good]
     length = length[good].astype(np.uint8)
@@ -184,11 +188,11 @@ def _number(words: _Words, at: Rows) -> npt.NDArray[np.uint16]:
 
 def _dlc(words: _Words, at: Rows) -> Bytes:
     """One hexadecimal digit, or 10 to 15."""
-    dlc = _DLC[words.text[words.end[at] - 1]]
+    dlc = HEX_DIGITS[words.text[words.end[at] - 1]]
     long = np.flatnonzero(words.size[at] != 1)
     if long.size:
         number = _number(words, at[long])
-        dlc[long] = np.where(number <= 15, number, _NO_DLC)
+        dlc[long] = np.where(number <= 15, number, NO_DIGIT)
     return dlc
 
 

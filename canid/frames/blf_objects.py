@@ -17,6 +17,7 @@ from canid.frames.blf_chain import Broken, Chain, Ints, chain, signatures
 from canid.frames.blf_layout import LIMIT, PADDING, Data
 from canid.frames.blf_marker import GLOBAL_MARKER, Told, told
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES, Wanted
+from canid.frames.lines import LONGEST_TIME
 from canid.types import Array, Columns, Flag
 
 _EXTENDED, _REMOTE, _ERROR, _TX = (int(f) for f in (Flag.EXTENDED, Flag.REMOTE, Flag.ERROR, Flag.TX))
@@ -73,9 +74,8 @@ _LAYOUTS = {
 # what keeps the first n of eight bytes, little-endian
 _KEEP = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
 _DLC_BYTES = np.array(blf.DLC_BYTES, dtype=np.uint8)
-# ns, 146 years, as in text logs (`lines.LONGEST_TIME`): longer times are damage, and differences of shorter ones fit
-# 64 bits
-_FAR = (1 << 62) - 1
+# ns: longer times are damage, and differences of shorter ones fit 64 bits
+_FAR = LONGEST_TIME - 1
 
 
 class Walked(NamedTuple):

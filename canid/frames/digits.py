@@ -17,9 +17,11 @@ NO_NUMBER = 0xFFFF
 _ZEROS, _LIFT, _HIGH = (np.uint64(int.from_bytes(bytes([byte] * 8))) for byte in (ord("0"), 0x80 - 10, 0x80))
 # what keeps the last n of eight characters, little-endian: a word's last character is the highest byte
 _KEEP = np.array([(1 << 64) - (1 << 8 * (8 - n)) for n in range(9)], np.uint64)
-_HEX = np.full(256, 0xFF, np.uint8)
+# what each character is as a hexadecimal digit, NO_DIGIT for all others
+NO_DIGIT = 0xFF
+HEX_DIGITS = np.full(256, NO_DIGIT, np.uint8)
 for _digit in range(16):
-    _HEX[ord(f"{_digit:x}")] = _HEX[ord(f"{_digit:X}")] = _digit
+    HEX_DIGITS[ord(f"{_digit:x}")] = HEX_DIGITS[ord(f"{_digit:X}")] = _digit
 
 
 def small_decimals(text: Bytes, end: Rows, size: Rows) -> npt.NDArray[np.uint16]:
@@ -82,7 +84,7 @@ def hexadecimals(text: Bytes, end: Rows, size: Rows) -> tuple[npt.NDArray[np.int
     good = (size > 0) & (size <= 8)
     for k in range(min(int(size.max(initial=0)), 8)):
         within = size > k
-        digit = _HEX[text[end - 1 - k]]
+        digit = HEX_DIGITS[text[end - 1 - k]]
         good &= ~within | (digit < 16)
         value += np.where(within, digit, 0).astype(np.int64) << 4 * k
     return value, good

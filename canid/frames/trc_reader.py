@@ -32,16 +32,10 @@ def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
     feed = _Feed(lines(path, state, tally), tally)
     for message in _messages(feed, tally):
         feed.open = False
-        if feed.last is not None and not (message.arbitration_id <= LARGEST_ID and 0 <= message.dlc <= 64):
-            tally.miss(feed.last, "its id or its length is too large")
-            continue
-        announced = DLC_BYTES[min(message.dlc, 15)] if message.is_fd else min(message.dlc, 8)
-        if feed.last is not None and not message.is_remote_frame and len(message.data) != announced:
-            tally.miss(feed.last, f"it announces {announced} data bytes and has {len(message.data)}")
-            continue
         ns = stamps.from_float(message.timestamp)
-        if feed.last is not None and abs(ns) > LONGEST_TIME:
-            tally.miss(feed.last, "its time is damaged")
+        why = _wrong(message, ns)
+        if why and feed.last is not None:
+            tally.miss(feed.last, why)
             continue
         if first is None:
             first = ns
@@ -50,6 +44,16 @@ def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
         # PEAK counts buses from 1
         yield messages.frame_of(message, max(int(message.channel) - 1, 0), first)
     state.damage = tally.damage(path)
+
+
+def _wrong(message: Any, ns: int) -> str:
+    """What is wrong with a message that python-can has made; "" where nothing is."""
+    if not (message.arbitration_id <= LARGEST_ID and 0 <= message.dlc <= 64):
+        return "its id or its length is too large"
+    announced = DLC_BYTES[min(message.dlc, 15)] if message.is_fd else min(message.dlc, 8)
+    if not message.is_remote_frame and len(message.data) != announced:
+        return f"it announces {announced} data bytes and has {len(message.data)}"
+    return "its time is damaged" if abs(ns) > LONGEST_TIME else ""
 
 
 def _messages(feed: _Feed, tally: Tally) -> Iterator[Any]:
