@@ -6,14 +6,16 @@ start is kept to the nanosecond and the times between frames are kept exactly.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import zlib
 from pathlib import Path
 from types import TracebackType
 
+from canid.errors import OutputError
 from canid.frames import blf_layout as blf
 from canid.frames.blf_marker import marker
-from canid.frames.disk import Disk
+from canid.frames.disk import ChangedError, Disk
 from canid.types import Event, Flag, Frame
 
 # Vector's and python-can's container size; bigger gains nothing, and a damaged container is lost whole.
@@ -72,7 +74,6 @@ class BlfWriter:
 
         `start_ns`: epoch ns of t = 0; None: unknown yet, assign `self.start_ns` before the first `append`.
         """
-        self.path = Path(path)
         self.start_ns = start_ns
         self.lead_ns = 0
         self.frames = 0
@@ -80,7 +81,12 @@ class BlfWriter:
         self._buffered = self._buffered_frames = 0
         self._uncompressed = self._size = blf.FILE_HEADER_SIZE
         self._last = 0  # ns, the latest frame's
-        self._disk = Disk(self.path, overwrite=overwrite, head=self._header())
+        self.disk = Disk(Path(path), overwrite=overwrite, head=self._header())
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.disk.path
 
     @property
     def kept(self) -> int:
@@ -90,7 +96,7 @@ class BlfWriter:
     @property
     def bytes(self) -> int:
         """Bytes in the file so far, without what waits for its container."""
-        return self._disk.size
+        return self.disk.size
 
     @property
     def waiting(self) -> int:
@@ -115,26 +121,33 @@ class BlfWriter:
     def checkpoint(self, *, sync: bool = True) -> None:
         """Make the file complete as it stands: container, header, and (`sync`) down to the disk itself."""
         self._write_container()
-        self._disk.put(0, self._header())
+        self.disk.put(0, self._header())
         if sync:
             self.sync()
 
     def sync(self) -> None:
         """Have what was written on the disk itself; another thread may call this meanwhile."""
-        self._disk.sync()
+        self.disk.sync()
+
+    def complete(self) -> None:
+        """Checkpoint; the file stays open."""
+        self.checkpoint()
 
     def close(self) -> None:
         """Checkpoint and close; a second call does nothing."""
-        if self._disk.closed:
+        if self.disk.closed:
             return
         try:
             self.checkpoint()
         finally:
-            self._disk.close()
+            self.disk.close()
 
     def abandon(self) -> None:
         """Close without writing any more: the disk has failed, what was written whole stands."""
-        self._disk.close()
+        # the header needs no more room, and counts the containers that were written since the last checkpoint
+        with contextlib.suppress(OutputError):
+            self.disk.put(0, self._header())
+        self.disk.close()
 
     def __enter__(self) -> BlfWriter:
         return self
@@ -162,9 +175,15 @@ class BlfWriter:
         size = blf.CONTAINER_HEAD_SIZE + len(packed)
         head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT.size, 1, size, blf.LOG_CONTAINER)
         # size % 4 zeros, not up to the next multiple of 4: this is the format's own habit
-        self._disk.append(head + blf.CONTAINER.pack(blf.DEFLATED, len(data)) + packed + b"\0" * (size % 4))
+        try:
+            self.disk.append(head + blf.CONTAINER.pack(blf.DEFLATED, len(data)) + packed + b"\0" * (size % 4))
+        except ChangedError:
+            raise
+        except OutputError:
+            self.disk.keep(0)  # half a container is none
+            raise
         self._uncompressed += blf.CONTAINER_HEAD_SIZE + len(data)
-        self._size = self._disk.size
+        self._size = self.disk.size
         self._buffer.clear()
         self._buffered = self._buffered_frames = 0
 

@@ -4,17 +4,32 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
 
 from canid.errors import OutputError
+from canid.frames import whereabouts
+from canid.frames.whereabouts import Place, Whereabouts
 
 # macOS and Windows have no fdatasync.
 _to_disk = getattr(os, "fdatasync", os.fsync)
+# Read as well: what was written must be readable after somebody has deleted the name. Zero: not on this system.
+_NEW = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_NEVER_OVER = os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+_MODE = 0o666  # less the umask, as open() does
+# bytes copied at once
+_COPY_SIZE = 1 << 20
+# temporary names that are tried: each is random, so one is enough unless somebody plays against it
+_TEMPORARY_TRIES = 8
 
 
 class TakenError(OutputError):
     """A file of that name is there already."""
+
+
+class ChangedError(OutputError):
+    """Somebody else has truncated the file, or written into it."""
 
 
 class Disk:
@@ -24,104 +39,207 @@ class Disk:
         """Create it. With a `head` the name appears only once the head is on the disk: no cut leaves it empty."""
         self.path = path
         self.size = 0
+        self.taken = 0  # bytes of an `append` that failed which are in the file, until `keep`
+        self.closing: Callable[[Disk], object] | None = None  # called before the descriptor is closed
         self._entry_synced = False
+        self._fd = -1
         try:
-            self._file: BinaryIO = _open(path, overwrite=overwrite, head=head)
+            self._fd = _open(path, overwrite=overwrite, head=head)
         except FileExistsError:
             message = f"{path} exists already: choose another name, or overwrite it explicitly"
             raise TakenError(message) from None
         except OSError as error:
             raise OutputError(f"cannot create {path}: {error.strerror}") from None
         self.size = len(head)
+        # Some network file systems have no lasting inode numbers: there only writing tells that a file is gone. A
+        # device (/dev/null) has no size.
+        self._findable = whereabouts.find(self._fd, path).place is Place.HERE
+        self._sized = self.size_on_disk() == self.size
 
     @property
     def closed(self) -> bool:
         """Whether the file is closed."""
-        return self._file.closed
+        return self._fd < 0
+
+    def fileno(self) -> int:
+        """Return the descriptor; raises ValueError where it is closed."""
+        if self._fd < 0:
+            raise ValueError("the file is closed")
+        return self._fd
 
     def append(self, data: bytes) -> None:
         """Write at the end."""
-        self.put(self.size, data)
+        self._check_size()
+        self.taken = 0
+        try:
+            self._write(self.size, data)
+        except OutputError:
+            self.taken = max(min(self.size_on_disk() - self.size, len(data)), 0)
+            raise
         self.size += len(data)
 
+    def keep(self, count: int) -> None:
+        """After an `append` that failed: its first `count` bytes count as written, what is behind them is cut off."""
+        self.size += count
+        self.taken = 0
+        self._cut()
+
     def put(self, at: int, data: bytes) -> None:
-        """Write at byte `at`; raises OutputError."""
-        try:
-            self._file.seek(at)
-            _write(self._file, data)
-        except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+        """Write at byte `at`, over what was written before; raises OutputError."""
+        self._check_size()
+        self._write(at, data)
 
     def sync(self) -> None:
         """Have it all on the disk itself, its name in the folder too; raises OutputError."""
         try:
-            _to_disk(self._file.fileno())
+            _to_disk(self.fileno())
             if not self._entry_synced:
                 _sync_folder(self.path.parent)
                 self._entry_synced = True
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
 
-    def close(self) -> None:
-        """Close, and cut off what a failed write left behind the last whole byte."""
-        if self._file.closed:
+    def find(self) -> Whereabouts:
+        """Where the file is now."""
+        if not self._findable or self.closed:
+            return Whereabouts(Place.HERE, self.path)
+        return whereabouts.find(self.fileno(), self.path)
+
+    def moved(self, path: Path) -> None:
+        """Note the file's new name."""
+        self.path = path
+        self._entry_synced = False
+
+    def read(self, at: int, count: int) -> bytes:
+        """Read back what was written, whether or not the file still has a name. Raises OSError."""
+        return _read(self.fileno(), at, count)
+
+    def copy(self, path: Path) -> Disk:
+        """Copy what was written into a new file, on the disk. Raises OutputError, TakenError."""
+        copied = Disk(path, overwrite=False)
+        try:
+            while copied.size < self.size:
+                chunk = self.read(copied.size, min(_COPY_SIZE, self.size - copied.size))
+                if not chunk:
+                    raise OutputError(f"{self.path} cannot be read back beyond byte {copied.size}")
+                copied.append(chunk)
+            copied.sync()
+        except (OSError, OutputError) as error:
+            copied.close()
+            raise OutputError(str(error)) from None
+        return copied
+
+    def size_on_disk(self) -> int:
+        """Bytes that the file has now; `size` where that cannot be found out."""
+        try:
+            return os.fstat(self.fileno()).st_size
+        except OSError:
+            return self.size
+
+    def close(self, *, cut: bool = True) -> None:
+        """Close, and cut off what a failed write left behind the last whole byte (`cut`)."""
+        if self.closed:
             return
-        # what a full disk took in part would read as damage; where even this fails, so be it
-        with contextlib.suppress(OSError):
-            if os.fstat(self._file.fileno()).st_size > self.size:
-                os.ftruncate(self._file.fileno(), self.size)
+        if cut:
+            self._cut()
+        if self.closing is not None:
+            self.closing(self)
+        fd, self._fd = self._fd, -1
         # some file systems tell of a failed write here and nowhere else; the last sync has been told already
         with contextlib.suppress(OSError):
-            self._file.close()
+            os.close(fd)
+
+    def _cut(self) -> None:
+        # what a full disk took in part would read as damage; where even this fails, so be it
+        with contextlib.suppress(OSError):
+            if self._sized and self.size_on_disk() > self.size:
+                os.ftruncate(self.fileno(), self.size)
+
+    def _check_size(self) -> None:
+        """Raise ChangedError where somebody else has changed the size: writing on would leave a hole."""
+        if not self._sized:
+            return
+        found = self.size_on_disk()
+        if found != self.size:
+            self._sized = False  # it is somebody else's: nothing is cut off
+            raise ChangedError(
+                f"{self.path} was changed by another program: it has {found:,} bytes, {self.size:,} were written"
+            )
+
+    def _write(self, at: int, data: bytes) -> None:
+        try:
+            _write(self.fileno(), at, data)
+        except OSError as error:
+            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
 
 
-def _open(path: Path, *, overwrite: bool, head: bytes) -> BinaryIO:
+def _open(path: Path, *, overwrite: bool, head: bytes) -> int:
     """Open a new file that begins with `head`; unbuffered, so that a kill loses nothing that was written."""
     if head and not overwrite:
         linked = _open_linked(path, head)
-        if linked is not None:
+        if linked >= 0:
             return linked
-    file: BinaryIO = open(path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
+    fd = os.open(path, _NEW | (os.O_TRUNC if overwrite else _NEVER_OVER), _MODE)
     try:
-        _write(file, head)
+        _write(fd, 0, head)
     except OSError:
-        file.close()
+        os.close(fd)
         raise
-    return file
+    return fd
 
 
-def _open_linked(path: Path, head: bytes) -> BinaryIO | None:
+def _open_linked(path: Path, head: bytes) -> int:
     """Write the head under another name first, then link it: the name never stands for an empty file.
 
-    None where the file system has no hard links (FAT, some FUSE).
+    -1 where the file system has no hard links (FAT, some FUSE).
     """
-    if path.exists():
+    if os.path.lexists(path):
         raise FileExistsError
-    other = path.with_name(f".{path.name}.{os.getpid()}.new")
-    file: BinaryIO = open(other, "wb", buffering=0)  # noqa: SIM115
+    fd, other = _open_temporary(path)
     try:
-        _write(file, head)
-        _to_disk(file.fileno())
+        _write(fd, 0, head)
+        _to_disk(fd)
         os.link(other, path)
     except FileExistsError:
-        file.close()
+        os.close(fd)
         raise
     except OSError as error:
-        file.close()
+        os.close(fd)
         # full, or a write error: the plain way would fail as well, and leave an empty file behind
         if error.filename is None:
             raise
-        return None
+        return -1
     finally:
         with contextlib.suppress(OSError):
             os.unlink(other)
-    return file
+    return fd
 
 
-def _write(file: BinaryIO, data: bytes) -> None:
+def _open_temporary(path: Path) -> tuple[int, Path]:
+    """Create a file under a random name in the same folder; nobody else's file is followed or opened."""
+    for _ in range(_TEMPORARY_TRIES):
+        other = path.with_name(f".{path.name}.{secrets.token_hex(8)}.new")
+        with contextlib.suppress(FileExistsError):
+            return os.open(other, _NEW | _NEVER_OVER, _MODE), other
+    raise OSError(None, "no temporary name is free")
+
+
+def _write(fd: int, at: int, data: bytes) -> None:
     done = 0
-    while done < len(data):  # a nearly full disk takes a part
-        done += file.write(data[done:])
+    if hasattr(os, "pwrite"):
+        while done < len(data):  # a nearly full disk takes a part
+            done += os.pwrite(fd, data[done:] if done else data, at + done)
+        return
+    os.lseek(fd, at, os.SEEK_SET)  # Windows
+    while done < len(data):
+        done += os.write(fd, data[done:])
+
+
+def _read(fd: int, at: int, count: int) -> bytes:
+    if hasattr(os, "pread"):
+        return os.pread(fd, count, at)
+    os.lseek(fd, at, os.SEEK_SET)  # Windows
+    return os.read(fd, count)
 
 
 def _sync_folder(folder: Path) -> None:

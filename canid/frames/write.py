@@ -12,7 +12,7 @@ from typing import Protocol
 from canid.errors import ConfigError
 from canid.frames import stamps
 from canid.frames.blf_writer import BlfWriter
-from canid.frames.disk import TakenError
+from canid.frames.disk import Disk, TakenError
 from canid.frames.log import log_suffix
 from canid.types import NAN, Event, Frame
 
@@ -27,6 +27,10 @@ class Writer(Protocol):
     @property
     def path(self) -> Path:
         """The file."""
+
+    @property
+    def disk(self) -> Disk:
+        """The file on the disk."""
 
     @property
     def kept(self) -> int:
@@ -52,8 +56,11 @@ class Writer(Protocol):
     def sync(self) -> None:
         """Have what was written on the disk itself; another thread may call this meanwhile."""
 
+    def complete(self) -> None:
+        """Write the end, and have all of it on the disk; the file stays open."""
+
     def close(self) -> None:
-        """Checkpoint and close."""
+        """Write the end and close."""
 
     def abandon(self) -> None:
         """Close without writing any more."""
@@ -88,15 +95,16 @@ def check_suffix(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def open_new(path: str | os.PathLike[str]) -> Writer:
+def open_new(path: str | os.PathLike[str], first: int = 1) -> Writer:
     """Open a writer for a file of this name or, where it is taken, the next free one: name-2.blf, ...
 
-    `writer.path` tells which. No other process can get the same one. Raises as `open_writer`.
+    `first`: 2 leaves out the name itself. `writer.path` tells which. No other process can get the same one.
+    Raises as `open_writer`.
     """
     path = Path(path)
     suffix = log_suffix(path)
     stem = path.name[: len(path.name) - len(suffix)]
-    for number in count(1):
+    for number in count(first):
         name = path if number == 1 else path.with_name(f"{stem}-{number}{path.suffix}")
         try:
             return open_writer(name)
