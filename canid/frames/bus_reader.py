@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+from canid.errors import BusError
 from canid.frames.bus import ReceiveOnlyBus
 from canid.frames.clock_watch import ClockWatch
 from canid.frames.received import Received
@@ -56,6 +58,7 @@ class BusReader:
         # kept by the passing thread
         self.frames = self.errors = 0
         self.drops_told = 0
+        self.overflows = self.overflows_told = 0  # error frames: the controller's own buffer overflowed
         self.clock = StampClock.UNKNOWN
         self.watch = ClockWatch()
         self.busy = 0.0  # s on the bus since the window began
@@ -65,11 +68,12 @@ class BusReader:
 
     def run(self) -> None:
         """Read; the body of the thread."""
+        self._look()  # before the first frame: error frames tell what comes later
         now = looked = time.monotonic()
         while not self._stopping.is_set():
             if now - looked >= LOOK:
                 looked = now
-                self.controller_is(self.bus.controller())
+                self._look()
             try:
                 got = self.bus.recv(POLL)
                 now = time.monotonic()
@@ -78,8 +82,15 @@ class BusReader:
                 continue
             if got is not None:
                 self._put(Arrival(self.index, now, got))
+        self._look()
         if self.lost_at is None:
             self._drain()
+
+    def _look(self) -> None:
+        """Tell what the device and its driver say."""
+        for what, says in self.bus.news():
+            self._tell(what, says)
+        self.controller_is(self.bus.controller())
 
     def controller_is(self, state: str) -> None:
         """Tell a controller's state that is new; "" says nothing. canid restarts no controller."""
@@ -102,12 +113,21 @@ class BusReader:
                 self.bus.reopen()
             except Exception as again:
                 self.state = f"lost: {again}"
+                self._look()
                 continue
-            away = time.monotonic() - self.lost_at
-            self.state, self.lost_at = "open", None
-            self.watch.forget()
-            self._tell("bus_back", f"{self.bus.name} is back; nothing was received for {away:.1f} s")
+            self._back(self.lost_at)
             return
+        # the end: opening may take long, but what a socket has received since then is there to be read
+        with contextlib.suppress(BusError):
+            if self.bus.resumed():
+                self._back(self.lost_at)
+
+    def _back(self, lost_at: float) -> None:
+        away = time.monotonic() - lost_at
+        self.state, self.lost_at = "open", None
+        self.watch.forget()
+        self._look()
+        self._tell("bus_back", f"{self.bus.name} is back; nothing was received for {away:.1f} s")
 
     def _drain(self) -> None:
         until_ns, until = time.time_ns(), time.monotonic() + DRAIN

@@ -21,7 +21,7 @@ from canid.frames.journal import Journal
 from canid.frames.log_thread import LogThread
 from canid.frames.recorder_stats import BusStats, Stats
 from canid.frames.rotation import Rotation
-from canid.frames.socketcan import error_counters, meaning
+from canid.frames.socketcan import error_counters, meaning, overflowed
 from canid.frames.stamp_clock import StampClock
 from canid.types import Event, Flag, Frame
 
@@ -249,6 +249,7 @@ class Recorder:
         if each.bus.interface in LINUX_ERRORS:
             each.counters = error_counters(frame.id, frame.data) or each.counters
             each.controller_is(meaning(frame.id, frame.data) or "")
+            each.overflows += overflowed(frame.id, frame.data)
 
     def _look_at_clock(self, each: BusReader, ns: int, at: float) -> None:
         step = each.watch.look(ns, at)
@@ -293,6 +294,14 @@ class Recorder:
                     f" ({drops:,} in all)",
                 )
                 each.drops_told = drops
+            if each.overflows > each.overflows_told:
+                times = each.overflows - each.overflows_told
+                self._tell(
+                    "rx_overflow",
+                    f"{each.bus.name}: the controller's own receive buffer overflowed ({times:,} error frames,"
+                    f" {each.overflows:,} in all); nobody counts the frames that were lost there",
+                )
+                each.overflows_told = each.overflows
 
     # --- events: any thread ---
 

@@ -8,14 +8,17 @@ asm-generic/socket.h.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import select
 import socket
+import threading
 import time
 from struct import Struct
 from typing import Any, NamedTuple
 
 from canid.errors import BusError
+from canid.frames.device_watch import DeviceWatch
 from canid.frames.received import Received
 from canid.frames.stamp_clock import StampClock
 from canid.types import Flag
@@ -29,6 +32,8 @@ _BRS, _ESI = 1, 2
 # asm-generic/socket.h; Python's socket module has none of them
 SO_RXQ_OVFL, SO_RCVBUFFORCE = 40, 33
 SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW = 35, 64
+# since Linux 4.12; linux/sock_diag.h: SK_MEMINFO_DROPS is the ninth of its numbers
+SO_MEMINFO, _MEMINFO = 55, Struct("=32x I")
 _TIMESPEC_64, _TIMESPEC_32 = Struct("=qq"), Struct("=ll")
 _COUNT = Struct("=I")
 # linux/net_tstamp.h; the message holds three times: software, one that is not used any more, raw hardware
@@ -49,7 +54,9 @@ NAP = 0.003
 
 # linux/can/error.h: classes in the id of an error frame, details in data[1], counters in data[6] and data[7]
 _ERROR_CONTROLLER, _ERROR_BUS_OFF, _ERROR_RESTARTED, _ERROR_COUNTERS = 0x04, 0x40, 0x100, 0x200
-_CONTROLLER = {0x01: "rx_overflow", 0x10: "error_passive", 0x20: "error_passive", 0x40: "error_active"}
+_RX_OVERFLOW = 0x01
+# receiver's and transmitter's bit of each state, the gravest first: a frame may tell several
+_CONTROLLER = {0x30: "error_passive", 0x0C: "error_warning", 0x40: "error_active"}
 
 
 class Parsed(NamedTuple):
@@ -108,7 +115,7 @@ def timespec_ns(value: bytes) -> int:
 
 
 def meaning(error_id: int, data: bytes) -> str | None:
-    """Tell what an error frame says of the controller's state, None where it is about one frame only.
+    """The controller's state that an error frame announces (linux/can/error.h), None where it announces none.
 
     >>> meaning(0x40, bytes(8)), meaning(0x04, bytes([0, 0x20])), meaning(0x08, bytes(8))
     ('bus_off', 'error_passive', None)
@@ -120,6 +127,15 @@ def meaning(error_id: int, data: bytes) -> str | None:
     if error_id & _ERROR_CONTROLLER and len(data) > 1:
         return next((name for bit, name in _CONTROLLER.items() if data[1] & bit), None)
     return None
+
+
+def overflowed(error_id: int, data: bytes) -> bool:
+    """Whether an error frame says that the controller's receive buffer overflowed: it has lost frames.
+
+    >>> overflowed(0x04, bytes([0, 0x01])), overflowed(0x04, bytes([0, 0x20]))
+    (True, False)
+    """
+    return bool(error_id & _ERROR_CONTROLLER and len(data) > 1 and data[1] & _RX_OVERFLOW)
 
 
 def error_counters(error_id: int, data: bytes) -> tuple[int, int] | None:
@@ -143,27 +159,49 @@ class SocketcanReceiver:
     without such a stamp (error frames) are then put on the same clock by what the two clocks differ.
     """
 
-    def __init__(self, bus: Any, *, hardware: bool = False):
+    def __init__(self, bus: Any, *, hardware: bool = False, device: DeviceWatch | None = None):
         self._close = bus.shutdown
         self._socket: socket.socket = bus.socket
-        self._name = f"socketcan {bus.channel}"
-        self.drops = 0
+        self._channel = str(bus.channel)
+        self._device = device
         self.clock = StampClock.UNKNOWN
         self._hardware = hardware
         self._ahead = 0  # ns, the device's clock before the kernel's
-        self._drops_seen = 0
+        self._drops = 0
+        self._drops_seen = 0  # the kernel's own count, of 32 bits
+        self._counting = threading.Lock()  # any thread may ask
         self._fault: BusError | None = None
-        configure(self._socket)
+        self._meminfo = dropped(self._socket) is not None
+        configure(self._socket, ask_for_drops=not self._meminfo)
         if hardware:
             ask_for_hardware_stamps(self._socket)
         # binding to a device that is down succeeds; the kernel leaves the truth here
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             self._close()
-            up = f"sudo ip link set {bus.channel} up"
+            up = f"sudo ip link set {self._channel} up"
             raise BusError(f"{self._name}: {os.strerror(code)}; bring it up: {up} (type can bitrate 500000)")
+        if device is not None:
+            device.opened(self._channel)
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
+
+    @property
+    def _name(self) -> str:
+        return f"socketcan {self._device.name if self._device else self._channel}"
+
+    @property
+    def drops(self) -> int:
+        """Frames that the kernel dropped at this socket until now; of a closed one: until the last look."""
+        with self._counting:
+            if self._meminfo:
+                self._count(dropped(self._socket))
+            return self._drops
+
+    def _count(self, kernel: int | None) -> None:
+        if kernel is not None:
+            self._drops += increase(self._drops_seen, kernel)
+            self._drops_seen = kernel
 
     def recv(self, timeout: float) -> Received | None:
         """Wait up to `timeout` s; raises BusError where the device is down or gone."""
@@ -173,8 +211,9 @@ class SocketcanReceiver:
                 # a busy bus has a frame waiting: one system call each
                 data, ancillary, flags, _ = self._socket.recvmsg(CANFD_MTU, _ANCILLARY, socket.MSG_DONTWAIT)
             except (BlockingIOError, InterruptedError):
-                if self._fault is not None:
-                    raise self._fault from None
+                fault, self._fault = self._fault, None
+                if fault is not None:
+                    raise fault from None
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
@@ -183,7 +222,10 @@ class SocketcanReceiver:
                 continue
             except OSError as error:
                 fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
+                if error.errno != errno.ENETDOWN and self._device is not None:
+                    self._device.unbound()
                 if self._fault is not None:
+                    self._fault = None
                     raise fault from None
                 # the kernel tells this before it hands out the frames that it still holds: they come first
                 self._fault = fault
@@ -192,17 +234,15 @@ class SocketcanReceiver:
                 parsed = parse(data, ancillary, flags)
             except ValueError:
                 continue  # CAN XL: not asked for, not understood
-            if parsed.drops is not None:
-                # the kernel counts in 32 bits
-                self.drops += (parsed.drops - self._drops_seen) & 0xFFFF_FFFF
-                self._drops_seen = parsed.drops
+            if not self._meminfo:
+                self._count(parsed.drops)
             if self.clock is not StampClock.KERNEL:
                 return self._stamped(parsed)
             return parsed.frame
 
     def controller(self) -> str:
-        """Nothing: error frames tell."""
-        return ""
+        """The state that the device had when it was opened or came back; then error frames tell."""
+        return self._device.controller() if self._device else ""
 
     def _stamped(self, parsed: Parsed) -> Received:
         """Choose the clock at the first frame that is no error frame, and keep to it."""
@@ -225,10 +265,37 @@ def ask_for_hardware_stamps(sock: socket.socket) -> None:
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, wanted)
 
 
-def configure(sock: socket.socket) -> None:
-    """Ask for the drop count and a large buffer; what the system refuses is gone without."""
-    with contextlib.suppress(OSError):
-        sock.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+def dropped(sock: socket.socket) -> int | None:
+    """The kernel's count of what it dropped at a socket, of 32 bits, exact at any time (SO_MEMINFO).
+
+    SO_RXQ_OVFL tells it with the next frame only, as of when that frame was queued: what is dropped after the last
+    frame is never told. None: this kernel does not have it (before Linux 4.12), or the socket is closed.
+
+    >>> with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+    ...     dropped(sock)
+    0
+    """
+    try:
+        told = sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _MEMINFO.size)
+    except OSError:
+        return None
+    return int(_MEMINFO.unpack(told)[0]) if len(told) == _MEMINFO.size else None
+
+
+def increase(before: int, after: int) -> int:
+    """By how much a counter of 32 bits has grown, which wraps round.
+
+    >>> increase(5, 12), increase(0xFFFF_FFFE, 3)
+    (7, 5)
+    """
+    return (after - before) & 0xFFFF_FFFF
+
+
+def configure(sock: socket.socket, *, ask_for_drops: bool = True) -> None:
+    """Ask for the drop count beside each frame and a large buffer; what the system refuses is gone without."""
+    if ask_for_drops:
+        with contextlib.suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
     try:
         sock.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, RECEIVE_BUFFER)  # needs CAP_NET_ADMIN
     except OSError:
