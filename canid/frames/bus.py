@@ -7,123 +7,152 @@ import errno
 import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from canid.errors import BusError, ConfigError
-from canid.frames import devices, listen_only, messages, python_can, stamp_clock, stamps
+from canid.errors import BusError, CanidError, ConfigError
+from canid.frames import devices, listen_only, python_can, slcan, stamps
+from canid.frames.bus_configuration import BusConfiguration, configure
+from canid.frames.device_watch import DeviceWatch
+from canid.frames.frame_check import MAX_STAMP_NS, ImpossibleFrameError, why_impossible
 from canid.frames.listen_only import ListenOnly
+from canid.frames.python_can_receiver import PythonCanReceiver
 from canid.frames.received import Received, Receiver
 from canid.frames.stamp_clock import StampClock
-from canid.types import NAN
+from canid.types import NAN, Flag
 
 # linux/can.h: CAN_INV_FILTER, a filter whose match is turned round; only the kernel knows it
 INVERTED = 0x2000_0000
+# interfaces without filters in a driver: canid filters behind the door, where it sees every message
+_FILTERED_HERE = ("udp_multicast", "virtual")
+_EXTENDED, _FD = int(Flag.EXTENDED), int(Flag.FD)
+
+Filters = Sequence[Mapping[str, Any]]
 
 
-class _PythonCanReceiver:
-    """Receives from any python-can bus; drops are known where something outside python-can counts them."""
+class Opened(NamedTuple):
+    """A bus that was opened."""
 
-    def __init__(self, bus: Any, name: str, count: Callable[[], int] = lambda: 0):
-        # the methods, not the bus: what is not here cannot be called
-        self._recv = bus.recv
-        self._shutdown = bus.shutdown
-        self._state = _state_of(bus)
-        self._name = name
-        self._count = count
-        self.clock = StampClock.UNKNOWN
-
-    @property
-    def drops(self) -> int:
-        return self._count()
-
-    def recv(self, timeout: float) -> Received | None:
-        end = time.monotonic() + timeout
-        while True:
-            try:
-                message = self._recv(max(end - time.monotonic(), 0.0))
-            except Exception as error:  # back ends raise errors of their own kinds
-                raise BusError(f"{self._name} is lost: {_one_line(error)}") from None
-            if message is None:
-                return None
-            if self.clock is StampClock.UNKNOWN:
-                interface = self._name.partition(" ")[0]
-                self.clock = stamp_clock.of_interface(interface, stamped=bool(message.timestamp))
-            # an interface that gives no time stamp: the host's clock is the next best
-            ns = stamps.from_float(message.timestamp) if message.timestamp else time.time_ns()
-            length = message.dlc if message.is_remote_frame else -1
-            return Received(
-                ns, message.arbitration_id, bytes(message.data), messages.flags_of(message), length
-            )
-
-    def controller(self) -> str:
-        return self._state()
-
-    def close(self) -> None:
-        self._shutdown()
-
-
-def _state_of(bus: Any) -> Callable[[], str]:
-    """What the driver says of the controller; most say nothing, and the base class says ACTIVE for them.
-
-    A PASSIVE that was asked for (pcan, systec: listen-only) says nothing of errors.
-    """
-    can = python_can.load()
-    if getattr(type(bus), "state", None) is can.BusABC.state:
-        return lambda: ""
-    words = {can.BusState.ACTIVE: "error_active", can.BusState.PASSIVE: "error_passive"}
-
-    def told() -> str:
-        try:
-            return "bus_off" if bus.state is can.BusState.ERROR else words.get(bus.state, "")
-        except Exception:  # back ends raise errors of their own kinds; `recv` will tell
-            return ""
-
-    if told() == "error_passive":
-        del words[can.BusState.PASSIVE]
-    return told
+    receiver: Receiver
+    listen_only: ListenOnly
+    waiting: Callable[[], int] | None = None  # how many frames wait to be read; None: nobody can tell
 
 
 class ReceiveOnlyBus:
-    """A bus that can be listened to. It has no way to send."""
+    """A bus that can be listened to. It has no way to send.
+
+    Every frame passes `frame_check` here: what no bus can carry is counted in `impossible` and left out.
+    """
 
     def __init__(
         self,
-        opener: Callable[[], Receiver],
+        opener: Callable[[], Opened],
         *,
         interface: str,
         channel: str,
         bitrate: float = NAN,
         data_bitrate: float = NAN,
-        listen: ListenOnly | None = None,
         filtered: bool = False,
+        filters: Filters = (),
+        hide_fd: bool = False,
+        configured_by: tuple[str, ...] = (),
+        device: DeviceWatch | None = None,
     ):
+        """`filters`, `hide_fd`: applied here; `filtered`: by python-can, in software perhaps.
+
+        `device`: the network device of a SocketCAN bus.
+        """
         self.interface = interface
         self.channel = channel
         self.name = f"{interface} {channel}".strip()
         self.bitrate = bitrate  # bit/s, NaN: unknown
         self.data_bitrate = data_bitrate
-        self.listen_only = listen or ListenOnly(None, "listen-only: unknown")
         self.filtered = filtered  # software filters may make recv(0) return None with frames left
+        self.configured_by = (
+            configured_by  # files and environment variables, as in `BusConfiguration.sources`
+        )
+        self.impossible = 0  # messages that no bus can carry, left out
+        self.impossible_why = ""  # the latest of them
+        self.hidden = 0  # frames that filters left out
+        self.passed_over_ns = 0  # when the latest of both was received, ns since 1970; 0: nobody knows
+        self._filters = [(int(f["can_id"]), int(f["can_mask"]), f.get("extended")) for f in filters]
+        self._hides = bool(filters) or hide_fd
+        self._hide_fd = hide_fd
         self._opener = opener
-        self._receiver: Receiver | None = opener()
+        self._device = device
+        self._receiver: Receiver | None
+        self._receiver, self.listen_only, self._waiting = opener()
+        self._news = [("listen_only", self.listen_only.says)] if self.listen_only.warns else []
         self._offset: int | None = None
         self._lost_drops = 0
 
     def recv(self, timeout: float) -> Received | None:
         """Wait up to `timeout` s for a frame, its time in ns since 1970; None: none came. Raises BusError.
 
-        Stamps of an interface that counts from a zero of its own (since boot, say) are set against the host's
-        clock once, at the first frame.
+        With a timeout of 0 one message is taken, and None may also mean that it was left out. Stamps of an interface
+        that counts from a zero of its own (since boot, say) are set against the host's clock once, at the first frame.
         """
-        if self._receiver is None:
+        receiver = self._receiver
+        if receiver is None:
             raise BusError(f"{self.name} is closed")
-        got = self._receiver.recv(timeout)
-        if got is None:
-            return None
+        end = 0.0
+        while True:
+            try:
+                got = receiver.recv(timeout)
+                if got is None:
+                    return None
+                why = why_impossible(got)
+                if not why:
+                    if self._offset != 0:
+                        got = self._since_1970(got)
+                    if not self._hides or not self._hidden(got):
+                        return got
+                    self.hidden += 1
+                    self.passed_over_ns = got.ns
+                else:
+                    self._left_out(why, got.ns if type(got.ns) is int and self._offset == 0 else 0)
+            except ImpossibleFrameError as error:
+                self._left_out(str(error), error.ns)
+            if not timeout:
+                return None
+            now = time.monotonic()
+            end = end or now + timeout
+            if now >= end:
+                return None
+            timeout = end - now
+
+    def _since_1970(self, got: Received) -> Received:
+        """Set a stamp of the interface's own against the host's clock. Raises ImpossibleFrameError."""
         if self._offset is None:
             epoch = got.ns >= stamps.EPOCH_FLOOR * stamps.SECOND
             self._offset = 0 if epoch else time.time_ns() - got.ns
-        return got._replace(ns=got.ns + self._offset) if self._offset else got
+        ns = got.ns + self._offset
+        if not 0 <= ns <= MAX_STAMP_NS:
+            raise ImpossibleFrameError("a time stamp that no log can hold")
+        return got._replace(ns=ns)
+
+    def _hidden(self, got: Received) -> bool:
+        """Tell whether filters leave a frame out, as `can.BusABC.set_filters` defines it."""
+        if self._hide_fd and got.flags & _FD:
+            return True
+        extended = bool(got.flags & _EXTENDED)
+        return bool(self._filters) and not any(
+            (of is None or bool(of) == extended) and not (id_ ^ got.id) & mask
+            for id_, mask, of in self._filters
+        )
+
+    def _left_out(self, why: str, ns: int) -> None:
+        self.impossible += 1
+        self.impossible_why = why
+        self.passed_over_ns = ns
+
+    @property
+    def left_out(self) -> int:
+        """Messages that were taken and not handed on: impossible or hidden."""
+        return self.impossible + self.hidden
+
+    def waiting(self) -> int | None:
+        """How many frames wait to be read; None where nobody can tell."""
+        return self._waiting() if self._waiting else None
 
     @property
     def state(self) -> str:
@@ -146,6 +175,11 @@ class ReceiveOnlyBus:
 
     def shutdown(self) -> None:
         """Close; a second call does nothing."""
+        if self._device is not None:
+            self._device.close()
+        self._close()
+
+    def _close(self) -> None:
         receiver, self._receiver = self._receiver, None
         if receiver is not None:
             self._lost_drops += receiver.drops
@@ -154,91 +188,128 @@ class ReceiveOnlyBus:
             except Exception as error:
                 raise BusError(f"{self.name} could not be closed: {_one_line(error)}") from None
 
+    def resumed(self) -> bool:
+        """Tell whether what is open receives again by itself: a SocketCAN socket whose device is up again.
+
+        It has kept what came since then. Raises BusError while that device is down: no other one takes its place.
+        """
+        return self._device is not None and self._receiver is not None and self._device.resumed()
+
+    def news(self) -> list[tuple[str, str]]:
+        """What has changed of the device since the last call, as (what, says) of events: name, mode, bit rate.
+
+        The first call tells of a bus that may take part: one that is not known to listen only.
+        """
+        own, self._news = self._news, []
+        if self._device is None:
+            return own
+        news, device = self._device.news(), self._device.device
+        if news and device is not None:
+            self.channel, self.name = device.name, f"{self.interface} {device.name}"
+            self.bitrate = device.bitrate
+            self.listen_only = listen_only.of_device(device.name, device)
+        return own + news
+
     def reopen(self) -> None:
-        """Open again after the bus was lost. Raises BusError."""
+        """Receive again after the bus was lost. Raises BusError."""
+        if self.resumed():
+            return
         with contextlib.suppress(BusError):  # it is lost: what closing says of it is not news
-            self.shutdown()
+            self._close()
         self._offset = None
-        self._receiver = self._opener()
-
-
-def resolve(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Fill in python-can's configuration (can.conf, CAN_*). Raises BusError where no interface comes out.
-
-    >>> resolve({"interface": "virtual", "channel": "a"})["channel"]
-    'a'
-    """
-    given = dict(config)
-    try:
-        found = python_can.load().util.load_config(config=given, context=given.pop("config_context", None))
-    except Exception as error:  # of any kind, from files that the user wrote
-        # what python-can says where nothing at all names an interface
-        why = "none is named" if '"None"' in str(error) else _one_line(error)
-        raise BusError(
-            f"no bus: {why}; name one with -i INTERFACE -c CHANNEL, in can.conf or CAN_INTERFACE"
-        ) from None
-    return {key: value for key, value in found.items() if value is not None}
+        before = self.listen_only
+        self._receiver, self.listen_only, self._waiting = self._opener()
+        # a SocketCAN device tells its changes itself
+        if self._device is None and self.listen_only != before:
+            self._news.append(("listen_only_changed", self.listen_only.says))
 
 
 def open_bus(config: Mapping[str, Any], *, hardware_stamps: bool = False) -> ReceiveOnlyBus:
     """Open one bus with python-can's keyword arguments; can.conf and CAN_* fill in what is missing.
 
-    Listen-only is asked for where the interface has it. `hardware_stamps`: SocketCAN devices stamp with their own
-    clock where they have one. Raises BusError, or ConfigError for a filter that the interface does not have.
+    It is opened listen-only where the interface has that, whatever the configuration says, and `listen_only` tells
+    what was read back. `hardware_stamps`: SocketCAN devices stamp with their own clock where they have one. Raises
+    BusError, or ConfigError for what canid refuses: a `config` that asks for an active node, code from the current
+    folder, a filter that the interface does not have.
 
     >>> bus = open_bus({"interface": "virtual", "channel": "doctest"})
     >>> bus.name, bus.recv(0.0), hasattr(bus, "send")
     ('virtual doctest', None, False)
     >>> bus.shutdown()
     """
-    can = python_can.load()
-    resolved = resolve(config)
-    interface = str(resolved.get("interface", ""))
-    channel = str(resolved.get("channel", ""))
-    name = f"{interface} {channel}".strip()
-    for key, value in listen_only.arguments(interface).items():
-        resolved.setdefault(key, value)
-    if interface == "socketcan":
+    found = configure(config)
+    interface, channel = found.interface, found.channel
+    parameters, overruled = listen_only.impose(interface, found.parameters, found.given)
+    filters: Filters = parameters.get("can_filters") or ()
+    own = python_can.is_own(interface)
+    if interface == "socketcan" and own:
         # a socket without it does not get CAN FD frames at all; on a classic bus it changes nothing
-        resolved.setdefault("fd", True)
-    elif any(each["can_id"] & INVERTED for each in resolved.get("can_filters") or ()):
+        parameters.setdefault("fd", True)
+    elif any(each["can_id"] & INVERTED for each in filters):
         raise ConfigError(f"a filter ID~MASK works on socketcan only, not on {interface}; use ID:MASK")
+    here = interface in _FILTERED_HERE and own
+    if here:
+        parameters.pop("can_filters", None)
 
-    def opener() -> Receiver:
+    bitrate = _number(parameters.get("bitrate"))
+    watch = None
+    if interface == "socketcan" and own:
+        device = devices.link(channel)
+        bitrate = device.bitrate if device else NAN  # the device's own; the argument sets nothing
+        watch = DeviceWatch(channel)
+    return ReceiveOnlyBus(
+        _opener(found, parameters, hardware_stamps, watch),
+        device=watch,
+        interface=interface,
+        channel=channel,
+        bitrate=bitrate,
+        data_bitrate=_number(parameters.get("data_bitrate")),
+        filtered=bool(filters) and not here,
+        filters=filters if here else (),
+        hide_fd=interface == "udp_multicast" and not parameters.get("fd", True),
+        configured_by=(*found.sources, *([overruled] if overruled else [])),
+    )
+
+
+def _opener(
+    found: BusConfiguration, parameters: Mapping[str, Any], hardware_stamps: bool, device: DeviceWatch | None
+) -> Callable[[], Opened]:
+    """Return what opens the bus, the first time and after it was lost."""
+    interface, channel, name = found.interface, found.channel, found.name
+    own = python_can.is_own(interface)
+
+    def opener() -> Opened:
+        arguments = {key: value for key, value in parameters.items() if key not in ("interface", "channel")}
+        if "channel" in parameters:
+            arguments["channel"] = parameters["channel"]
+        bus_class = python_can.bus_class(interface)
+        if interface == "slcan" and own:
+            bus_class = slcan.listening_class()
         try:
-            bus = can.Bus(ignore_config=True, **resolved)
+            with python_can.without_current_folder():
+                bus = bus_class(**arguments)
         except Exception as error:  # each back end has its own kinds
             raise BusError(
                 f"cannot open {name}: {_one_line(error)}; {_advice(interface, channel, error)}"
             ) from None
-        if interface == "socketcan":
+        silent = listen_only.read_back(interface, channel, bus)
+        if interface == "socketcan" and own:
             from canid.frames.socketcan import SocketcanReceiver
 
-            return SocketcanReceiver(bus, hardware=hardware_stamps)
-        if interface == "udp_multicast":
+            return Opened(SocketcanReceiver(bus, hardware=hardware_stamps, device=device), silent)
+        if interface == "udp_multicast" and own:
             from canid.frames.udp_drops import watch
 
-            if not hasattr(socket.socket, "recvmsg") or bus.filters:  # Windows; filters in software
-                return _PythonCanReceiver(bus, name, watch(bus))
+            if not hasattr(socket.socket, "recvmsg"):  # Windows
+                return Opened(PythonCanReceiver(bus, name, watch(bus)), silent)
             from canid.frames.udp_multicast import UdpReceiver
 
-            return UdpReceiver(bus, name, watch(bus))
-        return _PythonCanReceiver(bus, name)
+            return Opened(UdpReceiver(bus, name, watch(bus)), silent)
+        if interface == "virtual" and own:
+            return Opened(PythonCanReceiver(bus, name), silent, bus.queue.qsize)
+        return Opened(PythonCanReceiver(bus, name), silent)
 
-    bitrate = float(resolved.get("bitrate", NAN))
-    if interface == "socketcan":
-        device = devices.link(channel)
-        bitrate = device.bitrate if device else NAN  # the device's own; the argument sets nothing
-    bus = ReceiveOnlyBus(
-        opener,
-        interface=interface,
-        channel=channel,
-        bitrate=bitrate,
-        data_bitrate=float(resolved.get("data_bitrate", NAN)),
-        filtered=bool(resolved.get("can_filters")),
-    )
-    bus.listen_only = listen_only.statement(interface, channel)
-    return bus
+    return opener
 
 
 def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:
@@ -252,9 +323,10 @@ def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:
         for config in configs:
             bus = open_bus(config, hardware_stamps=len(configs) == 1)
             buses.append(bus)
-    except BusError:
+    except CanidError:
         for bus in buses:
-            bus.shutdown()
+            with contextlib.suppress(BusError):
+                bus.shutdown()
         raise
     return buses
 
@@ -268,14 +340,29 @@ def wrap(bus: Any, name: str = "") -> ReceiveOnlyBus:
     >>> bus.shutdown()
     """
     interface, _, channel = (name or str(bus.channel_info)).partition(" ")
-    receivers: list[Receiver] = [_PythonCanReceiver(bus, f"{interface} {channel}".strip())]
+    queue = getattr(bus, "queue", None) if interface == "virtual" else None
+    opened = [
+        Opened(
+            PythonCanReceiver(bus, f"{interface} {channel}".strip()),
+            listen_only.read_back(interface, channel, bus),
+            queue.qsize if queue is not None else None,
+        )
+    ]
 
-    def opener() -> Receiver:
-        if not receivers:
+    def opener() -> Opened:
+        if not opened:
             raise BusError(f"{interface} {channel} cannot be opened again")
-        return receivers.pop()
+        return opened.pop()
 
     return ReceiveOnlyBus(opener, interface=interface, channel=channel)
+
+
+def _number(value: Any) -> float:
+    """A bit rate; NaN where it is none: it only serves the bus load."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return NAN
 
 
 def _one_line(error: BaseException) -> str:

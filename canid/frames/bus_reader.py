@@ -11,6 +11,7 @@ from typing import NamedTuple
 from canid.errors import BusError
 from canid.frames.bus import ReceiveOnlyBus
 from canid.frames.clock_watch import ClockWatch
+from canid.frames.draining import LIMIT_S, drain
 from canid.frames.received import Received
 from canid.frames.stamp_clock import StampClock
 from canid.types import NAN
@@ -19,13 +20,12 @@ from canid.types import NAN
 POLL = 0.1
 # s between two looks at what the driver says of the controller
 LOOK = 0.5
+# s that the end of reading may take at most, for whoever waits for it
+DRAIN = LIMIT_S
 # s between attempts to open a lost bus again: within 2 s it is back
 RETRY = 1.0
-# s that emptying a bus may take at the end: 60,000 frames take one on a laptop, 20 on an emulated machine
-DRAIN = 60.0
-# interfaces whose stamps are the host's own clock: a device's runs ahead or behind, and a log that is replayed onto a
-# virtual bus brings its own, so that a stamp says nothing of whether a frame came before the stop
-HOST_CLOCK = ("socketcan",)
+# how many times as many impossible messages as were told last are worth another word
+GROWTH = 10
 
 
 class Arrival(NamedTuple):
@@ -58,6 +58,7 @@ class BusReader:
         # kept by the passing thread
         self.frames = self.errors = 0
         self.drops_told = 0
+        self._impossible_told = 0
         self.overflows = self.overflows_told = 0  # error frames: the controller's own buffer overflowed
         self.clock = StampClock.UNKNOWN
         self.watch = ClockWatch()
@@ -85,11 +86,13 @@ class BusReader:
         self._look()
         if self.lost_at is None:
             self._drain()
+        self._tell_impossible(1)
 
     def _look(self) -> None:
         """Tell what the device and its driver say."""
         for what, says in self.bus.news():
             self._tell(what, says)
+        self._tell_impossible(GROWTH * self._impossible_told or 1)
         self.controller_is(self.bus.controller())
 
     def controller_is(self, state: str) -> None:
@@ -130,23 +133,25 @@ class BusReader:
         self._tell("bus_back", f"{self.bus.name} is back; nothing was received for {away:.1f} s")
 
     def _drain(self) -> None:
-        until_ns, until = time.time_ns(), time.monotonic() + DRAIN
-        # software filters answer None for a frame that they hide: ask again, with time to look further
-        wait = 0.01 if self.bus.filtered else 0.0
-        empty = 0
-        while empty < 3 and time.monotonic() < until:
-            try:
-                got = self.bus.recv(wait)
-            except Exception as error:
-                self._tell("bus_lost", str(error))
-                return
-            if got is None:
-                empty += 1
-                continue
-            empty = 0
+        def put(got: Received) -> None:
             self._put(Arrival(self.index, time.monotonic(), got))
-            host = self.bus.interface in HOST_CLOCK and self.bus.clock is StampClock.KERNEL
-            if host and got.ns > until_ns:
-                return  # it came after the stop
-        if empty < 3:
-            self._tell("left_unread", f"{self.bus.name}: frames that came before the stop were left unread")
+
+        try:
+            left = drain(self.bus, self.watch.lead_ns, put)
+        except Exception as error:
+            self._tell("bus_lost", str(error))
+            return
+        if left:
+            self._tell("left_unread", left)
+
+    def _tell_impossible(self, least: int) -> None:
+        """Tell how many messages were left out, if there are `least` or more and it was not told yet."""
+        count = self.bus.impossible
+        if count < least or count == self._impossible_told:
+            return
+        self._impossible_told = count
+        what = "1 message" if count == 1 else f"{count:,} messages"
+        says = (
+            f"{self.bus.name}: {what} left out that no bus can carry; the latest: {self.bus.impossible_why}"
+        )
+        self._tell("impossible_frames", says)

@@ -39,6 +39,11 @@ class ClockWatch:
             return (ahead - largest) * 1e-9
         return 0.0
 
+    @property
+    def lead_ns(self) -> float | None:
+        """The largest lead of a stamp before its arrival so far: of the frame that was delayed least; None: unknown."""
+        return self._ahead
+
     def forget(self) -> None:
         """The bus was opened anew: its clock may count from another zero."""
         self._ahead = None

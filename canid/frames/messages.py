@@ -7,6 +7,10 @@ from typing import Any
 from canid.frames import python_can, stamps
 from canid.types import Flag, Frame
 
+# plain ints: `|` of two Flags takes ten times as long
+_EXTENDED, _REMOTE, _ERROR, _FD = int(Flag.EXTENDED), int(Flag.REMOTE), int(Flag.ERROR), int(Flag.FD)
+_BRS, _ESI, _TX = int(Flag.BRS), int(Flag.ESI), int(Flag.TX)
+
 
 def flags_of(message: Any) -> int:
     """Collect the `Flag`s of a python-can Message.
@@ -14,15 +18,18 @@ def flags_of(message: Any) -> int:
     >>> flags_of(python_can.load().Message(is_extended_id=True, is_rx=False))
     65
     """
-    return int(
-        (message.is_extended_id and Flag.EXTENDED.value)
-        | (message.is_remote_frame and Flag.REMOTE.value)
-        | (message.is_error_frame and Flag.ERROR.value)
-        | (message.is_fd and Flag.FD.value)
-        | (message.bitrate_switch and Flag.BRS.value)
-        | (message.error_state_indicator and Flag.ESI.value)
-        | (not message.is_rx and Flag.TX.value)
-    )
+    flags = _EXTENDED if message.is_extended_id else 0
+    if message.is_fd:
+        flags |= _FD
+    if message.bitrate_switch:
+        flags |= _BRS
+    if message.error_state_indicator:
+        flags |= _ESI
+    if message.is_remote_frame:
+        flags |= _REMOTE
+    if message.is_error_frame:
+        flags |= _ERROR
+    return flags if message.is_rx else flags | _TX
 
 
 def frame_of(message: Any, bus: int, first_ns: int = 0) -> Frame:

@@ -8,9 +8,9 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from canid.errors import BusError, ConfigError
+from canid.errors import BusError, CanidError, ConfigError
 from canid.frames import devices, messages, python_can
-from canid.frames.bus import resolve
+from canid.frames.bus_configuration import BusConfiguration, configure
 from canid.frames.command_line import configs_of
 from canid.types import Flag, Frame
 
@@ -29,15 +29,20 @@ def allowed(interface: str, channel: str, arm: str | None, device: devices.Devic
     >>> allowed("virtual", "0", None, None)
     >>> allowed("socketcan", "can0", None, devices.Device(kind="can"))
     Traceback (most recent call last):
-    canid.errors.ConfigError: will not send to socketcan can0, a physical bus; if you must: --arm can0
+    canid.errors.ConfigError: will not send to socketcan can0, a physical bus; if you must: -i socketcan -c can0 --arm can0
     """
-    if interface in ("virtual", "udp_multicast"):
+    # a plug-in with the name of an interface of python-can may be anything
+    own = python_can.is_own(interface)
+    if own and interface in ("virtual", "udp_multicast"):
         return
-    if interface == "socketcan" and device is not None and device.kind == "vcan":
+    if own and interface == "socketcan" and device is not None and device.kind == "vcan":
         return
     if arm is not None and arm == channel and channel:
         return
-    raise ConfigError(f"will not send to {interface} {channel}, a physical bus; if you must: --arm {channel}")
+    raise ConfigError(
+        f"will not send to {interface} {channel}, a physical bus; if you must:"
+        f" -i {interface} -c {channel} --arm {channel}"
+    )
 
 
 def onto(
@@ -62,7 +67,13 @@ def onto(
     try:
         for config in resolved:
             try:
-                buses.append(python_can.load().Bus(ignore_config=True, **config))
+                bus_class = python_can.bus_class(config["interface"])
+                with python_can.without_current_folder():
+                    buses.append(
+                        bus_class(**{key: value for key, value in config.items() if key != "interface"})
+                    )
+            except CanidError:
+                raise
             except Exception as error:  # each back end has its own kinds
                 name = f"{config['interface']} {config.get('channel', '')}".strip()
                 raise BusError(f"cannot open {name} to send: {' '.join(str(error).split())}") from None
@@ -73,16 +84,37 @@ def onto(
 
 
 def _config(given: Mapping[str, Any], arm: str | None) -> dict[str, Any]:
-    config = resolve(given)
-    interface, channel = str(config.get("interface", "")), str(config.get("channel", ""))
-    allowed(interface, channel, arm, devices.link(channel) if interface == "socketcan" else None)
-    if interface == "udp_multicast":
+    """python-can's arguments of one bus that may be sent to. Raises ConfigError.
+
+    A physical bus is the one that the command line names, as a whole: no can.conf, no CAN_CONFIG can put another
+    interface, device or bit rate behind an armed channel name.
+    """
+    found = configure(given)
+    try:
+        _allowed(found, None)
+    except ConfigError:
+        if arm is None:
+            raise
+        if not {"interface", "channel"} <= found.given:
+            raise ConfigError(
+                f"--arm {arm} needs the bus on the command line, -i INTERFACE -c {arm}: what files and the environment"
+                " say does not name a bus to send to"
+            ) from None
+        found = configure(given, given_only=True)
+        _allowed(found, arm)
+    config = dict(found.parameters)
+    if found.interface == "udp_multicast":
         config["hop_limit"] = 0
-    elif interface == "virtual":
+    elif found.interface == "virtual":
         config["preserve_timestamps"] = True
-    elif interface == "socketcan":
+    elif found.interface == "socketcan":
         config.setdefault("fd", True)
     return config
+
+
+def _allowed(found: BusConfiguration, arm: str | None) -> None:
+    device = devices.link(found.channel) if found.interface == "socketcan" else None
+    allowed(found.interface, found.channel, arm, device)
 
 
 def _paced(buses: list[Any], frames: Iterable[Frame], speed: float) -> int:

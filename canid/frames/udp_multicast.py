@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from canid.errors import BusError
+from canid.frames.frame_check import ImpossibleFrameError
 from canid.frames.received import Received
 from canid.frames.socketcan import NAP, timespec_ns
 from canid.frames.stamp_clock import StampClock
@@ -24,50 +25,65 @@ from canid.types import Flag
 _DATAGRAM = 4096
 _STAMPS = (35, 64)  # SO_TIMESTAMPNS, old and new (asm-generic/socket.h)
 _ANCILLARY = socket.CMSG_SPACE(16)
-_FLAGS = {
-    "is_extended_id": int(Flag.EXTENDED),
-    "is_remote_frame": int(Flag.REMOTE),
-    "is_error_frame": int(Flag.ERROR),
-    "is_fd": int(Flag.FD),
-    "bitrate_switch": int(Flag.BRS),
-    "error_state_indicator": int(Flag.ESI),
-}
+_FLAGS = (
+    ("is_remote_frame", int(Flag.REMOTE)),
+    ("is_error_frame", int(Flag.ERROR)),
+    ("is_fd", int(Flag.FD)),
+    ("bitrate_switch", int(Flag.BRS)),
+    ("error_state_indicator", int(Flag.ESI)),
+)
+_EXTENDED, _REMOTE = int(Flag.EXTENDED), int(Flag.REMOTE)
 
 
-def parse(fields: Any, ns: int) -> Received | None:
-    """A frame from the fields of a datagram; None where they are none.
+def parse(fields: Any, ns: int) -> Received:
+    """A frame from the fields of a datagram, with the defaults of `can.Message`; `frame_check` looks at the rest.
 
-    >>> parse({"arbitration_id": 0x123, "data": b"ab", "dlc": 2, "is_fd": True}, 5)
+    Raises ImpossibleFrameError where they are none.
+
+    >>> parse({"arbitration_id": 0x123, "data": b"ab", "dlc": 2, "is_fd": True, "is_extended_id": False}, 5)
     Received(ns=5, id=291, data=b'ab', flags=8, length=-1)
     """
-    try:
-        id_, data = fields["arbitration_id"], fields["data"] or b""
-        flags = 0
-        for name, flag in _FLAGS.items():
-            if fields.get(name):
-                flags |= flag
-        length = int(fields["dlc"]) if flags & _FLAGS["is_remote_frame"] else -1
-    except (TypeError, KeyError, AttributeError):
-        return None
-    if not isinstance(id_, int) or not isinstance(data, bytes):
-        return None
-    return Received(ns, id_, data, flags, length)
+    if type(fields) is not dict or "arbitration_id" not in fields:
+        raise ImpossibleFrameError("a datagram that is no frame", ns)
+    get = fields.get
+    # as can.Message: an id is extended unless it says that it is not
+    flags = _EXTENDED if _switch(get("is_extended_id", True), ns) else 0
+    for name, flag in _FLAGS:
+        value = get(name)
+        if value and _switch(value, ns):
+            flags |= flag
+    data, dlc = get("data"), get("dlc")
+    if data is None:
+        data = b""
+    if type(data) is not bytes or (dlc is not None and type(dlc) is not int):
+        raise ImpossibleFrameError("data or a DLC of the wrong type", ns)
+    if flags & _REMOTE:
+        return Received(ns, fields["arbitration_id"], data, flags, dlc or 0)
+    if dlc is not None and dlc != len(data):
+        raise ImpossibleFrameError("a DLC that contradicts the data", ns)
+    return Received(ns, fields["arbitration_id"], data, flags)
+
+
+def _switch(value: Any, ns: int) -> bool:
+    if value is True or value is False or value is None:
+        return bool(value)
+    if type(value) is int and value in (0, 1):
+        return value == 1
+    raise ImpossibleFrameError("a flag that is neither true nor false", ns)
 
 
 class UdpReceiver:
-    """Receives from the socket of python-can's UdpMulticastBus, which must have no filters."""
+    """Receives from the socket of python-can's UdpMulticastBus; what it hides (filters, FD) is for the caller."""
 
     def __init__(self, bus: Any, name: str, count: Callable[[], int]):
         """`count`: of the frames that the kernel has dropped."""
         import msgpack
 
         self._unpack = msgpack.unpackb
-        self._nonsense: tuple[type[Exception], ...] = (ValueError, msgpack.exceptions.UnpackException)
         self._close = bus.shutdown
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
         self._name = name
         self._count = count
-        self._fd = "FD" in str(bus.protocol)
         self.clock = StampClock.KERNEL
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
@@ -78,7 +94,7 @@ class UdpReceiver:
         return self._count()
 
     def recv(self, timeout: float) -> Received | None:
-        """Wait up to `timeout` s; raises BusError where the socket fails."""
+        """Wait up to `timeout` s; raises BusError where the socket fails, ImpossibleFrameError for no frame."""
         end = time.monotonic() + timeout
         while True:
             try:
@@ -99,11 +115,10 @@ class UdpReceiver:
             if not ns:
                 self.clock, ns = StampClock.HOST, time.time_ns()
             try:
-                got = parse(self._unpack(data), ns)
-            except self._nonsense:
-                continue  # somebody else's datagram
-            if got is not None and (self._fd or not got.flags & _FLAGS["is_fd"]):
-                return got
+                fields = self._unpack(data)
+            except Exception:  # msgpack's own kinds, and what its unpacker raises besides
+                raise ImpossibleFrameError("a datagram that is no frame", ns) from None
+            return parse(fields, ns)
 
     def controller(self) -> str:
         """Nothing: there is none."""

@@ -49,14 +49,16 @@ def test_a_bus_has_no_way_to_send(request: pytest.FixtureRequest) -> None:
 
 
 def test_only_one_module_calls_send() -> None:
-    """In the source of this folder `.send` appears in send.py alone."""
+    """In the source of this folder `.send` appears in send.py alone; devices.py asks the kernel over rtnetlink."""
     found = {
         path.name
         for path in FRAMES_FOLDER.glob("*.py")
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Attribute) and node.attr in ("send", "send_periodic", "sendmsg", "sendto")
     }
-    assert found == {"send.py"}
+    assert found - {"devices.py"} == {"send.py"}
+    devices_source = (FRAMES_FOLDER / "devices.py").read_text()
+    assert devices_source.count(".send") == devices_source.count("netlink.sendto(")
 
 
 def test_only_one_module_imports_python_can() -> None:
@@ -181,7 +183,9 @@ def test_filters_are_hex() -> None:
         ("vector", {"listen_only": True}),
         ("slcan", {"listen_only": True}),
         ("nixnet", {"listen_only": True}),
-        ("kvaser", {"driver_mode": False}),
+        ("kvaser", {"driver_mode": False, "no_init_access": False}),
+        ("seeedstudio", {"operation_mode": "silent"}),
+        ("cantact", {"monitor": True}),
         ("socketcan", {}),
         ("gs_usb", {}),
     ],
@@ -192,7 +196,9 @@ def test_listen_only_is_asked_for_in_each_interfaces_own_words(
     """The table of wishes; whoever has none is told so honestly."""
     assert listen_only.arguments(interface) == asked
     if interface == "gs_usb":
-        assert "not supported by gs_usb" in listen_only.statement(interface, "0").says
+        told = listen_only.read_back(interface, "0", None)
+        assert "not supported by gs_usb" in told.says
+        assert told.warns
 
 
 @pytest.mark.parametrize("interface", ["pcan", "systec"])

@@ -1,0 +1,126 @@
+"""Receiving through python-can's own `recv`, for every interface that has no receiver of canid's."""
+
+from __future__ import annotations
+
+import operator
+import struct
+import time
+from collections.abc import Callable
+from typing import Any
+
+from canid.errors import BusError
+from canid.frames import messages, python_can, stamp_clock, stamps
+from canid.frames.frame_check import ImpossibleFrameError
+from canid.frames.received import Received
+from canid.frames.stamp_clock import StampClock
+
+# What a back end raises when it cannot parse one message. Drivers and lost devices raise OSError or CanError.
+_PARSING = (ValueError, TypeError, LookupError, ArithmeticError, AssertionError, struct.error)
+# s of nothing but such errors after which the bus counts as lost: opening it again may help
+_ONLY_ERRORS_S = 2.0
+# so many of them in a row are slowed down: a back end that raises at once would take a whole core
+_MANY_ERRORS = 1000
+_LONGEST_DATA = 64  # bytes
+
+
+class PythonCanReceiver:
+    """Receives from any python-can bus; drops are known where something outside python-can counts them."""
+
+    def __init__(self, bus: Any, name: str, count: Callable[[], int] = lambda: 0):
+        # the methods, not the bus: what is not here cannot be called
+        self._recv = bus.recv
+        self._shutdown = bus.shutdown
+        self._state = _state_of(bus)
+        self._name = name
+        self._count = count
+        self._errors = 0  # in a row
+        self._errors_since = 0.0  # s, monotonic clock
+        self.clock = StampClock.UNKNOWN
+
+    @property
+    def drops(self) -> int:
+        """Frames that the system is known to have dropped."""
+        return self._count()
+
+    def recv(self, timeout: float) -> Received | None:
+        """Wait up to `timeout` s; raises BusError where the bus is lost, ImpossibleFrameError for no frame."""
+        try:
+            message = self._recv(timeout)
+        except Exception as error:  # back ends raise errors of their own kinds
+            if not _about_one_message(error) or self._too_many():
+                raise BusError(f"{self._name} is lost: {_one_line(error)}") from None
+            raise ImpossibleFrameError(f"python-can cannot understand it ({type(error).__name__})") from None
+        self._errors = 0
+        if message is None:
+            return None
+        try:
+            return self._received(message)
+        except ImpossibleFrameError:
+            raise
+        except Exception as error:  # whatever stands in the fields of a Message
+            raise ImpossibleFrameError(f"it holds nonsense ({type(error).__name__})") from None
+
+    def controller(self) -> str:
+        """What the driver says of the controller."""
+        return self._state()
+
+    def close(self) -> None:
+        """Close the bus."""
+        self._shutdown()
+
+    def _received(self, message: Any) -> Received:
+        data = message.data
+        if not isinstance(data, bytes | bytearray | memoryview):
+            raise ImpossibleFrameError(f"data of type {type(data).__name__}")
+        if len(data) > _LONGEST_DATA:
+            raise ImpossibleFrameError(f"{len(data)} data bytes")
+        stamp = message.timestamp
+        if self.clock is StampClock.UNKNOWN:
+            self.clock = stamp_clock.of_interface(self._name.partition(" ")[0], stamped=bool(stamp))
+        # an interface that gives no time stamp: the host's clock is the next best
+        ns = stamps.from_float(float(stamp)) if stamp else time.time_ns()
+        length = operator.index(message.dlc) if message.is_remote_frame else -1
+        id_ = operator.index(message.arbitration_id)
+        return Received(ns, id_, bytes(data), messages.flags_of(message), length)
+
+    def _too_many(self) -> bool:
+        now = time.monotonic()
+        if not self._errors:
+            self._errors_since = now
+        self._errors += 1
+        if self._errors > _MANY_ERRORS:
+            time.sleep(0.001)
+        return now - self._errors_since > _ONLY_ERRORS_S
+
+
+def _about_one_message(error: BaseException) -> bool:
+    """Tell whether an error of `recv` is about one message, not about the bus."""
+    cause: BaseException | None = error
+    if isinstance(error, python_can.load().CanError):  # python-can wraps what its parser raised
+        cause = error.__cause__
+    return isinstance(cause, _PARSING) or type(cause).__module__.partition(".")[0] == "msgpack"
+
+
+def _state_of(bus: Any) -> Callable[[], str]:
+    """What the driver says of the controller; most say nothing, and the base class says ACTIVE for them.
+
+    A PASSIVE that was asked for (pcan, systec: listen-only) says nothing of errors.
+    """
+    can = python_can.load()
+    if getattr(type(bus), "state", None) is can.BusABC.state:
+        return lambda: ""
+    words = {can.BusState.ACTIVE: "error_active", can.BusState.PASSIVE: "error_passive"}
+
+    def told() -> str:
+        try:
+            return "bus_off" if bus.state is can.BusState.ERROR else words.get(bus.state, "")
+        except Exception:  # back ends raise errors of their own kinds; `recv` will tell
+            return ""
+
+    if told() == "error_passive":
+        del words[can.BusState.PASSIVE]
+    return told
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
