@@ -1,15 +1,41 @@
-"""Events beside a log, one JSON object per line: `drive.blf` has `drive.events.jsonl`."""
+"""Events of a recording, one JSON object per line: `drive.blf` has `drive.events.jsonl`."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import stat
 import threading
+import time
+from collections.abc import Callable
+from itertools import count
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
-from canid.frames import stamps
+from canid.frames import stamps, whereabouts
 from canid.frames.log import log_suffix
 from canid.types import Event
+
+# s that ending waits for a journal that is not written
+PATIENCE_S = 1.0
+# s between two checks of whether the file is still there
+CHECK_S = 0.4
+# names that are tried where the journal's own is somebody else's file
+_NAMES = 100
+# Every line of ours begins so; nothing is appended to a file that begins otherwise.
+_BEGINNING = b'{"t": '
+_MODE = 0o666  # less the umask, as open() does
+# No link is followed, a FIFO blocks nobody, a terminal becomes nobody's. Zero: not on this system.
+_SAFE = (
+    os.O_RDWR
+    | os.O_APPEND
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
 
 
 def journal_path(log: Path) -> Path:
@@ -25,18 +51,44 @@ def journal_path(log: Path) -> Path:
 class Journal:
     """Appends events; the file begins with the first one. Any thread may write; nothing is ever raised.
 
-    Nobody waits for the disk: a thread of its own writes, until `close`; what comes later is written at once.
+    It is written by a thread of its own, so that it may fail or block at any time. A file that is deleted while it is
+    written comes back whole. Where another file has its name, the journal is `drive.events-2.jsonl`, ...
     """
 
-    def __init__(self, log: Path | None):
-        """`log`: the log it stands beside; None: events go nowhere."""
+    def __init__(
+        self,
+        log: Path | None,
+        tell: Callable[[str, str], object] = lambda what, says: None,
+        created: Callable[[Path, int], object] = lambda path, fd: None,
+    ):
+        """`log`: whose events they are; None: events go nowhere.
+
+        `tell(what, says)` takes events about the journal itself, `created(path, descriptor)` every new file.
+        """
         self.path = None if log is None else journal_path(log)
-        self.failed = 0  # events that could not be written
+        self._tell = tell
+        self._created = created
         self._zero = 0.0  # s, session time at which the log's own time begins
         self._lock = threading.Lock()
-        self._lines: SimpleQueue[tuple[Path, str] | None] = SimpleQueue()
+        self._lines: SimpleQueue[tuple[Path, bytes] | None] = SimpleQueue()
+        self._given = 0  # lines put into the queue
+        self._done = 0  # lines that were written, or could not be
+        self._failed = 0
         self._thread: threading.Thread | None = None
         self._closed = False
+        self._blocked = False  # nobody waits for it any more
+        # the writing thread's own
+        self._wanted: Path | None = None  # the name that the open file should have
+        self._fd = -1
+        self._size = 0
+        self._path = Path()
+        self._carried = b""  # lines of a file that was deleted, for the next one
+        self._checked = threading.Event()  # set: the file was looked at since `close`
+
+    @property
+    def failed(self) -> int:
+        """Events that are not in the file; once the journal is closed, also those that nobody waits for any more."""
+        return self._failed + self._carried.count(b"\n") + (self._given - self._done if self._blocked else 0)
 
     def follow(self, log: Path, zero: float) -> None:
         """The recording goes on in this log, whose own time begins at `zero` s."""
@@ -49,32 +101,182 @@ class Journal:
         with self._lock:
             if self.path is None:
                 return
-            told = {"t": event.t - self._zero, "utc": utc, "what": event.what, "says": event.says}
-            line = json.dumps(told, ensure_ascii=False)
-            if self._closed:
-                self._append(self.path, line)
-                return
+            fields = {"t": event.t - self._zero, "utc": utc, "what": event.what, "says": event.says}
+            # a lone surrogate (an undecodable byte of a file name) has no UTF-8
+            line = (json.dumps(fields, ensure_ascii=False) + "\n").encode("utf-8", "backslashreplace")
+            self._given += 1
             self._lines.put((self.path, line))
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="canid-journal", daemon=True)
                 self._thread.start()
+            closed = self._closed
+        if closed and threading.current_thread() is not self._thread:
+            self._wait()
 
     def close(self) -> None:
-        """Have written what was given so far."""
+        """Have written what was given so far, as far as that takes no more than `PATIENCE_S`.
+
+        What is written later is waited for as well.
+        """
         with self._lock:
             self._closed = True
+            if self._thread is None:
+                return
             self._lines.put(None)
-        if self._thread is not None:
-            self._thread.join()
+        self._wait()
+
+    def _wait(self) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while self._done < self._given or not self._checked.is_set():
+            if self._blocked or time.monotonic() > end:
+                self._blocked = True
+                return
+            time.sleep(0.005)
+        self._blocked = False
+
+    # --- writing: one thread ---
 
     def _run(self) -> None:
-        while (item := self._lines.get()) is not None:
-            self._append(*item)
+        while True:
+            try:
+                item = self._lines.get(timeout=CHECK_S)
+            except Empty:
+                self._check()
+                continue
+            if item is None:
+                self._check()
+                self._checked.set()
+                continue
+            try:
+                self._append(*item)
+            except (OSError, ValueError):
+                self._failed += 1
+            finally:
+                self._done += 1
 
-    def _append(self, path: Path, line: str) -> None:
+    def _append(self, wanted: Path, line: bytes) -> None:
+        if wanted != self._wanted:
+            self._leave()
+            self._wanted = wanted
+        if self._fd < 0:
+            self._open(wanted)
+        else:
+            self._check()
+        self._put(line)
+
+    def _put_carried(self) -> None:
+        if self._carried:
+            self._put(self._carried)
+            self._carried = b""
+
+    def _put(self, data: bytes) -> None:
+        """Append whole lines: what a full disk took in part is cut off."""
+        done = 0
         try:
-            # opened each time: events are rare, and come after the recorder's end as well
-            with open(path, "a", encoding="utf-8") as file:
-                file.write(line + "\n")
-        except (OSError, ValueError):
-            self.failed += 1
+            while done < len(data):
+                done += os.write(self._fd, data[done:])
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._fd, self._size)
+            raise
+        self._size += done
+
+    def _open(self, wanted: Path) -> None:
+        for path in _candidates(wanted):
+            found = _open_own(path)
+            if found is None:
+                continue
+            self._fd, new = found
+            self._size = os.fstat(self._fd).st_size
+            self._path = path
+            if new:
+                self._created(path, self._fd)
+            elif not _ends_with_newline(self._fd, self._size):
+                self._put(b"\n")  # a killed process left half a line
+            self._put_carried()
+            if path != wanted:
+                self._tell(
+                    "journal_elsewhere",
+                    f"{wanted.name} is another program's file: events are written to {path.name}",
+                )
+            return
+        raise OSError("no name is free")
+
+    def _check(self) -> None:
+        """Write the file anew where it was deleted; follow it where it was moved."""
+        try:
+            if self._fd < 0:
+                if self._carried and self._wanted is not None:
+                    self._open(self._wanted)
+                return
+            where = whereabouts.find(self._fd, self._path)
+            if where.place is whereabouts.Place.MOVED:
+                self._path = where.path
+            if where.lost:
+                self._write_anew()
+            elif os.fstat(self._fd).st_size < self._size:
+                self._size = os.fstat(self._fd).st_size
+                self._failed += 1
+                says = f"{self._path.name} was truncated by another program: events before this one are lost"
+                self._tell("journal_truncated", says)
+        except OSError:
+            pass  # what is carried is tried again, and counted
+
+    def _write_anew(self) -> None:
+        assert self._wanted is not None
+        name, old = self._path.name, self._fd
+        self._fd = -1
+        try:
+            self._carried = os.pread(old, self._size, 0) + self._carried
+        finally:
+            os.close(old)
+        self._open(self._wanted)
+        self._tell("journal_restored", f"{name} was deleted: its events are in {self._path.name}")
+
+    def _leave(self) -> None:
+        """Close the file; the recording goes on with another one."""
+        if self._fd >= 0:
+            self._check()
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+
+def _candidates(wanted: Path) -> list[Path]:
+    """Names for the journal, the best first.
+
+    >>> [path.name for path in _candidates(Path("drive.events.jsonl"))][:2]
+    ['drive.events.jsonl', 'drive.events-2.jsonl']
+    """
+    stem = wanted.name.removesuffix(".jsonl")
+    return [
+        wanted if number == 1 else wanted.with_name(f"{stem}-{number}.jsonl")
+        for number, _ in zip(count(1), range(_NAMES), strict=False)
+    ]
+
+
+def _open_own(path: Path) -> tuple[int, bool] | None:
+    """Open a new file (True), or one that begins like a journal (False); None: it is another program's."""
+    try:
+        return os.open(path, _SAFE | os.O_CREAT | os.O_EXCL, _MODE), True
+    except FileExistsError:
+        pass
+    try:
+        # before it is opened: opening a device can do something
+        if not stat.S_ISREG(os.lstat(path).st_mode):
+            return None
+        fd = os.open(path, _SAFE)
+    except OSError:
+        return None
+    try:
+        if stat.S_ISREG(os.fstat(fd).st_mode) and os.read(fd, len(_BEGINNING)) == _BEGINNING:
+            return fd, False
+    except OSError:
+        pass
+    os.close(fd)
+    return None
+
+
+def _ends_with_newline(fd: int, size: int) -> bool:
+    os.lseek(fd, max(size - 1, 0), os.SEEK_SET)
+    return os.read(fd, 1) in (b"\n", b"")

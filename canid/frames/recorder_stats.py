@@ -24,7 +24,7 @@ class BusStats(NamedTuple):
 class Stats(NamedTuple):
     """The recorder at one moment."""
 
-    state: str  # "waiting", "recording", "listening" (no file), "failed: why", "stopped"
+    state: str  # "waiting", "recording", "listening" (no file), "failed: why", "stopping", "stopped"
     path: Path | None  # the log, or the newest of them; the name may differ from the one asked for
     frames: int  # received
     written: int  # appended to the log
@@ -39,3 +39,4 @@ class Stats(NamedTuple):
     buses: tuple[BusStats, ...]
     files: int = 0  # that were begun
     drops_disk: int = 0  # frames that are not in the log because the disk was too slow
+    events_unwritten: int = 0  # that are not in the journal
