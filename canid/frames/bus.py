@@ -195,6 +195,11 @@ class ReceiveOnlyBus:
         """
         return self._device is not None and self._receiver is not None and self._device.resumed()
 
+    @property
+    def holds_socket(self) -> bool:
+        """Tell whether a lost bus is still open below: its device may only be down."""
+        return self._device is not None and self._receiver is not None
+
     def news(self) -> list[tuple[str, str]]:
         """What has changed of the device since the last call, as (what, says) of events: name, mode, bit rate.
 

@@ -24,6 +24,8 @@ LOOK = 0.5
 DRAIN = LIMIT_S
 # s between attempts to open a lost bus again: within 2 s it is back
 RETRY = 1.0
+# s between two questions whether a SocketCAN device that is down is up again: the gap that is told is exact to this
+ASK_DEVICE_S = 0.1
 # how many times as many impossible messages as were told last are worth another word
 GROWTH = 10
 
@@ -111,7 +113,7 @@ class BusReader:
         why = str(error) or type(error).__name__
         self.state, self.lost_at = f"lost: {why}", time.monotonic()
         self._tell("bus_lost", why)
-        while not self._stopping.wait(RETRY):
+        while not self._stopping.wait(ASK_DEVICE_S if self.bus.holds_socket else RETRY):
             try:
                 self.bus.reopen()
             except Exception as again:
