@@ -1,18 +1,20 @@
 """Reads Vector's .asc: hex or dec, absolute or relative times, classic and CAN FD lines, any locale's date.
 
-Usual lines are read by the thousand (`asc_shapes`, `asc_words`), all others one by one (`asc_line`).
+Usual lines are read by the thousand (`asc_shapes`, `asc_words`), all others one by one (`asc_line`). What is neither a
+frame nor a line of another kind that is known (`asc_events`) is damaged.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.frames import asc_date, asc_shapes, asc_words, stamps
+from canid.frames import asc_date, asc_events, asc_shapes, asc_words, stamps
 from canid.frames.asc_line import Parsed, parse
 from canid.frames.asc_usual import Usual, nothing, wide_enough
 from canid.frames.columns import Wanted, frames_of, keep_memory, select
@@ -22,7 +24,7 @@ from canid.types import Columns, Event, Flag, Frame
 
 # our own writer's line: the start without doubt about zone, language and digits
 EXACT_START = "// start, epoch ns: "
-_BASE = re.compile(r"base\s+(hex|dec)\b(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
+_BASE = re.compile(r"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
 _DATE = re.compile(r"(?:date\s+|begin\s+triggerblock\s+)(.*)", re.IGNORECASE)
 _TIMED = re.compile(r"\d+[.,]\d+$")
 # our own writer's events: time in the file, what, says
@@ -31,8 +33,8 @@ _EVENT = re.compile(r"// (-?\d{1,9}\.\d+) canid (\w+): (.*)")
 _EARLY = 1000
 # digits of a time: Python converts no more than 4,300, and of a log's have twenty
 _LONGEST_WORD = 100
-# lines without a time that belong to the format
-_KNOWN = ("//", "date", "base", "begin", "end", "internal", "no internal", "version")
+# kinds of lines that matter beyond their number
+_HEADER, _COMMENT, _OWN_EVENT = "header lines", "comments", "events"
 _REMOTE = int(Flag.REMOTE)
 
 
@@ -58,7 +60,7 @@ def read_asc_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
             chunk = select(chunk, wanted.rows(chunk.id))
         if chunk.t.size:
             yield chunk
-    state.damage = tally.damage(path)
+    tally.close(path, state)
 
 
 class _Reading:
@@ -93,10 +95,6 @@ class _Reading:
     def _seldom(self, block: Block, usual: Usual) -> _Seldom | None:
         """Read all lines that are not usual; None where a usual one cannot be so, because of what they say."""
         seldom = _Seldom(self._relative, self._start)
-        # the frame that comes first, if it has not come yet: before it nothing is complained about
-        first = int(usual.found.argmax()) if usual.found.any() else len(block.ends)
-        if self._first is not None:
-            first = -1
         ends = block.ends
         misses = []
         base = self._base
@@ -110,7 +108,9 @@ class _Reading:
             if not words:
                 continue
             if not _TIMED.match(words[0]):
-                if not self._header(item.text, seldom, k) and first < k:
+                if kind := self._header(item.text, seldom, k):
+                    seldom.kinds[kind] += 1
+                else:
                     misses.append((item, "it is no line of an ASC log"))
                 if self._base != base and usual.found.any():
                     return None
@@ -127,18 +127,25 @@ class _Reading:
                 continue
             if parsed is not None:
                 seldom.frames.append((k, parsed))
-                first = min(first, k)
+            elif kind := asc_events.timed(words[1:]):
+                seldom.kinds[kind] += 1
+            else:
+                misses.append((item, "it is no line of an ASC log" if item.whole else "the file ends in it"))
         for item, why in misses:
             self._tally.miss(item, why)
+        self._tally.events += seldom.kinds.pop(_OWN_EVENT, 0)
+        self._tally.others.update(seldom.kinds)
         return seldom
 
-    def _header(self, text: str, seldom: _Seldom, k: int) -> bool:
-        """Take a line without a time; says whether it belongs to the format."""
+    def _header(self, text: str, seldom: _Seldom, k: int) -> str:
+        """Take a line without a time: its kind, "" where it is none of the format."""
         text = text.strip().removeprefix("\xef\xbb\xbf")
         exact = text[len(EXACT_START) :] if text.startswith(EXACT_START) else ""
+        kind = _HEADER
         if exact.isdecimal() and len(exact) <= _LONGEST_WORD:
             self._start, self._exact = int(exact), True
-        elif found := _BASE.match(text):
+            kind = _COMMENT
+        elif found := _BASE.fullmatch(text):
             self._base = 10 if found[1].lower() == "dec" else 16
             self._relative = (found[2] or "").lower() == "relative"
             seldom.relative.append((k, self._relative))
@@ -146,12 +153,14 @@ class _Reading:
             # the begin of the trigger block comes later and is nearer to time zero than the file's date
             at = asc_date.local_ns(found[1])
             self._start = self._start if at is None else at
-        elif self._state.notes is not None and (found := _EVENT.match(text)):
-            seldom.told.append((k, stamps.from_text(found[1]), found[2], found[3]))
+        elif found := _EVENT.match(text):
+            if self._state.notes is not None:
+                seldom.told.append((k, stamps.from_text(found[1]), found[2], found[3]))
+            kind = _OWN_EVENT
         else:
-            return text.lower().startswith(_KNOWN)
+            return asc_events.untimed(text)
         seldom.starts.append((k, self._start))
-        return True
+        return kind
 
     def _columns(self, usual: Usual, seldom: _Seldom) -> Columns:
         """Put usual and other lines together, and give them their times."""
@@ -215,6 +224,7 @@ class _Seldom:
         self.relative = [(0, relative)]
         self.starts = [(-1, start)]
         self.told: list[tuple[int, int, str, str]] = []  # k, ns, what, says
+        self.kinds: Counter[str] = Counter()  # lines that hold no frame
 
 
 def _merged(usual: Usual, seldom: _Seldom) -> Usual:

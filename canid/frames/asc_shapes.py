@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.frames.asc_line import FD_TAIL
 from canid.frames.asc_usual import Bytes, Usual, fd_flags, nothing, wide_enough
 from canid.frames.blf_layout import FD64_EDL, FD64_REMOTE
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES
@@ -20,8 +21,11 @@ from canid.types import Flag
 
 Rows = npt.NDArray[np.int64]
 
-# high half of a code: its class; low half, for hexadecimal digits: the digit
-_DIGIT, _SPACE, _POINT, _R, _T, _X, _OTHER, _N, _ALIEN = (k << 4 for k in range(9))
+# high half of a code: its class; low half, for hexadecimal digits: the digit. All letters of "Length = ... BitCount = ...
+# ID = ..." are digits or classes of their own: lines of one shape have these words in the same columns.
+_DIGIT, _SPACE, _POINT, _R, _T, _X, _OTHER, _N, _ALIEN, _L, _G, _H, _I, _O, _U, _EQUALS = (
+    k << 4 for k in range(16)
+)
 _CLASS = 0xF0
 # shapes tried per length of line, and lines that make one worth while; what is left is read line by line
 _SHAPES, _FEW = 16, 8
@@ -33,7 +37,8 @@ def _codes() -> bytes:
     for k in range(0x21, 0x7F):
         codes[k] = _OTHER
     for text, code in (
-        (" \t\r\n", _SPACE), (".,", _POINT), ("Rr", _R), ("Tt", _T), ("x", _X), ("Nn", _N),
+        (" \t\r\n", _SPACE), (".,", _POINT), ("Rr", _R), ("Tt", _T), ("x", _X), ("Nn", _N), ("Ll", _L), ("Gg", _G),
+        ("Hh", _H), ("Ii", _I), ("Oo", _O), ("Uu", _U), ("=", _EQUALS),
     ):  # fmt: skip
         for character in text:
             codes[ord(character)] = code
@@ -43,7 +48,9 @@ def _codes() -> bytes:
 
 
 _CODES = _codes()
-_CANFD = np.array([0xC, 0xA, _N, 0xF, 0xD], dtype=np.uint8)
+_CANFD = bytes([0xC, 0xA, _N, 0xF, 0xD])
+# the keys of what may follow a classic frame's data
+_KEYS = tuple(key.encode().translate(_CODES) for key in ("Length", "BitCount", "ID"))
 
 
 class _Shape(NamedTuple):
@@ -59,6 +66,7 @@ class _Shape(NamedTuple):
     dlc: int  # its column
     dlc_value: int
     data: tuple[int, ...]  # column of each byte's first digit
+    letters: tuple[tuple[int, int], ...] = ()  # columns of letters that are digits too, and which
     kind: int = -1  # classic: column of the "d"
     flags: tuple[int, int] = (0, 0)  # FD: the flags' digits; (0, 0): there are none
     brs_esi: tuple[int, int] = (-1, -1)
@@ -132,7 +140,7 @@ def _shape(line: bytes) -> _Shape | None:
     if not (point and 0 < len(whole) <= 9 and 0 < len(fraction) <= 9 and not any(whole + fraction)):
         return None
     at = words[0][0] + len(whole)
-    if line[words[1][0] : words[1][1]] == _CANFD.tobytes():
+    if line[words[1][0] : words[1][1]] == _CANFD:
         return _fd_shape(line, words, kinds, at)
     if not (
         _digits(kinds[1], 4)
@@ -145,11 +153,12 @@ def _shape(line: bytes) -> _Shape | None:
     dlc = line[words[5][0]]
     length = min(dlc, CLASSIC_BYTES)
     data = _data(words, kinds, 6, length)
-    if data is None:
+    letters = _tail(line, words[6 + length :], kinds[6 + length :])
+    if data is None or letters is None:
         return None
     return _Shape(
         at, words[0], words[1], *_id(words[2], kinds[2]), kinds[3][0] == _T, length, words[5][0], dlc, data,
-        kind=words[4][0],
+        letters, kind=words[4][0],
     )  # fmt: skip
 
 
@@ -172,16 +181,33 @@ def _fd_shape(line: bytes, words: list[tuple[int, int]], kinds: list[bytes], poi
     data = _data(words, kinds, first + 4, length)
     if data is None:
         return None
-    behind = words[first + 4 + length : first + 7 + length]
-    if len(behind) == 3 and not _digits(kinds[first + 6 + length], 8):
+    behind = words[first + 4 + length :]
+    if len(behind) not in FD_TAIL or not all(_digits(kind, 8) for kind in kinds[first + 4 + length :]):
         return None
     return _Shape(
         point, words[0], words[2], *_id(words[4], kinds[4]), kinds[3][0] == _T, length, words[first + 2][0], dlc, data,
-        flags=behind[2] if len(behind) == 3 else (0, 0),
+        flags=behind[2] if behind else (0, 0),
         brs_esi=(words[first][0], words[first + 1][0]),
         size=begin,
         size_digits=line[begin:end],
     )  # fmt: skip
+
+
+def _tail(
+    line: bytes, words: list[tuple[int, int]], kinds: list[bytes]
+) -> tuple[tuple[int, int], ...] | None:
+    """Digits among the letters of what follows the data; None where that is not "Length = 240015 BitCount = ..."."""
+    if len(words) % 3:
+        return None
+    letters: list[tuple[int, int]] = []
+    for k in range(0, len(words), 3):
+        begin, end = words[k]
+        if line[begin:end] not in _KEYS or kinds[k + 1] != bytes([_EQUALS]):
+            return None
+        if not _digits(kinds[k + 2].removesuffix(bytes([_X])), 10):
+            return None
+        letters += [(column, line[column]) for column in range(begin, end) if line[column] < 16]
+    return tuple(letters)
 
 
 def _digits(kinds: bytes, most: int) -> bool:
@@ -206,7 +232,7 @@ def _read(shape: _Shape, codes: Bytes, rows: Rows, out: Usual) -> Usual:
     """Read lines of one shape; a line in which a letter stands for a digit, or the like, is left out."""
     begin, end = shape.time
     ten = (slice(begin, shape.point), slice(shape.point + 1, end), slice(*shape.bus))
-    exact = [(shape.dlc, shape.dlc_value)]
+    exact = [(shape.dlc, shape.dlc_value), *shape.letters]
     if shape.kind >= 0:
         exact.append((shape.kind, 0xD))
     else:

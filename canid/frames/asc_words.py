@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.frames.asc_line import FD_TAIL
 from canid.frames.asc_usual import Usual, fd_flags, nothing, wide_enough
 from canid.frames.blf_layout import FD64_EDL, FD64_REMOTE
 from canid.frames.columns import CLASSIC_BYTES, FD_BYTES
@@ -133,6 +134,7 @@ def _classic(words: _Words, lines: _Lines, out: Usual) -> Usual:
     good = _is(words, lines.first + 4, b"d") & (dlc != NO_DIGIT) & (lines.words - 6 >= length)
     lines, length = _keep(lines, good), length[good]
     ids, flags, good = _ids(words, lines.first + 2, lines.first + 3)
+    good &= _tail(words, lines.first + 6 + length, lines.words - 6 - length)
     return _frames(words, lines, lines.first + 1, ids, flags, good, lines.first + 6, length, out)
 
 
@@ -162,7 +164,36 @@ def _fd(words: _Words, lines: _Lines, out: Usual) -> Usual:
     ids, flags, right = _ids(words, lines.first + 4, lines.first + 3)
     flags |= fd_flags(bits, brs, esi)
     good = (good | ~there) & right & ((bits & FD64_REMOTE) == 0)
+    good &= _numbers(words, at + 4 + length, behind)
     return _frames(words, lines, lines.first + 2, ids, flags, good, at + 4, length, out)
+
+
+def _tail(words: _Words, at: Rows, count: Rows) -> Bools:
+    """Which lines have nothing behind their data, or "Length = 240015 BitCount = 124 ID = 1785"."""
+    good: Bools = count == 0
+    full = np.flatnonzero(count == 9)
+    if full.size:
+        first = at[full]
+        fits = np.ones(full.size, bool)
+        for k, key in enumerate((b"length", b"bitcount", b"id")):
+            fits &= _is(words, first + 3 * k, key) & _is(words, first + 3 * k + 1, b"=")
+            end, size = words.end[first + 3 * k + 2], words.size[first + 3 * k + 2]
+            extended = words.text[end - 1] == ord("x")
+            fits &= decimals(words.text, end - extended, size - extended)[1]
+        good[full] = fits
+    return good
+
+
+def _numbers(words: _Words, at: Rows, behind: Rows) -> Bools:
+    """Which lines have as many numbers behind their data as a CAN FD line can have, and nothing else."""
+    good = np.isin(behind - at, FD_TAIL)
+    for k in range(max(FD_TAIL)):
+        some = np.flatnonzero(good & (at + k < behind))
+        if not some.size:
+            break
+        word = at[some] + k
+        good[some] = hexadecimals(words.text, words.end[word], words.size[word])[1]
+    return good
 
 
 def _is(words: _Words, at: Rows, letters: bytes) -> Bools:

@@ -1,17 +1,19 @@
 """The inner layer of a .blf: from a payload to columns.
 
-Every size is checked before it is believed. An object of an unknown type is counted and passed over.
+Every size is checked before it is believed. Objects that hold no CAN frame are counted by their kinds (`blf_kinds`).
 A time of 2^63 ns or more is a negative one: so `blf_writer` keeps frames that a clock set back put before
 the first.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from canid.frames import blf_kinds
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, Chain, Ints, chain, signatures
 from canid.frames.blf_layout import LIMIT, PADDING, Data
@@ -82,8 +84,9 @@ class Walked(NamedTuple):
     """What a payload held."""
 
     frames: Columns
+    count: int  # how many there are, those that nobody wanted among them
     objects: int  # what a file header counts: frames and objects of other types, but not our own events
-    others: int  # of these, objects of other types
+    kinds: Counter[str]  # objects that hold no CAN frame
     notes: list[tuple[int, Told]]  # our own events, and how many of the frames stand before each
     rest: int  # where the unfinished last object begins
     first: int | None  # ns of the log's first frame, once there was one
@@ -143,9 +146,9 @@ def walk(data: Data, position: int, first: int | None, wanted: Wanted | None = N
             for whole, part in zip(into, _columns(data, group, width), strict=True):
                 whole[rows] = part
     t, first = _times(parts.ns, parts.coarse, first)
-    notes, uncounted = _notes(data, links) if frames < len(links.begin) else ([], 0)
-    others = len(links.begin) - frames - len(notes) - uncounted
-    return Walked(Columns(t, *parts[2:]), frames + others, others, notes, links.rest, first, links.begin)
+    notes, uncounted, kinds = _others(data, links) if frames < len(links.begin) else ([], 0, Counter())
+    objects = len(links.begin) - len(notes) - uncounted
+    return Walked(Columns(t, *parts[2:]), frames, objects, kinds, notes, links.rest, first, links.begin)
 
 
 def _unfinished(data: Data, rest: int) -> None:
@@ -156,8 +159,8 @@ def _unfinished(data: Data, rest: int) -> None:
             raise Broken(f"an object of type {kind} claims a size of {size} bytes")
 
 
-def _notes(data: Data, links: Chain) -> tuple[list[tuple[int, Told]], int]:
-    """Our own events, with the number of frames before each; and how many objects no header counts."""
+def _others(data: Data, links: Chain) -> tuple[list[tuple[int, Told]], int, Counter[str]]:
+    """Our own events, with the number of frames before each; how many objects no header counts; all others' kinds."""
     notes = []
     frame = np.isin(links.kind, list(_BODY))
     for k in np.flatnonzero(links.kind == GLOBAL_MARKER).tolist():
@@ -165,7 +168,11 @@ def _notes(data: Data, links: Chain) -> tuple[list[tuple[int, Told]], int]:
         if event is not None:
             notes.append((k, event))
     before = np.cumsum(frame)
-    return [(int(before[k]), event) for k, event in notes], int((links.kind == blf.UNCOUNTED).sum())
+    kinds = blf_kinds.count(links.kind[~frame])
+    if notes:
+        kinds[blf_kinds.kind_of(GLOBAL_MARKER)] -= len(notes)
+    uncounted = int((links.kind == blf.UNCOUNTED).sum())
+    return [(int(before[k]), event) for k, event in notes], uncounted, +kinds
 
 
 class _Group(NamedTuple):

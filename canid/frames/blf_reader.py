@@ -170,7 +170,9 @@ class _Reading:
         self._middle = bytearray()
         self._source = last.at, last.end
         self._objects += walked.objects
-        self._state.others += walked.others
+        self._state.frames += walked.count
+        self._state.events += len(walked.notes)
+        self._state.other_kinds.update(walked.kinds)
         if self.first is None and walked.first is not None:
             self.first = walked.first
             if self._header is not None and self._header.start_ms is not None:

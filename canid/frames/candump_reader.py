@@ -1,20 +1,38 @@
 """Reads `candump -L` logs: `(1436509052.249713) can0 044#2A366C2BBA`, CAN FD with `##`, remote, error frames.
 
-Interfaces become buses 0, 1, ... in the order in which they first appear.
+Interfaces become buses 0, 1, ... in the order in which they first appear. A line is a frame in every character, a
+comment, a CAN XL frame, or damaged.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from canid.frames import stamps
-from canid.frames.lines import LONGEST_TIME, Bad, Line, Tally, hex_bytes, lines, remote_length
+from canid.frames.lines import LARGEST_ID, LONGEST_TIME, Bad, Line, Tally, hex_bytes, lines, remote_length
 from canid.frames.read_state import ReadState
 from canid.types import Flag, Frame
 
 ERROR_BIT = 0x2000_0000  # of an eight-digit id, as in linux/can.h
 _BRS, _ESI = 1, 2  # linux/can.h: flags of struct canfd_frame
+_LARGEST_11_BIT = 0x7FF
+# time, interface, id, what follows "#", direction
+_LINE = re.compile(
+    r"\((\d{1,20}\.\d{1,9})\)\s+([!-~]+)\s+([0-9A-F]{3}|[0-9A-F]{8})#([!-~]*)(?:\s+([RT]))?", re.IGNORECASE
+)
+# data, points between bytes or none; "_9" to "_F" behind 8 bytes is the raw DLC, which says nothing more
+_CLASSIC = re.compile(r"((?:[0-9A-F]{2}\.?)*)(?:_[9A-F])?", re.IGNORECASE)
+_REMOTE = re.compile(r"R([0-8]?)(?:_[9A-F])?", re.IGNORECASE)
+_FD = re.compile(r"#([0-9A-F])((?:[0-9A-F]{2}\.?)*)", re.IGNORECASE)
+# virtual network and priority, flags, type, acceptance field, data
+_XL = re.compile(
+    r"\(\d+\.\d+\)\s+[!-~]+\s+[0-9A-F]{5}#[0-9A-F]{2}:[0-9A-F]{2}:[0-9A-F]{8}#[0-9A-F.]*(?:\s+[RT])?",
+    re.IGNORECASE,
+)
+# A comment. One that goes on like a line of the log is a line whose first character is damaged.
+_COMMENT = re.compile(r"#(?!\(?\d+\.\d+\))")
 
 
 def read_candump(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -23,12 +41,16 @@ def read_candump(path: Path, state: ReadState) -> Iterator[Frame]:
     buses: dict[str, int] = {}
     first: int | None = None
     for line in lines(path, state, tally):
-        if not line.text.strip() or line.text.startswith("#"):
+        text = line.text.strip()
+        if not text:
+            continue
+        if kind := _other(text):
+            tally.others[kind] += 1
             continue
         try:
-            ns, interface, id_, data, flags, length = _parse(line)
-        except ValueError as error:
-            tally.miss(line, str(error) if isinstance(error, Bad) else "it is no candump line")
+            ns, interface, id_, data, flags, length = _parse(text, line)
+        except Bad as error:
+            tally.miss(line, str(error))
             continue
         if first is None:
             first = ns
@@ -36,45 +58,62 @@ def read_candump(path: Path, state: ReadState) -> Iterator[Frame]:
         tally.read += 1
         bus = buses.setdefault(interface, len(buses))
         yield Frame((ns - first) * 1e-9, bus, id_, data, flags, length)
-    state.damage = tally.damage(path)
+    tally.close(path, state)
 
 
-def _parse(line: Line) -> tuple[int, str, int, bytes, int, int]:
-    words = line.text.split()
-    directed = len(words) == 4 and words[3] in ("R", "T", "r", "t")
-    if not (directed or len(words) == 3):
+def _other(text: str) -> str:
+    """What kind of line it is, of those that hold no CAN frame; "" for all others."""
+    if text.startswith("#"):
+        return "comments" if _COMMENT.match(text) else ""
+    return "CAN XL frames" if ":" in text and _XL.fullmatch(text) else ""
+
+
+def _parse(text: str, line: Line) -> tuple[int, str, int, bytes, int, int]:
+    found = _LINE.fullmatch(text)
+    if not found:
         raise Bad("it is no candump line")
-    if not line.whole and not directed:
+    stamp, interface, name, rest, direction = found.groups()
+    if not line.whole and direction is None:
         # nothing announces the length of the data: the rest of a frame may be missing
         raise Bad("the file ends in it")
-    stamp, interface, frame = words[:3]
-    if not (stamp.startswith("(") and stamp.endswith(")")):
-        raise Bad("it is no candump line")
-    ns = stamps.from_text(stamp[1:-1])
-    if not 0 <= ns <= LONGEST_TIME:
+    ns = stamps.from_text(stamp)
+    if ns > LONGEST_TIME:
         raise Bad("its time is damaged")
-    name, _, rest = frame.partition("#")
-    if len(name) not in (3, 8) or not _:
-        raise Bad("it is no candump line")
     id_ = int(name, 16)
-    flags = int(Flag.TX) if directed and words[3] in "Tt" else 0
+    flags = int(Flag.TX) if direction in ("T", "t") else 0
+    if id_ > (_LARGEST_11_BIT if len(name) == 3 else LARGEST_ID | ERROR_BIT):
+        raise Bad(f"{name!r} is too large for an id")
     if id_ & ERROR_BIT:
         flags |= Flag.ERROR
         id_ &= ERROR_BIT - 1
     elif len(name) == 8:
         flags |= Flag.EXTENDED
     if rest.startswith("#"):
-        bits = int(rest[1:2], 16)
+        found = _FD.fullmatch(rest)
+        if not found:
+            raise Bad("its data are not hexadecimal")
+        bits = int(found[1], 16)
         flags |= Flag.FD | (Flag.BRS if bits & _BRS else 0) | (Flag.ESI if bits & _ESI else 0)
-        data = hex_bytes(rest[2:].replace(".", ""), len(rest[2:].replace(".", "")) // 2)
+        data = _octets(found[2])
         if len(data) > 64:
             raise Bad("more than 64 data bytes")
         return ns, interface, id_, data, int(flags), -1
-    rest = rest.partition("_")[0]  # "_9".."_F" behind 8 bytes: the raw DLC, which says nothing more
     if rest[:1] in ("R", "r"):
-        return ns, interface, id_, b"", int(flags | Flag.REMOTE), remote_length(int(rest[1:] or "0", 16))
-    digits = rest.replace(".", "")
-    data = hex_bytes(digits, len(digits) // 2)
-    if len(data) > 8:
-        raise Bad("more than 8 data bytes in a classic frame")
+        found = _REMOTE.fullmatch(rest)
+        if not found:
+            raise Bad("it is no remote frame")
+        return ns, interface, id_, b"", int(flags | Flag.REMOTE), remote_length(int(found[1] or "0"))
+    found = _CLASSIC.fullmatch(rest)
+    if not found:
+        raise Bad("its data are not hexadecimal")
+    data = _octets(found[1])
+    if len(data) > 8 or ("_" in rest and len(data) < 8):
+        raise Bad(
+            "more than 8 data bytes in a classic frame" if len(data) > 8 else "it announces more than 8 bytes"
+        )
     return ns, interface, id_, data, int(flags), -1
+
+
+def _octets(text: str) -> bytes:
+    digits = text.replace(".", "")
+    return hex_bytes(digits, len(digits) // 2)

@@ -1,9 +1,13 @@
-"""Reads the .csv that python-can's CSVWriter writes; it knows no channel and no direction: all is bus 0."""
+"""Reads the .csv that python-can's CSVWriter writes; it knows no channel and no direction: all is bus 0.
+
+A line is the header, a frame in every character, or damaged.
+"""
 
 from __future__ import annotations
 
 import base64
 import binascii
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +17,12 @@ from canid.frames.read_state import ReadState
 from canid.types import Flag, Frame
 
 _HEADER = "timestamp,arbitration_id,extended,remote,error,dlc,data"
+# a byte order mark, each of its bytes one character
+_MARK = "\xef\xbb\xbf"
+# as Python writes floats and hexadecimal numbers; int() and float() take more, such as underscores
+_TIME = re.compile(r"\d{1,20}(\.\d{1,20})?(e[+-]\d{1,3})?")
+_ID = re.compile(r"0x[0-9a-f]{1,8}", re.IGNORECASE)
+_DLC = re.compile(r"\d{1,2}")
 
 
 def read_csv(path: Path, state: ReadState) -> Iterator[Frame]:
@@ -21,7 +31,10 @@ def read_csv(path: Path, state: ReadState) -> Iterator[Frame]:
     first: int | None = None
     for line in lines(path, state, tally):
         text = line.text.strip()
-        if not text or (line.number == 1 and text.endswith(_HEADER)):
+        if not text:
+            continue
+        if text.removeprefix(_MARK) == _HEADER:
+            tally.others["header lines"] += 1
             continue
         try:
             ns, id_, data, flags, length = _parse(text)
@@ -33,11 +46,13 @@ def read_csv(path: Path, state: ReadState) -> Iterator[Frame]:
             state.start_ns = ns
         tally.read += 1
         yield Frame((ns - first) * 1e-9, 0, id_, data, flags, length)
-    state.damage = tally.damage(path)
+    tally.close(path, state)
 
 
 def _parse(text: str) -> tuple[int, int, bytes, int, int]:
     stamp, id_, extended, remote, error, dlc, packed = text.split(",")
+    if not (_TIME.fullmatch(stamp) and _ID.fullmatch(id_) and _DLC.fullmatch(dlc)):
+        raise Bad(f"it is not {_HEADER}")
     flags = 0
     for word, flag in ((extended, Flag.EXTENDED), (remote, Flag.REMOTE), (error, Flag.ERROR)):
         if word not in ("0", "1"):
@@ -50,9 +65,11 @@ def _parse(text: str) -> tuple[int, int, bytes, int, int]:
     announced, number, ns = int(dlc), int(id_, 16), stamps.from_float(float(stamp))
     if not 0 <= ns <= LONGEST_TIME:
         raise Bad("its time is damaged")
-    if not 0 <= number <= LARGEST_ID:
+    if number > (LARGEST_ID if flags & (Flag.EXTENDED | Flag.ERROR) else 0x7FF):
         raise Bad(f"{id_[:32]!r} is too large for an id")
     if flags & Flag.REMOTE:
+        if data:
+            raise Bad("it is a remote frame and has data")
         return ns, number, b"", flags, remote_length(announced)
     if len(data) != announced and not flags & Flag.ERROR:
         raise Bad(f"it announces {announced} data bytes and has {len(data)}")

@@ -1,9 +1,10 @@
-"""The lines of a text log, plain or gzipped, in bounded memory, and the count of the unreadable."""
+"""The lines of a text log, plain or gzipped, in bounded memory, and the count of each class of lines."""
 
 from __future__ import annotations
 
 import gzip
 import zlib
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -49,27 +50,31 @@ class Bad(ValueError):  # noqa: N818  (a finding inside this package)
 
 @dataclass
 class Tally:
-    """Frames read and lines that could not be."""
+    """The class of every line that is not blank: a frame, known to be none, or damaged."""
 
-    read: int = 0
-    bad: int = 0
+    read: int = 0  # frames
+    events: int = 0  # events of canid's recorder
+    others: Counter[str] = field(default_factory=Counter)  # known to hold no frame: how many of each kind
+    bad: int = 0  # damaged
     damaged: Damaged = field(default_factory=Damaged)
     cut: bool = False  # reading ended early: nobody knows how many there were
 
     def miss(self, line: Line, why: str) -> None:
-        """Count a bad line."""
+        """Count a damaged line."""
         self.bad += 1
         self.damaged.add(line.begin, line.end, f"line {line.number}: {why}")
 
-    def damage(self, path: Path) -> Damage | None:
-        """Sum up. Raises LogError if there was trouble and not one frame."""
+    def close(self, path: Path, state: ReadState) -> None:
+        """Sum up. Raises LogError if there was damage and not one frame."""
+        state.frames, state.events, state.damaged = self.read, self.events, self.bad + self.cut
+        state.other_kinds = Counter(self.others)
         if not self.damaged:
-            return None
+            return
         total = -1 if self.cut else self.read + self.bad
         says = self.damaged.says("frame lines", self.read, total)
         if not self.read:
             raise LogError(f"{path} holds no frame that can be read ({says})")
-        return Damage(says, self.read, total, self.damaged.spans)
+        state.damage = Damage(says, self.read, total, self.damaged.spans)
 
 
 class Block(NamedTuple):

@@ -68,9 +68,32 @@ class Log:
         return self._state.damage
 
     @property
+    def frames_read(self) -> int:
+        """How many CAN frames the latest iteration has read; all of them, whichever ids were asked for."""
+        return self._state.frames
+
+    @property
+    def events_read(self) -> int:
+        """How many events of canid's recorder stand between them (.blf, .asc)."""
+        return self._state.events
+
+    @property
     def others(self) -> int:
-        """How many objects beside frames and the recorder's events the latest iteration has passed over (.blf)."""
+        """How many lines or objects are known to hold no CAN frame: comments, statistics, other buses, ..."""
         return self._state.others
+
+    @property
+    def other_kinds(self) -> dict[str, int]:
+        """The same, how many of each kind; the most frequent first. The number of kinds is bounded."""
+        return dict(self._state.other_kinds.most_common())
+
+    @property
+    def damaged(self) -> int:
+        """How many lines (.blf: stretches of bytes) could not be read; what is wrong with them: `damage`.
+
+        Frames, events, others and damaged lines are all lines of a text log that are not blank; none is counted twice.
+        """
+        return self._state.damaged
 
     @property
     def progress(self) -> float:

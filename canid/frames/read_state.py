@@ -1,9 +1,14 @@
-"""What is known of a log while it is read: filled in by a reader, looked at by `Log`."""
+"""What is known of a log while it is read: filled in by a reader, looked at by `Log`.
+
+Every line or object of a log is counted in one class, and in one only: a CAN frame, a recorder's event, known to hold
+no CAN frame, or damaged.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +34,16 @@ class ReadState:
     damage: Damage | None = None  # known when the reading is over
     # events so far, where they are wanted: whoever gave the list may take them out
     notes: list[Note] | None = None
-    others: int = 0  # objects that are neither frames nor such events
+    frames: int = 0  # CAN frames that were read, whether anybody wanted them or not
+    events: int = 0  # events of canid's recorder
+    # lines or objects that are known to hold no CAN frame: how many of each kind; kinds are of a closed list
+    other_kinds: Counter[str] = field(default_factory=Counter)
+    damaged: int = 0  # lines, objects or stretches of bytes that could not be read
+
+    @property
+    def others(self) -> int:
+        """Lines or objects that are known to hold no CAN frame."""
+        return self.other_kinds.total()
 
 
 # A reader of one format. Raises LogError where nothing at all can be read.
