@@ -154,7 +154,8 @@ def candump(start: Callable[..., Program]) -> Callable[[str], Program]:
 
     def run(channel: str) -> Program:
         assert shutil.which("candump"), "apt-get install can-utils"
-        program = start("candump", "-L", channel)
+        # a buffer for all that a test sends: candump's own 200 kB are full after 300 frames on a busy machine
+        program = start("candump", "-L", "-r", str(32 * 1024 * 1024), channel)
         # the kernel lists the sockets that receive: name, id, mask, function, user data, matches, identity
         receivers = Path("/proc/net/can/rcvlist_all")
         until(lambda: channel in receivers.read_text())

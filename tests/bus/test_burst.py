@@ -1,0 +1,61 @@
+"""Frames that the kernel drops since nobody reads them in time are counted exactly, to the last one."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.bus.network import events, numbers, says, shown
+
+pytestmark = [pytest.mark.vcan, pytest.mark.timeout(900)]
+TOTAL = 1_000_000
+# the whole command, with a receive buffer that some hundred frames fill instead of 77,000
+SMALL = (
+    "import sys; from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 100_000; "
+    "from canid.cli import main; sys.exit(main())"
+)
+
+
+@pytest.mark.parametrize("verb", ["record", "live"])
+def test_received_and_dropped_are_all_that_were_sent(
+    verb: str, tmp_path: Path, start: Callable[..., Any]
+) -> None:
+    """1,000,000 frames at full speed: recorded + dropped = sent, also for drops after the last frame received."""
+    recording, told = tmp_path / "heard.blf", tmp_path / "told.json"
+    into = ("-o", recording) if verb == "record" else ("--vehicle", "generic", "--record", recording)
+    words = (verb, "-i", "socketcan", "-c", "vcan0", *into, "--json", told)
+    program = start(sys.executable, "-c", SMALL, *words)
+    program.wait_for("listen-only")
+    time.sleep(1.0 if verb == "live" else 0.0)  # both estimators have begun
+    before = shown("vcan0")["stats64"]["tx"]["packets"]
+    began = time.monotonic()
+    sender = start(sys.executable, "-m", "tests.bus.sendmmsg", "vcan0", TOTAL)
+    assert sender.end() == 0, sender.says()
+    took = time.monotonic() - began
+    assert program.end(signal.SIGTERM) == 143, program.says()
+    # the device counts for itself what went through it
+    assert shown("vcan0")["stats64"]["tx"]["packets"] - before == TOTAL
+    kept = numbers(recording)
+    assert kept == sorted(set(kept))
+    bus = [json.loads(line) for line in told.read_text().splitlines() if '"buses"' in line][-1]["buses"][0]
+    print(f"{TOTAL:,} in {took:.1f} s: {len(kept):,} recorded, {bus['drops']:,} dropped; last {kept[-1]:,}")
+    assert 0 < len(kept) < TOTAL
+    assert len(kept) + bus["drops"] == TOTAL
+    assert bus["frames"] == len(kept)
+    assert events(recording, "frames_dropped")
+    parts = [
+        re.search(r": ([\d,]+) frames .*\(([\d,]+) in all\)", text)
+        for text in says(recording, "frames_dropped")
+    ]
+    each = [int(found[1].replace(",", "")) for found in parts if found]
+    assert len(each) == len(parts)
+    assert sum(each) == bus["drops"]
+    assert f"{bus['drops']:,} dropped" in program.says() + program.printed()
