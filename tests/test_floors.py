@@ -9,7 +9,7 @@ import pytest
 
 CANID = Path(__file__).parents[1] / "canid"
 FLOOR = {
-    "types": 0, "errors": 0, "imports": 0, "findings": 1,
+    "types": 0, "errors": 0, "imports": 0, "child": 0, "parsing": 0.5, "findings": 1,
     "clock": 1, "downtime": 1, "vehicle": 1, "smoothing": 1, "lead": 2, "sampling": 1, "gate": 1, "identification": 1,
     "effects": 2,
     "estimators": 2, "screening": 2, "simulation": 3,
@@ -20,6 +20,8 @@ FLOOR = {
     "cli": 8, "__init__": 9, "__main__": 9,
 }  # fmt: skip
 WORLD = {"socket", "subprocess", "threading", "time", "multiprocessing", "can"}
+# beside the shell: a parser that may take for ever must run where it can be ended
+PROCESSES = {"parsing.py"}
 FILES = sorted(CANID.rglob("*.py"))
 
 
@@ -57,7 +59,7 @@ def test_imports_go_down(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(CANID)))
 def test_the_world_is_touched_by_the_shell_only(path: Path) -> None:
-    if FLOOR[part(path)] < 5 or part(path) == "views":
+    if (FLOOR[part(path)] < 5 and path.name not in PROCESSES) or part(path) == "views":
         assert not {name.split(".")[0] for name in imported(path)} & WORLD
 
 

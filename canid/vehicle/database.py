@@ -1,22 +1,28 @@
-"""Reads DBC files (by cantools: also .kcd, .sym, .arxml) and describes their signals as plain values."""
+"""DBC files (and what else cantools reads: .kcd, .sym, .arxml): their messages and signals as plain values."""
 
 from __future__ import annotations
 
-import logging
-import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from canid.errors import ConfigError
-from canid.imports import without
+from canid.parsing import Message, ParseError, Parser, Signal
 from canid.vehicle.bits import Bits
+from canid.vehicle.file_bytes import read
 from canid.vehicle.mapping import Condition, MessageMap
+from canid.vehicle.quoting import several
 
-if TYPE_CHECKING:
-    from cantools.database.can import Database, Message, Signal
+# bytes of all DBC files of a vehicle together; the largest public one has 0.5 MB, those of whole trucks 2 to 5 MB
+LARGEST = 16_000_000
+# bits of a frame of 64 bytes: what lies behind them no frame carries
+_FRAME_BITS = 8 * 64
+# lengths of IEEE 754 numbers
+_FLOATS = (16, 32, 64)
+# remarks of cantools on one file that are passed on
+_WARNINGS = 5
+# selectors on top of each other; files by hand have two
+_PAGES_DEEP = 16
 
 # What DBC authors call a number that counts up from frame to frame (openpilot, AUTOSAR E2E, Vector).
 _COUNTER = re.compile(r"count|alive|rolling|sequence|(^|_)(cnt|ctr)($|_|\d)", re.IGNORECASE)
@@ -32,120 +38,108 @@ class Dbc(NamedTuple):
     messages: dict[str, Message]
 
 
-def load(path: Path, bus: int | None) -> tuple[Dbc, list[str]]:
+def load(path: Path, bus: int | None, parser: Parser, largest: int = LARGEST) -> tuple[Dbc, list[str], int]:
     """Read one DBC file; one that fails the strict check is read all the same.
 
+    Args:
+        path: of the file.
+        bus: that it describes; None: any.
+        parser: that parses it; all files of a vehicle share its limits.
+        largest: bytes that it may have.
+
     Returns:
-        The file, and at most one warning that names the messages which overlap or do not fit.
+        The file, a few warnings that name the messages which overlap or do not fit, and the file's size in bytes.
 
     Raises:
-        ConfigError: the file is missing, or no DBC at all, or without messages.
+        ConfigError: the file is missing, or no DBC at all, or without messages, or takes too long to parse.
     """
-    if path.is_dir():
-        raise ConfigError(f"{path} is a folder: name a DBC file in it")
-    if not path.is_file():
-        raise ConfigError(f"DBC file {path} does not exist")
-    database, warnings = _parse(path)
-    messages = {message.name: message for message in database.messages}
+    data = read(path, largest, "DBC file")
+    try:
+        content = parser.dbc(path.suffix.lower(), data)
+    except ParseError as error:
+        raise ConfigError(f"{path} is no DBC that can be read: {brief_sentence(str(error))}") from None
+    messages = {message.name: message for message in content.messages}
     if not messages:
         raise ConfigError(f"{path} holds no messages")
-    bad = [name for name, message in messages.items() if not _is_strict(message)]
-    if bad:
-        warnings.append(
-            f"{path.name}: signals overlap or do not fit their frame in {', '.join(bad)}; read all the same"
-        )
-    return Dbc(path.name, bus, messages), warnings
+    warnings = [f"{path.name}: {brief_sentence(line)}" for line in content.warnings[:_WARNINGS]]
+    if len(content.warnings) > _WARNINGS:
+        warnings.append(f"{path.name}: {len(content.warnings) - _WARNINGS:,} more such remarks")
+    if content.overlapping:
+        bad = several(list(content.overlapping))
+        warnings.append(f"{path.name}: signals overlap or do not fit their frame in {bad}; read all the same")
+    return Dbc(path.name, bus, messages), warnings, len(data)
 
 
-def _parse(path: Path) -> tuple[Database, list[str]]:
-    # cantools takes 0.2 s to import: only who reads a vehicle pays for it, and nobody for what its own imports drag in
-    with without("asammdf"):
-        import cantools
+def brief_sentence(text: str) -> str:
+    """Cut a parser's sentence to a line of 200 characters.
 
-    with _collected("cantools") as said:
-        try:
-            loaded = cantools.database.load_file(path, strict=False)
-        except (cantools.Error, ValueError, KeyError, OSError, UnicodeError) as error:
-            line = " ".join(str(error).split())[:160]
-            # cantools marks the place with signs of its own, inside the quoted line
-            place = re.search(r"line \d+, column \d+", line)
-            what = f"syntax error in {place[0]}" if place else line
-            raise ConfigError(f"{path} is no DBC that can be read: {what}") from error
-    if not isinstance(loaded, cantools.database.can.Database):
-        raise ConfigError(f"{path} is a diagnostics file, not a DBC")
-    return loaded, [f"{path.name}: {line}" for line in said]
+    Example:
+        >>> brief_sentence("syntax error" + chr(10) + "in line 3"), len(brief_sentence("x" * 10**6))
+        ('syntax error in line 3', 200)
+    """
+    line = " ".join(text[:1000].split())[:200]
+    return line if line.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
 
 
-@contextmanager
-def _collected(logger_name: str) -> Iterator[list[str]]:
-    """Collect what a library logs as a warning, instead of printing it."""
-    said: list[str] = []
+def carried(signal: Signal) -> bool:
+    """Whether a frame can carry a signal.
 
-    class Collect(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            said.append(record.getMessage())
-
-    logger, handler = logging.getLogger(logger_name), Collect(logging.WARNING)
-    propagate, logger.propagate = logger.propagate, False
-    logger.addHandler(handler)
-    try:
-        yield said
-    finally:
-        logger.removeHandler(handler)
-        logger.propagate = propagate
-
-
-def _is_strict(message: Message) -> bool:
-    import cantools
-
-    try:
-        message.refresh(strict=True)
-    except cantools.Error:
-        message.refresh(strict=False)
+    Example:
+        >>> one = Signal("S", 0, 8, False, False, False, 1.0, 0.0, None, None, "", {}, False, None, ())
+        >>> carried(one), carried(one._replace(length=10**8)), carried(one._replace(start=-1))
+        (True, False, False)
+    """
+    if not 1 <= signal.length <= _FRAME_BITS or not 0 <= signal.start < _FRAME_BITS:
         return False
-    return True
+    return bits_of(signal).end <= _FRAME_BITS and (not signal.floating or signal.length in _FLOATS)
 
 
 def bits_of(signal: Signal) -> Bits:
     """Tell where a signal lies."""
-    motorola = signal.byte_order == "big_endian"
-    return Bits(signal.start, signal.length, motorola, signal.is_signed, signal.is_float)
+    return Bits(signal.start, signal.length, signal.motorola, signal.signed, signal.floating)
 
 
-def condition_of(message: Message, signal: Signal) -> Condition:
-    """Tell which selectors must hold what for `signal` to be there, the innermost multiplexer first."""
+def condition_of(message: Message, signal: Signal) -> Condition | None:
+    """Tell which selectors must hold what for `signal` to be there, the innermost multiplexer first.
+
+    Returns:
+        None where no frame can carry the selectors: they lie outside it, or select each other.
+    """
+    known = {of.name: of for of in message.signals}
     found: list[tuple[Bits, frozenset[int]]] = []
-    while signal.multiplexer_signal is not None and signal.multiplexer_ids:
-        parent = message.get_signal_by_name(signal.multiplexer_signal)
-        found.append((bits_of(parent), frozenset(signal.multiplexer_ids)))
+    while signal.multiplexer is not None and signal.pages:
+        parent = known.get(signal.multiplexer)
+        if parent is None or not carried(parent) or len(found) == _PAGES_DEEP:
+            return None
+        found.append((bits_of(parent), frozenset(signal.pages)))
         signal = parent
     return tuple(found)
 
 
 def message_map(message: Message, bus: int | None) -> MessageMap:
     """Describe what decoding and encoding need of a message beside its mapped signals."""
+    pages: dict[str, set[int]] = {}
+    for signal in message.signals:
+        if signal.multiplexer is not None:
+            pages.setdefault(signal.multiplexer, set()).update(signal.pages)
+    carriers = [signal for signal in message.signals if carried(signal)]
     selectors = tuple(
-        (
-            s.name,
-            bits_of(s),
-            frozenset(
-                i for o in message.signals if o.multiplexer_signal == s.name for i in o.multiplexer_ids or ()
-            ),
-        )
-        for s in message.signals
-        if s.is_multiplexer
+        (signal.name, bits_of(signal), frozenset(pages.get(signal.name, ())))
+        for signal in carriers
+        if signal.is_multiplexer
     )
     # A counter under a multiplexer counts its own page only: not a sign of life of the message.
-    counters = [s for s in message.signals if _COUNTER.search(s.name) and not s.multiplexer_ids]
+    counters = [signal for signal in carriers if _COUNTER.search(signal.name) and not signal.pages]
     # One bit may be a flag: two states that stand still prove nothing.
-    counters = [s for s in counters if s.length > 1 and not _NOT_ALIVE.search(s.name)]
+    counters = [signal for signal in counters if signal.length > 1 and not _NOT_ALIVE.search(signal.name)]
+    looked_at = [where.end for _, where, _ in selectors] + [bits_of(signal).end for signal in counters[:1]]
     return MessageMap(
         name=message.name,
-        id=message.frame_id,
-        extended=message.is_extended_frame,
+        id=message.id,
+        extended=message.extended,
         bus=bus,
-        length=message.length,
-        period=message.cycle_time / 1000 if message.cycle_time else math.nan,
+        length=max(message.length, *[-(-end // 8) for end in looked_at], 0),
+        period=message.period,
         counter=bits_of(counters[0]) if counters else None,
         selectors=selectors,
     )

@@ -6,20 +6,25 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from canid.vehicle.database import Dbc, load
+from canid.parsing import Parser, Signal
+from canid.vehicle.database import LARGEST, Dbc, load
 from canid.vehicle.looks import LOOKS
 from canid.vehicle.roles import NEEDS, ROLES
 from canid.vehicle.units import factor_to, unit_of
-
-if TYPE_CHECKING:
-    from cantools.database.can import Signal
 
 # Yes/no roles are one or two bits wide; a wider signal of that name is a state with several values.
 _SWITCH_BITS = 2
 # A radar that reports fewer objects than this one by one would not number its messages.
 _FEWEST_TRACKS = 4
+
+
+class _Named(NamedTuple):
+    message: str
+    signal: Signal
+    name: str  # of the signal, its words apart
+    whole: str  # the message's before it
 
 
 class _Found(NamedTuple):
@@ -48,14 +53,20 @@ def propose(paths: str | Path | Sequence[str | Path], folder: str | Path | None 
         pedal = "ENGINE_DATA.PedalPosition"  # "%"
     """
     paths = [paths] if isinstance(paths, str | Path) else paths
-    files, warnings = [], []
-    for path in paths:
-        file, warned = load(Path(path), None)
-        files.append(file)
-        warnings += warned
+    files, warnings, left = [], [], LARGEST
+    with Parser() as parser:
+        for path in paths:
+            file, warned, size = load(Path(path), None, parser, left)
+            left -= size
+            files.append(file)
+            warnings += warned
+    named = [
+        _Named(message_name, signal, words(signal.name), f"{words(message_name)} {words(signal.name)}")
+        for message_name, signal in _signals(files)
+    ]
     home = Path(paths[0]).parent if folder is None else Path(folder)
     names = ", ".join(f'"{Path(os.path.relpath(path, home)).as_posix()}"' for path in paths)
-    found = {role: _candidates(role, files) for role in ROLES}
+    found = {role: _candidates(role, named) for role in ROLES}
     tracks = None if found["gap"] and found["range_rate"] else _tracks(files)
     output = next((role for role in ("pedal", "accel_command", "accel") if found[role]), "pedal")
     lines = [
@@ -90,13 +101,12 @@ def words(name: str) -> str:
     return " ".join(apart.replace("_", " ").split()).lower()
 
 
-def _candidates(role: str, files: Sequence[Dbc]) -> list[_Found]:
+def _candidates(role: str, named: Sequence[_Named]) -> list[_Found]:
     """List the signals that may be the role, best first."""
     looks, not_like = LOOKS[role]
     unit = ROLES[role].unit
     found = []
-    for message_name, signal in _signals(files):
-        name, whole = words(signal.name), f"{words(message_name)} {words(signal.name)}"
+    for message_name, signal, name, whole in named:
         if re.search(not_like, name):
             continue
         score = 2.0 if re.search(looks, name) else 1.0 if re.search(looks, whole) else 0.0

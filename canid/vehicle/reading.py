@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import difflib
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from canid.errors import ConfigError
+from canid.parsing import ParseError, Parser
 from canid.types import ArmaxSettings, Driver
-from canid.vehicle.database import Dbc, load, message_map
-from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, TrackMap, Vehicle
+from canid.vehicle import file_bytes
+from canid.vehicle.database import LARGEST, Dbc, brief_sentence, load, message_map
+from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
+from canid.vehicle.quoting import brief, shown
 from canid.vehicle.resolving import Mistakes, find_message, find_signal, signal_map
 from canid.vehicle.roles import DERIVED, NEEDS, OUTPUTS, ROLES
 from canid.vehicle.schema import (
+    LONGEST_NAME,
+    MOST_KEYS,
     SECTIONS,
     ArmaxSection,
     DbcFile,
@@ -27,6 +31,11 @@ from canid.vehicle.schema import (
     parse,
 )
 from canid.vehicle.tracks import resolve_tracks
+
+# bytes; fifty times the largest vehicle file that we know, with its comments
+LARGEST_TOML = 256_000
+# DBC files of one vehicle: one or two a bus, and no car has more buses
+_MOST_FILES = 64
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
@@ -47,14 +56,17 @@ def read_vehicle(path: str | Path) -> Vehicle:
         ('EGO_SPEED', 'm/s')
     """
     file = locate(path)
-    try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{file} is no valid TOML: {error}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file} cannot be read: {error}") from error
+    data = file_bytes.read(file, LARGEST_TOML, "vehicle file")
     mistakes = Mistakes([], [])
-    vehicle = _vehicle(file, table, mistakes)
+    with Parser() as parser:
+        try:
+            data.decode("utf-8")
+            table = parser.toml(data)
+        except UnicodeDecodeError as error:
+            raise ConfigError(f"{file} cannot be read: {error}") from None
+        except ParseError as error:
+            raise ConfigError(f"{file} is no valid TOML: {brief_sentence(str(error))}") from None
+        vehicle = _vehicle(file, table, mistakes, parser)
     if mistakes.errors or vehicle is None:
         raise ConfigError("\n".join(f"{file.name}: {line}" for line in mistakes.errors))
     return vehicle
@@ -74,8 +86,14 @@ def locate(path: str | Path) -> Path:
         ConfigError: there is none; says which vehicles come with canid.
     """
     given = Path(path)
-    if given.is_file():
-        return given
+    try:
+        if given.is_file():
+            return given
+        there = given.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        raise ConfigError(f"vehicle file {brief(str(path))} does not exist") from None
+    if there:
+        return given  # a folder, a pipe: whoever reads it says so
     known = {file.stem: file for file in sorted(shipped().glob("*.toml"))}
     if given.name == str(path) and given.suffix in ("", ".toml") and given.stem in known:
         return known[given.stem]
@@ -85,12 +103,19 @@ def locate(path: str | Path) -> Path:
     raise ConfigError(f"vehicle file {given} does not exist{hint}; canid brings: {', '.join(known)}")
 
 
-def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicle | None:
+def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: Parser) -> Vehicle | None:
     errors = mistakes.errors
-    errors += [f"{key}: unknown section{did_you_mean(key, SECTIONS)}" for key in table if key not in SECTIONS]
+    if len(table) > MOST_KEYS:
+        errors.append(f"{len(table):,} keys and sections; the sections are {', '.join(SECTIONS)}")
+        return None
+    errors += [
+        f"{brief(key)}: unknown section{did_you_mean(key, SECTIONS)}" for key in table if key not in SECTIONS
+    ]
     name = table.get("name", file.stem)
     if not isinstance(name, str):
-        errors.append(f"name: must be a text, not {name!r}")
+        errors.append(f"name: must be a text, not {shown(name)}")
+    elif len(name) > LONGEST_NAME:
+        errors.append(f"name: has {len(name):,} characters; at most {LONGEST_NAME:,}")
 
     driver, wrong = parse(DriverSection, table.get("driver", {}), "driver")
     errors += wrong
@@ -102,7 +127,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicl
     errors += wrong
 
     entries = _entries(table.get("signals", {}), errors)
-    files = _files(file.parent, table.get("dbc"), mistakes)
+    files = _files(file.parent, table.get("dbc"), mistakes, parser)
     roles: dict[str, RoleMap] = {}
     tracks: tuple[TrackMap, ...] | None = None
     if any(file.messages for file in files):
@@ -129,11 +154,14 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes) -> Vehicl
 
 def _entries(section: object, errors: list[str]) -> dict[str, SignalEntry]:
     if not isinstance(section, dict):
-        errors.append(f"signals: must be a section, not {section!r}")
+        errors.append(f"signals: must be a section, not {shown(section)}")
+        return {}
+    if len(section) > MOST_KEYS:
+        errors.append(f"signals: {len(section):,} entries; there are {len(ROLES)} roles")
         return {}
     entries: dict[str, SignalEntry] = {}
     for role, value in section.items():
-        key = f"signals.{role}"
+        key = f"signals.{brief(role)}"
         if role in DERIVED:
             errors.append(f"{key}: {DERIVED[role]}")
             continue
@@ -150,6 +178,9 @@ def _dbc_entries(section: object, errors: list[str]) -> list[DbcFile]:
     listed = section if isinstance(section, list) else [] if section is None else [section]
     if not listed:
         errors.append('dbc: is missing; write dbc = ["<vehicle>.dbc"]')
+    if len(listed) > _MOST_FILES:
+        errors.append(f"dbc: {len(listed):,} files; at most {_MOST_FILES} are read")
+        return []
     entries = []
     for index, value in enumerate(listed):
         short = {"file": value} if isinstance(value, str) else value
@@ -164,16 +195,17 @@ def _beside(folder: Path, file: str) -> Path:
     return Path(os.path.normpath(folder / file))
 
 
-def _files(folder: Path, section: object, mistakes: Mistakes) -> list[Dbc]:
-    files = []
+def _files(folder: Path, section: object, mistakes: Mistakes, parser: Parser) -> list[Dbc]:
+    files, left = [], LARGEST
     for entry in _dbc_entries(section, mistakes.errors):
         try:
-            dbc, warnings = load(_beside(folder, entry.file), entry.bus)
+            dbc, warnings, size = load(_beside(folder, entry.file), entry.bus, parser, left)
         except ConfigError as error:
             mistakes.errors.append(f"dbc: {error}")
             # Its place is kept, so that "no message X in ..." says where X could not be looked for.
-            files.append(Dbc(f"{Path(entry.file).name} (not read)", entry.bus, {}))
+            files.append(Dbc(f"{brief(Path(entry.file).name)} (not read)", entry.bus, {}))
             continue
+        left -= size
         files.append(dbc)
         mistakes.warnings.extend(warnings)
     return files
@@ -183,7 +215,7 @@ def _role(role: str, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistake
     key = f"signals.{role}"
     message_name, dot, signal_name = entry.signal.partition(".")
     if not dot or not message_name or not signal_name:
-        mistakes.errors.append(f'{key}: must be "MESSAGE.SIGNAL", not "{entry.signal}"')
+        mistakes.errors.append(f'{key}: must be "MESSAGE.SIGNAL", not "{brief(entry.signal)}"')
         return None
     found = find_message(message_name, entry.bus, files, key)
     if isinstance(found, str):
@@ -200,8 +232,8 @@ def _role(role: str, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistake
     return RoleMap(
         role=role,
         message=message.name,
-        id=message.frame_id,
-        extended=message.is_extended_frame,
+        id=message.id,
+        extended=message.extended,
         bus=entry.bus if entry.bus is not None else dbc.bus,
         unit=ROLES[role].unit,
         stale=entry.stale if entry.stale is not None else ROLES[role].stale,
@@ -215,7 +247,7 @@ def _missing(driver: DriverSection, lead: LeadSection, signals: object) -> list[
     errors = []
     if driver.output not in OUTPUTS:
         hint = did_you_mean(driver.output, OUTPUTS)
-        errors.append(f'driver.output: "{driver.output}" is not one of {", ".join(OUTPUTS)}{hint}')
+        errors.append(f'driver.output: "{brief(driver.output)}" is not one of {", ".join(OUTPUTS)}{hint}')
     elif driver.output not in mapped:
         errors.append(f"signals.{driver.output}: is missing; it is driver.output")
     for role in NEEDS[driver.task]:
@@ -237,4 +269,14 @@ def _messages(files: Sequence[Dbc], mapped: Sequence[RoleMap | TrackMap]) -> tup
             dbc_and_message = find_message(item.message, item.bus, files, "")
             assert not isinstance(dbc_and_message, str), "resolved before"
             found[key] = message_map(dbc_and_message[1], item.bus)
+        # a signal that ends behind its message, as some DBC files have them
+        needed = -(-max(how.bits.end for how in _signal_maps(item)) // 8)
+        found[key] = found[key]._replace(length=max(found[key].length, needed))
     return tuple(found.values())
+
+
+def _signal_maps(item: RoleMap | TrackMap) -> list[SignalMap]:
+    if isinstance(item, RoleMap):
+        return [item.how]
+    parts = (item.distance, item.rate, item.lateral, item.valid, item.new)
+    return [part for part in parts if part is not None]

@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from canid.vehicle.database import Dbc, bits_of, condition_of
+from canid.parsing import Message, Signal
+from canid.vehicle.database import Dbc, bits_of, carried, condition_of
 from canid.vehicle.mapping import SignalMap
+from canid.vehicle.quoting import brief, several, shown
 from canid.vehicle.roles import Role
 from canid.vehicle.schema import SignalEntry, did_you_mean
 from canid.vehicle.units import examples, factor_to, unit_of
 
-if TYPE_CHECKING:
-    from cantools.database.can import Message, Signal
+# times; what a raw number is multiplied by, offsets and limits: the widest of real units (mm to km, 2^-32 degrees) and
+# far from where squares of values leave the range of a float
+_SMALLEST, _LARGEST = 1e-12, 1e12
+# of CAN FD
+_FRAME_BYTES = 64
 
 # A value-table text that says "there is no value", for roles whose other texts are values (gear, switches).
 _NO_VALUE = re.compile(
@@ -36,8 +41,8 @@ def find_message(name: str, bus: int | None, files: Sequence[Dbc], key: str) -> 
     holding = [file for file in files if name in file.messages]
     if not holding:
         known = [message for file in files for message in file.messages]
-        where = ", ".join(file.file for file in files)
-        return f'{key}: no message "{name}" in {where}{did_you_mean(name, known)}'
+        where = several([file.file for file in files])
+        return f'{key}: no message "{brief(name)}" in {where}{did_you_mean(name, known)}'
     chosen = next((file for file in holding if bus is not None and file.bus == bus), holding[0])
     return chosen, chosen.messages[name]
 
@@ -46,7 +51,7 @@ def find_signal(name: str, message: Message, key: str) -> Signal | str:
     """Find the signal of that name in a message."""
     known = {signal.name: signal for signal in message.signals}
     if name not in known:
-        return f'{key}: no signal "{name}" in message {message.name}{did_you_mean(name, known)}'
+        return f'{key}: no signal "{brief(name)}" in message {brief(message.name)}{did_you_mean(name, known)}'
     return known[name]
 
 
@@ -64,18 +69,33 @@ def signal_map(
     if entry.on is not None and role.kind != "bool":
         mistakes.errors.append(f"{key}.on: is for yes/no roles only")
         return None
+    when = condition_of(message, signal)
+    if not carried(signal) or when is None or not 0 < message.length <= _FRAME_BYTES:
+        mistakes.errors.append(
+            f"{key}: {brief(message.name)}.{brief(signal.name)} lies in no CAN frame: the DBC's message has "
+            f"{shown(message.length)} bytes, the signal begins at bit {shown(signal.start)} and has "
+            f"{shown(signal.length)} bits"
+        )
+        return None
+    factor = signal.scale * entry.scale * to_role
+    offset = (signal.offset * entry.scale + entry.offset) * to_role
+    if not (_SMALLEST <= abs(factor) <= _LARGEST and abs(offset) <= _LARGEST):
+        mistakes.errors.append(
+            f"{key}: {brief(signal.name)} is scaled by {factor:g} and offset by {offset:g}: no {role.unit or 'number'} "
+            "is meant by that; see scale and offset here and in the DBC"
+        )
+        return None
     low, high = _range(entry, signal, key, mistakes)
-    texts = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
     return SignalMap(
         signal=signal.name,
         bits=bits_of(signal),
-        factor=signal.scale * entry.scale * to_role,
-        offset=(signal.offset * entry.scale + entry.offset) * to_role,
+        factor=factor,
+        offset=offset,
         low=low * to_role,
         high=high * to_role,
         kind=role.kind,
-        when=condition_of(message, signal),
-        no_value={raw: text for raw, text in texts.items() if _is_no_value(text, role)},
+        when=when,
+        no_value={raw: brief(text) for raw, text in signal.choices.items() if _is_no_value(text, role)},
         on=None if entry.on is None else frozenset(entry.on),
         invert=entry.invert,
     )
@@ -92,7 +112,7 @@ def _unit_factor(entry: SignalEntry, signal: Signal, role: Role, key: str) -> fl
     """Find what turns the signal's unit into the role's."""
     if not role.unit:
         return 1.0
-    source = entry.unit if entry.unit is not None else signal.unit or ""
+    source = entry.unit if entry.unit is not None else signal.unit
     factor = factor_to(source, role.unit)
     if factor is not None:
         return factor
@@ -100,9 +120,9 @@ def _unit_factor(entry: SignalEntry, signal: Signal, role: Role, key: str) -> fl
         return 1.0  # who gives a scale for a unit that nobody knows means the role's own unit
     known = examples(role.unit)
     if entry.unit is not None:
-        return f'{key}.unit: "{entry.unit}" cannot become {role.unit}; known are {known}'
-    has = f'has the unit "{source}", which is not {role.unit}' if source else "has no unit in the DBC"
-    return f'{key}: {signal.name} {has}; set unit = "..." ({known}), or scale = ... to {role.unit}'
+        return f'{key}.unit: "{brief(entry.unit)}" cannot become {role.unit}; known are {known}'
+    has = f'has the unit "{brief(source)}", which is not {role.unit}' if source else "has no unit in the DBC"
+    return f'{key}: {brief(signal.name)} {has}; set unit = "..." ({known}), or scale = ... to {role.unit}'
 
 
 def _range(entry: SignalEntry, signal: Signal, key: str, mistakes: Mistakes) -> tuple[float, float]:
@@ -111,10 +131,10 @@ def _range(entry: SignalEntry, signal: Signal, key: str, mistakes: Mistakes) -> 
         return entry.valid[0], entry.valid[1]
     low, high = signal.minimum, signal.maximum
     # [0|0] is how a DBC says that nobody filled it in.
-    if low is None or high is None or not low < high:
+    if low is None or high is None or not -math.inf < low < high < math.inf:
         return -math.inf, math.inf
     # One LSB: the range is a decimal number that somebody rounded, as 102.3 for 1023 · 0.1.
-    lsb = 0.0 if signal.is_float else abs(signal.scale)
+    lsb = 0.0 if signal.floating else abs(signal.scale)
     ends = sorted(raw * signal.scale + signal.offset for raw in bits_of(signal).reach)
     cuts_low, cuts_high = low > ends[0] + lsb, high < ends[1] - lsb
     beyond_low, beyond_high = low < ends[0] - lsb, high > ends[1] + lsb
@@ -122,7 +142,7 @@ def _range(entry: SignalEntry, signal: Signal, key: str, mistakes: Mistakes) -> 
         # The range forbids values that the signal can take and allows some that it cannot: it was written in
         # raw numbers or in another unit. Believing it would throw good data away.
         mistakes.warnings.append(
-            f"{key}: the DBC's range [{low:g}|{high:g}] of {signal.name} does not fit its bits "
+            f"{key}: the DBC's range [{low:g}|{high:g}] of {brief(signal.name)} does not fit its bits "
             f"({ends[0]:g} to {ends[1]:g}) and is ignored; set valid = [low, high]"
         )
         return -math.inf, math.inf

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from canid.vehicle.database import Dbc
 from canid.vehicle.mapping import SignalMap, TrackMap
+from canid.vehicle.quoting import brief
 from canid.vehicle.resolving import Mistakes, find_message, find_signal, signal_map
 from canid.vehicle.roles import ROLES, Role
 from canid.vehicle.schema import LeadSection, SignalEntry
@@ -60,14 +61,14 @@ def resolve_tracks(
 
 def _track_names(pattern: str) -> list[str] | str:
     """List the message names that "TRACK_A_{0..15}" stands for, or say what is wrong with it."""
-    match = re.fullmatch(r"([^{}]*)\{(\d+)\.\.(\d+)\}([^{}]*)", pattern)
+    match = re.fullmatch(r"([^{}]*)\{(\d{1,9})\.\.(\d{1,9})\}([^{}]*)", pattern)
     if match is None:
         if "{" in pattern or "}" in pattern:
-            return f'lead.tracks: write it as "TRACK_{{0..15}}", not "{pattern}"'
+            return f'lead.tracks: write it as "TRACK_{{0..15}}", not "{brief(pattern)}"'
         return [pattern]
     before, first, last, after = match.groups()
     if not int(first) <= int(last) < int(first) + _MAX_TRACKS:
-        return f'lead.tracks: "{pattern}" is no range of 1 to {_MAX_TRACKS} tracks'
+        return f'lead.tracks: "{brief(pattern)}" is no range of 1 to {_MAX_TRACKS} tracks'
     # {01..16} keeps its leading zero, as a shell's braces do.
     width = len(first) if first.startswith("0") else 0
     return [f"{before}{number:0{width}d}{after}" for number in range(int(first), int(last) + 1)]
@@ -104,8 +105,8 @@ def _track(
     return TrackMap(
         track,
         message.name,
-        message.frame_id,
-        message.is_extended_frame,
+        message.id,
+        message.extended,
         lead.bus if lead.bus is not None else dbc.bus,
         distance,
         rate,

@@ -14,11 +14,13 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from canid import parsing
 from canid.frames import open_log
 from canid.frames.columns import columns_of
 from canid.logs import read_signals
 from canid.types import Flag, Frame, Reading
 from canid.vehicle import Vehicle, decoder, read_vehicle
+from canid.vehicle.bits import Bits
 from canid.vehicle.column_bits import payloads, raws_of
 from canid.vehicle.column_decoding import column_decoder
 from canid.vehicle.database import bits_of
@@ -50,6 +52,11 @@ def signals(draw: st.DrawFn, length: int, smallest_float: int = 16) -> Signal:
     )
 
 
+def bits(signal: Signal) -> Bits:
+    """Where a signal of cantools lies."""
+    return bits_of(parsing.Signal(*parsing.signal_fields(signal)))
+
+
 @settings(max_examples=250, deadline=None)
 @given(data=st.data(), length=st.sampled_from((1, 2, 5, 8, 12, 16, 64)))
 def test_raw_numbers_are_cantools(data: st.DataObject, length: int) -> None:
@@ -58,7 +65,7 @@ def test_raw_numbers_are_cantools(data: st.DataObject, length: int) -> None:
     message = Message(1, "M", length, [signal], strict=False)
     rows = data.draw(st.lists(st.binary(min_size=length, max_size=length), min_size=1, max_size=5))
     chunk = columns_of([Frame(0.0, 0, 1, row) for row in rows])
-    found, there = raws_of(bits_of(signal), payloads(chunk.data, chunk.length))
+    found, there = raws_of(bits(signal), payloads(chunk.data, chunk.length))
     assert there is None
     expected = [message.decode(row, scaling=False, decode_choices=False)["S"] for row in rows]
     assert list(map(repr, found.tolist())) == list(map(repr, expected))
@@ -71,10 +78,10 @@ def test_short_frames_lack_what_they_do_not_reach(data: st.DataObject, length: i
     signal = data.draw(signals(length))
     lengths = data.draw(st.lists(st.integers(0, length), min_size=1, max_size=5))
     chunk = columns_of([Frame(0.0, 0, 1, b"\xa5" * n) for n in lengths])
-    bits = bits_of(signal)
-    _, there = raws_of(bits, payloads(chunk.data, chunk.length))
+    where = bits(signal)
+    _, there = raws_of(where, payloads(chunk.data, chunk.length))
     got = [True] * len(lengths) if there is None else there.tolist()
-    assert got == [8 * n >= bits.end for n in lengths]
+    assert got == [8 * n >= where.end for n in lengths]
 
 
 def car(tmp_path: Path, dbc: str, toml: str) -> Vehicle:

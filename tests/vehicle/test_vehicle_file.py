@@ -92,7 +92,7 @@ rate_sign = 2
         "driver.headway_desired: ",
         "armax.na: ",
         'armax.forgeting: unknown key (did you mean "forgetting"?)',
-        "fopdt.window: must be greater than 0",
+        "fopdt.window: must be greater than or equal to 1",
         "lead.rate_sign: must be 1 or -1",
     ):
         assert part in text, f"{part!r} not in\n{text}"

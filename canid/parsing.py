@@ -1,0 +1,372 @@
+"""Parsers of files that strangers wrote (TOML by tomllib, DBC by cantools), in a child process with limits.
+
+What such a file can do to its parser has no end: nesting, dotted keys, ranges that are expanded, lengths of 10^8 bits,
+loops of multiplexers. So none of it is foreseen here; the parser runs where time and memory end, and its answer is
+plain tuples. The recorder's process is not held up by it either.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+from canid import child
+from canid.imports import without
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message as CantoolsMessage
+    from cantools.database.can import Signal as CantoolsSignal
+
+# s of processor time for all files of a vehicle together. 30,000 signals take 2.6 s on a laptop, the largest public
+# DBC (J1939, 6,000 lines of signals) 0.3 s
+CPU_S = 3.0
+# on a machine so slow that the child's own start takes long, this many times that: 0.2 s on a laptop
+CPU_STARTS = 12.0
+# bytes that parsing may take beside what the interpreter and cantools need (30 MB): 20,000 signals take 65 to 90 MB
+MEMORY = 160_000_000
+# signals in a file; complete vehicle networks have 10,000 to 20,000
+MAX_SIGNALS = 30_000
+# bytes of an answer: 30,000 signals with their texts are 10 MB
+MAX_ANSWER = 24_000_000
+# s; where the system knows no limit of processor time, or the child is stopped by somebody
+WALL_S = 120.0
+# answers kept, and the largest of them (bytes): a program that reads a vehicle again does not wait again
+KEPT, KEPT_SIZE = 16, 2_000_000
+
+
+class Signal(NamedTuple):
+    """A signal as its file describes it."""
+
+    name: str
+    start: int
+    length: int
+    motorola: bool
+    signed: bool
+    floating: bool
+    scale: float
+    offset: float
+    minimum: float | None
+    maximum: float | None
+    unit: str
+    choices: dict[int, str]
+    is_multiplexer: bool
+    multiplexer: str | None  # name of the selector
+    pages: tuple[int, ...]  # raw numbers of the selector with which it comes
+
+
+class Message(NamedTuple):
+    """A message as its file describes it."""
+
+    name: str
+    id: int
+    extended: bool
+    length: int  # bytes
+    period: float  # s; NaN: the file does not say
+    signals: tuple[Signal, ...]
+
+
+class Content(NamedTuple):
+    """A DBC file, parsed."""
+
+    messages: tuple[Message, ...]
+    warnings: tuple[str, ...]  # by cantools
+    overlapping: tuple[str, ...]  # messages whose signals overlap or do not fit their frame
+
+
+class ParseError(ValueError):
+    """The file is not what it should be; the text says why, without the file's name."""
+
+
+_kept: OrderedDict[tuple[str, str, bytes], bytes] = OrderedDict()
+_keeping = threading.Lock()
+
+
+class Parser:
+    """The child process, started when it is first needed; one budget for all that it is asked."""
+
+    def __init__(self) -> None:
+        """Start nothing yet."""
+        self._child: subprocess.Popen[bytes] | None = None
+        self._watch: threading.Timer | None = None
+
+    def __enter__(self) -> Self:
+        """Parse within this context."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the child."""
+        if self._watch is not None:
+            self._watch.cancel()
+        if self._child is not None:
+            self._child.kill()
+            for stream in (self._child.stdin, self._child.stdout):
+                if stream is not None:
+                    with suppress(OSError):
+                        stream.close()
+            self._child.wait()
+        self._child = None
+
+    def toml(self, data: bytes) -> dict[str, Any]:
+        """Parse TOML.
+
+        Raises:
+            ParseError: it is none, or takes too long.
+
+        Example:
+            >>> with Parser() as parser:
+            ...     parser.toml(b"a = [1]")
+            {'a': [1]}
+        """
+        table: dict[str, Any] = self._ask("toml", "", data)
+        return table
+
+    def dbc(self, suffix: str, data: bytes) -> Content:
+        """Parse a DBC, or what else cantools reads by that suffix.
+
+        Raises:
+            ParseError: it is none, or takes too long.
+        """
+        messages, warnings, overlapping = self._ask("dbc", suffix, data)
+        made = [Message(*of)._replace(signals=tuple([Signal(*each) for each in of[-1]])) for of in messages]
+        return Content(tuple(made), tuple(warnings), tuple(overlapping))
+
+    def _ask(self, kind: str, suffix: str, data: bytes) -> Any:
+        key = (kind, suffix, sha256(data).digest())
+        with _keeping:
+            answer = _kept.get(key)
+        if answer is None:
+            answer = self._answer(kind, suffix, data)
+            if len(answer) <= KEPT_SIZE:
+                with _keeping:
+                    _kept[key] = answer
+                    while len(_kept) > KEPT:
+                        _kept.popitem(last=False)
+        said, content = pickle.loads(answer)
+        if said == "bad":
+            raise ParseError(content)
+        return content
+
+    def _answer(self, kind: str, suffix: str, data: bytes) -> bytes:
+        try:
+            running = self._running()
+            assert running.stdin is not None
+            assert running.stdout is not None
+            pickle.dump((kind, suffix, data), running.stdin, protocol=5)
+            running.stdin.flush()
+            answer: bytes = pickle.load(running.stdout)
+            return answer
+        except (OSError, EOFError, pickle.UnpicklingError) as error:
+            raise ParseError(self._fate(error)) from None
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        if self._child is None:
+            self._child = subprocess.Popen(
+                child.command("canid.parsing"),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+            self._watch = threading.Timer(WALL_S, self._child.kill)
+            self._watch.daemon = True
+            self._watch.start()
+        return self._child
+
+    def _fate(self, error: BaseException) -> str:
+        """Say why there is no answer."""
+        if self._child is None:
+            return f"no process can be started to parse it ({error})"
+        code = self._child.wait()
+        if code == -getattr(signal, "SIGPROF", 0):
+            return f"it takes more than {CPU_S:g} s to parse"
+        return f"its parser ended without an answer (code {code})"
+
+
+# --- in the child ---------------------------------------------------------------------------------------
+
+
+def main() -> int:
+    """Answer requests until the input ends: ("ok", content) or ("bad", why), pickled."""
+    source, sink = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # nothing that a parser prints gets between the answers
+    sys.setrecursionlimit(1000)
+    left = _budget()
+    while True:
+        try:
+            kind, suffix, data = pickle.load(source)
+        except EOFError:
+            return 0
+        if kind == "dbc":
+            # cantools takes 0.2 s to import: no part of what a file costs. It drags in what is installed by chance
+            with without("asammdf"):
+                import cantools  # noqa: F401
+            left = max(left, _budget()) if left == CPU_S else left
+        with _limited(left) as rest:
+            answer = _answered(kind, suffix, data)
+        left = max(rest[0], 0.01)
+        pickle.dump(answer, sink, protocol=5)
+        sink.flush()
+
+
+def _budget() -> float:
+    return max(CPU_S, CPU_STARTS * time.process_time())
+
+
+@contextmanager
+def _limited(cpu: float) -> Iterator[list[float]]:
+    """End this process where it takes more; the list holds what is left of the processor time."""
+    rest = [cpu]
+    try:
+        import resource
+    except ImportError:  # no POSIX: the parent ends us by the clock
+        yield rest
+        return
+    with suppress(OSError, ValueError, IndexError):
+        with open("/proc/self/statm", encoding="ascii") as file:
+            used = int(file.read().split()[5]) * resource.getpagesize()
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        soft = used + MEMORY if hard == resource.RLIM_INFINITY else min(used + MEMORY, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+    signal.setitimer(signal.ITIMER_PROF, cpu)
+    try:
+        yield rest
+    finally:
+        rest[0] = signal.setitimer(signal.ITIMER_PROF, 0.0)[0]
+        with suppress(OSError, ValueError):
+            hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+            resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
+
+
+def _answered(kind: str, suffix: str, data: bytes) -> bytes:
+    try:
+        content = _toml(data) if kind == "toml" else _dbc(suffix, data)
+        answer = pickle.dumps(("ok", content), protocol=5)
+        if len(answer) <= MAX_ANSWER:
+            return answer
+        why = f"it describes more than {MAX_ANSWER / 1e6:g} MB"
+    except RecursionError:
+        why = "it is nested too deeply"
+    except MemoryError:
+        why = f"it takes more than {MEMORY / 1e6:g} MB to parse"
+    except ParseError as error:
+        why = str(error)
+    except Exception as error:  # whatever a parser raises over a file is the file's fault
+        why = _line(error)
+    return pickle.dumps(("bad", why), protocol=5)
+
+
+def _line(error: BaseException) -> str:
+    line = " ".join(str(error).split())[:160]
+    # cantools marks the place with signs of its own, inside the quoted line
+    place = re.search(r"line \d+, column \d+", line)
+    return f"syntax error in {place[0]}" if place else line or type(error).__name__
+
+
+def _toml(data: bytes) -> dict[str, Any]:
+    import tomllib
+
+    return tomllib.loads(data.decode("utf-8"))
+
+
+_FORMATS = {".dbc": "cp1252", ".sym": "cp1252", ".kcd": "utf-8", ".arxml": "utf-8", ".cdd": "utf-8"}
+
+
+def _dbc(suffix: str, data: bytes) -> Any:
+    import cantools
+
+    lines = len(re.findall(rb"(?m)^[ \t]*SG_[ \t]", data))
+    if lines > MAX_SIGNALS:
+        raise ParseError(f"it has {lines:,} signals, more than {MAX_SIGNALS:,}")
+    text = data.decode(_FORMATS.get(suffix, "utf-8"), errors="replace")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    with _collected("cantools") as said:
+        loaded = cantools.database.load_string(text, suffix[1:] if suffix in _FORMATS else None, strict=False)
+    if not isinstance(loaded, cantools.database.can.Database):
+        raise ParseError("it is a diagnostics file, not a DBC")
+    if sum(len(message.signals) for message in loaded.messages) > MAX_SIGNALS:
+        raise ParseError(f"it has more than {MAX_SIGNALS:,} signals")
+    messages = [_message(message) for message in loaded.messages]
+    return messages, said, [message.name for message in loaded.messages if not _is_strict(message)]
+
+
+@contextmanager
+def _collected(logger_name: str) -> Iterator[list[str]]:
+    """Collect what a library logs as a warning, instead of printing it."""
+    said: list[str] = []
+
+    class Collect(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            said.append(record.getMessage())
+
+    logger, handler = logging.getLogger(logger_name), Collect(logging.WARNING)
+    propagate, logger.propagate = logger.propagate, False
+    logger.addHandler(handler)
+    try:
+        yield said
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = propagate
+
+
+def _is_strict(message: CantoolsMessage) -> bool:
+    import cantools
+
+    try:
+        message.refresh(strict=True)
+    except cantools.Error:
+        return False
+    return True
+
+
+def _message(message: CantoolsMessage) -> tuple[Any, ...]:
+    period = message.cycle_time / 1000 if message.cycle_time else math.nan
+    signals = [signal_fields(signal) for signal in message.signals]
+    return (message.name, message.frame_id, message.is_extended_frame, message.length, period, signals)
+
+
+def signal_fields(of: CantoolsSignal) -> tuple[Any, ...]:
+    """Return the fields of `Signal` of a signal of cantools."""
+    return (
+        of.name,
+        of.start,
+        of.length,
+        of.byte_order == "big_endian",
+        of.is_signed,
+        of.is_float,
+        _number(of.scale),
+        _number(of.offset),
+        None if of.minimum is None else _number(of.minimum),
+        None if of.maximum is None else _number(of.maximum),
+        of.unit or "",
+        {int(raw): str(text) for raw, text in (of.choices or {}).items()},
+        bool(of.is_multiplexer),
+        of.multiplexer_signal,
+        tuple(of.multiplexer_ids or ()),
+    )
+
+
+def _number(value: Any) -> float:
+    """A number as its file spells it; one that no float holds is none."""
+    try:
+        return float(value)
+    except (OverflowError, ValueError):
+        return math.nan
+
+
+if __name__ == "__main__":
+    sys.exit(main())

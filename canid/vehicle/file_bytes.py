@@ -1,0 +1,57 @@
+"""The bytes of a configuration file: a regular file of a size that such a file may have, or a sentence."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from canid.errors import ConfigError
+from canid.vehicle.quoting import brief
+
+
+def read(path: Path, largest: int, what: str) -> bytes:
+    """Read a whole file; a pipe, a device or a socket is never waited for, nor read.
+
+    Args:
+        path: of the file.
+        largest: bytes that it may have.
+        what: it is, in a sentence: "DBC file".
+
+    Raises:
+        ConfigError: there is none, it is no regular file, it is too large, or it cannot be read.
+
+    Example:
+        >>> read(Path("/dev/zero"), 1000, "vehicle file")
+        Traceback (most recent call last):
+        canid.errors.ConfigError: vehicle file /dev/zero is no regular file
+    """
+    name = brief(str(path)) if not str(path).isprintable() else str(path)[:4096]
+    try:
+        # without O_NONBLOCK the opening of a pipe waits for somebody who writes
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except FileNotFoundError:
+        raise ConfigError(f"{what} {name} does not exist") from None
+    except (OSError, ValueError) as error:  # ValueError: a name with a NUL, or that has no bytes
+        if isinstance(error, IsADirectoryError | PermissionError) and path.is_dir():
+            raise ConfigError(f"{name} is a folder: name a {what} in it") from None
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        raise ConfigError(f"{what} {name} cannot be read: {why}") from None
+    try:
+        found = os.fstat(handle)
+        if stat.S_ISDIR(found.st_mode):
+            raise ConfigError(f"{name} is a folder: name a {what} in it")
+        if not stat.S_ISREG(found.st_mode):
+            raise ConfigError(f"{what} {name} is no regular file")
+        size = found.st_size
+        if size <= largest:
+            with os.fdopen(os.dup(handle), "rb") as file:
+                data = file.read(largest + 1)
+            size = len(data)  # a file may grow meanwhile, and of some the system does not tell the size
+        if size > largest:
+            raise ConfigError(f"{what} {name} has {size:,} bytes; at most {max(largest, 0):,} are read")
+        return data
+    except OSError as error:
+        raise ConfigError(f"{what} {name} cannot be read: {error.strerror}") from None
+    finally:
+        os.close(handle)
