@@ -14,8 +14,8 @@ MAX_EXTENDED_ID = (1 << 29) - 1
 CLASSIC_LENGTHS = frozenset(range(9))
 # the data lengths that the 4-bit DLC of CAN FD can state
 FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
-# ns since 1970: February 2116. Every log format holds times up to here, and differences of such times fit 64 bits.
-MAX_STAMP_NS = 1 << 62
+# ns since 1970: October 2096. Every log format holds times up to here, and canid's readers take times up to 2^62 ns.
+MAX_STAMP_NS = 4_000_000_000 * 10**9
 
 _NO_LENGTH = frozenset((-1,))
 _NO_DATA = frozenset((0,))

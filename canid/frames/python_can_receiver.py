@@ -10,9 +10,10 @@ from typing import Any
 
 from canid.errors import BusError
 from canid.frames import messages, python_can, stamp_clock, stamps
-from canid.frames.frame_check import ImpossibleFrameError
+from canid.frames.frame_check import MAX_EXTENDED_ID, ImpossibleFrameError
 from canid.frames.received import Received
 from canid.frames.stamp_clock import StampClock
+from canid.types import Flag
 
 # What a back end raises when it cannot parse one message. Drivers and lost devices raise OSError or CanError.
 _PARSING = (ValueError, TypeError, LookupError, ArithmeticError, AssertionError, struct.error)
@@ -21,6 +22,8 @@ _ONLY_ERRORS_S = 2.0
 # so many of them in a row are slowed down: a back end that raises at once would take a whole core
 _MANY_ERRORS = 1000
 _LONGEST_DATA = 64  # bytes
+_REMOTE, _ERROR, _FD = int(Flag.REMOTE), int(Flag.ERROR), int(Flag.FD)
+_KEPT_OF_ERRORS = int(Flag.ERROR | Flag.EXTENDED | Flag.TX)
 
 
 class PythonCanReceiver:
@@ -79,9 +82,17 @@ class PythonCanReceiver:
             self.clock = stamp_clock.of_interface(self._name.partition(" ")[0], stamped=bool(stamp))
         # an interface that gives no time stamp: the host's clock is the next best
         ns = stamps.from_float(float(stamp)) if stamp else time.time_ns()
-        length = operator.index(message.dlc) if message.is_remote_frame else -1
-        id_ = operator.index(message.arbitration_id)
-        return Received(ns, id_, bytes(data), messages.flags_of(message), length)
+        dlc, id_ = operator.index(message.dlc), operator.index(message.arbitration_id)
+        flags = messages.flags_of(message)
+        if flags & _ERROR:
+            # beside "there was an error" these fields hold what the driver had at hand
+            return Received(ns, id_ & MAX_EXTENDED_ID, bytes(data[:8]), flags & _KEPT_OF_ERRORS)
+        if flags & _REMOTE:
+            return Received(ns, id_, bytes(data), flags, dlc)
+        # some back ends hand over eight bytes whatever the DLC; a classic frame's raw DLC may be 9 to 15
+        if dlc > len(data) and not (len(data) == 8 and dlc <= 15 and not flags & _FD):
+            raise ImpossibleFrameError("fewer data bytes than its DLC says")
+        return Received(ns, id_, bytes(data[:dlc]), flags)
 
     def _too_many(self) -> bool:
         now = time.monotonic()

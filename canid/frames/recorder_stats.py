@@ -19,6 +19,7 @@ class BusStats(NamedTuple):
     clock: str = "unknown"  # that stamps the frames: a name of `StampClock`, in lower case
     tec: int | None = None  # the controller's transmit error counter; None: not told
     rec: int | None = None  # its receive error counter
+    impossible: int = 0  # messages left out because no bus can carry them
 
 
 class Stats(NamedTuple):
