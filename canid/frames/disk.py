@@ -40,6 +40,7 @@ class Disk:
         self.path = path
         self.size = 0
         self.taken = 0  # bytes of an `append` that failed which are in the file, until `keep`
+        self.changed = ""  # who else wrote into it; then nothing more is written
         self.closing: Callable[[Disk], object] | None = None  # called before the descriptor is closed
         self._entry_synced = False
         self._fd = -1
@@ -55,6 +56,7 @@ class Disk:
         # device (/dev/null) has no size.
         self._findable = whereabouts.find(self._fd, path).place is Place.HERE
         self._sized = self.size_on_disk() == self.size
+        self._proved = False  # that the size follows what is written, as some network file systems' does not
 
     @property
     def closed(self) -> bool:
@@ -77,6 +79,9 @@ class Disk:
             self.taken = max(min(self.size_on_disk() - self.size, len(data)), 0)
             raise
         self.size += len(data)
+        if not self._proved:
+            self._proved = True
+            self._sized = self._sized and self.size_on_disk() == self.size
 
     def keep(self, count: int) -> None:
         """After an `append` that failed: its first `count` bytes count as written, what is behind them is cut off."""
@@ -136,12 +141,11 @@ class Disk:
         except OSError:
             return self.size
 
-    def close(self, *, cut: bool = True) -> None:
-        """Close, and cut off what a failed write left behind the last whole byte (`cut`)."""
+    def close(self) -> None:
+        """Close, and cut off what a failed write left behind the last whole byte."""
         if self.closed:
             return
-        if cut:
-            self._cut()
+        self._cut()
         if self.closing is not None:
             self.closing(self)
         fd, self._fd = self._fd, -1
@@ -157,14 +161,11 @@ class Disk:
 
     def _check_size(self) -> None:
         """Raise ChangedError where somebody else has changed the size: writing on would leave a hole."""
-        if not self._sized:
-            return
-        found = self.size_on_disk()
-        if found != self.size:
-            self._sized = False  # it is somebody else's: nothing is cut off
-            raise ChangedError(
-                f"{self.path} was changed by another program: it has {found:,} bytes, {self.size:,} were written"
-            )
+        if self._sized and (found := self.size_on_disk()) != self.size:
+            self._sized = False  # it is somebody else's now: nothing is cut off
+            self.changed = f"{self.path} was changed by another program: it has {found:,} bytes, {self.size:,} were written"
+        if self.changed:
+            raise ChangedError(self.changed)
 
     def _write(self, at: int, data: bytes) -> None:
         try:

@@ -59,15 +59,12 @@ class Journal:
         self,
         log: Path | None,
         tell: Callable[[str, str], object] = lambda what, says: None,
-        created: Callable[[Path, int], object] = lambda path, fd: None,
     ):
-        """`log`: whose events they are; None: events go nowhere.
-
-        `tell(what, says)` takes events about the journal itself, `created(path, descriptor)` every new file.
-        """
+        """`log`: whose events they are; None: events go nowhere. `tell(what, says)` takes those of the journal itself."""
         self.path = None if log is None else journal_path(log)
         self._tell = tell
-        self._created = created
+        # called in the writing thread with every file that is new, and its descriptor
+        self.created: Callable[[Path, int], object] = lambda path, fd: None
         self._zero = 0.0  # s, session time at which the log's own time begins
         self._lock = threading.Lock()
         self._lines: SimpleQueue[tuple[Path, bytes] | None] = SimpleQueue()
@@ -82,6 +79,7 @@ class Journal:
         self._fd = -1
         self._size = 0
         self._path = Path()
+        self._new = False  # created, and nothing written yet
         self._carried = b""  # lines of a file that was deleted, for the next one
         self._checked = threading.Event()  # set: the file was looked at since `close`
 
@@ -163,6 +161,9 @@ class Journal:
         else:
             self._check()
         self._put(line)
+        if self._new:
+            self._new = False
+            self.created(self._path, self._fd)
 
     def _put_carried(self) -> None:
         if self._carried:
@@ -189,9 +190,8 @@ class Journal:
             self._fd, new = found
             self._size = os.fstat(self._fd).st_size
             self._path = path
-            if new:
-                self._created(path, self._fd)
-            elif not _ends_with_newline(self._fd, self._size):
+            self._new = new
+            if not new and not _ends_with_newline(self._fd, self._size):
                 self._put(b"\n")  # a killed process left half a line
             self._put_carried()
             if path != wanted:

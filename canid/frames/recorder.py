@@ -18,7 +18,7 @@ from canid.frames import bus_load
 from canid.frames.bus import ReceiveOnlyBus
 from canid.frames.bus_reader import DRAIN, Arrival, BusReader
 from canid.frames.journal import Journal
-from canid.frames.log_thread import LogThread
+from canid.frames.log_thread import PROGRESS_S, LogThread, join
 from canid.frames.recorder_stats import BusStats, Stats
 from canid.frames.rotation import Rotation
 from canid.frames.socketcan import error_counters, meaning, overflowed
@@ -72,7 +72,7 @@ class Recorder:
             for index, bus in enumerate(buses)
         ]
         self._log: LogThread | None = None
-        self._journal = Journal(None)
+        self._journal = Journal(None, self._tell)
         self._events: SimpleQueue[Event] = SimpleQueue()
         self._state = "waiting"
         self._frames = self._not_passed = 0
@@ -90,7 +90,15 @@ class Recorder:
         if self._wanted is not None:
             lead = LEAD_NS if len(self._buses) > 1 or self._rotation else 0
             try:
-                self._log = LogThread(Path(self._wanted), self._rotation, lead, self._tell, self._file_begins)
+                self._log = LogThread(
+                    Path(self._wanted),
+                    self._rotation,
+                    lead,
+                    self._tell,
+                    self._file_begins,
+                    self._journal.follow,
+                )
+                self._journal.created = self._log.journal_created
             except CanidError:
                 self._shut()
                 raise
@@ -112,16 +120,28 @@ class Recorder:
         now = time.monotonic()
         return any(b.lost_at is None or now - b.lost_at < ALL_LOST for b in self._buses)
 
-    def stop(self) -> Stats:
-        """Take what the buses still hold, write it, close file and buses: nothing received is lost."""
+    def stop(self, progress: Callable[[Stats], object] = lambda stats: None) -> Stats:
+        """Take what the buses still hold, write it, close file and buses: nothing received is lost.
+
+        That waits for the disk, however long it takes. `progress` gets the state a few times a second meanwhile, in
+        this thread; what it raises ends the waiting, and a signal's handler may end the process.
+        """
+
+        def waiting() -> None:
+            progress(self.stats())
+
+        self._state = "stopping"
         self._stopping.set()
+        deadline = time.monotonic() + DRAIN + 1.0
         for thread in self._readers:
-            thread.join(DRAIN + 1.0)
+            while thread.is_alive() and time.monotonic() < deadline:
+                thread.join(PROGRESS_S)
+                waiting()
         self._queue.put(None)
-        self._passing.join()
+        join(self._passing, waiting)
         self._drops()
         if self._log is not None:
-            self._log.close()
+            self._log.close(waiting)
         self._state = "stopped"
         self._shut()
         self._journal.close()
@@ -151,12 +171,13 @@ class Recorder:
                 b.controller,
                 b.clock.name.lower(),
                 *(b.counters or (None, None)),
+                impossible=b.bus.impossible,
             )
             for b in self._buses
         )
         log = self._log
         return Stats(
-            state=f"failed: {log.failed}" if log is not None and log.failed else self._state,
+            state=self._state_told(),
             path=log.path if log else None,
             frames=self._frames,
             written=log.written if log else 0,
@@ -171,7 +192,16 @@ class Recorder:
             buses=buses,
             files=log.files if log else 0,
             drops_disk=log.dropped if log else 0,
+            events_unwritten=self._journal.failed,
         )
+
+    def _state_told(self) -> str:
+        log = self._log
+        if log is not None and log.failed:
+            return f"failed: {log.failed}"
+        if log is not None and log.lost and self._state == "stopped":
+            return f"failed: {log.lost}"  # the recording itself went on
+        return self._state
 
     def _shut(self) -> None:
         for each in self._buses:

@@ -1,98 +1,288 @@
-"""The files of one recording that goes on in new files: names that sort, and a list of what may be deleted.
+"""The files of one recording that goes on in new files: names that sort, and a ring that deletes the oldest.
 
 `drive.blf` becomes `drive_20261121T185017Z_000001.blf`, ..., with the UTC start of the recording: they sort by
-name also across restarts. `drive.series` beside them lists what was written under this name; only that is ever
-deleted. It is locked while it is used, so that two recordings never share one list.
+name also across restarts. `drive.series` beside them lists what was written under this name (`ring_list`); a file is
+deleted only if it is still what the list says (`file_identity`), never through a link.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
+import re
+import secrets
 import shutil
 import threading
 import time
-from itertools import count
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 from canid.errors import OutputError
-from canid.frames.disk import TakenError
-from canid.frames.journal import journal_path
+from canid.frames import file_identity, whereabouts
+from canid.frames.blf_layout import FILE_HEADER_SIZE
+from canid.frames.disk import Disk, TakenError
 from canid.frames.log import log_suffix
+from canid.frames.ring_list import Entry, RingList
 from canid.frames.rotation import Rotation
-from canid.frames.write import Writer, check_suffix, open_writer
+from canid.frames.write import WRITTEN, Writer, check_suffix, open_writer
 
-_WRITTEN, _DELETED = "+", "-"
+_READ = (
+    os.O_RDONLY
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+# what all functions that are used here must know; Windows has none of it
+_BY_FOLDER = {os.open, os.stat, os.unlink, os.rename, os.link} <= os.supports_dir_fd
+# names of files that are told at once
+_TOLD = 5
 
 
 class Series:
     """Names the files, remembers them, deletes the oldest. One thread may begin files while another one prunes."""
 
-    def __init__(self, wanted: Path, rotation: Rotation):
-        """Find a free name and read its list. Raises OutputError, or ConfigError for an unknown suffix."""
+    def __init__(
+        self, wanted: Path, rotation: Rotation, tell: Callable[[str, str], object] = lambda what, says: None
+    ):
+        """Find a free name and read its list. Raises OutputError, or ConfigError for an unknown suffix.
+
+        `tell(what, says)` takes events.
+        """
         check_suffix(wanted)
         self._rotation = rotation
+        self._tell = tell
         self._suffix = wanted.name[len(wanted.name) - len(log_suffix(wanted)) :]
-        self._stem = wanted.name[: len(wanted.name) - len(self._suffix)]
         self._folder = wanted.parent
+        self._list = RingList(self._folder, wanted.name[: len(wanted.name) - len(self._suffix)])
+        self._stem = self._list.stem
+        self._fd = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC) if _BY_FOLDER else None
         self._began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         self._number = 0
-        self._list, self._stem = _locked_list(self._folder, self._stem)
-        self._files = _listed(self._list, f"{self._stem}_")
-        self._current = ""  # the file that this process writes
+        self._current: Disk | None = None  # the file that this process writes
+        self._open: set[str] = set()  # files that this process has not closed yet
         # of files that this process has finished: a clock that is set right meanwhile makes none of them old
         self._finished: dict[str, float] = {}  # name -> s, monotonic clock
         self._lock = threading.Lock()  # never held while the disk works
+        own = _own_names(self._stem)
+        for name in [name for name in self._list.entries if not own.fullmatch(name)]:
+            del self._list.entries[name]
+        self._complaints = list(self._list.complaints)
+        unidentified = [
+            name for name in self._list.unidentified if own.fullmatch(name) and self._exists(name)
+        ]
+        if unidentified:
+            self._complaints.append(
+                f"{self._list.path.name} is of an earlier version and does not say what its files are: they are kept"
+                f" ({_shown(unidentified)})"
+            )
+        for name in self._list.unidentified:
+            self._list.forget(name)
+        self._list.unidentified = []
 
     def open_next(self) -> Writer:
         """Begin the next file. Raises OutputError."""
+        folder = self._folder_now()
         while True:
             self._number += 1
             name = f"{self._stem}_{self._began}_{self._number:06d}{self._suffix}"
             try:
-                writer = open_writer(self._folder / name)
+                writer = open_writer(folder / name)
             except TakenError:
                 continue
-            self._note(_WRITTEN, name)
             with self._lock:
-                if self._current:
-                    self._finished[self._current] = time.monotonic()
-                self._current = name
-                self._files.append(name)
+                if self._current is not None:
+                    self._finished[self._current.path.name] = time.monotonic()
+                self._current = writer.disk
+                self._open.add(name)
+            writer.disk.closing = partial(self._is_closed, name)
+            with contextlib.suppress(OSError):
+                self._list.note(Entry(name, file_identity.born(writer.disk.fileno())))
             return writer
 
-    def prune(self) -> list[Path]:
-        """Delete what the ring does not keep, the oldest first, never the newest; returns what was deleted."""
-        if not self._rotation.ring:
-            return []
-        with self._lock:
-            old, newest = self._files[:-1], self._files[-1:]
-        sizes = {name: _size(self._folder / name) for name in (*old, *newest)}
-        used = sum(sizes.values())
-        try:
-            room = self._rotation.keep_share * shutil.disk_usage(self._folder).total  # NaN: no limit
-        except OSError:
-            return []  # the folder is gone: the writer will tell
-        deleted = []
-        for name in old:
-            if not (used > room or self._age(name) > self._rotation.keep_time):
-                break
+    def own(self, journal: Path, fd: int) -> None:
+        """Note a journal that was just created and written into: it is deleted with its log."""
+        if journal.parent != self._folder:
+            return
+        log = journal.name.split(".events")[0] + self._suffix
+        with contextlib.suppress(OSError, ValueError):
+            identity = file_identity.begun(file_identity.born(fd), fd, 0)
+            if _own_names(self._stem).fullmatch(journal.name):
+                self._list.note(Entry(journal.name, identity, log))
+
+    def adopt(self, path: Path) -> None:
+        """Note a copy of one of our files: it is deleted in its turn."""
+        if path.parent != self._folder or not _own_names(self._stem).fullmatch(path.name):
+            return
+        with contextlib.suppress(OSError):
+            fd = os.open(path, _READ)
             try:
-                _delete(self._folder / name)
-            except OSError:
-                continue  # it is tried again at the next look
-            with self._lock:
-                self._files.remove(name)
-                self._finished.pop(name, None)
-            self._note(_DELETED, name)
-            used -= sizes[name]
-            deleted.append(self._folder / name)
-        return deleted
+                identity = file_identity.begun(file_identity.born(fd), fd, _skip(path.name))
+                self._list.note(Entry(path.name, file_identity.closed(identity, fd, os.fstat(fd).st_size)))
+            finally:
+                os.close(fd)
+            self._finished[path.name] = time.monotonic()
+
+    def prune(self) -> list[Path]:
+        """Delete what the ring does not keep, the oldest first, never one being written; returns what was deleted.
+
+        Looks after the list as well. Where a file is not what the list says, it is kept, and an event says so.
+        """
+        for says in self._complaints:
+            self._tell("series_list", says)
+        self._complaints.clear()
+        with contextlib.suppress(OutputError):
+            says = self._list.tend(self._folder_now())
+            if says:
+                self._tell("series_list", says)
+        self._note_beginning()
+        return self._deleted() if self._rotation.ring else []
 
     def close(self) -> None:
-        """Let go of the list."""
+        """Let go of list and folder."""
         self._list.close()
+        with self._lock:
+            fd, self._fd = self._fd, None
+        if fd is not None:
+            os.close(fd)
+
+    def _folder_now(self) -> Path:
+        """The folder's path, also where it was renamed; raises OutputError where it is gone."""
+        if self._fd is not None:
+            folder = whereabouts.folder_of(self._fd, self._folder)
+            if folder is None:
+                raise OutputError(f"cannot create a file in {self._folder}: the folder is gone")
+            self._folder = folder
+        return self._folder
+
+    # --- what the list says ---
+
+    def _note_beginning(self) -> None:
+        """Note how the current file begins, once that is written: after a kill nothing else tells it."""
+        disk = self._current
+        entry = self._list.entries.get(disk.path.name) if disk is not None else None
+        if disk is None or entry is None or entry.identity.head:
+            return
+        with contextlib.suppress(OSError, ValueError):
+            identity = file_identity.begun(entry.identity, disk.fileno(), _skip(entry.name))
+            if identity.head and self._list.entries.get(entry.name) is entry:
+                self._list.note(entry._replace(identity=identity))
+
+    def _is_closed(self, name: str, disk: Disk) -> None:
+        """Note what the file is, before its descriptor is closed."""
+        with self._lock:
+            self._open.discard(name)
+        entry = self._list.entries.get(name)
+        if entry is None:
+            return
+        with contextlib.suppress(OSError, ValueError):
+            # a recording of a bus on which nothing happened has a header alone
+            skip = _skip(name) if disk.size > _skip(name) else 0
+            identity = file_identity.begun(entry.identity, disk.fileno(), skip)
+            self._list.note(entry._replace(identity=file_identity.closed(identity, disk.fileno(), disk.size)))
+
+    # --- deleting ---
+
+    def _deleted(self) -> list[Path]:
+        current = self._current.path.name if self._current is not None else ""
+        logs = [entry for entry in list(self._list.entries.values()) if not entry.log]
+        sizes = {entry.name: self._size(entry.name) for entry in logs}
+        used = sum(sizes.values())
+        try:
+            total = shutil.disk_usage(self._fd if self._fd is not None else self._folder).total
+        except OSError:
+            return []  # the folder is gone: the writer will tell
+        room = self._rotation.keep_share * total  # NaN: no limit
+        deleted, kept = [], []
+        for entry in logs:
+            with self._lock:
+                written = entry.name == current or entry.name in self._open
+            if written:
+                continue
+            if not (used > room or self._age(entry.name) > self._rotation.keep_time):
+                break
+            try:
+                why = self._delete(entry)
+            except OSError:
+                continue  # it is tried again at the next look
+            used -= sizes[entry.name]
+            if why:
+                kept.append(f"{entry.name} {why}")
+            else:
+                deleted += [self._folder / entry.name] if why is not None else []
+                self._delete_journals(entry.name)
+            self._list.forget(entry.name)
+            with self._lock:
+                self._finished.pop(entry.name, None)
+        if kept:
+            self._tell(
+                "file_kept",
+                f"not what {self._list.path.name} says, and so never deleted: {_shown(kept)}",
+            )
+        return deleted
+
+    def _delete_journals(self, log: str) -> None:
+        for entry in [each for each in list(self._list.entries.values()) if each.log == log]:
+            with contextlib.suppress(OSError):
+                why = self._delete(entry)
+                if why:
+                    self._tell("file_kept", f"{entry.name} {why}, and so is not deleted with its log")
+                self._list.forget(entry.name)
+
+    def _delete(self, entry: Entry) -> str | None:
+        """Delete a file if it is what was noted; says why it is not; None: there is none. Raises OSError."""
+        try:
+            fd = os.open(self._at(entry.name), _READ, dir_fd=self._fd)
+        except FileNotFoundError:
+            return None
+        except OSError:
+            if self._is_regular(entry.name):
+                raise
+            return "is no regular file"
+        try:
+            why = file_identity.mismatch(entry.identity, fd)
+            return why or self._unlink(entry.name, fd)
+        finally:
+            os.close(fd)
+
+    def _unlink(self, name: str, fd: int) -> str:
+        """Unlink the name of an open file: renamed first, so that nobody can put another file in its place."""
+        aside = f".{name}.{secrets.token_hex(8)}.old"
+        if self._fd is None:  # Windows
+            os.unlink(self._at(name))
+            return ""
+        os.rename(name, aside, src_dir_fd=self._fd, dst_dir_fd=self._fd)
+        found = os.stat(aside, dir_fd=self._fd, follow_symlinks=False)
+        if os.path.samestat(found, os.fstat(fd)):
+            os.unlink(aside, dir_fd=self._fd)
+            return ""
+        # somebody was quicker: his file gets its name back, unless there is a newer one
+        with contextlib.suppress(FileExistsError):
+            os.link(aside, name, src_dir_fd=self._fd, dst_dir_fd=self._fd, follow_symlinks=False)
+            os.unlink(aside, dir_fd=self._fd)
+        return "was replaced meanwhile"
+
+    def _at(self, name: str) -> str:
+        return name if self._fd is not None else str(self._folder / name)
+
+    def _exists(self, name: str) -> bool:
+        return os.path.lexists(self._folder / name)
+
+    def _is_regular(self, name: str) -> bool:
+        try:
+            found = os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False)
+        except OSError:
+            return True  # the reason is another one
+        return (found.st_mode & 0o170000) == 0o100000
+
+    def _size(self, name: str) -> int:
+        try:
+            return os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False).st_size
+        except OSError:
+            return 0
 
     def _age(self, name: str) -> float:
         """S since it was finished."""
@@ -100,67 +290,31 @@ class Series:
         if finished is not None:
             return time.monotonic() - finished
         try:
-            return time.time() - (self._folder / name).stat().st_mtime
+            return time.time() - os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False).st_mtime
+        except FileNotFoundError:
+            return math.inf  # somebody has taken it away
         except OSError:
             return 0.0
 
-    def _note(self, what: str, name: str) -> None:
-        # a list that cannot be written keeps files longer, and loses none
-        with contextlib.suppress(OSError):
-            self._list.write(f"{what}{name}\n".encode())
+
+def _own_names(stem: str) -> re.Pattern[str]:
+    """Names that files of this series can have.
+
+    >>> bool(_own_names("x").fullmatch("x_20261121T185017Z_000001.blf"))
+    True
+    """
+    log = rf"(-restored(-\d+)?)?({'|'.join(map(re.escape, WRITTEN))})"
+    return re.compile(
+        rf"{re.escape(stem)}_\d{{8}}T\d{{6}}Z_\d{{6,}}({log}|\.events(-\d+)?\.jsonl)",
+        re.ASCII | re.IGNORECASE,
+    )
 
 
-def _locked_list(folder: Path, stem: str) -> tuple[BinaryIO, str]:
-    """Open the list, locked; where another process has it: that of the next free name, stem-2, ..."""
-    for number in count(1):
-        name = stem if number == 1 else f"{stem}-{number}"
-        path = folder / f"{name}.series"
-        try:
-            file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
-        except OSError as error:
-            raise OutputError(f"cannot create {path}: {error.strerror}") from None
-        if _lock(file):
-            return file, name
-        file.close()
-    raise AssertionError("unreachable")
+def _skip(name: str) -> int:
+    """Bytes at a log's beginning that change while it is written: a .blf's header."""
+    return FILE_HEADER_SIZE if name.lower().endswith(".blf") else 0
 
 
-def _lock(file: BinaryIO) -> bool:
-    """Lock the file for this process until it is closed; False where another one has it."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: two recordings under one name are up to the user there
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True  # a file system without locks
-    return True
-
-
-def _listed(file: BinaryIO, prefix: str) -> list[str]:
-    """Names that were written and not deleted, the oldest first; what cannot be one of ours is passed over."""
-    file.seek(0)
-    names: dict[str, None] = {}
-    for line in file.read().decode(errors="replace").splitlines():
-        what, name = line[:1], line[1:]
-        if what == _WRITTEN and name.startswith(prefix) and os.path.basename(name) == name:
-            names[name] = None
-        elif what == _DELETED:
-            names.pop(name, None)
-    return list(names)
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
-
-
-def _delete(path: Path) -> None:
-    """Delete a log and the journal beside it."""
-    path.unlink(missing_ok=True)
-    journal_path(path).unlink(missing_ok=True)
+def _shown(names: list[str]) -> str:
+    more = len(names) - _TOLD
+    return ", ".join(names[:_TOLD]) + (f", and {more:,} more" if more > 0 else "")

@@ -68,16 +68,12 @@ def find(fd: int, path: Path) -> Whereabouts:
 
 def folder_of(fd: int, path: Path) -> Path | None:
     """Path of an open folder, which may have been renamed; None where it was removed or is out of reach."""
-    where = find(fd, path)
-    if where.place is Place.HIDDEN and not path.is_symlink():
-        return None
-    if where.lost:
-        # a folder may be reached through a link, which `find` does not follow
+    for named in (path, _path_of(fd)):
         with contextlib.suppress(OSError):
-            if os.path.samestat(os.fstat(fd), os.stat(path)):
-                return path
-        return None
-    return where.path
+            # a folder may be reached through a link
+            if named is not None and os.path.samestat(os.fstat(fd), os.stat(named)):
+                return named
+    return None
 
 
 def _named(path: Path) -> os.stat_result | None:

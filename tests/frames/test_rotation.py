@@ -105,14 +105,15 @@ def test_a_ring_goes_on_over_restarts_and_deletes_nothing_else(tmp_path: Path) -
     (outside / "x.events.jsonl").write_bytes(b"?")
     with (tmp_path / "x.series").open("a") as listed:
         listed.write("+folder/x_1.blf\n+../x_1.blf\n+y_19990101T000000Z_000001.blf\n+..\nnonsense\n+\n")
-    (tmp_path / mine[0]).with_suffix(".events.jsonl").write_text("{}\n")
+    not_ours = (tmp_path / mine[0]).with_suffix(".events.jsonl")
+    not_ours.write_text("{}\n")
     series = Series(tmp_path / "x.blf", rotation)
     newest = series.open_next()
     assert [path.name for path in series.prune()] == mine
     newest.close()
     series.close()
     left = sorted(path.name for path in tmp_path.iterdir() if path.is_file())
-    assert left == sorted([*foreign, newest.path.name, "x.series"])
+    assert left == sorted([*foreign, newest.path.name, "x.series", not_ours.name])
     assert (outside / "x_1.blf").exists()
 
 

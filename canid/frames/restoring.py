@@ -1,0 +1,49 @@
+"""A file that was deleted while it was open: its bytes, copied to a new name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+from canid.errors import OutputError
+from canid.frames.disk import Disk, TakenError
+from canid.frames.log import log_suffix
+
+
+class Restored(NamedTuple):
+    """The copy; `path` is None where none could be made, and `why` says why."""
+
+    path: Path | None
+    why: str = ""
+
+
+def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
+    """Copy an open file without a name beside its old `path`, or into the first of `folders` that takes it.
+
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
+    >>> disk = Disk(path, overwrite=False)
+    >>> disk.append(b"some frames")
+    >>> path.unlink()
+    >>> restored = restore(disk, path, [])
+    >>> restored.path.name, restored.path.read_bytes()
+    ('drive-restored.blf', b'some frames')
+    """
+    suffix = log_suffix(path)
+    stem = path.name[: len(path.name) - len(suffix)]
+    suffix = path.name[len(stem) :]
+    why = ""
+    for folder in (path.parent, *folders):
+        for number in count(1):
+            copy = folder / f"{stem}-restored{'' if number == 1 else f'-{number}'}{suffix}"
+            try:
+                disk.copy(copy).close()
+            except TakenError:
+                continue
+            except OutputError as error:
+                why = why or str(error)
+                break
+            return Restored(copy)
+    return Restored(None, why)
