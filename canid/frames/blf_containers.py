@@ -1,8 +1,10 @@
 """The outer layer of a .blf: from the file to whole, verified payloads, and gaps where there was damage.
 
 A container is given on only if all of it inflates and its checksum holds; after damage the search goes on at
-the next container. Memory is bounded by `LIMIT`, whatever the file claims, and work by the file's length: each
-attempt costs no more than `VAIN`, and a stretch that takes more than `BREAKS` of them is given up.
+the next container. What contradicts itself in a container that can be read nevertheless (a size that is another
+than that of its data, bytes before it that are no padding) comes with it, as its doubts. Memory is bounded by
+`LIMIT`, whatever the file claims, and work by the file's length: each attempt costs no more than `VAIN`, and a
+stretch that takes more than `BREAKS` of them is given up.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, chain
 from canid.frames.blf_layout import LIMIT, PADDING, Data
 
+# padding is shorter than this
+_ALIGNMENT = 4
 # Read and search in pieces of this size: large against a seek, small against memory.
 PIECE = 64 * 1024
 # A container that is no longer than this when compressed is read and inflated in one go. Usual ones hold 128 kB, and
@@ -45,6 +49,8 @@ class Payload(NamedTuple):
     end: int  # the byte behind it
     data: Data
     bare: bool = False  # whole objects without a container: each stands for itself
+    checked: bool = False  # a checksum says that the data are as they were written
+    doubts: tuple[Gap, ...] = ()  # what contradicts itself about it, though nothing is lost
 
 
 class Gap(NamedTuple):
@@ -53,6 +59,10 @@ class Gap(NamedTuple):
     at: int
     end: int  # the byte behind it
     why: str
+
+
+# data that a checksum has been held against, and the byte behind their container
+_Checked = tuple[Data, int, bool]
 
 
 class _Vain(NamedTuple):
@@ -76,24 +86,34 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
         skip = head.find(blf.SIGNATURE, 0, PADDING + len(blf.SIGNATURE) - 1)
         if skip < 0 or len(head) - skip < blf.OBJECT.size:
             if len(head) < blf.OBJECT.size and not head.strip(b"\0"):
+                if len(head) > PADDING:
+                    yield Gap(position, size, "there are more zeros at the end than padding has")
                 return  # padding at the end of the file
-            got: tuple[Data, int] | _Vain = _Vain(
+            got: tuple[Data, int] | _Checked | _Vain = _Vain(
                 "no object begins where one should" if skip < 0 else "the file ends in an object"
             )
             behind = position + 1
         else:
+            doubts: list[Gap] = []
+            if head[:skip].strip(b"\0"):
+                doubts.append(Gap(position, position + skip, "what stands before an object is no padding"))
             position += skip
             behind = position + len(blf.SIGNATURE)
-            _, header_size, _, object_size, kind = blf.OBJECT.unpack_from(head, skip)
+            _, header_size, version, object_size, kind = blf.OBJECT.unpack_from(head, skip)
             if kind == blf.LOG_CONTAINER:
                 bare = False
+                if (header_size, version) != (blf.OBJECT.size, 1):
+                    end = position + blf.OBJECT.size
+                    doubts.append(
+                        Gap(position, end, "the size or version of a container's header is damaged")
+                    )
             elif bare is None:
                 # A container's header is shorter than any other's: one whose type is damaged shows by that.
                 bare = header_size in (blf.OBJECT_V1_SIZE, blf.OBJECT_V2_SIZE)
             if bare:
                 got = _bare_row(file, position) or _bare(file, position, kind, object_size, size)
             elif kind == blf.LOG_CONTAINER:
-                got = _unpack(file, position, object_size, size)
+                got = _unpack(file, position, object_size, size, doubts)
             else:
                 got = _Vain(f"an object of type {kind} stands where a container should")
         if isinstance(got, _Vain):
@@ -105,8 +125,8 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
             begin, position = position, _next_object(file, behind, size, bare)
             yield Gap(begin, position, got.why)
         else:
-            data, end = got
-            yield Payload(position, end, data, bool(bare))
+            data, end, *checked = got
+            yield Payload(position, end, data, bool(bare), bool(checked), tuple(doubts))
             position = end
 
 
@@ -160,8 +180,10 @@ def _container_in(data: Data) -> int:
     return found.start() if found else -1
 
 
-def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple[Data, int] | _Vain:
-    """Return the container's data and the byte where it ends, or what is wrong with it."""
+def _unpack(
+    file: BinaryIO, position: int, object_size: int, size: int, doubts: list[Gap]
+) -> tuple[Data, int] | _Checked | _Vain:
+    """Return the container's data and the byte where it ends, or what is wrong with it; adds to `doubts`."""
     file.seek(position + blf.OBJECT.size)
     head = file.read(blf.CONTAINER.size)
     if len(head) < blf.CONTAINER.size:
@@ -172,14 +194,28 @@ def _unpack(file: BinaryIO, position: int, object_size: int, size: int) -> tuple
         announced = object_size - blf.CONTAINER_HEAD_SIZE
         whole = _inflate_at_once(file, announced, declared)
         if whole is not None:
-            return whole, begin + announced
+            return whole, begin + announced, True
         file.seek(begin)
         inflated = _inflate(file)
         if isinstance(inflated, _Vain):
             return inflated
         data, used = inflated
         # The stream knows its own end and has a checksum: sizes beside it may be damaged, the data are not.
-        return data, begin + used
+        file.seek(begin + used)
+        over = announced - used
+        # some writers count the padding
+        if over and not (0 < over < _ALIGNMENT and not file.read(over).strip(b"\0")):
+            doubts.append(
+                Gap(
+                    position,
+                    begin,
+                    f"a container claims a size of {object_size} bytes, it has {object_size - over}",
+                )
+            )
+        if declared != len(data):
+            why = f"a container claims to hold {declared} bytes, it holds {len(data)}"
+            doubts.append(Gap(position, begin, why))
+        return data, begin + used, True
     if method == blf.STORED:
         if object_size - blf.CONTAINER_HEAD_SIZE != declared or declared > LIMIT:
             return _Vain("a container's sizes do not agree")
@@ -235,8 +271,7 @@ def _inflate_at_once(file: BinaryIO, announced: int, declared: int) -> bytearray
         return None
     # A stream ends with its checksum. Where something else stands there, bytes follow it, and the announced size may
     # reach over other containers.
-    ends = packed.endswith(deflate.adler32(data).to_bytes(4, "big"))
-    return data if ends or blf.SIGNATURE not in packed else None
+    return data if packed.endswith(deflate.adler32(data).to_bytes(4, "big")) else None
 
 
 def _inflate(file: BinaryIO) -> tuple[bytes, int] | _Vain:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.frames import blf_kinds
+from canid.frames import blf_doubts, blf_kinds
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, Chain, Ints, chain, signatures
 from canid.frames.blf_layout import LIMIT, PADDING, Data
@@ -84,13 +84,14 @@ class Walked(NamedTuple):
     """What a payload held."""
 
     frames: Columns
-    count: int  # how many there are, those that nobody wanted among them
+    frames_read: int  # how many there are, those that nobody wanted among them
     objects: int  # what a file header counts: frames and objects of other types, but not our own events
     kinds: Counter[str]  # objects that hold no CAN frame
     notes: list[tuple[int, Told]]  # our own events, and how many of the frames stand before each
     rest: int  # where the unfinished last object begins
     first: int | None  # ns of the log's first frame, once there was one
     begin: Ints  # (n,) where the whole objects begin
+    doubt: str = ""  # what contradicts itself in data without a checksum, though it was read
 
 
 def first_object(data: Data) -> int:
@@ -112,11 +113,14 @@ def first_object(data: Data) -> int:
     return int(begin[found[0]]) if found.size else -1
 
 
-def walk(data: Data, position: int, first: int | None, wanted: Wanted | None = None) -> Walked:
+def walk(
+    data: Data, position: int, first: int | None, wanted: Wanted | None = None, *, checked: bool = True
+) -> Walked:
     """All whole objects of `data` from byte `position`.
 
     `first`: ns that times are relative to, None if no frame came yet. `wanted`: frames with other ids may be left
-    out, but for the log's first. Raises Broken.
+    out, but for the log's first. `checked`: a checksum was held against the data; else each object is looked at for
+    what contradicts itself. Raises Broken.
     """
     links = chain(data, position)
     _unfinished(data, links.rest)
@@ -148,7 +152,10 @@ def walk(data: Data, position: int, first: int | None, wanted: Wanted | None = N
     t, first = _times(parts.ns, parts.coarse, first)
     notes, uncounted, kinds = _others(data, links) if frames < len(links.begin) else ([], 0, Counter())
     objects = len(links.begin) - len(notes) - uncounted
-    return Walked(Columns(t, *parts[2:]), frames, objects, kinds, notes, links.rest, first, links.begin)
+    doubt = "" if checked else blf_doubts.doubt(data, position, links)
+    return Walked(
+        Columns(t, *parts[2:]), frames, objects, kinds, notes, links.rest, first, links.begin, doubt
+    )
 
 
 def _unfinished(data: Data, rest: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -44,6 +44,8 @@ def read_blf_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
         reading = _Reading(state, header, wanted)
         if header is None:
             reading.lose(0, start, "the file's own header is damaged")
+        elif start != header.size:
+            reading.doubt((Gap(0, start, f"the file's header claims a size of {header.size} bytes"),))
         waiting: list[Payload] = []
         size = 0
         nothing = True
@@ -83,20 +85,24 @@ class _Reading:
         self._middle = bytearray()  # what follows it, in containers that hold nothing else
         self._missing = 0  # bytes that it still lacks; 0: it is whole, or that is not known yet
         self._source = (0, 0)  # the bytes of the container that it began in
+        self._checked = True  # what is carried over was held against a checksum
         self._aligned = True  # the next payload begins with an object, or continues `carry`
 
     def take(self, payloads: list[Payload]) -> Iterator[Columns]:
         """Walk payloads that follow each other: together or, where that fails, one by one."""
         self._inflated += sum(len(p.data) + (0 if p.bare else blf.CONTAINER_HEAD_SIZE) for p in payloads)
+        for payload in payloads:
+            self.doubt(payload.doubts)
+        checked = self._checked and all(payload.checked for payload in payloads)
         if len(payloads) > 1 and self._aligned and self._missing <= len(payloads[0].data):
             data = b"".join([self._carry, *(payload.data for payload in payloads)])
             last = payloads[-1]
             try:
-                walked = walk(data, 0, self.first, self._wanted)
+                walked = walk(data, 0, self.first, self._wanted, checked=checked)
             except Broken:
                 pass
             else:
-                if _in_each(walked, len(self._carry), payloads):
+                if not walked.doubt and _in_each(walked, len(self._carry), payloads):
                     yield from self._took(walked, data, last)
                     return
         for payload in payloads:
@@ -115,7 +121,7 @@ class _Reading:
         elif self._carry:
             data = b"".join([self._carry, self._middle, payload.data])
             try:
-                walked = walk(data, 0, self.first, self._wanted)
+                walked = walk(data, 0, self.first, self._wanted, checked=self._checked and payload.checked)
                 if begun and not len(walked.begin) and self._holds_frames(payload.data):
                     raise Broken("an object claims to be so long that others would stand in it")
             except Broken as broken:
@@ -123,7 +129,7 @@ class _Reading:
             else:
                 yield from self._took(walked, data, payload)
                 return
-        if not why and not payload.data.strip(b"\0"):
+        if not why and len(payload.data) <= blf.PADDING and not payload.data.strip(b"\0"):
             return  # nothing but padding
         begin = 0
         missing = len(payload.data) > blf.PADDING and blf.SIGNATURE not in payload.data[: blf.PADDING]
@@ -133,7 +139,7 @@ class _Reading:
         try:
             if begin < 0:
                 raise Broken("no object begins where one should")
-            walked = walk(payload.data, begin, self.first, self._wanted)
+            walked = walk(payload.data, begin, self.first, self._wanted, checked=payload.checked)
         except Broken as broken:
             single = _single(payload) if payload.bare else []
             if len(single) > 1:
@@ -167,10 +173,13 @@ class _Reading:
         carry = self._carry = data[walked.rest :]
         begun = len(carry) >= blf.OBJECT.size and carry.startswith(blf.SIGNATURE)
         self._missing = blf.OBJECT.unpack_from(carry)[3] - len(carry) if begun else 0
+        self._checked = last.checked
         self._middle = bytearray()
+        if walked.doubt:
+            self.doubt((Gap(last.at, last.end, walked.doubt),))
         self._source = last.at, last.end
         self._objects += walked.objects
-        self._state.frames += walked.count
+        self._state.frames += walked.frames_read
         self._state.events += len(walked.notes)
         self._state.other_kinds.update(walked.kinds)
         if self.first is None and walked.first is not None:
@@ -197,6 +206,11 @@ class _Reading:
             notes.append(Note(row, Event((stamp - self.first) * 1e-9, what, says)))
         self._told = []
 
+    def doubt(self, doubts: Iterable[Gap]) -> None:
+        """Something contradicts itself, though nothing is lost."""
+        for begin, end, why in doubts:
+            self._damaged.add(begin, end, why)
+
     def lose(self, begin: int, end: int, why: str) -> None:
         """Something was lost in the file: whatever comes next has to be found."""
         self._damaged.add(begin, end, why)
@@ -209,6 +223,7 @@ class _Reading:
             self._damaged.add(self._source[0], size, "the file ends in an object")
         self._state.done = size
         self._state.damage = self._damage(size)
+        self._state.damaged = self._damaged.count
 
     def _damage(self, size: int) -> Damage | None:
         header, objects, damaged = self._header, self._objects, self._damaged
@@ -225,6 +240,10 @@ class _Reading:
             # only a header that knows of all these bytes is believed when it knows of more objects
             if not damaged and objects < total and self._inflated <= header.uncompressed_size:
                 damaged.add(size, 0, f"the file's header counts {total - objects} more")
+            # a header that knows of all these bytes, and of no others, was written when they were
+            knows = (header.file_size, header.uncompressed_size) == (size, self._inflated)
+            if not damaged and knows and objects != header.objects:
+                damaged.add(size, 0, f"the file's header counts {header.objects} objects")
         if not damaged:
             return None
         return Damage(damaged.says("objects", objects, total), objects, total, damaged.spans)
@@ -267,6 +286,8 @@ def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader 
     if 0 < early < blf.FILE_HEADER.size:
         return None, early
     header = blf.parse_file_header(head)
+    if usual:
+        return header, blf.FILE_HEADER_SIZE
     if early > 0:
         return header, early
     # Every known writer's header has 144 bytes. Believe others within reason: `containers` finds its way.

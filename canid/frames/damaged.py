@@ -14,9 +14,11 @@ class Damaged:
         self._spans: list[tuple[int, int]] = []
         self._why = ""
         self._more = 0
+        self.count = 0  # what was added
 
     def add(self, begin: int, end: int, why: str) -> None:
         """Bytes from `begin` up to, not including, `end` could not be read; none where nobody knows which."""
+        self.count += 1
         touches = bool(self._spans) and begin <= self._spans[-1][1] + 1
         if not self._why:
             self._why = why
