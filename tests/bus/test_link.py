@@ -110,7 +110,8 @@ def test_a_stop_in_the_moment_of_the_return_loses_nothing(
     record.process.send_signal(signal.SIGCONT)
     assert record.end() == 143, record.says()
     assert numbers(recording) == list(range(300))
-    assert [event["what"] for event in journal(recording)] == ["bus_lost", "bus_back"]
+    told = [event["what"] for event in journal(recording)]
+    assert [what for what in told if what.startswith("bus_")] == ["bus_lost", "bus_back"]
 
 
 def test_a_renamed_device_is_followed_and_no_other_takes_its_place(

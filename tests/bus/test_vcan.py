@@ -7,7 +7,6 @@ import random
 import re
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ import pytest
 from canid.frames import open_log, socketcan, write_log
 from canid.frames.bus import open_bus
 from canid.types import Flag, Frame
+from tests.bus.network import counted, error_frame, ip, numbers, sending
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]
 BUS = ("-i", "socketcan", "-c", "vcan0", "--fd")
@@ -78,28 +78,6 @@ def raw() -> Iterator[socket.socket]:
     """A plain CAN socket of the standard library, to send with."""
     with sending("vcan0") as sock:
         yield sock
-
-
-def sending(channel: str) -> socket.socket:
-    """A socket on one bus."""
-    sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-    sock.bind((channel,))
-    return sock
-
-
-def counted(i: int) -> bytes:
-    """A classic frame that carries its number (linux/can.h: struct can_frame)."""
-    return struct.pack("=IB3x8s", 0x100 + i % 16, 8, struct.pack(">Q", i))
-
-
-def numbers(recording: Path) -> list[int]:
-    """The numbers in a recording of `counted` frames."""
-    return [int.from_bytes(frame.data, "big") for frame in open_log(recording)]
-
-
-def ip(*words: str) -> None:
-    """Change a network device."""
-    subprocess.run(["ip", "link", *words], check=True)
 
 
 def transmitted(device: str) -> int:
@@ -163,14 +141,13 @@ def test_kernel_drops_are_counted(raw: socket.socket, monkeypatch: pytest.Monkey
     bus = open_bus({"interface": "socketcan", "channel": "vcan0"})
     for i in range(1000):
         raw.send(counted(i))
+    dropped = bus.drops  # before a frame was read, and after the last one that was kept
     received = 0
     while bus.recv(0.0):
         received += 1
-    # the count travels with a frame that comes after the drops
-    raw.send(counted(1000))
-    assert bus.recv(1.0)
     assert 0 < received < 1000
-    assert received + bus.drops == 1000
+    assert received + dropped == 1000
+    assert bus.drops == dropped
     bus.shutdown()
 
 
@@ -190,9 +167,6 @@ def test_a_recorder_that_stood_still_tells_its_drops(
     for i in range(total):
         raw.send(counted(i))
     record.process.send_signal(signal.SIGCONT)
-    # the count travels with a frame that comes after the drops; by then the socket must have room again
-    time.sleep(3)
-    raw.send(counted(total))
     # `main()` alone returns the status, it does not end with it
     assert record.end(signal.SIGTERM) == 0
     kept = numbers(recording)
@@ -201,7 +175,7 @@ def test_a_recorder_that_stood_still_tells_its_drops(
     assert told
     dropped = int(told[1].replace(",", ""))
     assert dropped > 0
-    assert len(kept) + dropped == total + 1
+    assert len(kept) + dropped == total
 
 
 def test_a_physical_interface_is_refused(
@@ -267,11 +241,6 @@ def test_an_interface_that_comes_back_goes_on(tmp_path: Path, listening: Callabl
     assert numbers(recording) == list(range(200))
 
 
-def error_frame(kind: int, data: bytes) -> bytes:
-    """What a CAN driver tells (linux/can.h: CAN_ERR_FLAG, linux/can/error.h)."""
-    return struct.pack("=IB3x8s", 0x2000_0000 | kind, 8, data)
-
-
 def test_error_frames_and_bus_off_are_logged_and_told(
     tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
 ) -> None:
@@ -291,7 +260,8 @@ def test_error_frames_and_bus_off_are_logged_and_told(
     # a vcan has no clock of its own: asked for hardware stamps, it gives the kernel's
     assert bus["clock"] == "kernel"
     journal = (tmp_path / "heard.events.jsonl").read_text().splitlines()
-    assert [json.loads(text)["what"] for text in journal] == ["error_passive", "bus_off"]
+    told_of = [json.loads(text)["what"] for text in journal]
+    assert [what for what in told_of if what != "listen_only"] == ["error_passive", "bus_off"]
 
 
 def test_what_the_kernel_dropped_stands_in_the_journal(
@@ -308,11 +278,9 @@ def test_what_the_kernel_dropped_stands_in_the_journal(
     for i in range(3000):
         raw.send(counted(i))
     record.process.send_signal(signal.SIGCONT)
-    time.sleep(3)
-    raw.send(counted(3000))
     record.wait_for("frames were dropped")
     assert record.end(signal.SIGTERM) == 0
     events = [json.loads(text) for text in (tmp_path / "heard.events.jsonl").read_text().splitlines()]
     says = [event["says"] for event in events if event["what"] == "frames_dropped"]
     counted_ = int(re.search(r"\(([\d,]+) in all\)", says[-1])[1].replace(",", ""))  # type: ignore[index]
-    assert len(numbers(recording)) + counted_ == 3001
+    assert len(numbers(recording)) + counted_ == 3000
