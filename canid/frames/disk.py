@@ -16,7 +16,8 @@ from canid.frames.whereabouts import Place, Whereabouts
 _to_disk = getattr(os, "fdatasync", os.fsync)
 # Read as well: what was written must be readable after somebody has deleted the name. Zero: not on this system.
 _NEW = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-_NEVER_OVER = os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+_NEVER_OVER = os.O_EXCL | _NO_LINK
 _MODE = 0o666  # less the umask, as open() does
 # bytes copied at once
 _COPY_SIZE = 1 << 20
@@ -213,6 +214,19 @@ def _open_linked(path: Path, head: bytes) -> int:
     finally:
         with contextlib.suppress(OSError):
             os.unlink(other)
+    return _reopened(fd, path)
+
+
+def _reopened(fd: int, path: Path) -> int:
+    """The same file, opened under its own name: the system tells where it is moved by the name it was opened with."""
+    try:
+        named = os.open(path, _NEW & ~os.O_CREAT | _NO_LINK)
+    except OSError:
+        return fd  # write permission may be missing by the umask, or the name be gone already: that is noticed later
+    if os.path.samestat(os.fstat(named), os.fstat(fd)):
+        os.close(fd)
+        return named
+    os.close(named)
     return fd
 
 
