@@ -1,6 +1,7 @@
 """Try out what recording promises.
 
-    python -m benchmarks.reliability kill|cut|ends|seams|disks|buses [--trials N] [--seed S] [--out FILE]
+    python -m benchmarks.reliability kill|cut|ends|seams|disks|buses [--trials N] [--seed S] [--out FILE] [--load N]
+    python -m benchmarks.reliability kill --format asc --rates 8000 --load 12
     python -m benchmarks.reliability soak [--hours 1] [--rate 4000] [--channel vcan0]
 
 Runs itself in a network namespace that has loopback alone (tests/bus/alone). Prints a table; exit code 1 where a
@@ -39,13 +40,19 @@ def main() -> int:
     parser.add_argument(
         "--channel", default="", help="soak: of SocketCAN, without a wire; default: udp_multicast"
     )
+    parser.add_argument("--format", choices=("blf", "asc", "log"), default="blf", help="kill")
+    parser.add_argument("--rates", type=int, nargs="+", help="kill: frames/s, in turn")
+    parser.add_argument("--load", type=int, default=0, metavar="N", help="busy processes beside it")
     args = parser.parse_args()
     enter("benchmarks.reliability")
-    if args.promise == "soak":
-        from benchmarks.reliability import soak
+    from benchmarks.reliability.load import load
 
-        return soak.run(args.hours, args.rate, args.channel)
-    return tried(args)
+    with load(args.load):
+        if args.promise == "soak":
+            from benchmarks.reliability import soak
+
+            return soak.run(args.hours, args.rate, args.channel)
+        return tried(args)
 
 
 def tried(args: argparse.Namespace) -> int:
@@ -54,12 +61,14 @@ def tried(args: argparse.Namespace) -> int:
     from benchmarks.reliability.outcome import Outcome
 
     promise = import_module(f"benchmarks.reliability.{PROMISES[args.promise]}")
+    words = {"suffix": f".{args.format}"} if args.promise == "kill" else {}
+    words |= {"rates": tuple(args.rates)} if args.promise == "kill" and args.rates else {}
     done = table.stored(args.out) if args.out else {}
     for k in range(args.trials or promise.TRIALS):
         if k in done:
             continue
         try:
-            done[k] = list(promise.trial(k, args.seed))
+            done[k] = list(promise.trial(k, args.seed, **words))
         except Exception as error:  # a trial that cannot be judged is one that went wrong
             done[k] = [Outcome("not judged", math.nan, 0, f"trial {k}: {type(error).__name__}: {error}")]
         for outcome in done[k]:

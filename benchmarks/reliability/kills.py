@@ -18,18 +18,19 @@ EARLIEST, LATEST = 0.02, 2.5
 PROMISED = 0.25  # s
 
 
-def trial(k: int, seed: int = 0) -> Iterator[Outcome]:
+def trial(k: int, seed: int = 0, suffix: str = ".blf", rates: tuple[int, ...] = RATES) -> Iterator[Outcome]:
     """Kill number `k`: the rates in turn, the time at random."""
     rng = random.Random(f"kill {seed} {k}")
     with TemporaryDirectory() as folder:
-        yield one(Path(folder), RATES[k % len(RATES)], rng.uniform(EARLIEST, LATEST))
+        yield one(Path(folder), rates[k % len(rates)], rng.uniform(EARLIEST, LATEST), suffix=suffix)
 
 
-def one(folder: Path, rate: int, after: float, promised: float = PROMISED) -> Outcome:
+def one(folder: Path, rate: int, after: float, promised: float = PROMISED, suffix: str = ".blf") -> Outcome:
     """One kill, `after` s of traffic; wrong where more than `promised` s are lost."""
-    with Recording(folder / "x.blf", talk=folder) as recording:
+    path = folder / f"x{suffix}"
+    with Recording(path, talk=folder) as recording:
         traffic = Traffic(rate).start()
         traffic.wait(after)
         moment = recording.kill()
         traffic.stop()
-    return after_an_end(folder / "x.blf", traffic, moment, f"{rate} frames/s").within(promised)
+    return after_an_end(path, traffic, moment, f"{suffix}, {rate} frames/s").within(promised)

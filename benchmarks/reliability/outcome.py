@@ -33,7 +33,8 @@ def after_an_end(path: Path, traffic: Traffic, moment: float, group: str, *, who
     Lost time counts from the first frame that is missing. `whole`: no reader may find damage either.
     """
     due = traffic.before(moment)
-    if not path.exists():
+    # a text log has no header before the first frame is known: it may be empty until its first checkpoint
+    if not path.exists() or (path.stat().st_size == 0 and path.suffix != ".blf"):
         return Outcome(group, moment - traffic.sent[0] if due else 0.0, due)
     if path.stat().st_size == 0:
         return Outcome(group, float("nan"), due, "0 bytes")
