@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from canid import clock, downtime, gate, lead, sampling
 from canid.estimators import ESTIMATORS, agreement
 from canid.screening import watch
-from canid.smoothing import Noise
 from canid.types import (
     TASK_INPUTS,
     AnyEstimator,
@@ -72,8 +71,9 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, sampling.Role]:
         if role != "lead_valid"
     }
     if vehicle.driver.task == "car_following":
-        following = {role: sampling.Role(needed=True) for role in ("gap", "range_rate")}
-        reported = {role: sampling.Role() for role in REPORTED.values()}
+        age = lead.settings_of(vehicle).age._asdict()
+        following = {role: sampling.Role(stale=age[role], needed=True) for role in REPORTED}
+        reported = {name: sampling.Role(stale=age[role]) for role, name in REPORTED.items()}
         roles |= following | sampling.MADE | reported
     return roles
 
@@ -122,8 +122,7 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
     roles = sampled_roles(vehicle)
     driver = vehicle.driver
     following = driver.task == "car_following"
-    noise = Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
-    settings = lead.Settings(vehicle.lead.tracks is not None, vehicle.lead.in_path, noise)
+    settings = lead.settings_of(vehicle)
     running = estimators(vehicle, dt) if estimating else ()
     screen = watch.make(TASK_INPUTS[driver.task])
 

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from canid.types import NAN
+
 # s; a person answers after 0.2 s or more, so nothing that the driver does at t has entered an input at t − 0.2 s
 LAG = 0.2
 # s; times are whole nanoseconds: half of one keeps a report that is exactly LAG old on this side
@@ -40,6 +42,19 @@ class Noise(NamedTuple):
     range_rate: float = 0.12  # m/s
 
 
+class Age(NamedTuple):
+    """How old a report may be and still count: s; older than this is not measured any more."""
+
+    gap: float = BRIDGE
+    range_rate: float = BRIDGE
+
+    @property
+    def bridge(self) -> float:
+        """For so long may the gap be missing while the target is still the same one, s."""
+        return max(BRIDGE, self.gap)
+
+
+USUAL = Age()
 Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]  # 00, 01, 02, 11, 12, 22 of a (3, 3)
 Square = tuple[float, float, float, float, float, float, float, float, float]  # a (3, 3), row by row
@@ -53,14 +68,16 @@ class Filtered(NamedTuple):
     P: Symmetric
     prior: Vector  # x as the report before expected it
     back: Square  # the smoother's gain, from this report to the one before
+    gap_at: float  # s, of the latest report until now that had a gap
+    rate_at: float  # s, of the latest report until now that had a range rate
 
 
 class Smoothed(NamedTuple):
     """One report, smoothed."""
 
     t: float
-    gap: float  # m
-    range_rate: float  # m/s
+    gap: float  # m; NaN: not measured for longer than it may be old
+    range_rate: float  # m/s; NaN likewise
 
 
 class State(NamedTuple):
@@ -146,25 +163,26 @@ def update(x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise)
 _NOTHING: Square = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _start(t: float, gap: float, range_rate: float, noise: Noise) -> State:
+def _start(t: float, gap: float, range_rate: float, noise: Noise, rate_at: float) -> State:
+    """Begin with a target; a range rate that has not come yet may take as long as one that has stopped."""
     rate_known = range_rate == range_rate
     # an unknown range rate is within ±20 m/s; relative accelerations stay within ±2 m/s²
     P = (noise.gap**2, 0.0, 0.0, noise.range_rate**2 if rate_known else 100.0, 0.0, 1.0)
     x = (gap, range_rate if rate_known else 0.0, 0.0)
-    return State((Filtered(t, x, P, x, _NOTHING),))
+    return State((Filtered(t, x, P, x, _NOTHING, t, t if rate_known else rate_at),))
 
 
-def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise) -> bool:
+def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise, age: Age = USUAL) -> bool:
     """Could this report be of the object that is being followed?"""
     if not state.history:
         return False
     last = state.history[-1]
-    return near(last.x, t - last.t, gap, range_rate, noise)
+    return near(last.x, t - last.t, gap, range_rate, noise, age.bridge)
 
 
-def near(x: Vector, dt: float, gap: float, range_rate: float, noise: Noise) -> bool:
+def near(x: Vector, dt: float, gap: float, range_rate: float, noise: Noise, bridge: float = BRIDGE) -> bool:
     """Could a report be of the object that was at `x` dt ago?"""
-    if dt > BRIDGE:
+    if dt > bridge:
         return False
     # comparisons with NaN are false: what the report does not say does not speak against it
     if abs(gap - (x[0] + x[1] * dt)) > ELSEWHERE + SIGMAS * noise.gap:
@@ -173,7 +191,7 @@ def near(x: Vector, dt: float, gap: float, range_rate: float, noise: Noise) -> b
 
 
 def step(
-    state: State, t: float, gap: float, range_rate: float, noise: Noise
+    state: State, t: float, gap: float, range_rate: float, noise: Noise, age: Age = USUAL
 ) -> tuple[State, list[Smoothed], bool]:
     """Take one report.
 
@@ -183,6 +201,7 @@ def step(
         gap: m; NaN if the report has none.
         range_rate: m/s; NaN if the report has none.
         noise: of the radar.
+        age: that a gap and a range rate may have.
 
     Returns:
         the next state, the reports that are now smoothed with a lag of `LAG`, and whether the target has changed
@@ -198,37 +217,39 @@ def step(
     if gap != gap and (range_rate != range_rate or not state.history):
         return state, [], False
     if not state.history:
-        return _start(t, gap, range_rate, noise), [], False
-    if not fits(state, t, gap, range_rate, noise):
-        gone = t - state.history[-1].t > BRIDGE
+        return _start(t, gap, range_rate, noise, t), [], False
+    if not fits(state, t, gap, range_rate, noise, age):
+        gone = t - state.history[-1].t > age.bridge
         if gap != gap or (not gone and state.foreign + 1 < FOREIGN_REPORTS):
             return state._replace(foreign=state.foreign + 1), [], False
-        return _start(t, gap, range_rate, noise), flush(state), True
+        return _start(t, gap, range_rate, noise, state.history[-1].rate_at), flush(state, age), True
     last = state.history[-1]
     # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
     prior, (FP, N) = expect(last.x, t - last.t), spread(last.P, t - last.t)
     x, P = update(prior, N, gap, range_rate, noise)
-    history = (*state.history, Filtered(t, x, P, prior, gain(FP, N)))
+    gap_at = t if gap == gap else last.gap_at
+    rate_at = t if range_rate == range_rate else last.rate_at
+    history = (*state.history, Filtered(t, x, P, prior, gain(FP, N), gap_at, rate_at))
     ready, old = 0, t - LAG + ROUNDING
     while history[ready].t <= old:
         ready += 1
-    out = _smooth(history, int(state.started), ready) if ready > state.started else []
+    out = _smooth(history, int(state.started), ready, age) if ready > state.started else []
     # one report that was given out stays in front: it is where the next stretch begins
     kept = history[max(ready - 1, 0) :]
     return State(kept, 0, ready > 0), out, False
 
 
-def flush(state: State) -> list[Smoothed]:
+def flush(state: State, age: Age = USUAL) -> list[Smoothed]:
     """Return the rest, smoothed with what there is: the target is gone."""
-    return _smooth(state.history, int(state.started), len(state.history))
+    return _smooth(state.history, int(state.started), len(state.history), age)
 
 
-def _smooth(history: tuple[Filtered, ...], first: int, end: int) -> list[Smoothed]:
+def _smooth(history: tuple[Filtered, ...], first: int, end: int, age: Age) -> list[Smoothed]:
     """Go back from the newest report; give out those from `first` to before `end`."""
     if end <= first:
         return []
     gap, rate, accel = history[-1].x
-    out = [Smoothed(history[-1].t, gap, rate)] if end == len(history) else []
+    out = [_given(history[-1], gap, rate, age)] if end == len(history) else []
     for k in range(len(history) - 2, first - 1, -1):
         item, later = history[k], history[k + 1]
         p, q, r = later.prior
@@ -239,6 +260,14 @@ def _smooth(history: tuple[Filtered, ...], first: int, end: int) -> list[Smoothe
         rate += g[3] * d + g[4] * e + g[5] * f
         accel += g[6] * d + g[7] * e + g[8] * f
         if k < end:
-            out.append(Smoothed(item.t, gap, rate))
+            out.append(_given(item, gap, rate, age))
     out.reverse()
     return out
+
+
+def _given(item: Filtered, gap: float, rate: float, age: Age) -> Smoothed:
+    """Leave out what the filter alone has carried on for longer than it may be old."""
+    t = item.t
+    return Smoothed(
+        t, gap if t - item.gap_at <= age.gap else NAN, rate if t - item.rate_at <= age.range_rate else NAN
+    )

@@ -112,7 +112,9 @@ def _of_signals(
     ends = np.append(over, len(chunk.t))[at]
     ordinary = np.isfinite(gap) & np.isfinite(rate) & (np.append(chunk.t, -np.inf)[ends] > t)
     if "lead_valid" in by_role:
-        ordinary &= by_role["lead_valid"].value != 0.0
+        ordinary &= by_role["lead_valid"].value == 1.0
+    else:
+        ordinary &= _valid(state, t, settings)
     events: list[tuple[int, Event]] = []
     fed = _sorted([item for item in ticks if not len(rows) or item[0] <= rows[0]])
     state, more = _one_by_one(state, fed, settings, found)
@@ -121,13 +123,15 @@ def _of_signals(
     while i < len(rows):
         stop = i + int(np.argmin(np.append(ordinary[i:], False)))
         taken = 0
-        if stop - i >= SHORTEST and (state.valid or "lead_valid" in by_role):
+        if stop - i >= SHORTEST:
             part = slice(i, stop)
             smooth, taken, smoothed = smoothing_runs.step(
-                state.smooth, t[part], gap[part], rate[part], settings.noise
+                state.smooth, t[part], gap[part], rate[part], settings.noise, settings.age
             )
             if taken:
-                state = state._replace(smooth=smooth, pending=lead.NOTHING, valid=True)
+                state = state._replace(smooth=smooth, pending=lead.NOTHING)
+                if "lead_valid" in by_role:
+                    state = state._replace(valid=1.0, valid_at=float(t[i + taken - 1]))
             if smoothed is not None:
                 _add(found, smoothed, ends[i:stop][smoothed.by], state.serial)
             i += taken
@@ -139,6 +143,14 @@ def _of_signals(
             events += more
             i = until
     return state, events
+
+
+def _valid(state: lead.State, t: Array, settings: lead.Settings) -> npt.NDArray[np.bool_]:
+    """Which reports `lead.validity` takes for valid where no `lead_valid` comes meanwhile: (n,)."""
+    age = settings.valid
+    if state.valid_at == state.valid_at and age is not None:
+        return (state.valid == 1.0) & ~(t - state.valid_at > age)
+    return np.full(len(t), lead.validity(state, 0.0, settings) == 1.0)
 
 
 def _add(found: _Found, smoothed: smoothing_runs.Smoothed, row: Ints, serial: int) -> None:

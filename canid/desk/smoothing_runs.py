@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from canid import smoothing
-from canid.smoothing import LAG, ROUNDING, Filtered, Noise, State
-from canid.types import Array
+from canid.smoothing import LAG, ROUNDING, USUAL, Age, Filtered, Noise, State
+from canid.types import NAN, Array
 
 Ints = npt.NDArray[np.int64]
 
@@ -30,7 +30,7 @@ class Smoothed(NamedTuple):
 
 
 def step(
-    state: State, t: Array, gap: Array, range_rate: Array, noise: Noise
+    state: State, t: Array, gap: Array, range_rate: Array, noise: Noise, age: Age = USUAL
 ) -> tuple[State, int, Smoothed | None]:
     """Take reports as far as they are ordinary: later than the one before, complete, of the same target.
 
@@ -40,6 +40,7 @@ def step(
         gap: (n,) m, finite.
         range_rate: (n,) m/s, finite.
         noise: of the radar.
+        age: that a gap and a range rate may have.
 
     Returns:
         The state after them, how many were taken, and what they smoothed; None where there is none.
@@ -54,11 +55,12 @@ def step(
     old = state.history
     if not old or any(a.t >= b.t for a, b in pairwise(old)):
         return state, 0, None
+    bridge = age.bridge
     last_t, x, P = old[-1].t, old[-1].x, old[-1].P
     xs, Ps, priors, FPs, Ns = [], [], [], [], []
     for at, g, r in zip(t.tolist(), gap.tolist(), range_rate.tolist(), strict=True):
         dt = at - last_t
-        if not dt > 0.0 or not smoothing.near(x, dt, g, r, noise):
+        if not dt > 0.0 or not smoothing.near(x, dt, g, r, noise, bridge):
             break
         prior = smoothing.expect(x, dt)
         FP, N = smoothing.spread(P, dt)
@@ -85,12 +87,19 @@ def step(
     smoothed = _back(X, prior_X, back, out, before + by) if len(out) else None
     first = max(end - 1, 0)
     kept = [
-        Filtered(last, xs[k], Ps[k], priors[k], tuple(back[:, before + k].tolist()))
+        Filtered(last, xs[k], Ps[k], priors[k], tuple(back[:, before + k].tolist()), last, last)
         for k, last in enumerate(t[:n].tolist())
         if k >= first - before
     ]
     after = State((*old[first:], *kept), 0, end > 0)
-    return after, n, None if smoothed is None else Smoothed(T[out], smoothed[0], smoothed[1], by)
+    if smoothed is None:
+        return after, n, None
+    # of the run itself every report has both; those before it may have gone on without
+    for k in out[out < before].tolist():
+        at = k - int(out[0])
+        smoothed[0, at] = smoothed[0, at] if old[k].t - old[k].gap_at <= age.gap else NAN
+        smoothed[1, at] = smoothed[1, at] if old[k].t - old[k].rate_at <= age.range_rate else NAN
+    return after, n, Smoothed(T[out], smoothed[0], smoothed[1], by)
 
 
 def _columns(rows: Sequence[tuple[float, ...]]) -> Any:

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from canid import clock, gate, lead
 from canid.desk import grid, lead_readings, session_time
 from canid.pipeline import sampled_roles
-from canid.smoothing import Noise
 from canid.types import TASK_INPUTS, Array, Columns, Event, Gate, Trace
 from canid.vehicle import Decoding, Vehicle
 from canid.vehicle.column_decoding import RoleReadings, column_decoder
@@ -53,8 +52,7 @@ def build(vehicle: Vehicle, dt: float) -> tuple[Callable[[], State], Step]:
     roles = sampled_roles(vehicle)
     driver = vehicle.driver
     following = driver.task == "car_following"
-    noise = Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
-    settings = lead.Settings(vehicle.lead.tracks is not None, vehicle.lead.in_path, noise)
+    settings = lead.settings_of(vehicle)
     names = TASK_INPUTS[driver.task]
 
     def init() -> State:

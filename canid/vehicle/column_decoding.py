@@ -182,10 +182,10 @@ def _message(
     """Read one message's frames."""
     message = plan.message
     frames = payloads(chunk.data[rows], chunk.length[rows])
-    frozen: Bools | None = None
+    stands: Stands | None = None
     if message.counter is not None:
         key = (message.name, message.bus)
-        life, frozen = _lives(state.lives.get(key), message.counter, frames)
+        life, stands = _lives(state.lives.get(key), message.counter, frames, chunk.t[rows])
         if life is not None:
             state = state._replace(lives={**state.lives, key: life})
     for selector, where, defined in message.selectors:
@@ -196,16 +196,17 @@ def _message(
     seen = set()
     for role in plan.roles:
         value, present = _values(role.how, role.role, frames, problems)
-        at, stood = rows, frozen
+        at, stood = rows, None if stands is None else _frozen(stands, role.stale)
         if present is not None:
             if not present.any():
                 continue
             value, at = value[present], rows[present]
-            stood = None if frozen is None else frozen[present]
+            stood = None if stood is None else stood[present]
         if stood is not None:
             value = _stale(value, stood, decoding.stale(role.role, message.name), problems)
         roles.append(RoleReadings(role.role, at, value))
         seen.add(role.role)
+    frozen = _frozen(stands, plan.stale) if stands is not None and plan.tracks else None
     for track in plan.tracks:
         tracks.append(_track(track, rows, frames, frozen, problems))
         seen.add("lead")
@@ -220,8 +221,21 @@ def _stale(value: Array, frozen: Bools, problem: str, problems: Counter[str]) ->
     return value
 
 
-def _lives(life: Life | None, counter: Bits, frames: Payloads) -> tuple[Life | None, Bools | None]:
-    """The counter after these frames, and in which of them it stood still for too long (None: in none)."""
+class Stands(NamedTuple):
+    """For how long a counter has stood still, frame by frame; 0 where it never moved, or the frame ends before it."""
+
+    still: Rows  # (n,) frames
+    age: Array  # (n,) s
+
+
+def _frozen(stands: Stands, stale: float) -> Bools | None:
+    """In which frames it has stood still for too long; None: in none."""
+    frozen = (stands.still >= FROZEN_AFTER) | (stands.age > stale)
+    return frozen if frozen.any() else None
+
+
+def _lives(life: Life | None, counter: Bits, frames: Payloads, t: Array) -> tuple[Life | None, Stands | None]:
+    """The counter after these frames, and how it stood in each of them."""
     raw, there = raws_of(counter, frames)
     long_enough = np.arange(len(raw)) if there is None else np.flatnonzero(there)
     if not long_enough.size:
@@ -237,10 +251,15 @@ def _lives(life: Life | None, counter: Bits, frames: Payloads) -> tuple[Life | N
         # the first number is no repetition of one before
         start = index
     still = np.where(latest >= 0, index - latest, index - start)
-    after = Life(raw[-1].item(), bool(latest[-1] >= 0) or (life is not None and life.moved), int(still[-1]))
-    frozen = np.zeros(len(frames.length), bool)
-    frozen[long_enough] = still >= FROZEN_AFTER
-    return after, frozen if frozen.any() else None
+    t = t[long_enough]
+    once = life is not None and life.moved
+    moved_at = np.where(latest >= 0, t[latest], life.moved_at if life is not None else 0.0)
+    age = np.where((latest >= 0) | once, t - moved_at, 0.0)
+    after = Life(raw[-1].item(), bool(latest[-1] >= 0) or once, int(still[-1]), float(moved_at[-1]))
+    stands = Stands(np.zeros(len(frames.length), np.int64), np.zeros(len(frames.length)))
+    stands.still[long_enough] = still
+    stands.age[long_enough] = age
+    return after, stands
 
 
 def _values(

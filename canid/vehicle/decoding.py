@@ -9,11 +9,13 @@ from typing import NamedTuple
 from canid.types import NAN, Event, Flag, Frame, Reading, TrackReading
 from canid.vehicle.bits import number
 from canid.vehicle.mapping import Condition, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
+from canid.vehicle.roles import QUICK
 
 Decoded = Reading | TrackReading | Event
 
 # A counter that repeats once or twice is a frame sent twice by a gateway; five at 20 Hz are a quarter of a
-# second in which the sender's program did not run.
+# second in which the sender's program did not run. A slow message is not waited for that long: what its counter has
+# said for longer than the role's `stale` is as old as a message that does not come.
 FROZEN_AFTER = 5
 NO_DATA = int(Flag.REMOTE | Flag.ERROR)
 
@@ -24,6 +26,7 @@ class Life(NamedTuple):
     last: float
     moved: bool = False
     still: int = 0
+    moved_at: float = 0.0  # s, when it last moved
 
 
 class Decoding(NamedTuple):
@@ -47,6 +50,7 @@ class Plan(NamedTuple):
     roles: tuple[RoleMap, ...]
     tracks: tuple[TrackMap, ...]
     claimed: frozenset[int]  # buses on which this id is another message
+    stale: float  # s, of the tracks' reports
 
 
 def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
@@ -90,6 +94,7 @@ def table(vehicle: Vehicle) -> dict[int, tuple[Plan, ...]]:
             tuple(role for role in vehicle.roles.values() if (role.message, role.bus) == key),
             tuple(track for track in vehicle.lead.tracks or () if (track.message, track.bus) == key),
             frozenset(bus for bus in others if bus is not None),
+            QUICK if vehicle.lead.stale is None else vehicle.lead.stale,
         )
         plans[message.id] = (*plans.get(message.id, ()), plan)
     return plans
@@ -107,13 +112,13 @@ def _step(plan: Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Deco
     bits = 8 * len(data)
     little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
     problems: list[str] = []
-    alive = True
+    still, age = 0, 0.0
     if message.counter is not None:
         raw = _raw(message.counter, little, big, bits)
         if raw is not None:
             key = (message.name, message.bus)
-            life = _life(state.lives.get(key), raw)
-            alive = life.still < FROZEN_AFTER
+            life = _life(state.lives.get(key), raw, frame.t)
+            still, age = life.still, frame.t - life.moved_at if life.moved else 0.0
             state = state._replace(lives={**state.lives, key: life})
     for selector, where, defined in message.selectors:
         raw = _raw(where, little, big, bits)
@@ -124,12 +129,13 @@ def _step(plan: Plan, state: Decoding, frame: Frame, out: list[Decoded]) -> Deco
         value = _value(role.how, role.role, little, big, bits, problems)
         if value is None:
             continue
-        if not alive and value == value:
+        if (still >= FROZEN_AFTER or age > role.stale) and value == value:
             problems.append(stale(role.role, message.name))
             value = NAN
         out.append(Reading(frame.t, role.role, value))
         if role.role not in state.seen:
             state = state._replace(seen=state.seen | {role.role})
+    alive = still < FROZEN_AFTER and not age > plan.stale
     for track in plan.tracks:
         out.append(_track(track, frame.t, alive, little, big, bits, problems))
         if "lead" not in state.seen:
@@ -222,11 +228,11 @@ def counted(state: Decoding, problems: Mapping[str, int]) -> Decoding:
     return state._replace(counters=counters)
 
 
-def _life(life: Life | None, raw: float) -> Life:
+def _life(life: Life | None, raw: float, t: float) -> Life:
     if life is None:
         return Life(raw)
     if raw != life.last:
-        return Life(raw, True)
+        return Life(raw, True, 0, t)
     return life._replace(still=life.still + 1) if life.moved else life
 
 

@@ -86,6 +86,7 @@ class LeadConfig(NamedTuple):
     # Standard deviations of one radar report, as automotive 77 GHz long-range radars are specified.
     gap_noise: float = 0.25  # m
     range_rate_noise: float = 0.12  # m/s
+    stale: float | None = None  # s; a track's report that is older is not measured; None: the usual
 
 
 class MessageMap(NamedTuple):

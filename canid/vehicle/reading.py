@@ -30,7 +30,7 @@ from canid.vehicle.schema import (
     did_you_mean,
     parse,
 )
-from canid.vehicle.tracks import resolve_tracks
+from canid.vehicle.tracks import resolve_tracks, track_age
 
 # bytes; fifty times the largest vehicle file that we know, with its comments
 LARGEST_TOML = 256_000
@@ -143,7 +143,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: P
         path=str(file),
         dbc=tuple(str(_beside(file.parent, dbc.file)) for dbc in _dbc_entries(table.get("dbc"), [])),
         roles=roles,
-        lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise),
+        lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise, track_age(lead)),
         messages=_messages(files, [*roles.values(), *(tracks or ())]),
         driver=Driver(**driver.model_dump()),
         armax=ArmaxSettings(**armax.model_dump()),
@@ -250,11 +250,11 @@ def _missing(driver: DriverSection, lead: LeadSection, signals: object) -> list[
         errors.append(f'driver.output: "{brief(driver.output)}" is not one of {", ".join(OUTPUTS)}{hint}')
     elif driver.output not in mapped:
         errors.append(f"signals.{driver.output}: is missing; it is driver.output")
-    for role in NEEDS[driver.task]:
-        if lead.tracks is not None and role in ("gap", "range_rate"):
+    for role in (*NEEDS[driver.task], *(("lead_valid",) if driver.task == "car_following" else ())):
+        if lead.tracks is not None and role in ("gap", "range_rate", "lead_valid"):
             if role in mapped:
                 errors.append(f"signals.{role}: comes already from lead.tracks; give one of them")
-        elif role not in mapped:
+        elif role not in mapped and role != "lead_valid":
             also = ", or radar tracks in [lead]" if role in ("gap", "range_rate") else ""
             errors.append(f"signals.{role}: is missing; {driver.task} needs it{also}")
     return errors

@@ -20,6 +20,8 @@ _TRACK_ROLES = {
     "valid": ROLES["lead_valid"],
     "new": Role("", "bool", "the track names another object"),
 }
+# The parts that are measured; the others say something of the same report.
+_AGED = ("distance", "rate")
 # A radar follows some ten to a hundred objects; a slip of the pen such as {0..1500000} shall not hang us.
 _MAX_TRACKS = 256
 
@@ -45,6 +47,15 @@ def resolve_tracks(
             if entry is not None
         )
         return None
+    for part, entry in entries.items():
+        if entry is None:
+            continue
+        if entry.bus is not None:
+            mistakes.errors.append(
+                f"lead.{part}.bus: a track is one message: write bus = {entry.bus} in [lead]"
+            )
+        if entry.stale is not None and part not in _AGED:
+            mistakes.errors.append(f"lead.{part}.stale: comes with lead.distance: write stale there")
     absent = [part for part in ("distance", "rate") if entries[part] is None]
     mistakes.errors.extend(f"lead.{part}: is missing; radar tracks need it" for part in absent)
     names = _track_names(lead.tracks)
@@ -57,6 +68,13 @@ def resolve_tracks(
         if len(mistakes.errors) > before:
             break  # the other tracks would only repeat it
     return tuple(track for track in tracks if track is not None) if not absent else None
+
+
+def track_age(lead: LeadSection) -> float | None:
+    """Return the age in s up to which a track's report counts; None: the file does not say."""
+    entries = [getattr(lead, part) for part in _AGED]
+    said = [entry.stale for entry in entries if entry is not None and entry.stale is not None]
+    return min(said, default=None)
 
 
 def _track_names(pattern: str) -> list[str] | str:
