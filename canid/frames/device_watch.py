@@ -34,6 +34,10 @@ class DeviceWatch:
         self._bound = False  # whether the receiving socket is bound to the device
         self._news: list[tuple[str, str]] = []
         self._controller = ""
+        # The controller's state as the latest error frame told it; an announcement that may say otherwise; whether all
+        # frames that came before the announcement was read have been read as well.
+        self._told_by_frame = ""
+        self._announced = self._drained = False
         self._netlink: socket.socket | None = None
 
     def opened(self, name: str) -> None:
@@ -47,7 +51,7 @@ class DeviceWatch:
         if found is None:
             return
         self.name = found.name
-        self._controller = _CONTROLLER.get(found.state, "")
+        self._state_is(found)
         if before is not None and before.ifindex != found.ifindex:
             was = f" (it was named {before.name} in between)" if before.name != found.name else ""
             self._tell(
@@ -79,7 +83,7 @@ class DeviceWatch:
         if not now.up:
             raise BusError(f"socketcan {now.name} is down: sudo ip link set {now.name} up")
         # a start resets the controller without an error frame
-        self._controller = _CONTROLLER.get(now.state, "")
+        self._state_is(now)
         return True
 
     def news(self) -> list[tuple[str, str]]:
@@ -89,9 +93,29 @@ class DeviceWatch:
         return out
 
     def controller(self) -> str:
-        """The controller's state as last read from the device itself, handed out once; "" nothing new."""
+        """The controller's state where the device itself tells it and no error frame did, once; "" nothing new.
+
+        The kernel announces that a controller went bus-off or came back after it has queued the error frame. Where
+        all frames were read since and none told it, that frame was dropped.
+        """
+        if self._announced and self._drained and self.device is not None:
+            self._announced = False
+            now = devices.link_of_index(self.device.ifindex)
+            if now is not None and _CONTROLLER.get(now.state, "") != self._told_by_frame:
+                self._state_is(now)
         state, self._controller = self._controller, ""
         return state
+
+    def error_frame(self, state: str) -> None:
+        """An error frame was read that tells the controller's state."""
+        self._told_by_frame = state
+
+    def drained(self) -> None:
+        """The socket is empty: every frame that came before this was read or dropped."""
+        self._drained = True
+
+    def _state_is(self, device: Device) -> None:
+        self._controller = self._told_by_frame = _CONTROLLER.get(device.state, "")
 
     def look(self) -> None:
         """Read the kernel's announcements."""
@@ -135,6 +159,8 @@ class DeviceWatch:
             )
             self.name = now.name
         self._compare(before, now)
+        if now.state in _CONTROLLER and not self._announced:
+            self._announced, self._drained = True, False
 
     def _compare(self, before: Device, now: Device) -> None:
         if now.kind != before.kind:

@@ -15,7 +15,7 @@ class BusStats(NamedTuple):
     errors: int  # error frames
     drops: int  # dropped by the kernel before we could read them; 0 where it cannot be told
     load: float  # share of the bus's time in the last second; NaN: bit rate unknown
-    controller: str  # "error_active", "error_passive", "bus_off", "rx_overflow"; "" not told
+    controller: str  # "error_active", "error_warning", "error_passive", "bus_off"; "" not told
     clock: str = "unknown"  # that stamps the frames: a name of `StampClock`, in lower case
     tec: int | None = None  # the controller's transmit error counter; None: not told
     rec: int | None = None  # its receive error counter

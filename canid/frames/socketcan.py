@@ -53,6 +53,7 @@ RECEIVE_BUFFER = 32 * 1024 * 1024
 NAP = 0.003
 
 # linux/can/error.h: classes in the id of an error frame, details in data[1], counters in data[6] and data[7]
+_ERROR_FLAG = int(Flag.ERROR)
 _ERROR_CONTROLLER, _ERROR_BUS_OFF, _ERROR_RESTARTED, _ERROR_COUNTERS = 0x04, 0x40, 0x100, 0x200
 _RX_OVERFLOW = 0x01
 # receiver's and transmitter's bit of each state, the gravest first: a frame may tell several
@@ -214,6 +215,8 @@ class SocketcanReceiver:
                 fault, self._fault = self._fault, None
                 if fault is not None:
                     raise fault from None
+                if self._device is not None:
+                    self._device.drained()
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
@@ -236,12 +239,17 @@ class SocketcanReceiver:
                 continue  # CAN XL: not asked for, not understood
             if not self._meminfo:
                 self._count(parsed.drops)
+            frame = parsed.frame
+            if frame.flags & _ERROR_FLAG and self._device is not None:
+                state = meaning(frame.id, frame.data)
+                if state:
+                    self._device.error_frame(state)
             if self.clock is not StampClock.KERNEL:
                 return self._stamped(parsed)
-            return parsed.frame
+            return frame
 
     def controller(self) -> str:
-        """The state that the device had when it was opened or came back; then error frames tell."""
+        """What the device tells of its state, and error frames do not; see `DeviceWatch.controller`."""
         return self._device.controller() if self._device else ""
 
     def _stamped(self, parsed: Parsed) -> Received:

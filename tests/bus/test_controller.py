@@ -7,6 +7,7 @@ import os
 import random
 import signal
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -190,3 +191,28 @@ def test_a_restart_is_told(tmp_path: Path, listening: Callable[..., Any]) -> Non
     assert record.end(signal.SIGTERM) == 143
     assert events(recording, *STATES.values()) == ["bus_off", "error_active", "error_passive"]
     assert len(list(open_log(recording))) == 3
+
+
+def test_bus_off_is_told_though_its_error_frame_was_dropped(
+    tmp_path: Path, adapter: Adapter, start: Callable[..., Any], until: Callable[..., Any]
+) -> None:
+    """The kernel drops the error frame since the buffer is full: the state comes from the device's announcement."""
+    recording = tmp_path / "heard.blf"
+    small = "from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 8192; "
+    words = ("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
+    program = start(
+        sys.executable, "-c", small + "from canid.cli import main; import sys; sys.exit(main())", *words
+    )
+    program.wait_for("listen-only")
+    program.process.send_signal(signal.SIGSTOP)
+    adapter.frames(range(2000))
+    until(lambda: shown(adapter.name)["stats64"]["rx"]["packets"] == 2000)
+    adapter.state("b", 256, 0)
+    program.process.send_signal(signal.SIGCONT)
+    program.wait_for("reports bus off")
+    adapter.frames(range(2000, 2010))
+    assert program.end(signal.SIGTERM) == 143, program.says()
+    frames = list(open_log(recording))
+    assert not any(frame.flags & Flag.ERROR for frame in frames)
+    assert numbers(recording)[-10:] == list(range(2000, 2010))
+    assert events(recording, *STATES.values()) == ["bus_off"]
