@@ -36,14 +36,14 @@ def born(fd: int) -> FileIdentity:
 
 def begun(identity: FileIdentity, fd: int, skip: int) -> FileIdentity:
     """The same with what stands behind byte `skip` by now. Raises OSError."""
-    data = os.pread(fd, HASHED_SIZE, skip)
+    data = _read_at(fd, HASHED_SIZE, skip)
     return identity._replace(skip=skip, length=len(data), head=_sha256(data)) if data else identity
 
 
 def closed(identity: FileIdentity, fd: int, size: int) -> FileIdentity:
     """The same with the size of `size` bytes at which it was closed. Raises OSError."""
     start = max(size - HASHED_SIZE, 0)
-    return identity._replace(size=size, tail=_sha256(os.pread(fd, size - start, start)))
+    return identity._replace(size=size, tail=_sha256(_read_at(fd, size - start, start)))
 
 
 def mismatch(identity: FileIdentity, fd: int) -> str:
@@ -72,11 +72,18 @@ def mismatch(identity: FileIdentity, fd: int) -> str:
         return "has another size"
     if not identity.inode and identity.size < 0:
         return "was not noted well enough to be recognised"
-    if _sha256(os.pread(fd, identity.length, identity.skip)) != identity.head:
+    if _sha256(_read_at(fd, identity.length, identity.skip)) != identity.head:
         return "has another beginning"
     if identity.size >= 0 and closed(identity, fd, identity.size).tail != identity.tail:
         return "has another end"
     return ""
+
+
+def _read_at(fd: int, count: int, at: int) -> bytes:
+    if hasattr(os, "pread"):
+        return os.pread(fd, count, at)
+    os.lseek(fd, at, os.SEEK_SET)  # Windows
+    return os.read(fd, count)
 
 
 def _sha256(data: bytes) -> str:
@@ -92,14 +99,14 @@ def _filesystem(fd: int) -> int:
 
 def _passing_inodes(device: int) -> bool:
     """Whether a device's file system makes up its inode numbers; False where that cannot be found out."""
-    number = f"{os.major(device)}:{os.minor(device)}"
     try:
+        number = f"{os.major(device)}:{os.minor(device)}"
         with open(_MOUNTS, encoding="utf-8", errors="replace") as mounts:
             for line in mounts:
                 fields, _, after = line.partition(" - ")
                 if fields.split()[2] == number:
                     kind = after.split()[0]
                     return kind in _PASSING_INODES or kind.startswith("fuse.")
-    except (OSError, IndexError):
+    except (OSError, IndexError, AttributeError):
         pass
     return False

@@ -79,6 +79,7 @@ class Journal:
         self._fd = -1
         self._size = 0
         self._path = Path()
+        self._findable = True
         self._new = False  # created, and nothing written yet
         self._carried = b""  # lines of a file that was deleted, for the next one
         self._checked = threading.Event()  # set: the file was looked at since `close`
@@ -191,6 +192,8 @@ class Journal:
             self._size = os.fstat(self._fd).st_size
             self._path = path
             self._new = new
+            # where inode numbers do not last, nobody can tell that it is gone
+            self._findable = whereabouts.find(self._fd, path).place is whereabouts.Place.HERE
             if not new and not _ends_with_newline(self._fd, self._size):
                 self._put(b"\n")  # a killed process left half a line
             self._put_carried()
@@ -208,6 +211,8 @@ class Journal:
             if self._fd < 0:
                 if self._carried and self._wanted is not None:
                     self._open(self._wanted)
+                return
+            if not self._findable:
                 return
             where = whereabouts.find(self._fd, self._path)
             if where.place is whereabouts.Place.MOVED:

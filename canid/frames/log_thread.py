@@ -63,7 +63,7 @@ class LogThread:
         self._began = began
         self._follow = follow
         self._series = Series(wanted, rotation, tell) if rotation else None
-        self._writer: Writer | None = self._series.open_next() if self._series else open_new(wanted)
+        self._writer: Writer | None = _first_of(self._series) if self._series else open_new(wanted)
         self._writer.lead_ns = lead_ns
         self.path = self._writer.path
         self.files = 1
@@ -133,8 +133,8 @@ class LogThread:
     @property
     def written(self) -> int:
         """Frames appended; once the recording has failed, those that a reader finds in the files."""
-        writer = self._writer
-        return self._finished_frames + (writer.frames if writer is not None else 0)
+        with self._lock:
+            return self._finished_frames + (self._writer.frames if self._writer is not None else 0)
 
     def close(self, waiting: Callable[[], object] = lambda: None) -> None:
         """Write what waits, close, and wait until it is on the disk, however long the disk takes.
@@ -145,16 +145,18 @@ class LogThread:
             self._dropped_so_far()
         self._ending.set()
         join(self._thread, waiting)
-        last, self._writer = self._writer, None
+        with self._lock:
+            last, self._writer = self._writer, None
+            self._finished_frames += last.frames if last is not None else 0
         if last is not None:
-            self._finished_frames += last.frames
             self._syncing.finish(last)
         self._syncing.end()
         join(self._syncing.thread, waiting)
         for thread in self._restoring:
             join(thread, waiting)
         if last is not None:
-            self._finished_frames -= last.frames - last.kept
+            with self._lock:
+                self._finished_frames -= last.frames - last.kept
             self.bytes = last.bytes
             if self._syncing.failed:
                 self.failed = self._syncing.failed
@@ -312,7 +314,7 @@ class LogThread:
         if folder == self._wanted.parent:
             return self._series.open_next()
         series = Series(folder / self._wanted.name, self._rotation, self._tell)
-        writer = series.open_next()
+        writer = _first_of(series)
         before, self._series = self._series, series
         before.close()
         return writer
@@ -401,6 +403,11 @@ class LogThread:
         self._leave(
             f"{where.path.name} {where.place.value} while it was being written", "recording_deleted", unsaved
         )
+        if self.failed:
+            self._lose(
+                writer.kept,
+                f"{where.path.name} {where.place.value}, and no folder takes a copy of its frames",
+            )
 
     def _unsaved_of(self, writer: Writer) -> list[Frame]:
         """Frames that were appended and are not in the file."""
@@ -499,6 +506,15 @@ class LogThread:
             self._finished_frames -= frames
         self.lost = why
         self._tell("recording_lost", why)
+
+
+def _first_of(series: Series) -> Writer:
+    """Begin the first file; a series without one holds no list."""
+    try:
+        return series.open_next()
+    except OutputError:
+        series.close()
+        raise
 
 
 def join(thread: threading.Thread, waiting: Callable[[], object]) -> None:

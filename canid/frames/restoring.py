@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
@@ -35,6 +37,7 @@ def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
     stem = path.name[: len(path.name) - len(suffix)]
     suffix = path.name[len(stem) :]
     why = ""
+    partial: Path | None = None
     for folder in (path.parent, *folders):
         for number in count(1):
             copy = folder / f"{stem}-restored{'' if number == 1 else f'-{number}'}{suffix}"
@@ -43,7 +46,19 @@ def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
             except TakenError:
                 continue
             except OutputError as error:
+                if os.path.lexists(copy):  # a full disk took some of it
+                    if partial is None:
+                        partial = copy
+                    else:
+                        _remove(copy)
                 why = why or str(error)
                 break
+            if partial is not None:
+                _remove(partial)
             return Restored(copy)
-    return Restored(None, why)
+    return Restored(None, f"{why}; what could be copied is in {partial}" if partial is not None else why)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()

@@ -82,6 +82,8 @@ class RingList:
         self._dirty = False
         self.stem, self.path, self._fd = self._locked(folder, stem)
         self._size = os.fstat(self._fd).st_size
+        # where inode numbers do not last, nobody can tell that it is gone
+        self._findable = whereabouts.find(self._fd, self.path).place is whereabouts.Place.HERE
         data = _read(self._fd)
         self._read(data)
         needed = sum(len(entry.line()) for entry in self.entries.values())
@@ -110,6 +112,8 @@ class RingList:
                 if self._dirty:
                     self._dirty = False
                     os.fsync(self._fd)
+            if not self._findable:
+                return ""
             where = whereabouts.find(self._fd, self.path)
             if where.place is whereabouts.Place.MOVED and where.path == folder / self.path.name:
                 self.path = where.path  # with its folder

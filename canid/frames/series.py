@@ -59,7 +59,7 @@ class Series:
         self._folder = wanted.parent
         self._list = RingList(self._folder, wanted.name[: len(wanted.name) - len(self._suffix)])
         self._stem = self._list.stem
-        self._fd = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC) if _BY_FOLDER else None
+        self._fd = _open_folder(self._folder) if _BY_FOLDER else None
         self._began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         self._number = 0
         self._current: Disk | None = None  # the file that this process writes
@@ -164,7 +164,8 @@ class Series:
         """Note how the current file begins, once that is written: after a kill nothing else tells it."""
         disk = self._current
         entry = self._list.entries.get(disk.path.name) if disk is not None else None
-        if disk is None or entry is None or entry.identity.head:
+        # without pread, reading would move the place at which another thread writes
+        if disk is None or entry is None or entry.identity.head or not hasattr(os, "pread"):
             return
         with contextlib.suppress(OSError, ValueError):
             identity = file_identity.begun(entry.identity, disk.fileno(), _skip(entry.name))
@@ -295,6 +296,15 @@ class Series:
             return math.inf  # somebody has taken it away
         except OSError:
             return 0.0
+
+
+def _open_folder(folder: Path) -> int:
+    # as a place only, where that is known: a folder that may not be listed is a folder
+    flags = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
+    try:
+        return os.open(folder, flags)
+    except OSError as error:
+        raise OutputError(f"cannot use the folder {folder}: {error.strerror}") from None
 
 
 def _own_names(stem: str) -> re.Pattern[str]:
