@@ -20,6 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from canid.child import command as child_command
 from canid.errors import CanidError
 from canid.types import Event, Frame
 
@@ -36,6 +37,8 @@ START = 180.0
 BACK_OFF = (0.0, 1.0, 2.0, 5.0, 10.0)
 # bytes of memory of its own that a child may have: four times what it needs; what takes more has no end
 MEMORY = 1024**3
+# s that a child which was ended by force may take to be gone
+ENDED = 1.0
 # s between looks at a child that may hang
 LOOK = 0.2
 
@@ -70,12 +73,12 @@ class Estimating:
             state: that was saved before, to go on from.
         """
         self.state = state  # the newest one
-        self._command = list(command or (sys.executable, "-m", "canid.estimating", vehicle))
+        self._command = list(command or child_command("canid.estimating", vehicle))
         self._on_output = on_output
         self._waiting: deque[Frame] = deque()
         self._wake = threading.Condition()
         self._offered = self._sent = self._done = self._dropped = self._lost = self._restarts = 0
-        self._closing = self._finished = False
+        self._closing = self._finished = self._ended = False
         self._ready = False
         self._latest = 0.0  # s, session time of the newest frame
         self._answered = time.monotonic()
@@ -102,17 +105,22 @@ class Estimating:
             self._offered, self._done - self._lost, self._dropped + self._lost, self._restarts, self._ready
         )
 
-    def close(self, timeout: float = 30.0) -> bool:
-        """Let the child finish what was offered, then end it. Returns False where it had to be killed."""
+    def close(self, timeout: float) -> bool:
+        """Let the child finish what was offered, at most `timeout` s, then end it. Returns False where it was ended.
+
+        What it did not get to is counted as dropped. A second call does nothing.
+        """
         with self._wake:
             self._closing = True
             self._wake.notify()
         self._thread.join(timeout)
         clean = not self._thread.is_alive()
-        child = self._child
-        if child is not None and child.poll() is None:
-            child.kill()
-            self._thread.join(5.0)
+        if not clean:
+            self._ended = True
+            child = self._child
+            if child is not None and child.poll() is None:
+                child.kill()
+            self._thread.join(ENDED)
         return clean
 
     # --- the threads ---
@@ -137,6 +145,8 @@ class Estimating:
                 with self._wake:
                     self._dropped += len(self._waiting)
                     self._waiting.clear()
+                if not self._ended:
+                    self._on_output(self._latest, Event(self._latest, "estimator_ended", f"the estimator: {self._why}"))
                 return
             wait = BACK_OFF[min(self._restarts, len(BACK_OFF) - 1)]
             self._restarts += 1
@@ -150,7 +160,12 @@ class Estimating:
         self._ready = False
         self._answered = time.monotonic()
         self._child = child = subprocess.Popen(
-            self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            # standard error may be a pipe that nobody reads: what has happened comes as a message
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
         )
         _bound(child.pid)
         assert child.stdin is not None
@@ -306,8 +321,8 @@ def main() -> int:
     except Exception as error:
         import traceback
 
-        traceback.print_exc()
-        say("failed", f"{type(error).__name__}: {error}")
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        say("failed", f"{type(error).__name__}: {error} ({os.path.basename(where.filename)}, line {where.lineno})")
         return 1
     return 0
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
+import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -41,29 +43,18 @@ def estimates_table(estimates: Iterable[Estimate]) -> dict[str, list[Any]]:
     return {key: [row[key] for row in rows] for key in (rows[0] if rows else ())}
 
 
-def write_table(path: str | Path, columns: Mapping[str, list[Any]], *, overwrite: bool = False) -> None:
-    """Write a table; the suffix chooses .csv or .parquet. NaN becomes an empty field or NULL.
+def csv_text(columns: Mapping[str, list[Any]]) -> str:
+    r"""A table as CSV (RFC 4180). NaN becomes an empty field.
 
-    Raises:
-        ConfigError: another suffix, or duckdb is missing.
-        OutputError: the file exists, or cannot be written.
+    Example:
+        >>> csv_text({"t": [0.0, 0.1], "gap": [12.5, float("nan")]})
+        't,gap\r\n0.0,12.5\r\n0.1,\r\n'
     """
-    path = Path(path)
-    if path.suffix not in (".csv", ".parquet"):
-        raise ConfigError(f'{path}: cannot export to "{path.suffix}"; use .csv or .parquet')
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path}: exists already; choose another name or use --force")
-    rows = zip(*([_cell(x) for x in column] for column in columns.values()), strict=True)
-    try:
-        if path.suffix == ".csv":
-            with path.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow(map(_cell, columns))
-                writer.writerows(rows)
-        else:
-            _parquet(path, columns)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(map(_cell, columns))
+    writer.writerows(zip(*([_cell(x) for x in column] for column in columns.values()), strict=True))
+    return text.getvalue()
 
 
 def _cell(x: Any) -> Any:
@@ -73,7 +64,13 @@ def _cell(x: Any) -> Any:
     return None if isinstance(x, float) and x != x else x
 
 
-def _parquet(path: Path, columns: Mapping[str, list[Any]]) -> None:
+def parquet(columns: Mapping[str, list[Any]]) -> bytes:
+    """A table as a Parquet file. NaN becomes NULL.
+
+    Raises:
+        ConfigError: duckdb is missing.
+        OutputError: there is no room for it in the folder of temporary files.
+    """
     try:
         import duckdb
     except ImportError as error:
@@ -87,10 +84,15 @@ def _parquet(path: Path, columns: Mapping[str, list[Any]]) -> None:
         else np.array(values)
         for name, values in columns.items()
     }
-    target = str(path).replace("'", "''")
-    try:
-        with duckdb.connect() as db:
-            db.register("exported", table)
-            db.execute(f"COPY exported TO '{target}' (FORMAT parquet, COMPRESSION zstd)")
-    except duckdb.IOException as error:
-        raise OutputError(f"{path}: cannot be written ({str(error).rpartition(': ')[2]})") from error
+    # duckdb writes to a path only: a folder of our own, so that it can meet no other file
+    with tempfile.TemporaryDirectory(prefix="canid-") as folder:
+        path = Path(folder) / "table.parquet"
+        target = str(path).replace("'", "''")
+        try:
+            with duckdb.connect() as db:
+                db.register("exported", table)
+                db.execute(f"COPY exported TO '{target}' (FORMAT parquet, COMPRESSION zstd)")
+            return path.read_bytes()
+        except (duckdb.IOException, OSError) as error:
+            why = str(error).rpartition(": ")[2]
+            raise OutputError(f"{folder}: the table cannot be written there ({why})") from error

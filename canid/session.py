@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
 # s between two reports on recorder and buses
 REPORT = 0.25
-# s; a bus from which nothing comes for this long is told
-SILENT = 2.0
+# s after the end of the recording that the estimators have for what still waits for them; the rest is counted
+FINISH_S = 1.5
 
 
 class World(NamedTuple):
@@ -40,6 +41,7 @@ class World(NamedTuple):
     lost: bool  # every bus is gone
     output: str  # the role that is the driver's output; "" while the estimator starts
     unsaved: str = ""  # why the estimators' state could not be saved; "": it could, or need not be
+    stopping: bool = False  # the end was asked for: what was received is being written
 
 
 class Result(NamedTuple):
@@ -59,12 +61,14 @@ def session(
     command: Sequence[str] | None = None,
     state: str | Path | None = None,
     rotation: Rotation | None = None,
+    finish: float = FINISH_S,
 ) -> Generator[Result | World, None, None]:
     """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
 
     Frames are on their way to the disk before anything else is even imported; whatever the estimators do, the
-    recording goes on. When it ends, all that was received is written, the file is closed, and the estimates that
-    were still due are given out before the last `World`.
+    recording goes on. When it ends, all that was received is written and the file is closed, with a `World` four
+    times a second meanwhile. The estimators then have `finish` s for what still waits for them, and the last `World`
+    says how many frames they did not get to.
 
     Args:
         buses: from `open_buses`; they are shut down at the end.
@@ -76,6 +80,7 @@ def session(
         state: go on from what was learnt before and saved in this file; save there every 10 s and at the end. A
             state that is damaged or does not fit is told as an `Event`, and the estimators start anew.
         rotation: record into new files by size or time, and keep as many as it says; None: one file.
+        finish: s that the estimators have, after the recording has ended, for the frames that still wait for them.
 
     Raises:
         ConfigError: the vehicle file is wrong, or the state file cannot be read.
@@ -99,15 +104,21 @@ def session(
     # the estimator takes seconds to import its mathematics; its frames wait for it
     recorder = Recorder(buses, record, estimating.put if estimating else None, rotation)
 
-    def report(*, lost: bool = False) -> World:
+    def report(*, lost: bool = False, stopping: bool = False) -> World:
         elapsed, events = time.monotonic() - began, tuple(recorder.events())
         if estimating is None:
-            return World(elapsed, recorder.stats(), None, {}, (), events, lost, "")
+            return World(elapsed, recorder.stats(), None, {}, (), events, lost, "", stopping=stopping)
         told = dict(estimating.counters), tuple(estimating.missing)
         counts, unsaved = estimating.counts(), save(estimating.state)
-        return World(elapsed, recorder.stats(), counts, *told, events, lost, estimating.output, unsaved)
+        return World(elapsed, recorder.stats(), counts, *told, events, lost, estimating.output, unsaved, stopping)
 
     recorder.start()
+    for bus in buses:
+        if not bus.listen_only.warns:  # a warning is an event of the bus itself
+            recorder.journal(Event(0.0, "listen_only", bus.listen_only.says))
+        if bus.configured_by:
+            recorder.journal(Event(0.0, "configuration", f"{bus.name}: {', '.join(bus.configured_by)}"))
+    stopping = threading.Thread(target=recorder.stop, name="canid-stop")
     lost = False
     try:
         if isinstance(vehicle, str | Path):
@@ -131,10 +142,23 @@ def session(
             _note(recorder, result)
             yield result
         lost = not recorder.alive()
-    finally:
-        recorder.stop()
+        stopping.start()
+        while stopping.is_alive():
+            stopping.join(REPORT)
+            yield report(lost=lost, stopping=True)
         if estimating is not None:
-            estimating.close()
+            closing = threading.Thread(target=estimating.close, args=(finish,), name="canid-finish")
+            closing.start()
+            while closing.is_alive():
+                closing.join(REPORT)
+                yield report(lost=lost, stopping=True)
+    finally:
+        if stopping.ident is None:
+            recorder.stop()
+        else:
+            stopping.join()
+        if estimating is not None:
+            estimating.close(finish)
             save(estimating.state)
     while not results.empty():
         result = results.get()

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import os
+import stat
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 from canid.errors import ConfigError, OutputError
+from canid.saving.sealed import ours
 
 # bytes; thirty times what a window of a minute needs. A longer file is not ours, and not worth the memory.
 LARGEST = 16_000_000
+# bytes by which a saved state is recognised
+_HEAD = 64
 
 
 def read(path: str | Path) -> bytes | None:
@@ -39,9 +44,9 @@ def try_out(path: str | Path) -> None:
     Raises:
         OutputError: it will not.
     """
-    new = _new(path)
     try:
-        os.close(os.open(new, os.O_WRONLY | os.O_CREAT))
+        handle, new = _create(path)
+        os.close(handle)
         new.unlink()
         if Path(path).exists() and not os.access(path, os.W_OK):
             raise PermissionError(0, "it is write-protected")
@@ -53,35 +58,66 @@ def write(path: str | Path, data: bytes) -> None:
     """Replace a state file: who is killed in the middle leaves the old one, whole.
 
     Raises:
-        OutputError: it cannot be written; the old one is still there.
+        OutputError: it cannot be written, or what has come under this name is no saved state; that is still there.
 
     Example:
         >>> import tempfile
         >>> path = Path(tempfile.mkdtemp()) / "driver.json"
-        >>> write(path, b"first")
-        >>> write(path, b"second")
+        >>> write(path, b'{"canid_state": 1, the first')
+        >>> write(path, b'{"canid_state": 1, the second')
         >>> read(path), [file.name for file in path.parent.iterdir()]
-        (b'second', ['driver.json'])
+        (b'{"canid_state": 1, the second', ['driver.json'])
     """
-    new = _new(path)
+    target = Path(path).resolve()  # a link stays a link
+    new = None
     try:
-        with open(new, "wb") as file:
+        handle, new = _create(path)
+        with open(handle, "wb") as file:
             file.write(data)
             file.flush()
             # before the name: else a power cut can leave the new name on blocks that were never written
             os.fsync(file.fileno())
-        os.replace(new, Path(path).resolve())
-        _settle(new.parent)
+        if not _replaceable(target):
+            raise OutputError(f"{path}: exists and is no saved state: it is left as it is")
+        os.replace(new, target)
+        new = None
+        _settle(target.parent)
     except OSError as error:
-        with suppress(OSError):
-            new.unlink()
         raise _unwritable(path, error) from error
+    finally:
+        if new is not None:
+            with suppress(OSError):
+                new.unlink()
 
 
-def _new(path: str | Path) -> Path:
-    """Name the file beside it, always the same: what a kill leaves there is overwritten by the next saving."""
-    target = Path(path).resolve()  # a link stays a link
-    return target.with_name(f".{target.name}.new")
+def _replaceable(target: Path) -> bool:
+    """Whether what stands under the name is a saved state, nothing at all, or an empty file."""
+    try:
+        found = os.lstat(target)
+        if not stat.S_ISREG(found.st_mode):
+            return False
+        with open(target, "rb") as file:
+            return ours(file.read(_HEAD))
+    except FileNotFoundError:
+        return True
+
+
+def _create(path: str | Path) -> tuple[int, Path]:
+    """Create the file beside it that will take its place; always the same name, unless that is a foreign file's.
+
+    What a kill has left there is deleted. A link, or a file that is no saved state, is never written to or deleted.
+    """
+    target = Path(path).resolve()
+    for number in count():
+        new = target.with_name(f".{target.name}{number or ''}.new")
+        while True:
+            try:
+                return os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), new
+            except FileExistsError:
+                if not _replaceable(new):
+                    break
+                new.unlink(missing_ok=True)
+    raise AssertionError("unreachable")
 
 
 def _settle(folder: Path) -> None:

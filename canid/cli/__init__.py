@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -12,8 +11,10 @@ from importlib import import_module
 from typing import NoReturn
 
 from canid import __version__
+from canid.cli import streams
 from canid.cli.interrupt import Ended, ending
-from canid.errors import NOT_WRITTEN, USAGE, CanidError, ConfigError
+from canid.cli.talk import talk, tell
+from canid.errors import DONE, NOT_WRITTEN, USAGE, CanidError, ConfigError
 
 # verb, one line for `canid --help`; the module canid.cli.<verb> has `arguments(parser)` and `run(args) -> int`.
 # It is imported only when its verb is called: start-up stays under 0.1 s, and recording starts before the
@@ -61,43 +62,49 @@ class Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     args = list(sys.argv[1:] if argv is None else argv)
+    with streams.installed() as standard:
+        code, head = _answered(args)
+    lost = [stream for stream in standard if stream.lost]
+    # whoever closes the pipe of a table (head, a pager) has had enough; all else that was not written is a loss
+    return NOT_WRITTEN if lost and code in LOSABLE and not head else code
+
+
+# codes of a command that has done its work, and says by NOT_WRITTEN that not all of its output was taken
+LOSABLE = (DONE, 129, 130, 143)
+
+
+def _answered(args: list[str]) -> tuple[int, bool]:
+    """Run one command; returns its exit code, and whether the reader of its output has left it."""
+    try:
+        with ending():
+            return _run(args), False
+    except CanidError as error:
+        talk(str(error))
+        return error.exit_code, False
+    except KeyboardInterrupt as error:
+        talk("interrupted")
+        return error.code if isinstance(error, Ended) else 130, False
+    except BrokenPipeError:
+        return DONE, True
+    except OSError as error:
+        talk(f"{error.filename or 'standard output'}: {error.strerror}")
+        return NOT_WRITTEN, False
+
+
+def _run(args: list[str]) -> int:
     if not args or args[0] in ("-h", "--help", "help"):
-        print(usage(), end="")
-        return 0 if args else USAGE
+        for line in usage().splitlines():
+            tell(line)
+        return DONE if args else USAGE
     if args[0] in ("-V", "--version"):
-        print(f"canid {__version__}")
-        return 0
+        tell(f"canid {__version__}")
+        return DONE
     names = [name for name, _ in VERBS]
     if args[0] not in names:
         close = get_close_matches(args[0], names, n=1)
-        hint = f'; did you mean "{close[0]}"?' if close else "; `canid --help` lists the verbs"
-        print(f'canid: no verb "{args[0]}"{hint}', file=sys.stderr)
-        return USAGE
+        hint = f'did you mean "{close[0]}"?' if close else "`canid --help` lists the verbs"
+        raise ConfigError(f'no verb "{args[0]}"; {hint}')
     module = import_module(f"canid.cli.{args[0]}")
     parser = Parser(prog=f"canid {args[0]}", description=dict(VERBS)[args[0]])
     module.arguments(parser)
-    try:
-        with ending():
-            code = module.run(parser.parse_args(args[1:]))
-        sys.stdout.flush()
-        return int(code)
-    except CanidError as error:
-        print(f"canid: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt as error:
-        print("canid: interrupted", file=sys.stderr)
-        return error.code if isinstance(error, Ended) else 130
-    except BrokenPipeError:
-        # the reader of our output (head, a pager) has had enough
-        _forget_output()
-        return 0
-    except OSError as error:
-        if error.filename is None:
-            _forget_output()
-        print(f"canid: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
-        return NOT_WRITTEN
-
-
-def _forget_output() -> None:
-    """What stdout could not take must not be flushed again at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    return int(module.run(parser.parse_args(args[1:])))

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, progress
+from canid.cli import options, outputs, progress
+from canid.cli.talk import talk, teller
 from canid.errors import CHECK_FAILED, DAMAGED, DONE
 from canid.types import Frame
 
@@ -40,9 +41,10 @@ def run(args: argparse.Namespace) -> int:
     from canid.logs import nothing_read
     from canid.vehicle import read_vehicle
 
+    outputs.check([options.json_output(args)], options.read_by(args))
     vehicle = read_vehicle(args.vehicle) if args.vehicle else None
     for warning in vehicle.warnings if vehicle else ():
-        options.talk(warning)
+        talk(warning)
     if not args.log and not named(args):
         return alone(args, vehicle)
     log = open_log(args.log) if args.log else None
@@ -58,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
         raise nothing_read(args.log, 0.0, float("inf"), log.damage)
     say(args, text, told)
     if log and log.damage:
-        options.talk(log.damage.says)
+        talk(log.damage.says)
         return DAMAGED
     return CHECK_FAILED if problems else DONE
 
@@ -96,9 +98,10 @@ def say(args: argparse.Namespace, text: list[str], told: dict[str, Any]) -> None
     """Print the lines, and write the JSON."""
     from canid.views.as_json import line
 
+    tell = teller(args.json)
     for each in text:
-        (options.talk if args.json == "-" else print)(each)
-    with options.sink(args.json) as sink:
+        tell(each)
+    with outputs.opened(options.json_output(args)) as sink:
         if sink is not None:
             sink.write(line(told) + "\n")
 

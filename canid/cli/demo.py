@@ -8,9 +8,12 @@ import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from canid.cli import options, sessions
+from canid.cli import options, output_kinds, outputs, sessions
 from canid.cli.interrupt import Interrupt
-from canid.errors import CHECK_FAILED, DONE, OutputError
+from canid.cli.outputs import Output
+from canid.cli.simulate import check_log, declared, write
+from canid.cli.talk import talk, teller
+from canid.errors import CHECK_FAILED, DONE
 from canid.types import Channel, Identifiable, Interval
 from canid.views import words
 from canid.views.screen import View
@@ -51,13 +54,17 @@ def run(args: argparse.Namespace) -> int:
     truth = json.loads(log.with_name(f"{LOG}.truth.json").read_text(encoding="utf-8"))["channels"]
     out = Path(args.output)
     out.mkdir(parents=True, exist_ok=True)
+    json_file = options.json_output(args)
+    recording = Output("-o", str(out / "demo.blf"), output_kinds.RECORDING)
+    hidden = declared(out / "hidden.blf", force=True)
+    report = Output("-o", str(out / "report.html"), output_kinds.PAGE)
+    outputs.check([json_file, recording, *hidden, report])
+    check_log(hidden[0])
     bus = {"interface": "virtual", "channel": CHANNEL}
     known = tuple((words.INPUT_WORDS[name], _truth(of)) for name, of in truth.items())
-    options.talk(
-        f"{log.name}, a simulated drive of 3 minutes, on a virtual bus, {args.speed:g} times as fast"
-    )
+    talk(f"{log.name}, a simulated drive of 3 minutes, on a virtual bus, {args.speed:g} times as fast")
     for name, values in known:
-        options.talk(f"truth: {name}: {values}")
+        talk(f"truth: {name}: {values}")
     with Interrupt() as stop:
         buses = open_buses([{**bus, "preserve_timestamps": True}])
         ended = threading.Event()
@@ -73,53 +80,50 @@ def run(args: argparse.Namespace) -> int:
             buses,
             "generic",
             view,
-            record=str(out / "demo.blf"),
+            record=recording.path,
             duration=None,
-            json=args.json,
+            json=json_file,
             stop=lambda: stop() or ended.is_set(),
         )
     if stop():
         return stop.code
     told = {name: e.channels for name, e in tally.last_ok.items()}
-    tell = options.talk if args.json == "-" else print
+    tell = teller(args.json)
     hits = [line for name, channels in told.items() for line in compare(name, channels, truth)]
     for line in hits:
         tell(line)
-    report = diagnosed(out, tell)
-    tell(f"open {report} for the whole diagnosis")
+    diagnosed(hidden, report, tell)
+    tell(f"open {report.path} for the whole diagnosis")
     tell("next: canid replay replay_logs/following_urban.blf --vehicle generic")
     tell("      canid check YOUR.blf            what is in your own log")
     tell("      canid init YOUR.dbc             a vehicle file for your own car")
     return code or (DONE if told else CHECK_FAILED)
 
 
-def diagnosed(out: Path, tell: Callable[[str], None]) -> Path:
+def diagnosed(hidden: tuple[Output, Output], report: Output, tell: Callable[[str], None]) -> None:
     """Hide a cause in a simulated drive, log it, diagnose the log, and write the report."""
     from canid.cli.provenance import provenance
     from canid.diagnosis.diagnosing import diagnose
-    from canid.frames import write_log
     from canid.logs import read_trace
-    from canid.simulation import START_UTC, frames, simulate
+    from canid.simulation import simulate
     from canid.vehicle import read_vehicle
     from canid.views import diagnosed as shown
     from canid.views.report import page
 
-    options.talk("and now a drive of 5 minutes that hides something; canid diagnoses its log")
+    talk("and now a drive of 5 minutes that hides something; canid diagnoses its log")
     vehicle = read_vehicle("generic")
     simulation = simulate(minutes=5, seed=HIDDEN_SEED, profile="urban", hide={HIDDEN: ()})
-    log, report = out / "hidden.blf", out / "report.html"
-    write_log(log, frames(simulation, vehicle), START_UTC, overwrite=True)
+    log = hidden[0].path
+    write(*hidden, simulation, vehicle)
     told = diagnose(read_trace(log, vehicle))
     again = f"canid diagnose {log} --vehicle generic --report"
-    told = told._replace(provenance=provenance(str(log), vehicle, again))
-    for line in shown.text(told, str(log), vehicle.name)[:6]:
+    told = told._replace(provenance=provenance(log, vehicle, again))
+    for line in shown.text(told, log, vehicle.name)[:6]:
         tell(line)
     tell(f"hidden was: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
-    try:
-        report.write_text(page(told), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{report}: cannot be written ({error.strerror})") from error
-    return report
+    with outputs.opened(report) as file:
+        if file is not None:
+            file.write(page(told))
 
 
 def _truth(of: dict[str, float]) -> str:

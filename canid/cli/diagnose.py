@@ -7,7 +7,9 @@ import shlex
 from collections import Counter
 from pathlib import Path
 
-from canid.cli import options, progress
+from canid.cli import options, output_kinds, outputs, progress
+from canid.cli.outputs import Output
+from canid.cli.talk import talk, teller
 from canid.errors import CHECK_FAILED, DAMAGED, DONE, ConfigError
 
 # so that `--report LOG` (a name forgotten, the log taken for it) never writes over a log
@@ -45,16 +47,19 @@ def run(args: argparse.Namespace) -> int:
     from canid.frames import open_log
     from canid.vehicle import read_vehicle
     from canid.views import as_json, diagnosed, summary
-    from canid.views.report import page
+    from canid.views.report import page as written
 
     pages = report_names(args.logs, args.report)
+    json = options.json_output(args)
+    reports = {log: Output("--report", page, output_kinds.PAGE) for log, page in pages.items()}
+    outputs.check([json, *reports.values()], options.read_by(args))
     vehicle = read_vehicle(args.vehicle)
     for warning in vehicle.warnings:
-        options.talk(warning)
-    tell = options.talk if args.json == "-" else print
+        talk(warning)
+    tell = teller(args.json)
     objects = []
     damaged = inadequate = False
-    with options.sink(args.json) as sink:
+    with outputs.opened(json) as sink:
         for k, path in enumerate(args.logs):
             bar = progress.Progress(f"reading {path}")
             log = open_log(path)
@@ -80,13 +85,13 @@ def run(args: argparse.Namespace) -> int:
                 tell(line)
             objects.append(diagnosed.to_json(report, path, vehicle.name))
             # last: what was there is replaced only by a whole page, and a verdict is not lost with a full disk
-            with options.sink(pages.get(path)) as file:
+            with outputs.opened(reports.get(path)) as file:
                 if file is not None:
-                    file.write(page(report))
-                    options.talk(f"{pages[path]} written")
+                    file.write(written(report))
+                    talk(f"{pages[path]} written")
             found = drive.health
             for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-                options.talk(line)
+                talk(line)
             damaged |= bool(found.damage or found.back_in_time)
             inadequate |= report.verdict is not Verdict.ADEQUATE
         if sink is not None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from canid.cli import options, progress
+from canid.cli import options, output_kinds, outputs, progress
+from canid.cli.outputs import Output
+from canid.cli.talk import talk
 from canid.errors import DAMAGED, DONE
 
 
@@ -35,10 +37,14 @@ def run(args: argparse.Namespace) -> int:
     from canid.views import as_json, summary
 
     name = args.output or str(Path(args.log).with_suffix(""))
-    paths = {what: f"{name}.{what}.{args.to}" for what in ("samples", "estimates")}
-    for path in paths.values():
-        # before the log is read: that may take minutes
-        options.refuse_to_overwrite(path, force=args.force)
+    kind = output_kinds.PARQUET if args.to == "parquet" else output_kinds.CSV
+    tables = {
+        what: Output("-o", f"{name}.{what}.{args.to}", kind, replace=args.force)
+        for what in ("samples", "estimates")
+    }
+    json = options.json_output(args)
+    # before the log is read: that may take minutes
+    outputs.check([json, *tables.values()], options.read_by(args))
     log = open_log(args.log)
     bar = progress.Progress(f"reading {args.log}")
     try:
@@ -47,20 +53,21 @@ def run(args: argparse.Namespace) -> int:
         )
     finally:
         bar.close()
-    tables = {
+    columns = {
         "samples": export.samples_table(drive.trace),
         "estimates": export.estimates_table(drive.estimates),
     }
     written = []
-    with options.sink(args.json) as sink:
-        for what, table in tables.items():
-            export.write_table(paths[what], table, overwrite=args.force)
-            rows = len(next(iter(table.values()), ()))
-            written.append({"path": paths[what], "rows": rows, "columns": list(table)})
-            options.talk(f"{paths[what]}: {rows:,} rows, {len(table)} columns")
+    with outputs.opened(json) as sink:
+        for what, table in columns.items():
+            with outputs.opened_file(tables[what]) as file:
+                file.write(export.parquet(table) if args.to == "parquet" else export.csv_text(table))
+            path, rows = tables[what].path, len(next(iter(table.values()), ()))
+            written.append({"path": path, "rows": rows, "columns": list(table)})
+            talk(f"{path}: {rows:,} rows, {len(table)} columns")
         if sink is not None:
             sink.write(as_json.line(written) + "\n")
     found = drive.health
     for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-        options.talk(line)
+        talk(line)
     return DAMAGED if found.damage or found.back_in_time else DONE

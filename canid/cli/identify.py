@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from canid.cli import options, progress
+from canid.cli import options, outputs, progress
+from canid.cli.talk import talk, teller
 from canid.errors import DAMAGED, DONE
 
 
@@ -24,13 +25,15 @@ def run(args: argparse.Namespace) -> int:
     from canid.vehicle import read_vehicle
     from canid.views import as_json, identified, summary
 
+    json = options.json_output(args)
+    outputs.check([json], options.read_by(args))
     vehicle = read_vehicle(args.vehicle)
     for warning in vehicle.warnings:
-        options.talk(warning)
-    tell = options.talk if args.json == "-" else print
+        talk(warning)
+    tell = teller(args.json)
     objects = []
     code = DONE
-    with options.sink(args.json) as sink:
+    with outputs.opened(json) as sink:
         for path in args.logs:
             log = open_log(path)
             bar = progress.Progress(f"reading {path}")
@@ -52,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
             objects.append(identified.to_json(told, path, vehicle.name))
             found = drive.health
             for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-                options.talk(line)
+                talk(line)
             code = DAMAGED if found.damage or found.back_in_time else code
         if sink is not None:
             sink.write(as_json.line(objects[0] if len(objects) == 1 else objects) + "\n")

@@ -6,7 +6,9 @@ import argparse
 import tomllib
 from pathlib import Path
 
-from canid.cli import options
+from canid.cli import options, output_kinds, outputs
+from canid.cli.outputs import Output
+from canid.cli.talk import talk, tell
 from canid.errors import DONE
 
 
@@ -25,17 +27,21 @@ def run(args: argparse.Namespace) -> int:
     from canid.vehicle import propose
     from canid.views import as_json
 
+    json = options.json_output(args)
+    file = Output("-o", args.output, output_kinds.VEHICLE, replace=args.force) if args.output else None
+    outputs.check([json, file], options.read_by(args))
     # paths in it are relative to where it will be; what is printed is redirected to a file here, if anywhere
     text = propose(args.dbc, Path(args.output).parent if args.output else ".")
-    toml = args.output or ("-" if args.json != "-" else None)
-    with options.sink(toml, overwrite=args.force) as sink:
-        if sink is not None:
-            sink.write(text)
-    with options.sink(args.json) as sink:
+    if args.output:
+        with outputs.opened(file) as sink:
+            if sink is not None:
+                sink.write(text)
+    elif args.json != "-":
+        for line in text.splitlines():
+            tell(line)
+    with outputs.opened(json) as sink:
         if sink is not None:
             sink.write(as_json.line({"files": args.dbc, "proposed": tomllib.loads(text)}) + "\n")
     if args.output:
-        options.talk(
-            f"{args.output} written: read its comments, then `canid check --vehicle {args.output} LOG`"
-        )
+        talk(f"{args.output} written: read its comments, then `canid check --vehicle {args.output} LOG`")
     return DONE

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from canid.cli import streams
+
 # what a terminal, a service manager and a closed ssh session send
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -28,6 +30,8 @@ class Interrupt:
     def __enter__(self) -> Interrupt:
         """Listen for the signals."""
         for number in SIGNALS:
+            if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                continue  # started by nohup: a terminal that closes shall not end it
             self._before[number] = signal.signal(number, self._note)
         return self
 
@@ -58,15 +62,20 @@ class Ended(KeyboardInterrupt):
 
 @contextmanager
 def ending() -> Iterator[None]:
-    """Verbs without a loop that asks `Interrupt` end like this on SIGTERM and SIGHUP."""
+    """Verbs without a loop that asks `Interrupt` end like this on SIGTERM, SIGHUP and Ctrl-C.
+
+    A signal that whoever started the command has switched off (nohup, a shell's background) stays switched off.
+    """
 
     def end(number: int, _: FrameType | None) -> None:
-        raise Ended(number)
+        streams.hurry()  # what is still said on the way out waits for no reader
+        raise KeyboardInterrupt if number == signal.SIGINT else Ended(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield  # Python lets the main thread alone set handlers
         return
-    before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGHUP)}
+    usual = (signal.SIG_DFL, signal.default_int_handler)
+    before = {number: signal.signal(number, end) for number in SIGNALS if signal.getsignal(number) in usual}
     try:
         yield
     finally:

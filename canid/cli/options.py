@@ -5,13 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 import re
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
-from canid.errors import OutputError
+from canid.cli import output_kinds
+from canid.cli.outputs import Output
 
 if TYPE_CHECKING:
     from canid.frames.rotation import Rotation
@@ -83,13 +80,21 @@ def rotation_of(args: argparse.Namespace) -> Rotation | None:
 
 
 def json_file(parser: argparse.ArgumentParser) -> None:
-    """--json; what was there is replaced."""
-    parser.add_argument("--json", metavar="FILE", help='the same numbers as JSON; "-" is standard output')
+    """--json; JSON text that was there is replaced."""
+    parser.add_argument(
+        "--json",
+        metavar="FILE",
+        help='the same numbers as JSON; "-" is standard output; replaces JSON text only',
+    )
 
 
 def force(parser: argparse.ArgumentParser) -> None:
     """--force."""
-    parser.add_argument("--force", action="store_true", help="overwrite files that exist")
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="replace files that exist, if canid has written files of their kind",
+    )
 
 
 def part(parser: argparse.ArgumentParser) -> None:
@@ -199,53 +204,12 @@ def speed(text: str) -> float:
     return value
 
 
-def refuse_to_overwrite(path: str | Path, *, force: bool) -> None:
-    """Raise OutputError for a file that exists, unless forced; a device or pipe may be written to."""
-    if Path(path).is_file() and not force:
-        raise OutputError(f"{path}: exists already; choose another name or use --force")
+def json_output(args: argparse.Namespace) -> Output | None:
+    """The file of --json: JSON text that was there is replaced, nothing else is."""
+    return None if args.json is None else Output("--json", args.json, output_kinds.JSON)
 
 
-@contextmanager
-def sink(name: str | None, *, overwrite: bool = True) -> Iterator[TextIO | None]:
-    """The file that --json names; "-" is standard output, None is none.
-
-    A command that fails before it has written anything leaves no empty file behind.
-
-    Raises:
-        OutputError: it exists already and may not be overwritten, or cannot be written.
-    """
-    if name is None or name == "-":
-        yield sys.stdout if name else None
-        return
-    path = Path(name)
-    existed = path.exists()
-    refuse_to_overwrite(path, force=overwrite)
-    try:
-        file = path.open("w", encoding="utf-8")
-    except OSError as error:
-        raise _unwritable(name, error) from error
-    try:
-        yield file
-    except BaseException:
-        # what is in it stays, and an error of the file itself comes up again here
-        _close(file, name)
-        if not existed and path.is_file() and path.stat().st_size == 0:
-            path.unlink()
-        raise
-    _close(file, name)
-
-
-def _close(file: TextIO, name: str) -> None:
-    try:
-        file.close()
-    except OSError as error:
-        raise _unwritable(name, error) from error
-
-
-def _unwritable(name: str, error: OSError) -> OutputError:
-    return OutputError(f"{name}: cannot be written ({error.strerror})")
-
-
-def talk(text: str) -> None:
-    """Say something to the user, on standard error."""
-    print(f"canid: {text}", file=sys.stderr, flush=True)
+def read_by(args: argparse.Namespace) -> list[str]:
+    """All files that the command line names for reading, for `outputs.check`."""
+    named = [getattr(args, name, None) for name in ("log", "logs", "vehicle", "dbc")]
+    return [each for value in named if value for each in (value if isinstance(value, list) else [value])]

@@ -6,7 +6,9 @@ import argparse
 import math
 from typing import Any
 
-from canid.cli import options, progress
+from canid.cli import options, output_kinds, outputs, progress
+from canid.cli.outputs import Output
+from canid.cli.talk import talk
 from canid.errors import DAMAGED, DONE
 from canid.frames.recovery import Recovered
 
@@ -30,20 +32,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Recover."""
-    from canid.frames.recovery import recover
+    from canid.frames.recovery import recover, recovered_path
     from canid.views import as_json
 
+    json = options.json_output(args)
+    copy = Output("-o", args.output or str(recovered_path(args.log)), output_kinds.RECORDING)
+    outputs.check([json, copy], options.read_by(args))
     bar = progress.Progress(f"reading {args.log}")
-    with options.sink(args.json) as sink:
+    with outputs.opened(json) as sink:
         try:
             found = recover(args.log, args.output, bar.to)
         finally:
             bar.close()
-        options.talk(found.damage.says if found.damage else f"read {found.frames} frames, nothing damaged")
+        talk(found.damage.says if found.damage else f"read {found.frames} frames, nothing damaged")
         events = f", {found.events} of the recorder's events" if found.events else ""
-        options.talk(f"{found.path}: {found.frames} frames{events}")
+        talk(f"{found.path}: {found.frames} frames{events}")
         if found.others:
-            options.talk(f"{found.others} objects that are no CAN frames are not in the copy")
+            talk(f"{found.others} objects that are no CAN frames are not in the copy")
         if sink is not None:
             sink.write(as_json.line(told(args.log, found)) + "\n")
     return DAMAGED if found.damage else DONE

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import time
 
-from canid.cli import options, show
+from canid.cli import options, output_kinds, outputs, show
+from canid.cli.outputs import Output
+from canid.cli.talk import talk, teller
 from canid.errors import DAMAGED, DONE, ConfigError
 from canid.types import Estimate, Event, Sample, Screened
 from canid.views.screen import BusLine, View
@@ -39,22 +41,25 @@ def run(args: argparse.Namespace) -> int:
     from canid.vehicle import read_vehicle
     from canid.views import summary
 
+    json = options.json_output(args)
+    state = Output("--state", args.state, output_kinds.STATE) if args.state else None
+    outputs.check([json, state], options.read_by(args))
     vehicle = read_vehicle(args.vehicle)
     for warning in vehicle.warnings:
-        options.talk(warning)
+        talk(warning)
     log = open_log(args.log)
     view = View(f"canid replay · {log.path.name} · {vehicle.name}", output=vehicle.driver.output)
     tally = summary.Tally()
     events: list[Event] = []
-    state, frames, last = None, 0, 0.0
+    reached, frames, last = None, 0, 0.0
     speed = args.speed or float("inf")
-    with options.sink(args.json) as sink:
+    with outputs.opened(json) as sink:
         screen = show.display(view, json=args.json)
         began = time.monotonic()
         steps = logs.run(log, vehicle, start=args.start, stop=args.stop, keep=args.state)
         try:
             for after, frame, out in steps:
-                state = after
+                reached = after
                 if frames == 0:
                     began -= frame.t / speed
                 frames += 1
@@ -80,16 +85,16 @@ def run(args: argparse.Namespace) -> int:
         if not frames:
             # inside: so that no empty JSON file is left
             raise logs.nothing_read(args.log, args.start, args.stop, log.damage)
-    found = logs.health(log, vehicle, state, frames, last, events)
+    found = logs.health(log, vehicle, reached, frames, last, events)
     if not found.mapped:
         raise logs.nothing_mapped(args.log, vehicle, frames)
-    tell = options.talk if args.json == "-" else print
+    tell = teller(args.json)
     tell("")
     tell(f"{args.log}: {last:.1f} s, {frames:,} frames, vehicle {vehicle.name}")
     for line in summary.estimates(tally):
         tell(line)
     for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-        options.talk(line)
+        talk(line)
     return DAMAGED if found.damage or found.back_in_time else DONE
 
 
@@ -98,9 +103,15 @@ def onto(args: argparse.Namespace) -> int:
     from canid.frames import open_log
     from canid.frames.send import onto as send
     from canid.logs import window
+    from canid.views import as_json
 
+    json = options.json_output(args)
+    outputs.check([json], options.read_by(args))
     log = open_log(args.log)
     frames = window(log, args.start, args.stop)
-    sent = send(args, frames, speed=args.speed or 1.0, arm=args.arm)
-    options.talk(f"{sent:,} frames of {args.log} sent")
+    with outputs.opened(json) as sink:
+        sent = send(args, frames, speed=args.speed or 1.0, arm=args.arm)
+        if sink is not None:
+            sink.write(as_json.line({"log": args.log, "sent": sent}) + "\n")
+    talk(f"{sent:,} frames of {args.log} sent")
     return DAMAGED if log.damage else DONE

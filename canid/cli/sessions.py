@@ -7,8 +7,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from typing import Any
 
-from canid.cli import options, show
+from canid.cli import options, output_kinds, outputs, show, streams
 from canid.cli.interrupt import Interrupt
+from canid.cli.outputs import DetachedOutput, Output, StandardOutput, TextOutput
+from canid.cli.talk import talk, teller
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.frames.bus import ReceiveOnlyBus
 from canid.frames.rotation import Rotation
@@ -19,6 +21,8 @@ from canid.views.screen import BusLine, View
 
 # s after which a mapped signal that never came is told: slow messages come once a second
 MISSED = 5.0
+# s that the end of a session waits for a reader of --json who does not read
+PATIENCE = 0.5
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,9 +47,18 @@ def run(
     from canid.frames.command_line import configs_of
 
     with Interrupt() as stop:  # before the first word: who reads it may send a signal
+        json = options.json_output(args)
+        option = "--record" if vehicle else "-o"
+        recording = Output(option, record, output_kinds.RECORDING) if record else None
+        kept = Output("--state", state, output_kinds.STATE) if state else None
+        outputs.check([recording, kept, json], options.read_by(args))
+        streams.detach()
         buses = open_buses(configs_of(args))
         for bus in buses:
-            options.talk(bus.listen_only.says)
+            if not bus.listen_only.warns:  # a warning comes as an event, and stays in the view
+                talk(bus.listen_only.says)
+            if bus.configured_by:
+                talk(f"{bus.name}: configured by {', '.join(bus.configured_by)}")
         title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])
         code, _ = watch(
             buses,
@@ -54,7 +67,7 @@ def run(
             record=record,
             state=state,
             duration=args.duration,
-            json=args.json,
+            json=json,
             stop=stop,
             rotation=rotation,
         )
@@ -68,82 +81,91 @@ def watch(
     *,
     record: str | None,
     duration: float | None,
-    json: str | None,
+    json: Output | None,
     stop: Callable[[], bool],
     state: str | None = None,
     rotation: Rotation | None = None,
 ) -> tuple[int, summary.Tally]:
     """Show a session until it ends; returns the exit code and what was estimated.
 
-    A view or a JSON file that cannot be written ends a session that only looks, never one that records.
+    Nothing that is shown or said is waited for (`streams.detach`, `DetachedOutput`). An output that cannot be written
+    ends a session that only looks, never one that records.
     """
+    streams.detach()
     tally = summary.Tally()
     last: World | None = None
-    blind = False
+    blind = ""
     with ExitStack() as stack:
         for bus in buses:
             stack.callback(bus.shutdown)
-        sink = stack.enter_context(options.sink(json))
-        screen = show.display(view, json=json)
+        file = DetachedOutput(json) if json is not None and not json.stdout else None
+        if file is not None:
+            stack.callback(file.finish, PATIENCE)  # what an error leaves behind
+        sink: TextOutput | None = file or (StandardOutput() if json is not None else None)
+        screen = show.display(view, json="-" if json is not None and json.stdout else None)
 
         def put(item: Result | World) -> None:
             if isinstance(item, World):
                 for event in item.events:
                     screen.put(event)
-                screen.lines(lines(item), item.output)
+                warnings = [
+                    BusLine(bus.listen_only.says, wrong=True) for bus in buses if bus.listen_only.warns
+                ]
+                screen.lines([*lines(item), *warnings], item.output)
                 return
             screen.put(item.item)
             if isinstance(item.item, Estimate | Screened):
                 show.write_json(sink, item.item)
-                if sink is not None:
-                    sink.flush()
 
-        told = session(
-            buses,
-            vehicle,
-            record=record,
-            duration=duration,
-            stopped=stop,
-            state=state,
-            rotation=rotation,
+        running = stack.enter_context(
+            closing(
+                session(
+                    buses,
+                    vehicle,
+                    record=record,
+                    duration=duration,
+                    stopped=stop,
+                    state=state,
+                    rotation=rotation,
+                )
+            )
         )
-        with closing(told) as running:
-            try:
-                for item in running:
-                    if isinstance(item, World):
-                        last = item
-                    elif isinstance(item.item, Estimate):
-                        tally.put(item.item)
-                    if blind:
-                        continue
-                    try:
-                        put(item)
-                    except Exception as error:  # a terminal that is gone, a number that cannot be shown
-                        if not record:
-                            raise
-                        blind = True
-                        why = (
-                            error.strerror
-                            if isinstance(error, OSError)
-                            else f"{type(error).__name__}: {error}"
-                        )
-                        options.talk(f"output cannot be written ({why}); the recording goes on")
-            finally:
-                if not blind:
-                    screen.close()
+        try:
+            for item in running:
+                if isinstance(item, World):
+                    last = item
+                elif isinstance(item.item, Estimate):
+                    tally.put(item.item)
+                if not record and (error := (file and file.error) or streams.standard_output_error()):
+                    raise error
+                if blind:
+                    continue
+                try:
+                    put(item)
+                except Exception as error:  # a number that cannot be shown
+                    if not record:
+                        raise
+                    blind = f"{type(error).__name__}: {error}"
+                    talk(f"output cannot be written ({blind}); the recording goes on")
+        finally:
+            if not blind:
+                screen.close()
         assert last is not None
-        if sink is not None and vehicle is None and not blind:
+        if sink is not None and vehicle is None:
             sink.write(as_json.line(to_json(last)) + "\n")
-    if blind:
+        tell = teller("-" if json is not None and json.stdout else None)
+        tell("")
+        for line in lines(last):
+            tell(line.says)
+        for text in summary.estimates(tally):
+            tell(text)
+        for text in summary.health(None, "", last.counters, ()):
+            talk(text)
+        unwritten = file.finish(PATIENCE) if file is not None else ""
+        if unwritten:
+            talk(unwritten)
+    if blind or unwritten:
         return NOT_WRITTEN, tally
-    tell = options.talk if json == "-" else print
-    tell("")
-    for line in lines(last):
-        tell(line.says)
-    for text in summary.estimates(tally):
-        tell(text)
-    for text in summary.health(None, "", last.counters, ()):
-        options.talk(text)
     return code_of(last, lost=not stop() and last.lost), tally
 
 
@@ -153,7 +175,17 @@ def to_json(now: World) -> dict[str, Any]:
     buses = [b._asdict() | {"load": as_json.number(b.load)} for b in r.buses]
     told = {
         key: getattr(r, key)
-        for key in ("state", "frames", "written", "bytes", "errors", "files", "drops_disk", "start_ns")
+        for key in (
+            "state",
+            "frames",
+            "written",
+            "bytes",
+            "errors",
+            "files",
+            "drops_disk",
+            "events_unwritten",
+            "start_ns",
+        )
     }
     return told | {"path": str(r.path or ""), "elapsed": now.elapsed, "drops": r.drops_bus, "buses": buses}
 
@@ -162,7 +194,18 @@ def lines(now: World) -> list[BusLine]:
     """Recorder, buses and estimator, a line each; then what is missing."""
     r = now.recorder
     out = [
-        world.recorder(r.state, str(r.path or ""), r.frames, r.written, r.bytes, r.lag, r.drops_disk, r.files)
+        world.recorder(
+            "stopping" if now.stopping else r.state,
+            str(r.path or ""),
+            r.frames,
+            r.written,
+            r.bytes,
+            r.lag,
+            r.drops_disk,
+            r.files,
+            r.waiting if now.stopping else 0,
+            r.events_unwritten,
+        )
     ]
     total = sum(b.frames for b in r.buses) or 1
     out += [
@@ -176,6 +219,7 @@ def lines(now: World) -> list[BusLine]:
             b.errors,
             b.controller,
             None if b.tec is None or b.rec is None else (b.tec, b.rec),
+            b.impossible,
         )
         for b in r.buses
     ]
@@ -194,6 +238,6 @@ def lines(now: World) -> list[BusLine]:
 
 def code_of(now: World, *, lost: bool) -> int:
     """The exit code that the end of a session deserves."""
-    if now.recorder.state.startswith("failed") or now.unsaved:
+    if now.recorder.state.startswith("failed") or now.unsaved or now.recorder.events_unwritten:
         return NOT_WRITTEN
     return NO_BUS if lost else DONE

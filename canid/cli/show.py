@@ -9,7 +9,9 @@ import time
 from collections.abc import Iterable
 from typing import Protocol, TextIO
 
+from canid.cli.outputs import TextOutput
 from canid.cli.progress import REDRAW, is_terminal
+from canid.cli.talk import talk, tell
 from canid.types import Estimate, Event, Sample, Screened, Status
 from canid.views import as_json, words
 from canid.views.screen import BusLine, View, render, update
@@ -44,7 +46,7 @@ class Silent:
     def put(self, item: Shown) -> None:
         """Say an event, drop the rest."""
         if isinstance(item, Event):
-            print(f"canid: {item.says}", file=sys.stderr, flush=True)
+            talk(item.says)
 
     def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Drop them."""
@@ -56,9 +58,8 @@ class Silent:
 class Plain:
     """One line per change of status, and every few seconds of the log."""
 
-    def __init__(self, stream: TextIO) -> None:
-        """Write to `stream`."""
-        self._stream = stream
+    def __init__(self) -> None:
+        """Nothing was said yet."""
         self._said: dict[str, Estimate] = {}
         # sentence without its numbers -> the sentence as it was said last, and when (monotonic clock)
         self._wrong: dict[str, tuple[str, float]] = {}
@@ -67,17 +68,18 @@ class Plain:
     def put(self, item: Shown) -> None:
         """Write a line where something has changed."""
         if isinstance(item, Event):
-            print(f"canid: {item.says}", file=sys.stderr, flush=True)
+            talk(item.says)
+            self._wrong[_without_numbers(item.says)] = item.says, time.monotonic()
         elif isinstance(item, Estimate):
             before = self._said.get(item.estimator)
             same = before is not None and before.says == item.says and item.status is not Status.OK
             every = SAME_EVERY if same else LINE_EVERY
             if before is None or before.status is not item.status or item.t - before.t >= every - 1e-6:
                 self._said[item.estimator] = item
-                print(words.estimate(item), file=self._stream, flush=True)
+                tell(words.estimate(item))
         elif isinstance(item, Screened) and item.block != self._suspected:
             self._suspected = item.block
-            print(words.screened(item), file=self._stream, flush=True)
+            tell(words.screened(item))
 
     def lines(self, lines: Iterable[BusLine], output: str = "") -> None:
         """Say what is wrong: at once, and every now and then while it lasts and its numbers change."""
@@ -85,14 +87,18 @@ class Plain:
         for line in lines:
             if not line.wrong:
                 continue
-            what = re.sub(r"[\d.,]+", "#", line.says)
+            what = _without_numbers(line.says)
             said, at = self._wrong.get(what, ("", -math.inf))
             if line.says != said and now - at >= WRONG_EVERY:
                 self._wrong[what] = line.says, now
-                print(f"canid: {line.says}", file=sys.stderr, flush=True)
+                talk(line.says)
 
     def close(self) -> None:
         """Nothing to leave."""
+
+
+def _without_numbers(says: str) -> str:
+    return re.sub(r"[\d.,]+", "#", says)
 
 
 class Screen:
@@ -135,10 +141,10 @@ def display(view: View, *, json: str | None) -> Display:
     stream = sys.stderr if json == "-" else sys.stdout
     if is_terminal(stream):
         return Screen(view, stream)
-    return Silent() if json == "-" else Plain(stream)
+    return Silent() if json == "-" else Plain()
 
 
-def write_json(file: TextIO | None, item: Estimate | Screened) -> None:
+def write_json(file: TextOutput | None, item: Estimate | Screened) -> None:
     """One estimate, or what the screen says, as one line; the screen has nothing to say before the first misfit."""
     if file is None or (isinstance(item, Screened) and item.since != item.since):
         return

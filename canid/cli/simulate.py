@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import os
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from canid.cli import options
-from canid.errors import DONE, OutputError
+from canid.cli import options, output_kinds, outputs
+from canid.cli.outputs import Output
+from canid.cli.talk import talk
+from canid.errors import DONE, CanidError, OutputError
+
+if TYPE_CHECKING:
+    from canid.simulation import Simulation
+    from canid.vehicle import Vehicle
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,26 +67,77 @@ def hidden(text: str) -> tuple[str, tuple[float, ...]]:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate, encode, write."""
-    from canid.frames import write_log
-    from canid.simulation import START_UTC, frames, simulate, truth_text
+    from canid.simulation import simulate
     from canid.vehicle import read_vehicle
 
+    json = options.json_output(args)
+    log, truth = declared(Path(args.out), force=args.force)
+    outputs.check([json, log, truth], options.read_by(args))
+    check_log(log)
     vehicle = read_vehicle(args.vehicle or ("generic_lane" if args.profile == "lane" else "generic"))
     simulation = simulate(
         minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise, hide=dict(args.hide)
     )
-    out = Path(args.out)
-    beside = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
-    for path in (out, beside):
-        options.refuse_to_overwrite(path, force=args.force)
-    write_log(out, frames(simulation, vehicle), START_UTC, overwrite=args.force)
-    truth = truth_text(simulation, vehicle)
-    try:
-        beside.write_text(truth, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{beside}: cannot be written ({error.strerror})") from error
-    with options.sink(args.json) as sink:
+    text = write(log, truth, simulation, vehicle)
+    with outputs.opened(json) as sink:
         if sink is not None:
-            sink.write(truth)
-    options.talk(f"{out} written, its truth in {beside}")
+            sink.write(text)
+    talk(f"{log.path} written, its truth in {truth.path}")
     return DONE
+
+
+def declared(out: Path, *, force: bool) -> tuple[Output, Output]:
+    """The log and its truth, as outputs; `force`: those of an earlier simulation are replaced."""
+    truth = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
+    log = Output("OUT.blf", str(out), output_kinds.SIMULATED, replace=force)
+    return log, Output("OUT.blf", str(truth), output_kinds.TRUTH, replace=force)
+
+
+def check_log(log: Output) -> None:
+    """Refuse to replace anything but a simulated log, which begins at an instant of its own. Raises OutputError."""
+    from canid.frames import open_log
+    from canid.simulation import START_UTC
+
+    path = Path(log.path)
+    if not (path.exists() or path.is_symlink()):
+        return
+    try:
+        simulated = (
+            path.is_file() and not path.is_symlink() and abs(open_log(path).start_utc - START_UTC) < 1.0
+        )
+    except CanidError:
+        simulated = False
+    if not simulated:
+        raise OutputError(f"{path}: exists and is no simulated log: it is left as it is; choose another name")
+    if not log.replace:
+        raise OutputError(f"{path}: exists already; choose another name or use --force")
+
+
+def write(log: Output, truth: Output, simulation: Simulation, vehicle: Vehicle) -> str:
+    """Write a simulated log and its truth, which is returned. Raises OutputError; an earlier log stands until then."""
+    from canid.frames import write_log
+    from canid.frames.disk import TakenError
+    from canid.simulation import START_UTC, frames, truth_text
+
+    out = Path(log.path)
+    # under a name that nobody else has, in the same folder; only a whole log takes the place of an earlier one
+    new = out.with_name(f".{out.name.removesuffix(out.suffix)}.{os.getpid()}.new{out.suffix}")
+    try:
+        write_log(new, frames(simulation, vehicle), START_UTC)
+        check_log(log)
+        os.replace(new, out)
+    except TakenError:
+        raise  # somebody else's file: it stays
+    except BaseException as error:
+        with suppress(OSError):
+            os.unlink(new)
+        if isinstance(error, OutputError):
+            raise OutputError(str(error).replace(str(new), str(out))) from error
+        if isinstance(error, OSError):
+            raise OutputError(f"{out}: cannot be written ({error.strerror})") from error
+        raise
+    text = truth_text(simulation, vehicle)
+    with outputs.opened(truth) as file:
+        if file is not None:
+            file.write(text)
+    return text

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from canid.child import command
 from canid.errors import ConfigError, LogError
 from canid.frames.mf4_child import END, RECORD
 from canid.frames.read_state import ReadState
@@ -24,7 +25,7 @@ def read_mf4(path: Path, state: ReadState) -> Iterator[Frame]:
     first: int | None = None
     with tempfile.TemporaryFile() as said:
         child = subprocess.Popen(
-            [sys.executable, "-W", "ignore", "-m", "canid.frames.mf4_child", str(path)],
+            command("canid.frames.mf4_child", os.path.abspath(path), options=("-W", "ignore")),
             stdout=subprocess.PIPE,
             stderr=said,
         )

@@ -171,7 +171,7 @@ class Recorder:
                 b.controller,
                 b.clock.name.lower(),
                 *(b.counters or (None, None)),
-                impossible=b.bus.impossible,
+                b.bus.impossible,
             )
             for b in self._buses
         )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.panel import Panel
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from canid.types import Channel, Estimate, Event, Gate, Identifiable, Sample, Screened, Status, Watch
 from canid.views import words
+from canid.views.terminal_text import terminal_text
 
 COLOURS = {
     Status.OK: "bold green",
@@ -79,9 +81,33 @@ def render(view: View) -> RenderableType:
         known.append("   ".join(f"{name}: {values}" for name, values in view.truth), style="magenta")
         parts += [Text(), known]
     parts.append(Text())
-    parts += [Text(line.says, style="bold red" if line.wrong else "dim") for line in view.lines]
-    parts += [Text(f"• {event.says}", style="yellow") for event in view.events]
-    return Panel(Group(*parts), title=view.title, subtitle=words.clock(view.t), title_align="left")
+    parts += [_line(line.says, "bold red" if line.wrong else "dim") for line in view.lines]
+    parts += [_line(f"• {event.says}", "yellow") for event in view.events]
+    title = _line(view.title, "")
+    return TerminalSafe(Panel(Group(*parts), title=title, subtitle=words.clock(view.t), title_align="left"))
+
+
+class TerminalSafe:
+    """A renderable whose text holds nothing that a terminal acts on, wherever in it a foreign name stands."""
+
+    def __init__(self, renderable: RenderableType):
+        """Wrap it."""
+        self._renderable = renderable
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Render it, with the text of every segment escaped; rich's own styles and movements stay."""
+        for segment in console.render(self._renderable, options):
+            safe = segment.control or segment.text == "\n"
+            yield (
+                segment
+                if safe
+                else Segment("\n".join(map(terminal_text, segment.text.split("\n"))), segment.style)
+            )
+
+
+def _line(says: str, style: str) -> Text:
+    """Foreign text in one line; escaped before rich measures its width."""
+    return Text(terminal_text(says), style=style)
 
 
 def _now(view: View) -> Text:

@@ -17,6 +17,8 @@ def recorder(
     lag: float,
     dropped: int = 0,
     files: int = 1,
+    waiting: int = 0,
+    events_unwritten: int = 0,
 ) -> BusLine:
     """The recorder in one line.
 
@@ -28,11 +30,13 @@ def recorder(
         return BusLine(f"RECORDING {state}   {written:,} of {frames:,} frames are in {path}", wrong=True)
     if not path:
         return BusLine(f"not recording   {frames:,} frames seen")
-    late = f"   the disk is {lag:.1f} s behind" if lag > LATE else ""
+    late = f"   {waiting:,} frames wait for the disk" if waiting else ""
+    late += f"   the disk is {lag:.1f} s behind" if lag > LATE else ""
     lost = f"   {dropped:,} frames NOT RECORDED: the disk is too slow" if dropped else ""
+    lost += f"   {events_unwritten:,} events are NOT IN THE JOURNAL" if events_unwritten else ""
     many = f" (file {files})" if files > 1 else ""
     says = f"{state} {path}{many}   {written:,} frames, {size / 1e6:.1f} MB{late}{lost}"
-    return BusLine(says, lag > LATE or dropped > 0)
+    return BusLine(says, lag > LATE or dropped > 0 or events_unwritten > 0)
 
 
 def bus(
@@ -45,6 +49,7 @@ def bus(
     errors: int,
     controller: str,
     counters: tuple[int, int] | None = None,
+    impossible: int = 0,
 ) -> BusLine:
     """One bus in one line.
 
@@ -55,10 +60,12 @@ def bus(
     share = f"   load {100 * load:.0f} %" if load == load else ""
     sick = controller if controller not in ("", "error_active") else ""
     says = f"{name}: {state}   {frames:,} frames   {rate:,.0f}/s{share}   {drops:,} dropped   {errors:,} error frames"
+    if impossible:
+        says += f"   {impossible:,} impossible frames left out"
     if counters is not None:
         says += f"   TEC {counters[0]}, REC {counters[1]}"
     told = says + (f"   controller {sick.replace('_', ' ')}" if sick else "")
-    return BusLine(told, bool(drops or errors or sick) or state.startswith("lost"))
+    return BusLine(told, bool(drops or errors or sick or impossible) or state.startswith("lost"))
 
 
 def estimator(ready: bool, offered: int, done: int, dropped: int, restarts: int) -> BusLine:

@@ -378,17 +378,26 @@ def test_a_full_disk(canid: Canid, log: Path, shell: Callable[[str], Any]) -> No
 
 
 def test_nothing_that_exists_is_overwritten(canid: Canid, log: Path, tmp_path: Path) -> None:
-    """Logs, tables and vehicle files that exist are refused with exit 5 and --force; with it the result is new."""
+    """Files that exist are refused with exit 5; --force replaces those of the kind that is written, and no others."""
     dbc = shipped() / "generic.dbc"
     part = ("--vehicle", "generic", "--stop", 3)
-    for words, kept in (
-        (("export", log, *part, "-o", "table"), "table.estimates.csv"),
-        (("init", dbc, "-o", "car.toml"), "car.toml"),
-        (("simulate", "a.blf", "--minutes", 0.1), "a.blf"),
-        (("simulate", "b.blf", "--minutes", 0.1), "b.truth.json"),
+    assert canid("simulate", tmp_path / "an_earlier.blf", "--minutes", 0.1).code == DONE
+    simulated = (tmp_path / "an_earlier.blf").read_bytes()
+    for words, kept, content in (
+        (("export", log, *part, "-o", "table"), "table.estimates.csv", b"t,estimator,can_tell\n"),
+        (("init", dbc, "-o", "car.toml"), "car.toml", b'name = "mine"\ndbc = "mine.dbc"\n'),
+        (("simulate", "a.blf", "--minutes", 0.1, "--seed", 2), "a.blf", simulated),
+        (("simulate", "b.blf", "--minutes", 0.1), "b.truth.json", b'{"channels": {}}'),
     ):
         path = tmp_path / kept
-        path.write_text("mine")
+        path.write_bytes(b"mine")
+        foreign = [
+            tmp_path / str(w) if re.search(r"^(table|\w+\.(json|toml|blf))$", str(w)) else w for w in words
+        ]
+        for words_or_more in (foreign, [*foreign, "--force"]):
+            assert canid(*words_or_more).code == NOT_WRITTEN, words
+            assert path.read_bytes() == b"mine"
+        path.write_bytes(content)
         full = [
             tmp_path / str(w) if re.search(r"^(table|\w+\.(json|toml|blf))$", str(w)) else w for w in words
         ]
@@ -396,9 +405,9 @@ def test_nothing_that_exists_is_overwritten(canid: Canid, log: Path, tmp_path: P
         assert ran.code == NOT_WRITTEN, words
         assert kept in ran.err
         assert "--force" in ran.err
-        assert path.read_text() == "mine"
+        assert path.read_bytes() == content
         assert canid(*full, "--force").code == DONE, words
-        assert path.read_bytes()[:4] != b"mine"
+        assert path.read_bytes() != content
 
 
 # --- live -------------------------------------------------------------------------------------------------

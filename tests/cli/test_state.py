@@ -123,9 +123,14 @@ def test_a_refused_state_is_told_in_one_sentence_and_replaced(canid, tmp_path, l
 
 
 def test_somebody_elses_file_is_never_written_over(canid, tmp_path) -> None:
-    """A vehicle file or a log that is named by mistake stays what it is."""
+    """A vehicle file or a log that is named by mistake is refused by its name; any other file stays what it is."""
     other = tmp_path / "car.toml"
     other.write_text("name = 'My car'\n")
+    ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 3, "--state", other)
+    assert ran.code == USAGE
+    assert "the name says a configuration" in ran.line
+    assert other.read_text() == "name = 'My car'\n"
+    other = other.rename(tmp_path / "car.json")
     ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 3, "--state", other)
     assert ran.code == DONE
     assert "none that canid has written: it is left as it is" in ran.err

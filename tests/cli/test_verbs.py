@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import json
 import math
 import os
@@ -26,7 +27,7 @@ import pytest
 from canid import read_trace
 from canid.cli import VERBS
 from canid.errors import CHECK_FAILED, DONE
-from canid.export import write_table
+from canid.export import csv_text
 from canid.frames import open_log, write_log
 from canid.vehicle import read_vehicle
 from canid.vehicle.reading import shipped
@@ -321,12 +322,11 @@ def test_export_gives_the_numbers_of_read_trace(canid: Canid, tmp_path: Path, ki
     assert columns["gate"] == [gate.name.lower() for gate in trace.gate]
 
 
-def test_no_cell_becomes_a_formula(tmp_path: Path) -> None:
+def test_no_cell_becomes_a_formula() -> None:
     """Text that a spreadsheet would run as a formula is disarmed in CSV; numbers stay numbers."""
     evil = ["=1+1", "+A1", "-A1", "@SUM(A1)", "\tx", "plain"]
-    write_table(tmp_path / "t.csv", {"x": [-1.0, 2.0, math.nan, 4.0, 5.0, 6.0], "=name": evil})
-    with (tmp_path / "t.csv").open(newline="") as file:
-        head, *rows = list(csv.reader(file))
+    text = csv_text({"x": [-1.0, 2.0, math.nan, 4.0, 5.0, 6.0], "=name": evil})
+    head, *rows = list(csv.reader(io.StringIO(text, newline="")))
     assert [row[0] for row in rows] == ["-1.0", "2.0", "", "4.0", "5.0", "6.0"]
     for cell in (head[1], *(row[1] for row in rows)):
         assert cell[0] not in "=+-@\t\r"

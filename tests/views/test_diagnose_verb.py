@@ -78,7 +78,7 @@ def test_the_page_lies_in_this_folder_under_the_log_s_name(canid: Callable[..., 
 
 
 def test_a_named_page_replaces_what_was_there(canid: Callable[..., Ran], tmp_path: Path) -> None:
-    (tmp_path / "mine.html").write_text("old")
+    (tmp_path / "mine.html").write_text('<!DOCTYPE html><meta name="generator" content="canid diagnosis">old')
     assert canid(URBAN, *PART, "-o", "mine.html").code == DONE
     assert (tmp_path / "mine.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
@@ -145,10 +145,15 @@ def test_wrong_use_is_one_line_and_2(canid: Callable[..., Ran], words: tuple[obj
 
 def test_a_page_that_cannot_be_written_is_5(canid: Callable[..., Ran], tmp_path: Path) -> None:
     """The verdict was told all the same; and who fails before leaves the old page as it was."""
-    ran = canid(URBAN, *PART, "-o", tmp_path / "no_such_folder" / "page.html")
+    (tmp_path / "full.html").symlink_to("/dev/full")
+    ran = canid(URBAN, *PART, "-o", tmp_path / "full.html")
     assert (ran.code, ran.err.count("\n")) == (NOT_WRITTEN, 1)
     assert ran.out.startswith("NAMED: ")
+    (tmp_path / "full.html").unlink()
+    ran = canid(URBAN, *PART, "-o", tmp_path / "no_such_folder" / "page.html")
+    assert (ran.code, ran.out, ran.err.count("\n")) == (NOT_WRITTEN, "", 1)
     (tmp_path / "page.html").write_text("old")
     ran = canid(tmp_path / "no_such.blf", *PART[:2], "-o", tmp_path / "page.html")
-    assert ran.code == USAGE
+    assert ran.code == NOT_WRITTEN
+    assert "is not a page of canid diagnose" in ran.err
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]

@@ -1,0 +1,48 @@
+"""Names are data: nothing that a terminal acts on reaches it."""
+
+from __future__ import annotations
+
+import io
+import unicodedata
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from canid.types import Event
+from canid.views.screen import BusLine, View, render
+from canid.views.terminal_text import terminal_text
+
+# with lone surrogates: a file name that is not UTF-8 has them
+ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=60)
+
+
+@given(ANY_TEXT)
+def test_no_text_moves_a_terminal(text: str) -> None:
+    """Whatever the text, every character left is printable or a plain space, and printable text is unchanged."""
+    shown = terminal_text(text)
+    assert all(character.isprintable() or unicodedata.category(character) == "Zs" for character in shown)
+    assert not set(shown) & set(map(chr, [*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029]))
+    shown.encode("utf-8")
+    if text.isprintable():
+        assert shown == text
+
+
+@given(ANY_TEXT)
+def test_two_names_that_differ_are_shown_differently_unless_they_spell_an_escape(text: str) -> None:
+    """An escape is made of the character's own code: nothing is merely dropped."""
+    assert len(terminal_text(text)) >= len(text)
+
+
+@given(ANY_TEXT, ANY_TEXT, ANY_TEXT)
+def test_the_live_view_shows_no_foreign_control_character(title: str, line: str, says: str) -> None:
+    """The picture of a view with hostile names has no escape sequence when colours are off."""
+    file = io.StringIO()
+    view = View(
+        title, lines=(BusLine(line),), events=(Event(0.0, "x", says),), output=title, truth=((line, says),)
+    )
+    console = Console(file=file, width=100, color_system=None, force_terminal=False)
+    console.print(render(view))
+    shown = file.getvalue().replace("\n", "")
+    assert not set(shown) & set(map(chr, [*range(0x20), *range(0x7F, 0xA0), 0x202E, 0x2028]))
+    shown.encode("utf-8")
