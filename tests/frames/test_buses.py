@@ -470,3 +470,28 @@ def test_listen_gives_frames_for_its_time(request: pytest.FixtureRequest) -> Non
     timer.join()
     assert [frame.id for frame in got] == [0, 1, 2]
     assert got[0].t == 0.0
+
+
+def test_drops_are_exact_after_the_last_frame_and_past_32_bits() -> None:
+    """SO_MEMINFO of a real socket: what was dropped is known before and after reading, and does not wrap."""
+    inner = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    inner.bind(("127.0.0.1", 0))
+    inner.setsockopt(socket.SOL_SOCKET, socketcan.SO_TIMESTAMPNS, 1)
+    bus = argparse.Namespace(socket=inner, channel="can0", shutdown=inner.close)
+    receiver = socketcan.SocketcanReceiver(bus)
+    inner.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    total = 500
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _ in range(total):
+            sender.sendto(struct.pack("=IB3x8s", 0x123, 2, b"ab"), inner.getsockname())
+        dropped = receiver.drops
+        assert 0 < dropped < total
+        got = 0
+        while receiver.recv(0.0):
+            got += 1
+        assert got + dropped == total
+        assert receiver.drops == dropped
+        receiver._drops_seen = 0xFFFF_FFFF  # as if the kernel's counter had been at its end at the last look
+        assert receiver.drops == 2 * dropped + 1
+    receiver.close()
+    assert receiver.drops == 2 * dropped + 1  # closed: the last look counts

@@ -42,7 +42,9 @@ class ScriptedSocket:
     def setsockopt(self, *words: Any) -> None:
         self.options.append(words)
 
-    def getsockopt(self, *_: Any) -> int:
+    def getsockopt(self, *words: Any) -> int:
+        if len(words) == 3:  # SO_MEMINFO, which kernels before 4.12 do not have
+            raise OSError
         return 0
 
     def fileno(self) -> int:
