@@ -38,13 +38,22 @@ _TIMED = re.compile(
     r"|(?P<diagnostics_and_tests>diagrequest ?\[|tfs: ?\[?)",
     _FLAGS,
 )
+# kinds whose lines look like a frame's themselves
+_LIKE_FRAMES = ("transport protocol", "CAN XL frames", "FlexRay")
 # Vector's tools write the first line in the words of their language. A line with a CAN frame has a number in it.
 _NO_WORDS = {"rx", "tx", "txrq", "errorframe"}
 _UNTIMED = re.compile(
-    r"(?P<comments>//|;(?!\s*-?\d+[.,]\d))"
-    r"|(?P<header_lines>date\s|(?:no )?internal events logged$|begin trigger ?block\b|end trigger ?block$|version\s)",
+    r"(?P<comments>//|;)"
+    r"|(?P<header_lines>(?:date|begin trigger ?block)(?:\s+\S+){0,9}$|(?:no )?internal events logged$|end trigger ?block$"
+    r"|version(?:\s+\S+){1,9}$)",
     _FLAGS,
 )
+# A CAN frame that became part of another line, because a line feed or the frame's first bytes are damaged.
+_FRAME = re.compile(
+    r"[0-9a-fx]\s+(?:rx|tx)\s+[dr](?:\s|$)|\d\s+errorframe\b|\bcanfd\s+\d+\s+(?:rx|tx)\s", _FLAGS
+)
+# a whole line that somebody made a comment
+_COMMENTED_OUT = re.compile(r"//\s*\d+[.,]\d+\s")
 
 
 def timed(words: list[str]) -> str:
@@ -53,9 +62,11 @@ def timed(words: list[str]) -> str:
     >>> timed("1 Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%".split()), timed("1 123 Sx d 1 AA".split())
     ('bus statistics', '')
     """
-    found = _TIMED.match(" ".join(words))
+    text = " ".join(words)
+    found = _TIMED.match(text)
     if found:
-        return str(found.lastgroup).replace("_", " ")
+        kind = str(found.lastgroup).replace("_", " ")
+        return "" if kind not in _LIKE_FRAMES and _FRAME.search(text) else kind
     if len(words) > 1 and all(len(word) > 1 and _letters(word) for word in words):
         return "log and trigger events"
     return ""
@@ -68,7 +79,9 @@ def untimed(text: str) -> str:
     ('comments', 'header lines', '')
     """
     found = _UNTIMED.match(text)
-    return str(found.lastgroup).replace("_", " ") if found else ""
+    if not found or (_FRAME.search(text) and not _COMMENTED_OUT.match(text)):
+        return ""
+    return str(found.lastgroup).replace("_", " ")
 
 
 def _letters(word: str) -> bool:

@@ -100,6 +100,7 @@ class _Reading:
         base = self._base
         # empty lines are passed over together: a bomb may hold millions of them
         filled = np.diff(ends, prepend=0) > 1
+        filled[-1] |= not block.data.endswith(b"\n")
         for n, k in enumerate(np.flatnonzero(~usual.found & filled).tolist()):
             if n % STEP == 0:
                 self._state.unpacked = block.at + int(ends[k])
@@ -149,6 +150,8 @@ class _Reading:
             self._base = 10 if found[1].lower() == "dec" else 16
             self._relative = (found[2] or "").lower() == "relative"
             seldom.relative.append((k, self._relative))
+        elif not (known := asc_events.untimed(text)):
+            return ""
         elif (found := _DATE.match(text)) and not self._exact:
             # the begin of the trigger block comes later and is nearer to time zero than the file's date
             at = asc_date.local_ns(found[1])
@@ -158,7 +161,7 @@ class _Reading:
                 seldom.told.append((k, stamps.from_text(found[1]), found[2], found[3]))
             kind = _OWN_EVENT
         else:
-            return asc_events.untimed(text)
+            return known
         seldom.starts.append((k, self._start))
         return kind
 

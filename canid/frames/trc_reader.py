@@ -60,8 +60,6 @@ _ERROR = re.compile(
 )
 _EVENT = re.compile(r"\d+\s+-?[\d.]+\s+EV\b.*")
 _KINDS = {"ST": "hardware status", "EC": "error counters", "ER": "error frames"}
-# a comment that goes on like a line of the log: that line, its first character damaged
-_RECORD = re.compile(r";\s*\d+\)?\s+-?\d+(?:\.\d+)?\s")
 _OCTETS = re.compile(r"(?:[0-9A-F]{2}(?:\s+[0-9A-F]{2})*)?", re.IGNORECASE)
 
 
@@ -126,7 +124,7 @@ class _Form:
             value = value.strip()
             if key == "FILEVERSION" and (value in _VERSION_1 or value in _DEFAULT_COLUMNS):
                 self._version = value
-            elif key == "STARTTIME" and re.fullmatch(r"\d{1,7}(?:\.\d{1,20})?", value):
+            elif key == "STARTTIME" and re.fullmatch(r"\d{1,6}(?:\.\d{1,20})?", value):
                 self.start = (_DAY_0 + datetime.timedelta(days=float(value))).timestamp()
             elif key == "COLUMNS" and re.fullmatch(r"[NOTBIdRLlD](?:,[NOTBIdRLlD])*", value):
                 self._columns = value
@@ -134,8 +132,9 @@ class _Form:
                 raise Bad("it is no line of a header that is known")
             self._compile()
             return "header lines"
-        if _RECORD.match(text):
-            raise Bad("it is a record with a comment's first character")
+        # the first character of a record may be damaged, or the line feed before one
+        if self._frame.search(text):
+            raise Bad("a record stands in a comment")
         return "comments"
 
     def _compile(self) -> None:
