@@ -87,7 +87,8 @@ class Journal:
     @property
     def failed(self) -> int:
         """Events that are not in the file; once the journal is closed, also those that nobody waits for any more."""
-        return self._failed + self._carried.count(b"\n") + (self._given - self._done if self._blocked else 0)
+        carried = self._carried.count(b"\n") if self._closed else 0
+        return self._failed + carried + (self._given - self._done if self._blocked else 0)
 
     def follow(self, log: Path, zero: float) -> None:
         """The recording goes on in this log, whose own time begins at `zero` s."""
@@ -218,7 +219,7 @@ class Journal:
             if where.place is whereabouts.Place.MOVED:
                 self._path = where.path
             if where.lost:
-                self._write_anew()
+                self._write_anew(where.place.value)
             elif os.fstat(self._fd).st_size < self._size:
                 self._size = os.fstat(self._fd).st_size
                 self._failed += 1
@@ -227,7 +228,7 @@ class Journal:
         except OSError:
             pass  # what is carried is tried again, and counted
 
-    def _write_anew(self) -> None:
+    def _write_anew(self, why: str) -> None:
         assert self._wanted is not None
         name, old = self._path.name, self._fd
         self._fd = -1
@@ -236,7 +237,7 @@ class Journal:
         finally:
             os.close(old)
         self._open(self._wanted)
-        self._tell("journal_restored", f"{name} was deleted: its events are in {self._path.name}")
+        self._tell("journal_restored", f"{name} {why}: its events are in {self._path}")
 
     def _leave(self) -> None:
         """Close the file; the recording goes on with another one."""

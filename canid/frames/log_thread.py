@@ -401,7 +401,9 @@ class LogThread:
         except OutputError:
             unsaved = self._unsaved_of(writer)
         self._leave(
-            f"{where.path.name} {where.place.value} while it was being written", "recording_deleted", unsaved
+            f"{where.path.name} {where.place.value} while it was being written",
+            f"recording_{where.place.name.lower()}",  # recording_deleted, recording_hidden
+            unsaved,
         )
         if self.failed:
             self._lose(
@@ -420,10 +422,8 @@ class LogThread:
         if writer is self._writer or self.path == before:
             self.path = path
             self._follow(path, (self._zero or 0) * 1e-9)
-        self._tell(
-            "recording_moved",
-            f"{before} was moved to {path} while it was being written: it is complete there",
-        )
+        goes_on = "the recording goes on there" if writer is self._writer else "it is complete there"
+        self._tell("recording_moved", f"{before} was moved to {path} while it was being written: {goes_on}")
 
     def _leave_changed(self, why: str, frame: Frame | None = None) -> None:
         """Somebody has truncated the file, or written into it: leave it as it is and go on in a new one."""

@@ -20,7 +20,7 @@ class Place(Enum):
     HERE = "is under its name"
     MOVED = "was moved"
     DELETED = "was deleted"
-    HIDDEN = "is out of reach: its folder was removed, unmounted or covered"
+    HIDDEN = "is out of reach (its folder was unmounted or covered)"
 
 
 class Whereabouts(NamedTuple):

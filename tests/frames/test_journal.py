@@ -128,7 +128,7 @@ def test_a_journal_whose_folder_is_removed_is_carried_to_the_next_one(tmp_path: 
     wait_for(lambda: names(folder / "x.events.jsonl") == ["one"])
     (folder / "x.events.jsonl").unlink()
     folder.rmdir()
-    wait_for(lambda: journal.failed == 1)
+    wait_for(lambda: journal._carried)
     journal.follow(tmp_path / "x.blf", 0.0)
     write(journal, "two")
     journal.close()

@@ -172,7 +172,8 @@ def test_a_file_deleted_just_before_the_end_is_there_at_the_end(
     stats = run.recorder.stop()
     assert stats.path is not None
     assert all_numbers(tmp_path, ".blf", run.path) == list(range(sent))
-    assert sorted(i for path in {stats.path} for i in numbers(path)) or stats.path.name == "x-2.blf"
+    assert stats.path.is_file()
+    assert stats.path != run.path
     assert stats.written == sent
 
 
@@ -200,7 +201,7 @@ def test_a_moved_file_without_proc_is_copied(
     monkeypatch.setattr(whereabouts, "_path_of", lambda fd: None)
     run = Run(request, sender, tmp_path / "x.blf")
     run.path.rename(tmp_path / "y.dat")
-    run.wait_for("recording_deleted")
+    run.wait_for("recording_hidden")
     stats, sent = run.stop()
     assert all_numbers(tmp_path, ".blf") == list(range(sent))
     assert stats.path == tmp_path / "x-2.blf"
@@ -322,10 +323,10 @@ def test_files_of_a_series_that_are_deleted_at_any_time_lose_only_what_was_finis
         path.unlink(missing_ok=True)
     stats, sent = run.stop()
     found = all_numbers(tmp_path, ".blf")
-    gone = sent - len(found)
     assert len(set(found)) == len(found)
-    # a file may have been finished, closed and then deleted: that is its owner's right
+    # a file may have been finished, closed and then deleted, which is its owner's right: of six files at most five
+    assert sent - len(found) < stats.written
+    assert found[-1] == sent - 1
     told = [json.loads(line) for path in tmp_path.glob("*.jsonl") for line in path.read_text().splitlines()]
     assert any(event["what"] == "recording_restored" for event in told)
-    assert gone % 1 == 0
     assert stats.state == "stopped"
