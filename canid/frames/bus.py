@@ -287,13 +287,14 @@ def _opener(
         arguments = {key: value for key, value in parameters.items() if key not in ("interface", "channel")}
         if "channel" in parameters:
             arguments["channel"] = parameters["channel"]
-        bus_class = python_can.bus_class(interface)
-        if interface == "slcan" and own:
-            bus_class = slcan.listening_class()
         try:
+            slcan_alone = interface == "slcan" and own
+            bus_class = slcan.listening_class() if slcan_alone else python_can.bus_class(interface)
             with python_can.without_current_folder():
                 bus = bus_class(**arguments)
-        except Exception as error:  # each back end has its own kinds
+        except ConfigError:
+            raise
+        except Exception as error:  # each back end has its own kinds, and its module may need another one
             raise BusError(
                 f"cannot open {name}: {_one_line(error)}; {_advice(interface, channel, error)}"
             ) from None

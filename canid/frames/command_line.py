@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import ast
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -100,12 +100,19 @@ def named(namespace: argparse.Namespace) -> bool:
     return "interface" in namespace or "channel" in namespace
 
 
-def listen(namespace: argparse.Namespace, duration: float) -> Iterator[Frame]:
+def listen(
+    namespace: argparse.Namespace, duration: float, tell: Callable[[str], object] = lambda line: None
+) -> Iterator[Frame]:
     """Frames of the buses that a command line names, for `duration` s; times count from the first frame.
 
-    Raises BusError.
+    `tell` gets lines for the user: whether each bus listens only, what configured it, what was left out. Raises
+    BusError, or ConfigError for what canid refuses.
     """
     buses = open_buses(configs_of(namespace))
+    for bus in buses:
+        tell(f"{bus.name}: {bus.listen_only.says}")
+        if bus.configured_by:
+            tell(f"{bus.name}: configured by {', '.join(bus.configured_by)}")
     first: int | None = None
     end = time.monotonic() + duration
     try:
@@ -117,6 +124,10 @@ def listen(namespace: argparse.Namespace, duration: float) -> Iterator[Frame]:
                     yield Frame((got.ns - first) * 1e-9, index, got.id, got.data, got.flags, got.length)
     finally:
         for bus in buses:
+            if bus.impossible:
+                tell(
+                    f"{bus.name}: {bus.impossible:,} messages left out that no bus can carry: {bus.impossible_why}"
+                )
             bus.shutdown()
 
 

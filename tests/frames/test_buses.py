@@ -112,6 +112,7 @@ def test_frames_arrive_with_whole_nanoseconds(request: pytest.FixtureRequest) ->
         ({"interface": "pcan", "channel": "PCAN_USBBUS1"}, "cannot open pcan PCAN_USBBUS1"),
         ({"interface": "vector", "channel": 0, "app_name": "x"}, "cannot open vector 0"),
         ({"interface": "nonsense", "channel": "x"}, "nonsense"),
+        ({"interface": "gs_usb", "channel": 0}, "cannot open gs_usb 0: .* the package or driver"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_one_line(config: dict[str, object], says: str) -> None:
@@ -456,7 +457,8 @@ def test_listen_gives_frames_for_its_time(request: pytest.FixtureRequest) -> Non
     """listen() ends after its duration and counts time from the first frame."""
     can = python_can.load()
     channel = request.node.name
-    frames = listen(parse("-i", "virtual", "-c", channel), 0.3)
+    said: list[str] = []
+    frames = listen(parse("-i", "virtual", "-c", channel), 0.3, said.append)
 
     def send() -> None:
         sender = can.Bus(channel, interface="virtual")
@@ -470,6 +472,7 @@ def test_listen_gives_frames_for_its_time(request: pytest.FixtureRequest) -> Non
     timer.join()
     assert [frame.id for frame in got] == [0, 1, 2]
     assert got[0].t == 0.0
+    assert said == [f"virtual {channel}: listen-only: not needed, virtual is no physical bus"]
 
 
 def test_drops_are_exact_after_the_last_frame_and_past_32_bits() -> None:
