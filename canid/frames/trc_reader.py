@@ -132,8 +132,8 @@ class _Form:
                 raise Bad("it is no line of a header that is known")
             self._compile()
             return "header lines"
-        # the first character of a record may be damaged, or the line feed before one
-        if self._frame.search(text):
+        # a record's first character may be damaged (a digit of its number too), or the line feed before it
+        if self._frame.search(text) or self._frame.fullmatch(f"0{text[1:]}"):
             raise Bad("a record stands in a comment")
         return "comments"
 
