@@ -149,6 +149,25 @@ def listening(canid: Callable[..., Program]) -> Callable[..., Program]:
 
 
 @pytest.fixture
+def patient(start: Callable[..., Program]) -> Callable[..., Program]:
+    """Start `canid ...` that waits a minute for a lost bus instead of 5 s, and wait for its bus to be open.
+
+    In the virtual machine on a busy host a few `ip link` may take that long.
+    """
+    main = (
+        "import sys; from canid.frames import recorder; recorder.ALL_LOST = 60.0; "
+        "from canid.cli import main; sys.exit(main())"
+    )
+
+    def run(*words: object) -> Program:
+        program = start(sys.executable, "-c", main, *words)
+        program.wait_for("listen-only")
+        return program
+
+    return run
+
+
+@pytest.fixture
 def candump(start: Callable[..., Program]) -> Callable[[str], Program]:
     """candump as the independent listener; `-L` is the format of its logs."""
 

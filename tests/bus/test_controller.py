@@ -94,12 +94,12 @@ def test_the_controllers_states_are_told_and_nothing_is_restarted(
 
 
 def test_what_the_device_is_when_it_comes_back_is_told(
-    tmp_path: Path, adapter: Adapter, canid: Callable[..., Any], until: Callable[..., Any]
+    tmp_path: Path, adapter: Adapter, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     """Bus-off at the start is told; down, renamed, active and at another bit rate: each is told, `ip` says the same."""
     recording = tmp_path / "heard.blf"
     adapter.state("b", 256, 0)
-    program = canid("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
+    program = patient("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
     program.wait_for("reports bus off")  # no error frame has said so: the device was asked
     adapter.frames(range(100))
     old = adapter.name
@@ -131,7 +131,9 @@ def test_what_the_device_is_when_it_comes_back_is_told(
     assert "socketcan body9 is back" in says(recording, "bus_back")[0]
 
 
-def test_an_adapter_that_is_unplugged_and_plugged_in_again(tmp_path: Path, canid: Callable[..., Any]) -> None:
+def test_an_adapter_that_is_unplugged_and_plugged_in_again(
+    tmp_path: Path, patient: Callable[..., Any]
+) -> None:
     """The kernel removes the device and makes another one of that name: it is recorded, and told to be another one."""
     try:
         first = Adapter()
@@ -140,7 +142,7 @@ def test_an_adapter_that_is_unplugged_and_plugged_in_again(tmp_path: Path, canid
             raise
         pytest.skip(f"no slcan here: {error}")
     recording = tmp_path / "heard.blf"
-    program = canid("record", "-i", "socketcan", "-c", first.name, "-o", recording)
+    program = patient("record", "-i", "socketcan", "-c", first.name, "-o", recording)
     program.wait_for("listen-only: yes")
     first.frames(range(50))
     first.close()

@@ -44,14 +44,14 @@ def _device() -> Iterator[None]:
 
 
 def test_down_and_up_five_times_and_down_at_the_stop(
-    tmp_path: Path, listening: Callable[..., Any], until: Callable[..., Any]
+    tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     """Each loss and return is told with its gap; every frame after each `up` is kept; a stop while down is quick."""
     seed = random.SystemRandom().randrange(10**6)
     print(f"seed {seed}")
     rng = random.Random(seed)
     recording = tmp_path / "heard.blf"
-    record = listening("record", *BUS, "-o", recording)
+    record = patient("record", *BUS, "-o", recording)
     sent, gaps, back = 0, [], []
 
     def more(n: int) -> None:
@@ -95,11 +95,11 @@ def test_down_and_up_five_times_and_down_at_the_stop(
 
 
 def test_a_stop_in_the_moment_of_the_return_loses_nothing(
-    tmp_path: Path, listening: Callable[..., Any], until: Callable[..., Any]
+    tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     """Frames that came between `up` and SIGTERM are kept though nobody had noticed the return: the socket has them."""
     recording = tmp_path / "heard.asc"
-    record = listening("record", *BUS, "-o", recording)
+    record = patient("record", *BUS, "-o", recording)
     send(CHANNEL, range(20))
     ip("set", CHANNEL, "down")
     until(lambda: says(recording, "bus_lost"))
@@ -115,11 +115,11 @@ def test_a_stop_in_the_moment_of_the_return_loses_nothing(
 
 
 def test_a_renamed_device_is_followed_and_no_other_takes_its_place(
-    tmp_path: Path, listening: Callable[..., Any], until: Callable[..., Any]
+    tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     """The same device under a new name is recorded on; another one under the old name only once the first is gone."""
     recording = tmp_path / "heard.blf"
-    record = listening("record", *BUS, "-o", recording)
+    record = patient("record", *BUS, "-o", recording)
     send(CHANNEL, range(50))
     ip("set", CHANNEL, "down")
     ip("set", CHANNEL, "name", "wire3")
@@ -174,11 +174,11 @@ def live_rename(name: str, new: str) -> bool:
 
 
 def test_deleted_and_created_again(
-    tmp_path: Path, listening: Callable[..., Any], until: Callable[..., Any]
+    tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     """Another device of that name, with another index or even the same one, is recorded once the first is gone."""
     recording = tmp_path / "heard.blf"
-    record = listening("record", *BUS, "-o", recording)
+    record = patient("record", *BUS, "-o", recording)
     send(CHANNEL, range(50))
     ip("del", CHANNEL)
     until(lambda: says(recording, "bus_lost"))
