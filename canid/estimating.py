@@ -146,7 +146,9 @@ class Estimating:
                     self._dropped += len(self._waiting)
                     self._waiting.clear()
                 if not self._ended:
-                    self._on_output(self._latest, Event(self._latest, "estimator_ended", f"the estimator: {self._why}"))
+                    self._on_output(
+                        self._latest, Event(self._latest, "estimator_ended", f"the estimator: {self._why}")
+                    )
                 return
             wait = BACK_OFF[min(self._restarts, len(BACK_OFF) - 1)]
             self._restarts += 1
@@ -322,7 +324,10 @@ def main() -> int:
         import traceback
 
         where = traceback.extract_tb(error.__traceback__)[-1]
-        say("failed", f"{type(error).__name__}: {error} ({os.path.basename(where.filename)}, line {where.lineno})")
+        say(
+            "failed",
+            f"{type(error).__name__}: {error} ({os.path.basename(where.filename)}, line {where.lineno})",
+        )
         return 1
     return 0
 

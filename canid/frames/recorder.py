@@ -170,8 +170,9 @@ class Recorder:
                 b.load,
                 b.controller,
                 b.clock.name.lower(),
-                *(b.counters or (None, None)),
-                b.bus.impossible,
+                tec=b.counters[0] if b.counters else None,
+                rec=b.counters[1] if b.counters else None,
+                impossible=b.bus.impossible,
             )
             for b in self._buses
         )
