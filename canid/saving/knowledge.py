@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from canid import __version__, downtime, pipeline
 from canid.errors import OutputError
+from canid.saving import validity
 from canid.saving.fingerprint import fingerprint
 from canid.saving.plain import Form, MismatchError, form
 from canid.saving.sealed import Refused, seal, unseal
@@ -99,6 +100,9 @@ def keeping(vehicle: Vehicle, running: pipeline.Pipeline, dt: float = pipeline.D
             known = pipeline.Known(*body.decode(fields.get("known")))
         except MismatchError as error:
             return Refused(f"the saved state is damaged: {error}")
+        wrong = validity.check(known, vehicle, dt)
+        if wrong:
+            return Refused(f"the saved state makes no sense: {wrong}")
         return Restored(known, utc - fields["saved_utc"])
 
     return Keeping(save, restore)
@@ -139,20 +143,27 @@ def _configuration(vehicle: Vehicle, dt: float, body: Form) -> dict[str, str]:
     return {name: fingerprint(of) for name, of in parts.items()}
 
 
+def _brief(text: object) -> str:
+    """A text of the file as it stands in a sentence: cut, and on one line."""
+    short = str(text)[:80] if isinstance(text, str) else type(text).__name__
+    return "".join(c if c.isprintable() else "?" for c in short)
+
+
 def _foreign(fields: dict[str, Any], vehicle: str, configuration: dict[str, str], utc: float) -> str:
     """Why a whole state is not for this vehicle, configuration and day; "" where it is."""
     if fields.get("canid") != __version__:
-        return f"was saved by canid {fields.get('canid')}; this is {__version__}"
+        return f"was saved by canid {_brief(fields.get('canid'))}; this is {__version__}"
     if fields.get("vehicle") != vehicle:
-        return f'is of the vehicle "{fields.get("vehicle")}", not of "{vehicle}"'
+        return f'is of the vehicle "{_brief(fields.get("vehicle"))}", not of "{vehicle}"'
     theirs = fields.get("configuration")
     theirs = theirs if isinstance(theirs, dict) else {}
+    theirs = {name: of for name, of in theirs.items() if len(name) < 40}
     differ = [name for name in {**configuration, **theirs} if configuration.get(name) != theirs.get(name)]
     if differ:
-        shown = ", ".join(_SHOWN.get(name, f"[{name}]") for name in differ)
+        shown = ", ".join(_SHOWN.get(name, f"[{_brief(name)}]") for name in differ[:10])
         return f"is of another configuration: {shown} changed since"
     saved = fields.get("saved_utc")
-    if type(saved) is not float:
+    if type(saved) is not float or not 0.0 <= saved < 1e11:
         return "does not tell when it was saved"
     hours = (utc - saved) / 3600.0
     if hours > MAX_AGE / 3600.0:

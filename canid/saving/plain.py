@@ -89,7 +89,7 @@ def _within(place: object, decode: Callable[[Any], Any], plain: Any) -> Any:
 def _be(kind: type, plain: Any) -> Any:
     # exactly: True is an int to isinstance
     if type(plain) is not kind:
-        shown = repr(plain)
+        shown = repr(plain) if not isinstance(plain, list | dict) else type(plain).__name__
         raise MismatchError(f"{shown if len(shown) < 40 else shown[:40] + '...'} is no {kind.__name__}")
     return plain
 
@@ -124,7 +124,7 @@ def _enum(kind: type[Enum]) -> Form:
     def decode(plain: Any) -> Enum:
         name = _be(str, plain)
         if name not in kind.__members__:
-            raise MismatchError(f"{name!r} is no {kind.__name__}")
+            raise MismatchError(f"{name[:40]!r} is no {kind.__name__}")
         return kind[name]
 
     # without the values: they are sentences that may be put better
@@ -221,12 +221,14 @@ def _array(dtype: np.dtype[Any]) -> Form:
             raise MismatchError(f"no array of {dtype}")
         shape = tuple([_be(int, n) for n in _be(list, plain["shape"])])
         if any(n < 0 for n in shape):  # numpy would guess one
-            raise MismatchError(f"no shape: {shape}")
+            raise MismatchError("a shape with a negative number")
         try:
             raw = base64.b64decode(_be(str, plain["base64"]), validate=True)
             # a copy: aligned as numpy's own arrays are, and nobody's buffer but its own
             return np.frombuffer(raw, stored).reshape(shape).astype(dtype, copy=True)
-        except ValueError as error:
-            raise MismatchError(f"no array of {dtype} {shape}: {error}") from None
+        except (ValueError, OverflowError) as error:
+            raise MismatchError(
+                f"no array of {dtype} of {len(shape)} dimensions: {str(error)[:80]}"
+            ) from None
 
     return Form(f"array<{stored.str}>", encode, decode)

@@ -89,7 +89,7 @@ def unseal(data: bytes) -> dict[str, Any] | Refused:
         return Refused("the saved state is damaged: its checksum does not fit")
     try:
         fields = json.loads(b"{" + rest)
-    except ValueError:
+    except (ValueError, RecursionError):  # a number of 5,000 digits; 100,000 brackets
         fields = None
     # under a seal that fits, this is no accident
     return fields if isinstance(fields, dict) else Refused("the saved state is damaged: it is no JSON object")
