@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
@@ -43,12 +44,13 @@ class Adapter:
         self._thread.start()
 
     def _run(self) -> None:
+        with contextlib.suppress(OSError):  # closed
+            self._answer()
+
+    def _answer(self) -> None:
         begun = b""
         while True:
-            try:
-                got = os.read(self._master, 1024)
-            except OSError:
-                return
+            got = os.read(self._master, 1024)
             self.received += got
             *commands, begun = (begun + got).split(b"\r")
             for command in commands:
@@ -65,6 +67,7 @@ class Adapter:
 
     def close(self) -> None:
         os.close(self._slave)
+        self._thread.join(10)  # its read ends when nobody has the other side open
         os.close(self._master)
 
 
