@@ -44,14 +44,19 @@ def check(base: Base, mutant: Mutant, path: Path, *, one_by_one: bool = False) -
         if "\n" in said:
             raise AssertionError("an error of more than one line") from error
         return Outcome(0, len(base.frames), True)
-    damage, others = log.damage, log.others
+    damage = log.damage
+    assert log.frames_read == len(got), f"{log.frames_read} frames counted, {len(got)} given"
+    assert (damage is None) == (log.damaged == 0), f"{log.damaged} damaged, and yet {damage}"
+    if base.suffix != ".blf":
+        counted = log.frames_read + log.events_read + log.others + log.damaged
+        there = sum(1 for line in mutant.data.split(b"\n") if line.decode("latin-1").strip())
+        assert counted == there, f"{there} lines, {counted} counted"
     known = {key(base, frame) for frame in base.frames}
     foreign = sum(key(base, frame) not in known for frame in got)
     assert foreign <= _alterable(base, mutant), f"{foreign} frames that are not in the whole log"
     _in_order(base, mutant, log.start_ns, got, intact)
     lost = len(known) - len({key(base, frame) for frame in got} & known)
-    if base.suffix == ".blf" and lost and not (others and not base.checked):
-        # without a checksum a frame may have become an object of another type, which is passed over and counted
+    if base.suffix == ".blf" and lost:
         assert damage is not None or len(got) >= len(base.frames) or foreign, (
             f"{lost} frames lost, nothing said"
         )

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         events = f", {found.events} of the recorder's events" if found.events else ""
         talk(f"{found.path}: {found.frames} frames{events}")
         if found.others:
-            talk(f"{found.others} objects that are no CAN frames are not in the copy")
+            talk(f"not in the copy: {found.others_says}")
         if sink is not None:
             sink.write(as_json.line(told(args.log, found)) + "\n")
     return DAMAGED if found.damage else DONE
@@ -64,12 +64,8 @@ def told(log: str, found: Recovered) -> dict[str, Any]:
         "events": found.events,
         "others": found.others,
         "start_utc": None if math.isnan(found.start_utc) else found.start_utc,
-        "read": damage.read if damage else found.frames + found.others,
-        "total": damage.total
-        if damage and damage.total >= 0
-        else None
-        if damage
-        else found.frames + found.others,
+        "read": found.read,
+        "total": found.read if not damage else damage.total if damage.total >= 0 else None,
         "damaged": [list(span) for span in damage.spans] if damage else [],
         "says": damage.says if damage else "",
     }

@@ -88,6 +88,23 @@ class Log:
         return dict(self._state.other_kinds.most_common())
 
     @property
+    def others_says(self) -> str:
+        r"""The same in one sentence, "" where there are none.
+
+        >>> import tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "drive.log"
+        >>> _ = path.write_text("# a remark\n(1.0) can0 123#11\n(1.1) can0 123#22\n")
+        >>> log = open_log(path)
+        >>> len(list(log)), log.others_says
+        (2, '1 line of no interest: 1 comments')
+        """
+        if not self.others:
+            return ""
+        what = ("object" if log_suffix(self.path) == ".blf" else "line") + "s" * (self.others != 1)
+        kinds = ", ".join(f"{n} {kind}" for kind, n in self.other_kinds.items())
+        return f"{self.others} {what} of no interest: {kinds}"
+
+    @property
     def damaged(self) -> int:
         """How many lines (.blf: stretches of bytes) could not be read; what is wrong with them: `damage`.
 

@@ -29,9 +29,11 @@ class Recovered(NamedTuple):
     path: Path  # the copy
     frames: int  # in the copy
     events: int  # the recorder's own, in the copy
-    others: int  # objects of other types, which the copy does not have
+    others: int  # lines or objects that hold no CAN frame, which the copy does not have
     start_utc: float  # s, epoch time of the first frame; NaN: the log does not tell
     damage: Damage | None  # what the log has lost; None: nothing
+    read: int  # objects that were read; of a text log: lines with a frame
+    others_says: str  # how many others there are of each kind; "": none
 
 
 def recovered_path(log: str | os.PathLike[str]) -> Path:
@@ -106,7 +108,12 @@ def recover(
         if writer is not None:
             writer.close()
     kept = events if log_suffix(target) in _WITH_EVENTS else 0
-    return Recovered(target, writer.frames, kept, source.others, source.start_utc, source.damage)
+    read = writer.frames + (source.others if log_suffix(log) == ".blf" else 0)
+    if source.damage is not None:
+        read = source.damage.read
+    return Recovered(
+        target, writer.frames, kept, source.others, source.start_utc, source.damage, read, source.others_says
+    )
 
 
 def _with_notes(writer: Writer, chunk: Columns, notes: list[Note], row: int) -> Iterator[Frame]:

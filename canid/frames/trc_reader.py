@@ -53,7 +53,7 @@ _FIELDS = {
 }  # fmt: skip
 # warnings have this id, or this type; error frames this type, or this word behind the length
 _WARNING = re.compile(
-    r"\d+\)\s+-?[\d.]+(?:\s+\d{1,3})?\s+(?:Warng\s+)?FFFFFFFF\s+(?:-\s+)?4\s+(?:[0-9A-F]{2}\s+){4}.*"
+    r"\d+\)\s+-?[\d.]+(?:\s+\d{1,3})?\s+(?:Warng\s+)?FFFFFFFF\s+(?:-\s+)?4\s+(?:[0-9A-F]{2}\s+){4}[-A-Za-z ]*"
 )
 _ERROR = re.compile(
     r"\d+\)\s+-?[\d.]+(?:\s+\d{1,3})?\s+(?:Error\s+[0-9A-F]{4,8}\s+(?:-\s+)?\d|[0-9A-F]{4,8}\s+\d\s+ERROR)(?:\s+[0-9A-F]{2})*"
@@ -162,7 +162,7 @@ class _Form:
                 return "warnings"
             return "error frames" if _ERROR.fullmatch(text) else ""
         if _EVENT.fullmatch(text):
-            return "events"
+            return "" if self._frame.search(text) else "events"
         found = self._other.fullmatch(text)
         return _KINDS[found["type"]] if found else ""
 
