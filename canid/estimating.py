@@ -255,7 +255,7 @@ class Estimating:
 
 
 def _bound(pid: int) -> None:
-    """Let the child have `MEMORY` and no more; where memory runs out all the same, it goes before the recorder."""
+    """Let the child have `MEMORY` and an ordinary priority; where memory runs out all the same, it goes first."""
     try:
         import resource
 
@@ -264,6 +264,8 @@ def _bound(pid: int) -> None:
         pass  # not Linux, or it is gone already
     with suppress(OSError):
         Path(f"/proc/{pid}/oom_score_adj").write_text("500", encoding="ascii")
+    with suppress(AttributeError, OSError):
+        os.setpriority(os.PRIO_PROCESS, pid, max(os.getpriority(os.PRIO_PROCESS, pid), 0))
 
 
 def main() -> int:

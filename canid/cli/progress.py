@@ -7,6 +7,8 @@ import sys
 import time
 from typing import Any, TextIO
 
+from canid.views.terminal_text import terminal_text
+
 # redraws per second: readable, and a few per cent of a core
 REDRAW = 5.0
 
@@ -28,9 +30,9 @@ class Progress:
             from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
             from rich.progress import Progress as Bar
 
-            columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
             self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
-            self._task = self._bar.add_task(label, total=None)
+            self._task = self._bar.add_task(terminal_text(label), total=None)
             self._bar.start()
 
     def to(self, fraction: float) -> None:

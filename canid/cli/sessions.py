@@ -10,6 +10,7 @@ from typing import Any
 from canid.cli import options, output_kinds, outputs, show, streams
 from canid.cli.interrupt import Interrupt
 from canid.cli.outputs import DetachedOutput, Output, StandardOutput, TextOutput
+from canid.cli.priority import raise_priority
 from canid.cli.talk import talk, teller
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.frames.bus import ReceiveOnlyBus
@@ -52,7 +53,8 @@ def run(
         recording = Output(option, record, output_kinds.RECORDING) if record else None
         kept = Output("--state", state, output_kinds.STATE) if state else None
         outputs.check([recording, kept, json], options.read_by(args))
-        streams.detach()
+        if streams.detach():  # a process of its own, not a program that uses canid as a library
+            raise_priority()
         buses = open_buses(configs_of(args))
         for bus in buses:
             if not bus.listen_only.warns:  # a warning comes as an event, and stays in the view

@@ -177,11 +177,12 @@ def installed() -> Iterator[list[Stream]]:
         sys.stdout, sys.stderr = before
 
 
-def detach() -> None:
-    """From now on no write to standard output or standard error blocks or raises."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, Stream):
-            stream.detach_writes()
+def detach() -> bool:
+    """From now on no write to standard output or standard error blocks or raises; False: they are not canid's own."""
+    own = [stream for stream in (sys.stdout, sys.stderr) if isinstance(stream, Stream)]
+    for stream in own:
+        stream.detach_writes()
+    return bool(own)
 
 
 def standard_output_error() -> OSError | None:

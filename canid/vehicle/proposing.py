@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -65,15 +66,15 @@ def propose(paths: str | Path | Sequence[str | Path], folder: str | Path | None 
         for message_name, signal in _signals(files)
     ]
     home = Path(paths[0]).parent if folder is None else Path(folder)
-    names = ", ".join(f'"{Path(os.path.relpath(path, home)).as_posix()}"' for path in paths)
+    names = ", ".join(_quoted(Path(os.path.relpath(path, home)).as_posix()) for path in paths)
     found = {role: _candidates(role, named) for role in ROLES}
     tracks = None if found["gap"] and found["range_rate"] else _tracks(files)
     output = next((role for role in ("pedal", "accel_command", "accel") if found[role]), "pedal")
     lines = [
         "# Proposed from names and units alone: look at every line before you trust it,",
         "# then run `canid check --vehicle THIS_FILE LOG`.",
-        *(f"# {warning}" for warning in warnings),
-        f'name = "{Path(paths[0]).stem}"',
+        *(f"# {_plain(warning)}" for warning in warnings),
+        f"name = {_quoted(Path(paths[0]).stem)}",
         "# Paths are relative to this file; { file = ..., bus = 1 } binds a file to a bus.",
         f"dbc = [{names}]",
         "",
@@ -88,6 +89,24 @@ def propose(paths: str | Path | Sequence[str | Path], folder: str | Path | None 
         lines += _lines(role, found[role], role in needed)
     lines += ["", *(tracks or []), "[driver]", 'task = "car_following"', f'output = "{output}"']
     return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    r"""A basic string of TOML, in which names of files are data.
+
+    >>> print(_quoted('my "car"\n\x7f.dbc'))
+    "my \"car\"\n\u007f.dbc"
+    """
+    return json.dumps(text.encode("utf-8", "replace").decode(), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _plain(text: str) -> str:
+    r"""Text for a comment, in one line: what cannot be printed is escaped.
+
+    >>> print(_plain("m\nname = 1"))
+    m\nname = 1
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def words(name: str) -> str:
@@ -141,9 +160,9 @@ def _lines(role: str, found: list[_Found], needed: bool) -> list[str]:
     unit = ROLES[role].unit
     if unit and factor_to(best.signal.unit or "", unit) is None:
         entry = f'{{ signal = "{where}", unit = "" }}'
-        remark = f'  # the DBC says "{best.signal.unit or ""}": fill in its unit'
+        remark = f'  # the DBC says "{_plain(best.signal.unit or "")}": fill in its unit'
     else:
-        entry, remark = f'"{where}"', f'  # "{best.signal.unit}"' if unit else ""
+        entry, remark = f'"{where}"', f'  # "{_plain(best.signal.unit or "")}"' if unit else ""
     others = ", ".join(f"{item.message}.{item.signal.name}" for item in found[1:4])
     return [f"{role} = {entry}{remark}", *([f"#   or: {others}"] if others else [])]
 

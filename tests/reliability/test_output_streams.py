@@ -121,8 +121,9 @@ def recorded(path: Path, traffic: Traffic, least: float) -> str:
 @pytest.mark.parametrize(
     ("verb", "out", "err", "code"),
     [
-        ("record", "/dev/null", "pipe", NOT_WRITTEN),  # its reader goes away in the middle
-        ("live", "/dev/null", "pipe", NOT_WRITTEN),
+        # its reader goes away in the middle; maybe there is nothing more to say
+        ("record", "/dev/null", "pipe", None),
+        ("live", "/dev/null", "pipe", None),
         ("record", "pipe", "/dev/null", NOT_WRITTEN),
         ("live", "pipe without reader", "pipe without reader", NOT_WRITTEN),
         ("record", "closed", "/dev/null", NOT_WRITTEN),
@@ -150,8 +151,7 @@ def test_no_output_can_cost_a_frame(
     got = process.wait(60.0)
     assert time.monotonic() - began < SECONDS + BUSY * STOP + 10.0
     assert recorded(path, traffic, SECONDS - 0.5) == ""
-    if code is not None:
-        assert got == code
+    assert got == code if code is not None else got in (DONE, NOT_WRITTEN)
 
 
 @pytest.mark.parametrize(
