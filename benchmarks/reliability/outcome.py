@@ -16,6 +16,8 @@ class Outcome(NamedTuple):
     lost: float  # s; NaN: not what this trial asks
     frames: int  # that were lost
     wrong: str = ""
+    tried: int = 1  # cases in this trial
+    measure: str = ""  # what `lost` is, where it is another time: "stopped within"
 
     def within(self, promised: float) -> Outcome:
         """The same, wrong where more than `promised` s were lost."""
