@@ -18,3 +18,8 @@ def raise_priority() -> None:
     with contextlib.suppress(AttributeError, OSError):
         if os.getpriority(os.PRIO_PROCESS, 0) > RECORDING:
             os.setpriority(os.PRIO_PROCESS, 0, RECORDING)
+        # Linux shares the cores among sessions first (sched(7), autogroup); whose session is another's changes nothing
+        # there. The recorder's own one, as under systemd or ssh, gets the same nice value.
+        if os.getsid(0) == os.getpid():
+            with open("/proc/self/autogroup", "r+", encoding="ascii") as group:
+                group.write(str(RECORDING))
