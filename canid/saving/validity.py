@@ -18,6 +18,7 @@ from canid.estimators import agreement, armax, fopdt
 from canid.identification import armax_recursive, memories, posterior, process_fit, rows
 from canid.identification.armax_batch import Orders
 from canid.screening import evidence, reference, watch
+from canid.screening import rows as screen_rows
 from canid.types import TASK_INPUTS, Estimate, Gate, Sample, Status
 from canid.vehicle import Vehicle
 
@@ -169,9 +170,13 @@ def _misshapen(known: pipeline.Known, vehicle: Vehicle) -> Iterator[str]:
         ):
             if np.asarray(part).shape != np.asarray(usual).shape:
                 yield "a predictor of the screen has another shape"
-    widths = {len(row) for row in known.screen.pending} | {look.shape[1:] for look in known.screen.looks}
-    if len(known.screen.pending) >= watch.LOOK or len(known.screen.looks) > watch.LATE or len(widths) > 2:
+    width = screen_rows.FIRST_INPUT + m
+    pending, looks = known.screen.pending, known.screen.looks
+    # a look is made as soon as it is full; they are kept until they are a minute old and a window has passed
+    if len(pending) >= watch.LOOK or any(len(row) != width for row in pending) or len(looks) > 2 * watch.LATE:
         yield "the rows of the screen have another shape"
+    if any(look.shape != (watch.LOOK, width) for look in looks):
+        yield "the looks of the screen have another shape"
 
 
 def _of_armax(state: armax.State, m: int, o: Orders, forgetting: Sequence[float]) -> Iterator[str]:
