@@ -62,7 +62,7 @@ CAN_MESSAGE, LOG_CONTAINER, CAN_ERROR_EXT, CAN_MESSAGE2, CAN_FD_MESSAGE, CAN_FD_
 UNCOUNTED = 115
 
 # Of frames: header, body, and room for what newer versions append; a larger one is damage, and its size must not be
-# followed. Of other objects only that their types have numbers up to some 150.
+# followed. Of other objects only that their types have numbers from 1 to some 150: 0 is what zeros look like.
 _ROOM = 16
 LARGEST = {
     CAN_MESSAGE: OBJECT_V2_SIZE + CLASSIC.size + _ROOM,
@@ -89,7 +89,7 @@ def believable(kind: int, size: int) -> bool:
     >>> believable(CAN_MESSAGE, 48), believable(CAN_MESSAGE, 4096), believable(65, 4096), believable(1 << 20, 48)
     (True, False, True, False)
     """
-    return OBJECT.size <= size <= LARGEST.get(kind, LIMIT) and kind < KINDS
+    return OBJECT.size <= size <= LARGEST.get(kind, LIMIT) and 0 < kind < KINDS
 
 
 class FileHeader(NamedTuple):

@@ -217,8 +217,8 @@ def _groups(data: Data, links: Chain) -> list[_Group]:
         items = np.ndarray((len(links.begin),), layout, data, int(links.begin[0]), (links.step,))
         return [_Group(kind, slice(None), links.begin, items)]
     groups = []
-    if links.kind.size and links.kind.max() >= blf.KINDS:
-        raise Broken(f"an object has the type {links.kind.max()}")
+    if links.kind.size and not 0 < links.kind.min() <= links.kind.max() < blf.KINDS:
+        raise Broken(f"an object has the type {links.kind.max() if links.kind.min() else 0}")
     for kind in _BODY:
         rows = np.flatnonzero(links.kind == kind)
         if not len(rows):
