@@ -110,4 +110,4 @@ def listen(args: argparse.Namespace) -> Iterator[Frame]:
     """Frames of the bus for --duration."""
     from canid.frames.command_line import listen as listen_to
 
-    return listen_to(args, args.duration)
+    return listen_to(args, args.duration, talk)
