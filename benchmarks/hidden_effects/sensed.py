@@ -65,8 +65,6 @@ def write(
     path: str | Path,
     vehicle: Vehicle | None = None,
     seed: int | None = None,
-    *,
-    overwrite: bool = False,
 ) -> Path:
     """Write a planted drive as a log, and its truth beside it.
 
@@ -75,13 +73,12 @@ def write(
         path: of the log; the suffix chooses the format.
         vehicle: None takes the lean one.
         seed: of the sensors; None takes the drive's.
-        overwrite: replace what is there.
 
     Returns:
         The file of the truth: DRIVE.truth.json beside DRIVE.blf.
     """
     car, path = lean() if vehicle is None else vehicle, Path(path)
-    write_log(path, frames(planted, car, seed), START_UTC, overwrite=overwrite)
+    write_log(path, frames(planted, car, seed), START_UTC)
     beside = path.with_name(path.name.removesuffix(path.suffix) + ".truth.json")
     beside.write_text(truth_text(planted, car, seed), encoding="utf-8")
     return beside

@@ -69,7 +69,7 @@ class BlfWriter:
     Every write may raise OutputError; what the last `checkpoint()` wrote stays readable.
     """
 
-    def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None, *, overwrite: bool = False):
+    def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None):
         """Create the file; it holds a header at once.
 
         `start_ns`: epoch ns of t = 0; None: unknown yet, assign `self.start_ns` before the first `append`.
@@ -81,7 +81,7 @@ class BlfWriter:
         self._buffered = self._buffered_frames = 0
         self._uncompressed = self._size = blf.FILE_HEADER_SIZE
         self._last = 0  # ns, the latest frame's
-        self.disk = Disk(Path(path), overwrite=overwrite, head=self._header())
+        self.disk = Disk(Path(path), head=self._header())
 
     @property
     def path(self) -> Path:

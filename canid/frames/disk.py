@@ -36,7 +36,7 @@ class ChangedError(OutputError):
 class Disk:
     """A new file. `size` bytes of it are whole; a write that fails leaves `size` as it was."""
 
-    def __init__(self, path: Path, *, overwrite: bool, head: bytes = b""):
+    def __init__(self, path: Path, *, head: bytes = b""):
         """Create it. With a `head` the name appears only once the head is on the disk: no cut leaves it empty."""
         self.path = path
         self.size = 0
@@ -46,9 +46,9 @@ class Disk:
         self._entry_synced = False
         self._fd = -1
         try:
-            self._fd = _open(path, overwrite=overwrite, head=head)
+            self._fd = _open(path, head=head)
         except FileExistsError:
-            message = f"{path} exists already: choose another name, or overwrite it explicitly"
+            message = f"{path} exists already: choose another name"
             raise TakenError(message) from None
         except OSError as error:
             raise OutputError(f"cannot create {path}: {error.strerror}") from None
@@ -122,7 +122,7 @@ class Disk:
 
     def copy(self, path: Path) -> Disk:
         """Copy what was written into a new file, on the disk. Raises OutputError, TakenError."""
-        copied = Disk(path, overwrite=False)
+        copied = Disk(path)
         try:
             while copied.size < self.size:
                 chunk = self.read(copied.size, min(_COPY_SIZE, self.size - copied.size))
@@ -175,13 +175,13 @@ class Disk:
             raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
 
 
-def _open(path: Path, *, overwrite: bool, head: bytes) -> int:
+def _open(path: Path, *, head: bytes) -> int:
     """Open a new file that begins with `head`; unbuffered, so that a kill loses nothing that was written."""
-    if head and not overwrite:
+    if head:
         linked = _open_linked(path, head)
         if linked >= 0:
             return linked
-    fd = os.open(path, _NEW | (os.O_TRUNC if overwrite else _NEVER_OVER), _MODE)
+    fd = os.open(path, _NEW | _NEVER_OVER, _MODE)
     try:
         _write(fd, 0, head)
     except OSError:

@@ -26,7 +26,7 @@ def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
 
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
-    >>> disk = Disk(path, overwrite=False)
+    >>> disk = Disk(path)
     >>> disk.append(b"some frames")
     >>> path.unlink()
     >>> restored = restore(disk, path, [])

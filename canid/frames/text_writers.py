@@ -27,7 +27,7 @@ _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct",
 class _TextWriter:
     """What both formats share: the file."""
 
-    def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None, *, overwrite: bool = False):
+    def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None):
         self.start_ns = start_ns
         self.lead_ns = 0
         self.frames = 0
@@ -38,7 +38,7 @@ class _TextWriter:
         self._begun = False
         self._ended = False
         self._middles: dict[tuple[int, int, int, int], str] = {}
-        self.disk = Disk(Path(path), overwrite=overwrite)
+        self.disk = Disk(Path(path))
 
     @property
     def path(self) -> Path:

@@ -70,18 +70,16 @@ _TEXT = {".asc": "AscWriter", ".log": "CandumpWriter"}
 WRITTEN = (".blf", *_TEXT)
 
 
-def open_writer(
-    path: str | os.PathLike[str], start_ns: int | None = None, *, overwrite: bool = False
-) -> Writer:
+def open_writer(path: str | os.PathLike[str], start_ns: int | None = None) -> Writer:
     """Open a writer for the path's suffix (one of `WRITTEN`).
 
     Raises ConfigError for another suffix, OutputError where the file exists or cannot be created.
     """
     suffix = check_suffix(path)
     if suffix == ".blf":
-        return BlfWriter(path, start_ns, overwrite=overwrite)
+        return BlfWriter(path, start_ns)
     kind = getattr(importlib.import_module("canid.frames.text_writers"), _TEXT[suffix])
-    writer: Writer = kind(path, start_ns, overwrite=overwrite)
+    writer: Writer = kind(path, start_ns)
     return writer
 
 
@@ -117,19 +115,17 @@ def write_log(
     path: str | os.PathLike[str],
     frames: Iterable[Frame],
     start_utc: float = NAN,
-    *,
-    overwrite: bool = False,
 ) -> None:
     """Write all frames. `start_utc`: epoch s of t = 0 (NaN: unknown), kept to the microsecond.
 
     A .blf gives back every time bit for bit if it is a whole number of ns (`round(t * 1e9) * 1e-9 == t`) and
     the first frame has t = 0; the text formats keep as many digits as their kind has.
-    Raises OutputError where the file exists already (unless `overwrite`) or cannot be written.
+    Raises OutputError where the file exists already or cannot be written.
 
     >>> import tempfile
     >>> write_log(f"{tempfile.mkdtemp()}/drive.log", [Frame(0.0, 0, 0x123, b"abc")], 1533224087.0)
     """
-    writer = open_writer(path, stamps.epoch_ns(start_utc), overwrite=overwrite)
+    writer = open_writer(path, stamps.epoch_ns(start_utc))
     try:
         for frame in frames:
             writer.append(frame)

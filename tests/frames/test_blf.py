@@ -150,15 +150,13 @@ def test_large_logs_span_containers(tmp_path: Path) -> None:
 
 
 def test_an_existing_file_is_kept(tmp_path: Path) -> None:
-    """Writing over a log is refused unless asked for."""
+    """Writing over a log is refused."""
     path = tmp_path / "x.blf"
     write_log(path, [Frame(0.0, 0, 1, b"")])
     before = path.read_bytes()
     with pytest.raises(OutputError, match="exists already"):
         write_log(path, [Frame(0.0, 0, 2, b"")])
     assert path.read_bytes() == before
-    write_log(path, [Frame(0.0, 0, 2, b"")], overwrite=True)
-    assert [frame.id for frame in open_log(path)] == [2]
 
 
 def test_after_each_checkpoint_the_file_is_complete(tmp_path: Path) -> None:
