@@ -73,25 +73,27 @@ def markdown(outcomes: Iterable[Outcome]) -> str:
     for outcome in outcomes:
         groups.setdefault(outcome.group, []).append(outcome)
     order = list(FAMILIES)
+    said: set[str] = set()
     lines = ["| promise | attack | rounds | result |", "|---|---|---|---|"]
     for group in sorted(groups, key=lambda group: order.index(group.partition(":")[0])):
         name, _, attack = group.partition(": ")
         rows = groups[group]
-        promise = import_module(f"{__name__}.{FAMILIES[name]}").PROMISE
+        promise = "" if name in said else import_module(f"{__name__}.{FAMILIES[name]}").PROMISE
+        said.add(name)
         lines.append(f"| {promise} | {attack} | {len(rows):,} | {_result(rows)} |")
     return "\n".join(lines)
 
 
 def _result(rows: list[Outcome]) -> str:
     wrong = [row.wrong for row in rows if row.wrong]
-    said = f"{len(rows) - len(wrong):,} of {len(rows):,} kept"
+    result = f"{len(rows) - len(wrong):,} of {len(rows):,} kept"
     tried = sum(row.tried for row in rows)
     if tried > len(rows):
-        said += f", {tried:,} cases"
+        result += f", {tried:,} cases"
     times = [row.lost for row in rows if not math.isnan(row.lost)]
     if times:
-        said += f"; {rows[0].measure or 'at most'} {max(times):.2f} s"
-    return said + (f"; broken: {wrong[0]}" if wrong else "")
+        result += f"; {rows[0].measure or 'at most'} {max(times):.2f} s"
+    return result + (f"; broken: {wrong[0]}" if wrong else "")
 
 
 def _one_line(text: str) -> str:

@@ -24,7 +24,18 @@ LIKELY = (
     *("usercustomize", "site", "os", "io", "re", "enum", "struct", "zlib", "scipy", "pandas", "pyarrow"),
     *("cantools", "rich", "msgpack", "serial", "pydantic", "matplotlib", "random", "secrets", "socket"),
     *("subprocess", "threading", "tomllib", "copyreg", "_compat_pickle", "runpy", "pkgutil", "encodings"),
-    *("decimal", "fractions", "statistics", "numbers", "gzip", "bz2", "lzma", "locale", "gettext", "argparse"),
+    *(
+        "decimal",
+        "fractions",
+        "statistics",
+        "numbers",
+        "gzip",
+        "bz2",
+        "lzma",
+        "locale",
+        "gettext",
+        "argparse",
+    ),
 )
 # What a hostile module leaves: who imported it, and whether canid's command line had begun by then.
 MODULE = """
@@ -60,8 +71,19 @@ COMMANDS = {
     "hostile plug-in": ("record", "-i", "hostile", "-c", "x", "--duration", "0.2", "-o", "out.blf"),
     "plug-in of can.conf": ("record", "--duration", "0.2", "-o", "out.blf"),
     "slcan": ("record", "-i", "slcan", "-c", "/dev/null", "--duration", "0.1", "-o", "out.blf"),
-    "udp_multicast": ("record", "-i", "udp_multicast", "-c", "239.74.163.2", "--bus-kwargs", "hop_limit=0")
-    + ("--duration", "0.2", "-o", "out.blf"),
+    "udp_multicast": (
+        "record",
+        "-i",
+        "udp_multicast",
+        "-c",
+        "239.74.163.2",
+        "--bus-kwargs",
+        "hop_limit=0",
+        "--duration",
+        "0.2",
+        "-o",
+        "out.blf",
+    ),
     "help": ("--help",),
 }
 
@@ -88,7 +110,9 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
     info = here / "hostile-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hostile\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[can.interface]\nhostile = hostile_bus:Bus\nvirtual = hostile_bus:Bus\n")
+    (info / "entry_points.txt").write_text(
+        "[can.interface]\nhostile = hostile_bus:Bus\nvirtual = hostile_bus:Bus\n"
+    )
     (here / "hostile_bus.py").write_text(text)
     (here / "can.conf").write_text("[default]\ninterface = hostile\nchannel = x\n")
     shutil.copy(made() / "simulated.blf", here / "drive.blf")

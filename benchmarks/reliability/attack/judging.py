@@ -51,10 +51,15 @@ def missing(found: Found, sender: Sender, since: float = math.inf, until: float 
     """Why these are not all frames, once and in order, that were sent between two moments (wall clock)."""
     numbers, wrong = found
     if not numbers:
-        return [*wrong, "no frame is in the log"] if sender.before(until) > sender.first_after(since) else wrong
+        return (
+            [*wrong, "no frame is in the log"] if sender.before(until) > sender.first_after(since) else wrong
+        )
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         gaps = numbers[-1] - numbers[0] + 1 - len(set(numbers))
-        return [*wrong, f"{gaps} frames are missing inside, {len(numbers) - len(set(numbers))} are there twice"]
+        return [
+            *wrong,
+            f"{gaps} frames are missing inside, {len(numbers) - len(set(numbers))} are there twice",
+        ]
     first, last = sender.first_after(since), sender.before(until)
     if numbers[0] > first:
         wrong = [*wrong, f"the first {numbers[0] - first} frames are missing"]

@@ -16,7 +16,9 @@ from benchmarks.reliability.attack.slcan_terminal import SlcanTerminal
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
 
-PROMISE = "listen-only is read back, not asked for: no source of configuration makes canid send or open actively"
+PROMISE = (
+    "listen-only is read back, not asked for: no source of configuration makes canid send or open actively"
+)
 # what canid may write to an adapter, by first letter: close, bit rate, bit timing, data bit rate, listen
 ALLOWED = (b"C", b"S", b"s", b"Y", b"L")
 ACTIVE: tuple[dict[str, Any], ...] = (

@@ -20,9 +20,7 @@ from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
 from canid.vehicle.reading import shipped
 
-PROMISE = (
-    "no option overwrites a recording, a vehicle, a database or its own input; what is refused leaves nothing behind"
-)
+PROMISE = "no option overwrites a recording, a vehicle, a database or its own input; what is refused leaves nothing behind"
 # commands in a round: they share a process, since imports take longer than they do
 COMMANDS = 6
 _MAKING = threading.Lock()
@@ -80,9 +78,7 @@ def _made() -> Path:
     atexit.register(shutil.rmtree, folder, True)
     words = ["simulate", str(folder / "simulated.blf"), "--minutes", "0.15", "--seed", "1"]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    subprocess.run(
-        [sys.executable, "-m", "canid", *words], check=True, capture_output=True, env=environment
-    )
+    subprocess.run([sys.executable, "-m", "canid", *words], check=True, capture_output=True, env=environment)
     return folder
 
 
@@ -205,9 +201,7 @@ def drawn(rng: random.Random, folder: Path, files: list[Kept]) -> Command:
     return Command(out, may, len(set(written)) < len(written) or bool(set(written) & read))
 
 
-def _name(
-    rng: random.Random, files: list[Kept], option: Option, written: list[str], read: set[str]
-) -> str:
+def _name(rng: random.Random, files: list[Kept], option: Option, written: list[str], read: set[str]) -> str:
     kind = rng.random()
     if kind < 0.5:
         return rng.choice(files).name
@@ -260,8 +254,11 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
             commands.append(
                 Command([verb, "simulated.blf", "--vehicle", "generic.toml", "--json", name], set(), False)
             )
-    wrong = [text for command, ran in zip(commands, _run(folder, work, commands), strict=True)
-             for text in _judge(command, *ran)]
+    wrong = [
+        text
+        for command, ran in zip(commands, _run(folder, work, commands), strict=True)
+        for text in _judge(command, *ran)
+    ]
     yield Outcome(
         "random options × random files, links, spellings, in 10 verbs",
         math.nan,

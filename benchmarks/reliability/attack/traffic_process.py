@@ -6,6 +6,7 @@ import os
 import struct
 import subprocess
 import sys
+import time
 from array import array
 from bisect import bisect_left, bisect_right
 from itertools import count
@@ -21,12 +22,11 @@ _PORTS = count(20_000 + os.getpid() * 64 % 40_000)
 class Sender:
     """A process that sends frame 0, 1, 2, ...; `end` tells the wall clock before each of them."""
 
-    def __init__(
-        self, folder: Path, rate: float, *, total: int = -1, seed: object = 0, strange: float = 0.0
-    ):
+    def __init__(self, folder: Path, rate: float, *, total: int = -1, seed: object = 0, strange: float = 0.0):
         """Name its bus. `total`: frames, -1: until `end`; `strange`: other datagrams per frame."""
         self.port = next(_PORTS)
         self.strangers = 0
+        self._begun = 0.0
         self.sent: list[float] = []
         self._path = folder / f"sent.{self.port}"
         self._words = [GROUP, self.port, rate, total, self._path, seed, strange]
@@ -47,6 +47,7 @@ class Sender:
         assert self._process.stdout is not None
         if self._process.stdout.readline() != b"begun\n":
             raise RuntimeError("the sender did not begin")
+        self._begun = time.time()
         return self
 
     def end(self, *, wait: bool = False) -> Sender:
@@ -55,7 +56,8 @@ class Sender:
         if process is None:
             return self
         self._process = None
-        assert process.stdin is not None and process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         if wait:
             process.wait(600.0)
         process.stdin.close()
@@ -65,6 +67,10 @@ class Sender:
         (self.strangers,) = struct.unpack_from("<q", data)
         self.sent = list(array("d", data[8:]))
         return self
+
+    def wait(self, seconds: float, *, since_now: bool = False) -> None:
+        """Wait until so many s after the first frame; `since_now`: from now."""
+        time.sleep(max((time.time() if since_now else self._begun) + seconds - time.time(), 0.0))
 
     def before(self, moment: float) -> int:
         """How many frames were sent before this moment (wall clock)."""
