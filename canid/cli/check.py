@@ -59,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
     if log and not told["frames"]:
         raise nothing_read(args.log, 0.0, float("inf"), log.damage)
     say(args, text, told)
+    if log and log.others_says:
+        talk(f"no CAN frames: {log.others_says}")
     if log and log.damage:
         talk(log.damage.says)
         return DAMAGED
