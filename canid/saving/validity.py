@@ -2,7 +2,7 @@
 
 The seal of a saved state keeps accidents out, not people: whoever can write the file can seal it. So nothing of it is
 used before it has passed. Rules stand here by the type that they are about; what no rule foresees is found by a trial
-of ten seconds on samples that mean nothing, whose results are thrown away.
+of five seconds on samples that mean nothing, whose results are thrown away.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _TIMES = ("t", "emitted", "began", "said_at", "again")
 # of what one second or less of data is kept: rows of the grid
 _MOST_ROWS = 100_000
 
-# samples of the trial: 10 s at 10 Hz, five blocks of the recursion and five looks of the screen
-_TRIAL = 100
+# samples of the trial: 5 s at 10 Hz, two blocks of the recursion and two looks of the screen, for 0.15 s of processor time
+_TRIAL = 50
 
 # types of which no number may be missing, and what may be all the same
 _WHOLE: dict[type, tuple[str, ...]] = {
