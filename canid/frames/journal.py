@@ -51,8 +51,8 @@ def journal_path(log: Path) -> Path:
 class Journal:
     """Appends events; the file begins with the first one. Any thread may write; nothing is ever raised.
 
-    It is written by a thread of its own, so that it may fail or block at any time. A file that is deleted while it is
-    written comes back whole. Where another file has its name, the journal is `drive.events-2.jsonl`, ...
+    It is written by a thread of its own, so that it may fail or block at any time. A file that is deleted before
+    `close` comes back whole. Where another file has its name, the journal is `drive.events-2.jsonl`, ...
     """
 
     def __init__(
@@ -79,6 +79,7 @@ class Journal:
         self._fd = -1
         self._size = 0
         self._path = Path()
+        self._resumed: list[Path] = []  # where it was last, for events that come after `close`
         self._findable = True
         self._new = False  # created, and nothing written yet
         self._carried = b""  # lines of a file that was deleted, for the next one
@@ -110,11 +111,13 @@ class Journal:
                 self._thread = threading.Thread(target=self._run, name="canid-journal", daemon=True)
                 self._thread.start()
             closed = self._closed
+            if closed:
+                self._lines.put(None)
         if closed and threading.current_thread() is not self._thread:
             self._wait()
 
     def close(self) -> None:
-        """Have written what was given so far, as far as that takes no more than `PATIENCE_S`.
+        """Have written what was given so far, as far as that takes no more than `PATIENCE_S`; the thread ends.
 
         What is written later is waited for as well.
         """
@@ -145,7 +148,14 @@ class Journal:
                 continue
             if item is None:
                 self._check()
-                self._checked.set()
+                self._leave()
+                with self._lock:
+                    ends = self._lines.empty()
+                    if ends:
+                        self._thread = None
+                    self._checked.set()
+                if ends:
+                    return
                 continue
             try:
                 self._append(*item)
@@ -158,6 +168,7 @@ class Journal:
         if wanted != self._wanted:
             self._leave()
             self._wanted = wanted
+            self._resumed = []
         if self._fd < 0:
             self._open(wanted)
         else:
@@ -185,20 +196,22 @@ class Journal:
         self._size += done
 
     def _open(self, wanted: Path) -> None:
-        for path in _candidates(wanted):
+        resumed = [path for path in self._resumed if os.path.lexists(path)]
+        for path in [*resumed, *_candidates(wanted)]:
             found = _open_own(path)
             if found is None:
                 continue
             self._fd, new = found
             self._size = os.fstat(self._fd).st_size
             self._path = path
+            self._resumed = [path]
             self._new = new
             # where inode numbers do not last, nobody can tell that it is gone
             self._findable = whereabouts.find(self._fd, path).place is whereabouts.Place.HERE
             if not new and not _ends_with_newline(self._fd, self._size):
                 self._put(b"\n")  # a killed process left half a line
             self._put_carried()
-            if path != wanted:
+            if path != wanted and path not in resumed:
                 self._tell(
                     "journal_elsewhere",
                     f"{wanted.name} is another program's file: events are written to {path.name}",
@@ -218,6 +231,7 @@ class Journal:
             where = whereabouts.find(self._fd, self._path)
             if where.place is whereabouts.Place.MOVED:
                 self._path = where.path
+                self._resumed = [where.path]
             if where.lost:
                 self._write_anew(where.place.value)
             elif os.fstat(self._fd).st_size < self._size:
@@ -230,6 +244,7 @@ class Journal:
 
     def _write_anew(self, why: str) -> None:
         assert self._wanted is not None
+        self._resumed = []
         name, old = self._path.name, self._fd
         self._fd = -1
         try:
@@ -240,11 +255,12 @@ class Journal:
         self._tell("journal_restored", f"{name} {why}: its events are in {self._path}")
 
     def _leave(self) -> None:
-        """Close the file; the recording goes on with another one."""
+        """Close the file: the journal has ended, or the recording goes on with another one."""
         if self._fd >= 0:
             self._check()
         if self._fd >= 0:
-            os.close(self._fd)
+            with contextlib.suppress(OSError):
+                os.close(self._fd)
             self._fd = -1
 
 

@@ -185,3 +185,29 @@ def test_a_full_disk_leaves_whole_lines_and_a_count(limit: int, tmp_path: Path) 
     lines = (tmp_path / "x.events.jsonl").read_text()
     assert lines == "" or lines.endswith("\n")
     assert len(lines.splitlines()) + int(done.stdout) == 20
+
+
+def test_a_journal_that_is_closed_keeps_no_thread_and_brings_nothing_back(tmp_path: Path) -> None:
+    """After `close` the file is its owner's to delete; an event that comes later goes where the others are."""
+    threads = threading.active_count()
+    journal = Journal(tmp_path / "x.blf")
+    write(journal, "a")
+    journal.close()
+    wait_for(lambda: threading.active_count() == threads)
+    (tmp_path / "x.events.jsonl").rename(tmp_path / "y.events.jsonl")
+    time.sleep(1.0)  # twice as long as it takes to notice a deletion
+    assert not (tmp_path / "x.events.jsonl").exists()
+    (tmp_path / "y.events.jsonl").rename(tmp_path / "x.events.jsonl")
+    write(journal, "b")
+    assert names(tmp_path / "x.events.jsonl") == ["a", "b"]
+    wait_for(lambda: threading.active_count() == threads)
+
+
+def test_an_event_after_the_end_goes_to_the_name_that_was_used(tmp_path: Path) -> None:
+    """Another program's file has the journal's own name: what comes after `close` goes behind what came before."""
+    (tmp_path / "x.events.jsonl").write_text("notes")
+    journal = Journal(tmp_path / "x.blf")
+    write(journal, "a")
+    journal.close()
+    write(journal, "b")
+    assert names(tmp_path / "x.events-2.jsonl") == ["a", "b"]
