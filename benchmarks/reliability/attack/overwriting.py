@@ -52,9 +52,14 @@ for words in json.load(open(sys.argv[1])):
         except BaseException as error:
             code = f"{type(error).__name__}: {error}"
     after = held()
+    # a journal without its log is gone on with: its lines stay
+    goes_on = [
+        path for path in before
+        if path.endswith(".events.jsonl") and path in after and after[path][1].startswith(before[path][1])
+    ]
     changed = [path for path in before if after.get(path) != before[path]]
     new = [path for path in after if path not in before]
-    results.append([code, said.getvalue()[-600:], changed, new])
+    results.append([code, said.getvalue()[-600:], [path for path in changed if path not in goes_on], new])
     for path in [*new, *changed]:
         if os.path.lexists(path):
             os.unlink(path)
