@@ -26,7 +26,8 @@ def read(path: Path, largest: int, what: str) -> bytes:
         Traceback (most recent call last):
         canid.errors.ConfigError: vehicle file /dev/zero is no regular file
     """
-    name = brief(str(path)) if not str(path).isprintable() else str(path)[:4096]
+    # a path is said in full, unless nobody could read it
+    name = str(path) if str(path).isprintable() and len(str(path)) <= 300 else brief(str(path))
     try:
         # without O_NONBLOCK the opening of a pipe waits for somebody who writes
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))

@@ -36,6 +36,8 @@ from canid.vehicle.tracks import resolve_tracks, track_age
 LARGEST_TOML = 256_000
 # DBC files of one vehicle: one or two a bus, and no car has more buses
 _MOST_FILES = 64
+# mistakes that are told at once: more are one slip repeated, or no vehicle file
+_MOST_MISTAKES = 30
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
@@ -68,7 +70,11 @@ def read_vehicle(path: str | Path) -> Vehicle:
             raise ConfigError(f"{file} is no valid TOML: {brief_sentence(str(error))}") from None
         vehicle = _vehicle(file, table, mistakes, parser)
     if mistakes.errors or vehicle is None:
-        raise ConfigError("\n".join(f"{file.name}: {line}" for line in mistakes.errors))
+        said = mistakes.errors[:_MOST_MISTAKES]
+        if len(mistakes.errors) > _MOST_MISTAKES:
+            said.append(f"and {len(mistakes.errors) - _MOST_MISTAKES:,} more mistakes")
+        name = brief(file.name)
+        raise ConfigError("\n".join(f"{name}: {line}" for line in said))
     return vehicle
 
 
