@@ -233,8 +233,11 @@ class DetachedOutput:
 
 
 def _name_fits(output: Output) -> None:
-    name = os.path.basename(output.path)
-    what = promised(name, output.kind)
+    real = os.path.realpath(output.path)
+    # a file that holds something is protected by its own name, not by that of a link to it
+    linked = os.path.isfile(real) and os.path.getsize(real)
+    names = [os.path.basename(path) for path in ((output.path, real) if linked else (output.path,))]
+    what = next(filter(None, (promised(name, output.kind) for name in names)), "")
     own = output.kind in (RECORDING, SIMULATED)  # which suffixes there are canid.frames tells
     if what and not own:
         raise ConfigError(

@@ -70,6 +70,7 @@ def victims(log: Path, tmp_path: Path) -> dict[str, Path]:
     for name, content in kept.items():
         (folder / name).write_bytes(content)
     (folder / "link.json").symlink_to(folder / "recording.blf")
+    (folder / "truth link.json").symlink_to(folder / "drive.truth.json")
     os.link(folder / "recording.blf", folder / "hard.json")
     (folder / "hanging.json").symlink_to(folder / "nothing")
     return {path.name: path for path in folder.iterdir()}
