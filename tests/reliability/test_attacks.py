@@ -28,7 +28,7 @@ NETWORK = ("talk", "impossible", "lost", "ring", "kill", "stop")
 def test_attacks_with_drawn_seeds(
     family: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    """Every promise holds; the same again: `python -m benchmarks.reliability attack --only FAMILY --seed SEED --trials 2`."""
+    """Every promise holds; again: `python -m benchmarks.reliability attack --only FAMILY --seed SEED --trials 2`."""
     if family in NETWORK:
         request.getfixturevalue("between_processes")
     monkeypatch.setattr(judging, "SLACK", SLACK)

@@ -118,6 +118,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
             time.sleep(rng.uniform(0.0, 0.8))
             victim = path
             for k in range(times):
+                time.sleep(rng.uniform(0.3, 0.8) if k else 0.0)
                 said = len(recording.said)
                 victim = path if k == 0 else _newest(base, suffix)
                 moment = time.time()
@@ -159,7 +160,9 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
 
 
 def _newest(folder: Path, suffix: str) -> Path:
-    return max(folder.glob(f"*{suffix}"), key=lambda path: path.stat().st_mtime_ns)
+    """The file that is being written; one that is finished is its owner's to delete."""
+    files = [path for path in folder.glob(f"x*{suffix}") if "restored" not in path.name]
+    return max(files, key=lambda path: path.stat().st_mtime_ns)
 
 
 def _told(said: str) -> bool:

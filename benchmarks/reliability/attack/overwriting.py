@@ -197,7 +197,8 @@ def drawn(rng: random.Random, folder: Path, files: list[Kept]) -> Command:
         path = _spelling(rng, folder, name)
         real = os.path.relpath(os.path.realpath(folder / path), os.path.realpath(folder))
         out += [*option.words, path]
-        written.append(real)
+        # a table's name is a beginning: NAME.samples.csv
+        written.append(f"{real}.samples.csv" if option.kind == "table" else real)
         if option.kind and option.kind == kinds.get(real):
             may.add(real)
         if option.kind == "simulated" and kinds.get(real) == "simulated":
