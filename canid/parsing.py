@@ -259,10 +259,6 @@ def _answered(kind: str, suffix: str, data: bytes) -> bytes:
         if len(answer) <= MAX_ANSWER:
             return answer
         why = f"it describes more than {MAX_ANSWER / 1e6:g} MB"
-    except RecursionError:
-        why = "it is nested too deeply"
-    except MemoryError:
-        why = f"it takes more than {MEMORY / 1e6:g} MB to parse"
     except ParseError as error:
         why = str(error)
     except Exception as error:  # whatever a parser raises over a file is the file's fault
@@ -271,6 +267,12 @@ def _answered(kind: str, suffix: str, data: bytes) -> bytes:
 
 
 def _line(error: BaseException) -> str:
+    # cantools wraps whatever stops it
+    causes = (error, error.__cause__, error.__context__)
+    if any(isinstance(cause, MemoryError) for cause in causes):
+        return f"it takes more than {MEMORY / 1e6:g} MB to parse"
+    if any(isinstance(cause, RecursionError) for cause in causes):
+        return "it is nested too deeply"
     line = " ".join(str(error).split())[:160]
     # cantools marks the place with signs of its own, inside the quoted line
     place = re.search(r"line \d+, column \d+", line)
