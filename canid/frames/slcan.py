@@ -19,11 +19,15 @@ from canid.frames import python_can
 _CONFIGURING = re.compile(r"C|L|S[0-9]|s[0-9A-Fa-f]{4}|Y[0-9]|", re.ASCII)
 # s; an adapter answers a command within one USB turn (1 to 16 ms), one behind a network within this
 _ANSWER = 0.2
-# s without a byte: what was in the pipe before is over
+# s without a byte, once every command before was answered: what was in the pipe before is over
 _QUIET = 0.03
+# s in all that the answers to commands before L are waited for; a channel that stays open goes on sending frames
+_SETTLED = 1.0
 _LOOK = 0.005  # s between two looks for an answer
 # an adapter's answers
 DONE, REFUSED = b"\r", b"\a"
+# confirmed, and a frame behind it: the channel is open
+_OPEN = re.compile(rb"\r\r*[tTrRdDbB]")
 
 
 @cache
@@ -36,6 +40,7 @@ def listening_class() -> Any:
 
         written: tuple[str, ...] = ()  # every command, in order
         answer: bytes = b""  # to the latest L; empty: none came
+        _answered = 0  # commands whose answers were waited for
 
         def _write(self, string: str) -> None:
             if not _CONFIGURING.fullmatch(string):
@@ -46,29 +51,51 @@ def listening_class() -> Any:
         def open(self) -> None:
             """Close, in case another program left the channel open as an active node; then L."""
             self.close()
-            self._bytes(_ANSWER, _QUIET)
+            self._settle()
             self._write("L")
-            first = self._bytes(_ANSWER, 0.0)
+            first = self._answer_to_l()
             self.answer, rest = first[:1], first[1:]
-            if self.answer not in (DONE, REFUSED):
+            if REFUSED in first:
+                self.answer, rest = REFUSED, b""
+            elif self.answer != DONE:
                 self.answer, rest = b"", first
             self._buffer.extend(rest)
 
-        def _bytes(self, longest: float, quiet: float) -> bytes:
-            """What the adapter sends within `longest` s, until it is quiet; quiet 0: until the first bytes."""
-            got = b""
-            end = time.monotonic() + longest
-            until = time.monotonic() + quiet if quiet else end
-            while time.monotonic() < min(until, end):
-                waiting = self.serialPortOrig.in_waiting
-                if waiting:
-                    got += self.serialPortOrig.read(waiting)
-                    if not quiet:
-                        break
-                    until = time.monotonic() + quiet
+        def _settle(self) -> None:
+            """Wait for the answers to all commands before, lest one of them be taken for that to L."""
+            got, end = b"", time.monotonic() + _SETTLED
+            heard = time.monotonic()
+            expected = sum(map(bool, self.written)) - self._answered
+            self._answered += expected
+            while time.monotonic() < end:
+                more = self._waiting()
+                got += more
+                missing = expected > got.count(DONE) + got.count(REFUSED)
+                if more:
+                    heard = time.monotonic()
+                elif time.monotonic() - heard >= (_ANSWER if missing else _QUIET):
+                    return
+                else:
+                    time.sleep(_LOOK)
+
+        def _answer_to_l(self) -> bytes:
+            """What the adapter sends after L: until it refuses, is quiet, or confirms and sends the first frame."""
+            got, end = b"", time.monotonic() + _ANSWER
+            heard = 0.0
+            while time.monotonic() < end and REFUSED not in got and not _OPEN.match(got):
+                more = self._waiting()
+                got += more
+                if more:
+                    heard = time.monotonic()
+                elif heard and time.monotonic() - heard >= _QUIET:
+                    break
                 else:
                     time.sleep(_LOOK)
             return got
+
+        def _waiting(self) -> bytes:
+            waiting = self.serialPortOrig.in_waiting
+            return bytes(self.serialPortOrig.read(waiting)) if waiting else b""
 
         def _recv_internal(self, timeout: float | None) -> Any:
             try:

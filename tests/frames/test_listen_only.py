@@ -31,8 +31,9 @@ pytest.importorskip("serial")
 class Adapter:
     """An slcan adapter on a pseudo terminal: keeps every byte that it is sent."""
 
-    def __init__(self, answers: dict[bytes, bytes] | None = None):
-        """`answers`: to a command's first letter; b"" for any other."""
+    def __init__(self, answers: dict[bytes, bytes] | None = None, delay: float = 0.0):
+        """`answers`: to a command's first letter; b"" for any other, each `delay` s after the one before."""
+        self.delay = delay
         self.received = b""
         self.answers = {b"": b"\r"} if answers is None else answers
         self.is_open = False
@@ -55,6 +56,7 @@ class Adapter:
             *commands, begun = (begun + got).split(b"\r")
             for command in commands:
                 self.is_open = command[:1] in (b"L", b"O") or (self.is_open and command[:1] != b"C")
+                time.sleep(self.delay)
                 os.write(self._master, self.answers.get(command[:1], self.answers.get(b"", b"")))
 
     def says(self, text: bytes) -> None:
@@ -174,6 +176,21 @@ def test_an_adapter_that_refuses_L_is_not_called_verified() -> None:
         bus = slcan(adapter, bitrate=500000)
         assert (bus.listen_only.mode, bus.listen_only.warns) == (mode, mode is Mode.UNVERIFIED)
         assert words in bus.listen_only.says
+        bus.shutdown()
+        adapter.close()
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize("config", [{}, {"bitrate": 500000}])
+def test_a_late_answer_to_another_command_is_not_taken_for_that_to_l(
+    delay: float, config: dict[str, int]
+) -> None:
+    """An adapter that is slow, or waits for a busy machine: C is confirmed, L refused, and that is what is told."""
+    for answer, mode in ((b"\a", Mode.UNVERIFIED), (b"\r", Mode.VERIFIED)):
+        adapter = Adapter({b"L": answer, b"": b"\r"}, delay)
+        bus = slcan(adapter, **config)
+        assert bus.listen_only.mode is mode
+        assert ("confirmed it" in bus.listen_only.says) is (mode is Mode.VERIFIED)
         bus.shutdown()
         adapter.close()
 
