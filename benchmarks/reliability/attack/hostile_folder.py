@@ -152,7 +152,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
             (here / name).unlink(missing_ok=True)
     group = "`python -m canid`" if as_module else "the installed command"
     yield Outcome(
-        f"{group} in a folder with {100}+ hostile modules, packages, .pth, can.conf, plug-ins",
+        f"{group} in a folder with 100 and more hostile modules, packages, .pth, can.conf, plug-ins",
         math.nan,
         0,
         "; ".join(wrong),

@@ -29,9 +29,9 @@ STOP = 2.0
 # two at a time in a round, of one sender
 CASES = 2
 RATES = (100, 1000, 3000)  # frames/s
-JSON = ("none", "none", "file", "-", "FIFO without a reader", "FIFO whose reader leaves", "full disk")
+JSON = (*("none",) * 6, "file", "-", "FIFO without a reader", "FIFO whose reader leaves", "full disk")
 ENDS = ("duration", "SIGTERM", "SIGINT", "SIGHUP")
-# s that a terminal session's launcher waits: the recording is a background job that the terminal would stop
+# A terminal's session, in which the recording is a background job that the terminal would stop (`stty tostop`).
 LAUNCHER = """
 import fcntl, os, signal, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
