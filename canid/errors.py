@@ -20,9 +20,19 @@ class CanidError(Exception):
 
 
 class ConfigError(CanidError):
-    """Usage or configuration: a vehicle file, a DBC, an argument."""
+    r"""Usage or configuration: a vehicle file, a DBC, an argument. Several mistakes are several lines.
+
+    Example:
+        >>> str(ConfigError("a.toml: one mistake", "a.toml: another"))
+        'a.toml: one mistake\na.toml: another'
+    """
 
     exit_code = USAGE
+
+    def __init__(self, *mistakes: str):
+        """Note the mistakes, a line each."""
+        super().__init__("\n".join(mistakes))
+        self.mistakes = mistakes
 
 
 class BusError(CanidError):

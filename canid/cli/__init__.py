@@ -79,7 +79,8 @@ def _answered(args: list[str]) -> tuple[int, bool]:
         with ending():
             return _run(args), False
     except CanidError as error:
-        talk(str(error))
+        for line in error.mistakes if isinstance(error, ConfigError) else (str(error),):
+            talk(line)
         return error.exit_code, False
     except KeyboardInterrupt as error:
         talk("interrupted")

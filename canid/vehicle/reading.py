@@ -74,7 +74,7 @@ def read_vehicle(path: str | Path) -> Vehicle:
         if len(mistakes.errors) > _MOST_MISTAKES:
             said.append(f"and {len(mistakes.errors) - _MOST_MISTAKES:,} more mistakes")
         name = brief(file.name)
-        raise ConfigError("\n".join(f"{name}: {line}" for line in said))
+        raise ConfigError(*(f"{name}: {line}" for line in said))
     return vehicle
 
 
