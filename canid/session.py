@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # s between two reports on recorder and buses
 REPORT = 0.25
 # s after the end of the recording that the estimators have for what still waits for them; the rest is counted
-FINISH_S = 1.5
+FINISH_S = 1.0
 
 
 class World(NamedTuple):
@@ -110,7 +110,9 @@ def session(
             return World(elapsed, recorder.stats(), None, {}, (), events, lost, "", stopping=stopping)
         told = dict(estimating.counters), tuple(estimating.missing)
         counts, unsaved = estimating.counts(), save(estimating.state)
-        return World(elapsed, recorder.stats(), counts, *told, events, lost, estimating.output, unsaved, stopping)
+        return World(
+            elapsed, recorder.stats(), counts, *told, events, lost, estimating.output, unsaved, stopping
+        )
 
     recorder.start()
     for bus in buses:

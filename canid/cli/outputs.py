@@ -200,6 +200,7 @@ class DetachedOutput:
         self._path = output.path
         self._file = OutputFile(output)
         self._writer = DetachedWriter(self._put, LINES_LIMIT, "canid-output")
+        self._lost: str | None = None  # why something was lost, once it is finished
 
     def write(self, text: str) -> int:
         """Hand over text; never waits, never raises."""
@@ -212,7 +213,12 @@ class DetachedOutput:
         return self._writer.error
 
     def finish(self, timeout: float) -> str:
-        """Wait up to `timeout` s for what waits; returns why something was lost, or ""."""
+        """Wait up to `timeout` s for what waits; returns why something was lost, or "". Once: later calls do not wait."""
+        if self._lost is None:
+            self._lost = self._finished(timeout)
+        return self._lost
+
+    def _finished(self, timeout: float) -> str:
         if self._writer.close(timeout):
             with suppress(OutputError):
                 self._file.close()

@@ -23,7 +23,7 @@ from canid.views.screen import BusLine, View
 # s after which a mapped signal that never came is told: slow messages come once a second
 MISSED = 5.0
 # s that the end of a session waits for a reader of --json who does not read
-PATIENCE = 0.5
+PATIENCE = 0.3
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

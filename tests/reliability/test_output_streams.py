@@ -16,6 +16,9 @@ import pytest
 
 from benchmarks.reliability.readers import by_canid
 from benchmarks.reliability.traffic import WORDS, Traffic
+from canid import session
+from canid.cli import output_kinds, sessions, streams
+from canid.cli.outputs import DetachedOutput, Output
 from canid.errors import DONE, NOT_WRITTEN
 from canid.frames import open_log
 
@@ -200,3 +203,20 @@ def test_what_was_closed_is_not_written_into_the_recording(tmp_path: Path, traff
     assert len(list(log)) > 0.5 * RATE * SECONDS
     assert log.damage is None
     assert recorded(path, traffic, SECONDS - 0.5) == ""
+
+
+def test_all_that_an_end_waits_for_makes_less_than_what_is_promised() -> None:
+    """The estimators, --json and the standard streams one after the other: each may take all of its time."""
+    assert session.FINISH_S + sessions.PATIENCE + streams.PATIENCE < STOP - 0.2
+
+
+def test_an_output_that_nobody_reads_is_waited_for_once(tmp_path: Path) -> None:
+    """The second `finish` waits no more, and counts nothing again."""
+    os.mkfifo(tmp_path / "fifo")
+    output = DetachedOutput(Output("--json", str(tmp_path / "fifo"), output_kinds.JSON))
+    output.write("{}\n")
+    said = output.finish(0.1)
+    began = time.monotonic()
+    assert output.finish(60.0) == said
+    assert "has left 1 pieces unread" in said
+    assert time.monotonic() - began < 30.0
