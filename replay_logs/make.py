@@ -27,7 +27,8 @@ def main(folder: Path) -> None:
     for name, drive in drives().items():
         vehicle = read_vehicle("generic_lane" if name.startswith("lane") else "generic")
         path = folder / name
-        write_log(path, frames(drive, vehicle), START_UTC, overwrite=True)
+        path.unlink(missing_ok=True)
+        write_log(path, frames(drive, vehicle), START_UTC)
         path.with_suffix(".truth.json").write_text(truth_text(drive, vehicle), encoding="utf-8")
 
 

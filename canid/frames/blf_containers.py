@@ -2,7 +2,7 @@
 
 A container is given on only if all of it inflates and its checksum holds; after damage the search goes on at
 the next container. What contradicts itself in a container that can be read nevertheless (a size that is another
-than that of its data, bytes before it that are no padding) comes with it, as its doubts. Memory is bounded by
+than that of its data, bytes before it that are no padding) comes with it, as its contradictions. Memory is bounded by
 `LIMIT`, whatever the file claims, and work by the file's length: each attempt costs no more than `VAIN`, and a
 stretch that takes more than `BREAKS` of them is given up.
 """
@@ -50,7 +50,7 @@ class Payload(NamedTuple):
     data: Data
     bare: bool = False  # whole objects without a container: each stands for itself
     checked: bool = False  # a checksum says that the data are as they were written
-    doubts: tuple[Gap, ...] = ()  # what contradicts itself about it, though nothing is lost
+    contradictions: tuple[Gap, ...] = ()  # what contradicts itself about it, though nothing is lost
 
 
 class Gap(NamedTuple):
@@ -94,9 +94,11 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
             )
             behind = position + 1
         else:
-            doubts: list[Gap] = []
+            contradictions: list[Gap] = []
             if head[:skip].strip(b"\0"):
-                doubts.append(Gap(position, position + skip, "what stands before an object is no padding"))
+                contradictions.append(
+                    Gap(position, position + skip, "what stands before an object is no padding")
+                )
             position += skip
             behind = position + len(blf.SIGNATURE)
             _, header_size, version, object_size, kind = blf.OBJECT.unpack_from(head, skip)
@@ -104,7 +106,7 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
                 bare = False
                 if (header_size, version) != (blf.OBJECT.size, 1):
                     end = position + blf.OBJECT.size
-                    doubts.append(
+                    contradictions.append(
                         Gap(position, end, "the size or version of a container's header is damaged")
                     )
             elif bare is None:
@@ -113,7 +115,7 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
             if bare:
                 got = _bare_row(file, position) or _bare(file, position, kind, object_size, size)
             elif kind == blf.LOG_CONTAINER:
-                got = _unpack(file, position, object_size, size, doubts)
+                got = _unpack(file, position, object_size, size, contradictions)
             else:
                 got = _Vain(f"an object of type {kind} stands where a container should")
         if isinstance(got, _Vain):
@@ -126,7 +128,7 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
             yield Gap(begin, position, got.why)
         else:
             data, end, *checked = got
-            yield Payload(position, end, data, bool(bare), bool(checked), tuple(doubts))
+            yield Payload(position, end, data, bool(bare), bool(checked), tuple(contradictions))
             position = end
 
 
@@ -181,9 +183,9 @@ def _container_in(data: Data) -> int:
 
 
 def _unpack(
-    file: BinaryIO, position: int, object_size: int, size: int, doubts: list[Gap]
+    file: BinaryIO, position: int, object_size: int, size: int, contradictions: list[Gap]
 ) -> tuple[Data, int] | _Checked | _Vain:
-    """Return the container's data and the byte where it ends, or what is wrong with it; adds to `doubts`."""
+    """Return the container's data and the byte where it ends, or what is wrong with it; adds to `contradictions`."""
     file.seek(position + blf.OBJECT.size)
     head = file.read(blf.CONTAINER.size)
     if len(head) < blf.CONTAINER.size:
@@ -205,7 +207,7 @@ def _unpack(
         over = announced - used
         # some writers count the padding
         if over and not (0 < over < _ALIGNMENT and not file.read(over).strip(b"\0")):
-            doubts.append(
+            contradictions.append(
                 Gap(
                     position,
                     begin,
@@ -214,7 +216,7 @@ def _unpack(
             )
         if declared != len(data):
             why = f"a container claims to hold {declared} bytes, it holds {len(data)}"
-            doubts.append(Gap(position, begin, why))
+            contradictions.append(Gap(position, begin, why))
         return data, begin + used, True
     if method == blf.STORED:
         if object_size - blf.CONTAINER_HEAD_SIZE != declared or declared > LIMIT:

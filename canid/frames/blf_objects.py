@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.frames import blf_doubts, blf_kinds
+from canid.frames import blf_consistency, blf_kinds
 from canid.frames import blf_layout as blf
 from canid.frames.blf_chain import Broken, Chain, Ints, chain, signatures
 from canid.frames.blf_layout import LIMIT, PADDING, Data
@@ -91,7 +91,7 @@ class Walked(NamedTuple):
     rest: int  # where the unfinished last object begins
     first: int | None  # ns of the log's first frame, once there was one
     begin: Ints  # (n,) where the whole objects begin
-    doubt: str = ""  # what contradicts itself in data without a checksum, though it was read
+    contradiction: str = ""  # what contradicts itself in data without a checksum, though it was read
 
 
 def first_object(data: Data) -> int:
@@ -152,9 +152,9 @@ def walk(
     t, first = _times(parts.ns, parts.coarse, first)
     notes, uncounted, kinds = _others(data, links) if frames < len(links.begin) else ([], 0, Counter())
     objects = len(links.begin) - len(notes) - uncounted
-    doubt = "" if checked else blf_doubts.doubt(data, position, links)
+    contradiction = "" if checked else blf_consistency.contradiction(data, position, links)
     return Walked(
-        Columns(t, *parts[2:]), frames, objects, kinds, notes, links.rest, first, links.begin, doubt
+        Columns(t, *parts[2:]), frames, objects, kinds, notes, links.rest, first, links.begin, contradiction
     )
 
 

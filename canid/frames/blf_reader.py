@@ -45,7 +45,7 @@ def read_blf_columns(path: Path, state: ReadState, wanted: Wanted | None = None)
         if header is None:
             reading.lose(0, start, "the file's own header is damaged")
         elif start != header.size:
-            reading.doubt((Gap(0, start, f"the file's header claims a size of {header.size} bytes"),))
+            reading.contradiction((Gap(0, start, f"the file's header claims a size of {header.size} bytes"),))
         waiting: list[Payload] = []
         size = 0
         nothing = True
@@ -92,7 +92,7 @@ class _Reading:
         """Walk payloads that follow each other: together or, where that fails, one by one."""
         self._inflated += sum(len(p.data) + (0 if p.bare else blf.CONTAINER_HEAD_SIZE) for p in payloads)
         for payload in payloads:
-            self.doubt(payload.doubts)
+            self.contradiction(payload.contradictions)
         checked = self._checked and all(payload.checked for payload in payloads)
         if len(payloads) > 1 and self._aligned and self._missing <= len(payloads[0].data):
             data = b"".join([self._carry, *(payload.data for payload in payloads)])
@@ -102,7 +102,7 @@ class _Reading:
             except Broken:
                 pass
             else:
-                if not walked.doubt and _in_each(walked, len(self._carry), payloads):
+                if not walked.contradiction and _in_each(walked, len(self._carry), payloads):
                     yield from self._took(walked, data, last)
                     return
         for payload in payloads:
@@ -175,8 +175,8 @@ class _Reading:
         self._missing = blf.OBJECT.unpack_from(carry)[3] - len(carry) if begun else 0
         self._checked = last.checked
         self._middle = bytearray()
-        if walked.doubt:
-            self.doubt((Gap(last.at, last.end, walked.doubt),))
+        if walked.contradiction:
+            self.contradiction((Gap(last.at, last.end, walked.contradiction),))
         self._source = last.at, last.end
         self._objects += walked.objects
         self._state.frames += walked.frames_read
@@ -206,9 +206,9 @@ class _Reading:
             notes.append(Note(row, Event((stamp - self.first) * 1e-9, what, says)))
         self._told = []
 
-    def doubt(self, doubts: Iterable[Gap]) -> None:
+    def contradiction(self, contradictions: Iterable[Gap]) -> None:
         """Something contradicts itself, though nothing is lost."""
-        for begin, end, why in doubts:
+        for begin, end, why in contradictions:
             self._damaged.add(begin, end, why)
 
     def lose(self, begin: int, end: int, why: str) -> None:

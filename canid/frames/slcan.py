@@ -17,8 +17,8 @@ from canid.frames import python_can
 
 # "" is what python-can writes for "no data bit rate"
 _CONFIGURING = re.compile(r"C|L|S[0-9]|s[0-9A-Fa-f]{4}|Y[0-9]|", re.ASCII)
-# s; an adapter answers a command within one USB turn (1 to 16 ms), one behind a network within this
-_ANSWER = 0.2
+# s; an adapter answers a command within one USB turn (1 to 16 ms), one behind a network, or a busy machine, within this
+_ANSWER = 0.5
 # s without a byte, once every command before was answered: what was in the pipe before is over
 _QUIET = 0.03
 # s in all that the answers to commands before L are waited for; a channel that stays open goes on sending frames

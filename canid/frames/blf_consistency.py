@@ -35,14 +35,14 @@ _HEAD = np.dtype(
 )
 
 
-def doubt(data: Data, position: int, links: Chain) -> str:
+def contradiction(data: Data, position: int, links: Chain) -> str:
     """Say what contradicts itself in a row of objects from byte `position` on; "" where nothing does.
 
     >>> from canid.frames.blf_chain import chain
     >>> item = blf.OBJECT.pack(blf.SIGNATURE, 16, 1, 18, 65) + b"ab"
-    >>> doubt(item + bytes(2) + item, 0, chain(item + bytes(2) + item, 0))
+    >>> contradiction(item + bytes(2) + item, 0, chain(item + bytes(2) + item, 0))
     ''
-    >>> doubt(item + b"xy" + item, 0, chain(item + b"xy" + item, 0))
+    >>> contradiction(item + b"xy" + item, 0, chain(item + b"xy" + item, 0))
     'what stands between two objects is no padding'
     """
     if not links.begin.size:
