@@ -42,7 +42,10 @@ child = os.fork()
 if not child:
     os.setpgid(0, 0)
     os.execv(sys.argv[2], sys.argv[2:])
-os.setpgid(child, child)
+try:
+    os.setpgid(child, child)
+except OSError:  # it has done so itself, and runs the command already
+    pass
 open(sys.argv[1] + "~", "w").write(str(child))
 os.rename(sys.argv[1] + "~", sys.argv[1])
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
