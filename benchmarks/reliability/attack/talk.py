@@ -113,10 +113,17 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
             (folder / str(k)).mkdir()
         played = list(pool.map(lambda k: play(folder / str(k), cases[k], sender), range(CASES)))
         sender.end()
-        for case, (path, code, since, till, took, notes) in zip(cases, played, strict=True):
+        for case, (path, code, since, asked, ended, notes) in zip(cases, played, strict=True):
             wrong = notes
+            till = asked
             if not notes:
-                wrong += judging.missing(judging.read([path]), sender, since, till)
+                found = judging.read([path])
+                if case.end == "duration" and found.numbers:
+                    # what was received before the session began is in the log too: it lasts as long from the first frame
+                    till = sender.sent[found.numbers[0]] + case.seconds - 0.05
+                    asked = sender.sent[found.numbers[-1]]
+                wrong += judging.missing(found, sender, since, till)
+            took = max(ended - asked, 0.0)
             allowed = {5, 0 if case.end == "duration" else 128 + signal.Signals[case.end]}
             if code != case.code if case.code is not None else code not in allowed:
                 wrong.append(f"exit code {code}")
@@ -144,13 +151,13 @@ def _group(case: Case) -> str:
 
 
 def play(folder: Path, case: Case, sender: Sender) -> tuple[Path, int, float, float, float, list[str]]:
-    """Record: the log, exit code, wall clock from and up to which all must be in it, s that the end took, notes."""
+    """Record: the log, its exit code, the wall clock when it ran, when it was asked to end and when it ended, notes."""
     path = folder / f"drive{case.suffix}"
     with ExitStack() as stack:
         ends = streams.Ends(stack)
         words, later = _json(case, folder, stack)
         name, more = ("-o", ()) if case.verb == "record" else ("--record", ("--vehicle", "generic"))
-        duration = ("--duration", f"{case.seconds + 0.3:.2f}") if case.end == "duration" else ()
+        duration = ("--duration", f"{case.seconds:.3f}") if case.end == "duration" else ()
         command = [case.verb, *sender.words, name, str(path), *more, *words, *duration]
         process, target = _started(case, command, folder, ends, stack)
         until(lambda: _began(path) or process.poll() is not None)
@@ -159,12 +166,9 @@ def play(folder: Path, case: Case, sender: Sender) -> tuple[Path, int, float, fl
         ends.act()
         later()
         time.sleep(max(case.seconds - (time.time() - since), 0.0))
-        if case.end != "duration":
-            asked = till = time.time()
-            if process.poll() is None:
-                os.kill(target(), signal.Signals[case.end])
-        else:
-            asked, till = since + case.seconds + 0.3, since + case.seconds
+        asked = time.time()
+        if case.end != "duration" and process.poll() is None:
+            os.kill(target(), signal.Signals[case.end])
         notes = []
         try:
             code = process.wait(30.0 * judging.busy())
@@ -172,8 +176,8 @@ def play(folder: Path, case: Case, sender: Sender) -> tuple[Path, int, float, fl
             notes = ["it did not end"]
             os.kill(target(), signal.SIGKILL)
             code = process.wait(30.0)
-        took = max(time.time() - asked, 0.0)
-    return path, code, since, till, took, notes
+        ended = time.time()
+    return path, code, since, asked, ended, notes
 
 
 def _began(path: Path) -> bool:
