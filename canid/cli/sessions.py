@@ -205,7 +205,6 @@ def lines(now: World) -> list[BusLine]:
             r.lag,
             r.drops_disk,
             r.files,
-            r.waiting if now.stopping else 0,
             r.events_unwritten,
         )
     ]
@@ -225,9 +224,14 @@ def lines(now: World) -> list[BusLine]:
         )
         for b in r.buses
     ]
+    behind = 0
     if now.estimator is not None:
         e = now.estimator
+        behind = max(e.offered - e.done - e.dropped, 0)
         out.append(world.estimator(e.ready, e.offered, e.done, e.dropped, e.restarts))
+    if now.stopping:
+        waits_for = world.stopping(r.waiting, behind)
+        out += [waits_for] if waits_for is not None else []
     if now.unsaved:
         out.append(BusLine(now.unsaved, wrong=True))
     if now.elapsed > MISSED:

@@ -17,7 +17,6 @@ def recorder(
     lag: float,
     dropped: int = 0,
     files: int = 1,
-    waiting: int = 0,
     events_unwritten: int = 0,
 ) -> BusLine:
     """The recorder in one line.
@@ -30,13 +29,27 @@ def recorder(
         return BusLine(f"RECORDING {state}   {written:,} of {frames:,} frames are in {path}", wrong=True)
     if not path:
         return BusLine(f"not recording   {frames:,} frames seen")
-    late = f"   {waiting:,} frames wait for the disk" if waiting else ""
-    late += f"   the disk is {lag:.1f} s behind" if lag > LATE else ""
+    late = f"   the disk is {lag:.1f} s behind" if lag > LATE else ""
     lost = f"   {dropped:,} frames NOT RECORDED: the disk is too slow" if dropped else ""
     lost += f"   {events_unwritten:,} events are NOT IN THE JOURNAL" if events_unwritten else ""
     many = f" (file {files})" if files > 1 else ""
     says = f"{state} {path}{many}   {written:,} frames, {size / 1e6:.1f} MB{late}{lost}"
     return BusLine(says, lag > LATE or dropped > 0 or events_unwritten > 0)
+
+
+def stopping(waiting: int, behind: int) -> BusLine | None:
+    """What the end of a session waits for; None: nothing.
+
+    Example:
+        >>> stopping(12_000, 0).says
+        'stopping: 12,000 frames wait for the disk; a second signal ends at once'
+    """
+    if not (waiting or behind):
+        return None
+    what = (
+        f"{waiting:,} frames wait for the disk" if waiting else f"{behind:,} frames wait for the estimators"
+    )
+    return BusLine(f"stopping: {what}; a second signal ends at once", wrong=True)
 
 
 def bus(
