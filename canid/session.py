@@ -213,6 +213,7 @@ def live(
     duration: float | None = None,
     state: str | Path | None = None,
     rotation: Rotation | None = None,
+    finish: float = FINISH_S,
     **bus: Any,
 ) -> Iterator[Estimate]:
     """Estimates from a bus, as they come; nothing is ever sent.
@@ -225,6 +226,8 @@ def live(
         duration: s; None: until the bus is lost or the generator is closed.
         state: go on from what was learnt before and saved in this file; save there every 10 s and at the end.
         rotation: record into new files by size or time, and keep as many as it says; None: one file.
+        finish: s that the estimators have, at the end, for frames that still wait for them: more for a bus that a log
+            is played onto faster than it was recorded.
         bus: python-can's other arguments, such as bitrate.
 
     Yields:
@@ -238,7 +241,13 @@ def live(
     given = {"channel": channel, "interface": interface}
     config = {name: value for name, value in given.items() if value} | bus
     running = session(
-        open_buses([config]), vehicle, record=record, duration=duration, state=state, rotation=rotation
+        open_buses([config]),
+        vehicle,
+        record=record,
+        duration=duration,
+        state=state,
+        rotation=rotation,
+        finish=finish,
     )
     for result in running:
         if isinstance(result, Result) and isinstance(result.item, Estimate):

@@ -325,7 +325,7 @@ def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, part, 1.0))
     sender.start()
-    items = list(session(buses, "generic", stopped=lambda: not sender.is_alive(), state=path))
+    items = list(session(buses, "generic", stopped=lambda: not sender.is_alive(), state=path, finish=60.0))
     last = items[-1]
     assert isinstance(last, World)
     assert last.unsaved == f"{path}: the state cannot be written (No space left on device)"
