@@ -121,9 +121,8 @@ def diagnosed(hidden: tuple[Output, Output], report: Output, tell: Callable[[str
     for line in shown.text(told, log, vehicle.name)[:6]:
         tell(line)
     tell(f"hidden was: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
-    with outputs.opened(report) as file:
-        if file is not None:
-            file.write(page(told))
+    with outputs.opened_file(report) as file:
+        file.write(page(told))
 
 
 def _truth(of: dict[str, float]) -> str:

@@ -32,10 +32,9 @@ def run(args: argparse.Namespace) -> int:
     outputs.check([json, file], options.read_by(args))
     # paths in it are relative to where it will be; what is printed is redirected to a file here, if anywhere
     text = propose(args.dbc, Path(args.output).parent if args.output else ".")
-    if args.output:
-        with outputs.opened(file) as sink:
-            if sink is not None:
-                sink.write(text)
+    if file is not None:
+        with outputs.opened_file(file) as written:
+            written.write(text)
     elif args.json != "-":
         for line in text.splitlines():
             tell(line)

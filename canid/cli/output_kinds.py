@@ -34,15 +34,16 @@ def _json_values(head: bytes) -> list[object] | None:
     if not text.lstrip().startswith(("{", "[")):
         return None
     values: list[object] = []
-    decoder, at = json.JSONDecoder(), 0
+    decoder, space = json.JSONDecoder(), re.compile(r"\s*")
+    at = space.match(text).end()  # type: ignore[union-attr]  # it fits everywhere
     while at < len(text):
         try:
-            value, at = decoder.raw_decode(text, at + len(text[at:]) - len(text[at:].lstrip()))
+            value, at = decoder.raw_decode(text, at)
         except (ValueError, RecursionError):
             # the last value may go on behind what was read
             return values if len(head) == HEAD and not re.search(r"[\x00-\x08]", text) else None
         values.append(value)
-        at += len(text[at:]) - len(text[at:].lstrip())
+        at = space.match(text, at).end()  # type: ignore[union-attr]
     return values
 
 
@@ -63,7 +64,8 @@ def is_json(head: bytes) -> bool:
 def is_truth(head: bytes) -> bool:
     """The truth of a simulated drive: a JSON object with its channels."""
     values = _json_values(head)
-    return bool(values) and isinstance(values[0], dict) and "channels" in values[0] if values else False
+    first = values[0] if values else None
+    return isinstance(first, dict) and "channels" in first
 
 
 def is_page(head: bytes) -> bool:

@@ -137,7 +137,6 @@ def write(log: Output, truth: Output, simulation: Simulation, vehicle: Vehicle) 
             raise OutputError(f"{out}: cannot be written ({error.strerror})") from error
         raise
     text = truth_text(simulation, vehicle)
-    with outputs.opened(truth) as file:
-        if file is not None:
-            file.write(text)
+    with outputs.opened_file(truth) as file:
+        file.write(text)
     return text

@@ -19,6 +19,17 @@ _NEW = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BIN
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 _NEVER_OVER = os.O_EXCL | _NO_LINK
 _MODE = 0o666  # less the umask, as open() does
+# Of a file that lines are appended to, by its name. No link is followed, a FIFO blocks nobody, a terminal becomes
+# nobody's.
+APPENDING = (
+    os.O_RDWR
+    | os.O_APPEND
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
 # bytes copied at once
 _COPY_SIZE = 1 << 20
 # temporary names that are tried: each is random, so one is enough unless somebody plays against it

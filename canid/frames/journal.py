@@ -14,6 +14,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from canid.frames import stamps, whereabouts
+from canid.frames.disk import APPENDING
 from canid.frames.log import log_suffix
 from canid.types import Event
 
@@ -26,16 +27,6 @@ _NAMES = 100
 # Every line of ours begins so; nothing is appended to a file that begins otherwise.
 _BEGINNING = b'{"t": '
 _MODE = 0o666  # less the umask, as open() does
-# No link is followed, a FIFO blocks nobody, a terminal becomes nobody's. Zero: not on this system.
-_SAFE = (
-    os.O_RDWR
-    | os.O_APPEND
-    | getattr(os, "O_NOFOLLOW", 0)
-    | getattr(os, "O_NONBLOCK", 0)
-    | getattr(os, "O_NOCTTY", 0)
-    | getattr(os, "O_CLOEXEC", 0)
-    | getattr(os, "O_BINARY", 0)
-)
 
 
 def journal_path(log: Path) -> Path:
@@ -280,14 +271,14 @@ def _candidates(wanted: Path) -> list[Path]:
 def _open_own(path: Path) -> tuple[int, bool] | None:
     """Open a new file (True), or one that begins like a journal (False); None: it is another program's."""
     try:
-        return os.open(path, _SAFE | os.O_CREAT | os.O_EXCL, _MODE), True
+        return os.open(path, APPENDING | os.O_CREAT | os.O_EXCL, _MODE), True
     except FileExistsError:
         pass
     try:
         # before it is opened: opening a device can do something
         if not stat.S_ISREG(os.lstat(path).st_mode):
             return None
-        fd = os.open(path, _SAFE)
+        fd = os.open(path, APPENDING)
     except OSError:
         return None
     try:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 from canid.errors import OutputError
 from canid.frames import whereabouts
+from canid.frames.disk import APPENDING
 from canid.frames.file_identity import FileIdentity
 
 # bytes that are read of a list: some 50,000 files; what is behind that stays unknown, and is kept
@@ -27,15 +28,6 @@ _LARGE_SIZE, _MOSTLY_OLD = 1 << 18, 4
 # names that are tried: others are locked by other recordings, or not ours
 _NAMES = 1000
 _MODE = 0o600
-_OPEN = (
-    os.O_RDWR
-    | os.O_APPEND
-    | getattr(os, "O_NOFOLLOW", 0)
-    | getattr(os, "O_NONBLOCK", 0)
-    | getattr(os, "O_NOCTTY", 0)
-    | getattr(os, "O_CLOEXEC", 0)
-    | getattr(os, "O_BINARY", 0)
-)
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _DELETED = "deleted"
 
@@ -153,7 +145,7 @@ class RingList:
     def _write_anew(self, *, replace: bool) -> None:
         """Write the list without what is not needed any more; `replace`: over the old one."""
         path = self.path.with_name(f".{self.path.name}.new") if replace else self.path
-        fd = os.open(path, _OPEN | os.O_CREAT | os.O_EXCL, _MODE)
+        fd = os.open(path, APPENDING | os.O_CREAT | os.O_EXCL, _MODE)
         try:
             _lock(fd)
             data = b"".join(entry.line() for entry in self.entries.values())
@@ -193,11 +185,11 @@ class RingList:
     def _open(self, path: Path) -> int:
         """Open the list, or create it; -1 and a complaint where it is not ours alone."""
         with contextlib.suppress(FileExistsError):
-            return os.open(path, _OPEN | os.O_CREAT | os.O_EXCL, _MODE)
+            return os.open(path, APPENDING | os.O_CREAT | os.O_EXCL, _MODE)
         try:
             # before it is opened: opening a device can do something
             why = _not_ours(os.lstat(path))
-            fd = -1 if why else os.open(path, _OPEN)
+            fd = -1 if why else os.open(path, APPENDING)
         except OSError as error:
             why, fd = f"cannot be opened ({error.strerror})", -1
         if fd >= 0:
