@@ -1,4 +1,4 @@
-"""canid records a CAN bus without loss and tells how the driver is driving.
+"""canid records a CAN bus without loss and reports how the driver is driving.
 
 The verbs of the command line, as functions; each is imported when it is first used.
 """
@@ -8,32 +8,32 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from canid.diagnosis.diagnosing import diagnose as diagnose
-    from canid.drive import identify as identify
+    from canid.diagnosis.diagnose import diagnose as diagnose
+    from canid.drive_parameters import identify as identify
+    from canid.drive_reader import read_drive as read_drive
+    from canid.drive_reader import read_signals as read_signals
+    from canid.drive_reader import read_trace as read_trace
+    from canid.drive_reader import replay as replay
     from canid.errors import CanidError as CanidError
-    from canid.frames.recovery import recover as recover
-    from canid.logs import read_drive as read_drive
-    from canid.logs import read_signals as read_signals
-    from canid.logs import read_trace as read_trace
-    from canid.logs import replay as replay
+    from canid.logs.recovery import recover as recover
     from canid.session import live as live
     from canid.simulation import simulate as simulate
     from canid.vehicle import read_vehicle as read_vehicle
 
 _HOME = {
     "CanidError": "errors",
-    "diagnose": "diagnosis.diagnosing",
-    "identify": "drive",
+    "diagnose": "diagnosis.diagnose",
+    "identify": "drive_parameters",
     "live": "session",
-    "read_drive": "logs",
-    "read_signals": "logs",
-    "read_trace": "logs",
+    "read_drive": "drive_reader",
+    "read_signals": "drive_reader",
+    "read_trace": "drive_reader",
     "read_vehicle": "vehicle",
-    "recover": "frames.recovery",
-    "replay": "logs",
+    "recover": "logs.recovery",
+    "replay": "drive_reader",
     "simulate": "simulation",
 }
 __all__ = sorted(_HOME)

@@ -2,7 +2,7 @@
 
 import sys
 
-from canid.child import demote_current_folder
+from canid.child_process import demote_current_folder
 
 demote_current_folder()
 

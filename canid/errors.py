@@ -1,4 +1,4 @@
-"""What can be broken in the world, as exceptions that carry one line and an exit code.
+"""Exceptions for the user, with a one-line message and an exit code.
 
     CanidError                 the line is for the user: what, where, what to do next
       ConfigError       2      usage, vehicle file, DBC
@@ -6,7 +6,7 @@
       LogError          4      a log that cannot be read at all
       OutputError       5      could not write
 
-Wrong calls raise ValueError; weak data are a Status, never an exception.
+Wrong calls raise ValueError; insufficient data are a Status, never an exception.
 A log that is damaged but readable in part is no exception either: readers report `Damage`, the command ends with DAMAGED.
 """
 
@@ -14,7 +14,7 @@ DONE, CHECK_FAILED, USAGE, NO_BUS, DAMAGED, NOT_WRITTEN = range(6)  # DESIGN: ex
 
 
 class CanidError(Exception):
-    """Base of all errors that the user, not the programmer, can mend. `str(error)` is one line."""
+    """Base of all errors that the user, not the programmer, can correct. `str(error)` is one line."""
 
     exit_code = 1
 
@@ -51,3 +51,12 @@ class OutputError(CanidError):
     """A result that could not be written."""
 
     exit_code = NOT_WRITTEN
+
+
+def one_line(error: BaseException) -> str:
+    r"""The text of any exception on one line; its type where it has none.
+
+    >>> one_line(ValueError("two\nlines")), one_line(KeyError())
+    ('two lines', 'KeyError')
+    """
+    return " ".join(str(error).split()) or type(error).__name__

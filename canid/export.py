@@ -1,4 +1,4 @@
-"""Samples and estimates as tables that other programs read: CSV and Parquet (DuckDB)."""
+"""Samples and estimates as CSV (RFC 4180) and Parquet tables."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from canid.types import Estimate, Trace
 
 
 def samples_table(trace: Trace) -> dict[str, list[Any]]:
-    """Columns: t (s), every role in its unit, the model's output and inputs, gate, learn."""
+    """Columns: t (s), every role in its unit, output and inputs of the model, gate, learn."""
     columns: dict[str, list[Any]] = {"t": [round(float(t), 6) for t in trace.t]}
     columns |= {role: values.tolist() for role, values in trace.signals.items()}
     columns["output"] = trace.output.tolist()
@@ -58,7 +58,7 @@ def csv_text(columns: Mapping[str, list[Any]]) -> str:
 
 
 def _cell(x: Any) -> Any:
-    """NaN is left empty; text that a spreadsheet would run as a formula is made plain text."""
+    """NaN becomes empty; text that a spreadsheet would run as a formula is made plain text."""
     if isinstance(x, str) and x.startswith(("=", "+", "-", "@", "\t", "\r")):
         return f"'{x}"
     return None if isinstance(x, float) and x != x else x
@@ -69,7 +69,7 @@ def parquet(columns: Mapping[str, list[Any]]) -> bytes:
 
     Raises:
         ConfigError: duckdb is missing.
-        OutputError: there is no room for it in the folder of temporary files.
+        OutputError: the folder of temporary files is full.
     """
     try:
         import duckdb
@@ -84,7 +84,7 @@ def parquet(columns: Mapping[str, list[Any]]) -> bytes:
         else np.array(values)
         for name, values in columns.items()
     }
-    # duckdb writes to a path only: a folder of our own, so that it can meet no other file
+    # duckdb writes to a path only: a new folder, so that no other file is there
     with tempfile.TemporaryDirectory(prefix="canid-") as folder:
         path = Path(folder) / "table.parquet"
         target = str(path).replace("'", "''")

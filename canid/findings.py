@@ -1,4 +1,4 @@
-"""The nouns of the diagnosis: what the simulation gets wrong, why, and what a better model gains."""
+"""Data types of a diagnosis report."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Flags = npt.NDArray[np.bool_]
 
 
 class Verdict(Enum):
-    """What a diagnosis may say. The member's value is its public name."""
+    """Verdict of a diagnosis. The member's value is its public name."""
 
-    ADEQUATE = "adequate"  # the simulation holds: nothing that this drive can show is wrong with it
+    ADEQUATE = "adequate"  # the model passes: this drive shows nothing wrong with it
     NAMED = "named"
     ONE_OF = "one_of"  # several causes explain it equally well
-    UNEXPLAINED = "unexplained"  # something is wrong that no known cause explains
+    UNEXPLAINED = "unexplained"  # something is wrong that no effect of the catalogue explains
     NOT_ENOUGH_DATA = "not_enough_data"
 
 
@@ -30,25 +30,23 @@ class Fit(NamedTuple):
     channels: Mapping[str, Channel]
     fit_percent: float  # 100 (1 − |y − simulated| / |y − mean|)
     simulated: Array  # (n,) output unit; NaN where nothing can be simulated
-    noise_sd: float  # output unit; what stays unexplained of the output
+    noise_sd: float  # output unit; of the unexplained part of the output
 
 
 class Finding(NamedTuple):
-    """One cause that was found."""
+    """One effect that was named as a cause."""
 
     effect: str  # id in CATALOGUE
     where: str  # "driver", "vehicle", "sensing"
-    rivals: tuple[str, ...]  # causes that explain the same data as well, or must by their form
-    surrogate: bool  # it helps, but leaves structure behind: not the cause
+    rivals: tuple[str, ...]  # effects that explain the same data as well, or must by their form
+    surrogate: bool  # it reduces the residual but leaves structure in it: not the cause
     parameters: Mapping[str, Interval]
     units: Mapping[str, str]  # parameter -> unit
-    gain: Interval  # relative reduction of the simulation's error variance on data that chose nothing
+    gain: Interval  # relative reduction of the simulation's error variance on held-out data
     says: str
-    evidence: (
-        float  # 2 Δ log likelihood over the model without it, robust against the noise's own colour and size
-    )
-    needed: float  # what the evidence had to exceed, all candidates counted
-    episodes: tuple[tuple[float, float], ...] = ()  # s; when, for causes that come and go
+    evidence: float  # 2 Δ log likelihood over the model without it, robust against autocorrelated noise of varying scale
+    needed: float  # what the evidence had to exceed, corrected for the number of candidates
+    episodes: tuple[tuple[float, float], ...] = ()  # s; of effects that come and go
 
 
 class Tried(NamedTuple):
@@ -56,7 +54,7 @@ class Tried(NamedTuple):
 
     effect: str
     where: str
-    step: int  # 1, 2, ...: with how many causes in the model it was tried, plus one
+    step: int  # 1, 2, ...: one more than the effects that were in the model
     evidence: float  # 2 Δ log likelihood; NaN: not computed
     needed: float
     expected: float  # evidence that a typical strength of it would leave on this drive; NaN: not computed
@@ -67,8 +65,8 @@ class Tried(NamedTuple):
 class NotTestable(NamedTuple):
     """What this drive cannot decide."""
 
-    effects: tuple[str, ...]  # one: invisible here; two: cannot be told apart here
-    why: str  # with the drive that would decide
+    effects: tuple[str, ...]  # one: not identifiable here; two: not distinguishable here
+    why: str  # and which drive would decide
 
 
 class Check(NamedTuple):
@@ -80,11 +78,11 @@ class Check(NamedTuple):
     limit: float
     says: str
     unit: str = ""  # of value and limit
-    gate: bool = False  # of the adequacy gate, not of the data
+    gate: bool = False  # an adequacy test, not a check of the data
 
 
 class Masked(NamedTuple):
-    """A stretch that says nothing about the driver."""
+    """A stretch that is left out of every fit."""
 
     effect: str  # id of the mask in CATALOGUE
     start: float  # s
@@ -95,8 +93,8 @@ def masked_for(masked: Iterable[Masked]) -> dict[str, float]:
     """Seconds per mask, longest first.
 
     Example:
-        >>> masked_for([Masked("cut_in", 3.0, 5.0), Masked("cruise_control", 9.0, 60.0)])
-        {'cruise_control': 51.0, 'cut_in': 2.0}
+        >>> masked_for([Masked("one", 3.0, 5.0), Masked("another", 9.0, 60.0)])
+        {'another': 51.0, 'one': 2.0}
     """
     seconds: dict[str, float] = {}
     for one in masked:
@@ -105,7 +103,7 @@ def masked_for(masked: Iterable[Masked]) -> dict[str, float]:
 
 
 class Window(NamedTuple):
-    """Where in time the simulation is wrong."""
+    """A stretch of time with a large residual."""
 
     start: float  # s
     stop: float
@@ -114,7 +112,7 @@ class Window(NamedTuple):
 
 
 class OperatingMap(NamedTuple):
-    """Where over operating points the simulation is wrong."""
+    """Mean residual over two operating variables."""
 
     x: str  # role
     y: str
@@ -126,14 +124,14 @@ class OperatingMap(NamedTuple):
 
 
 class Spectra(NamedTuple):
-    """At which frequencies the simulation is wrong."""
+    """Spectra of the residual, and its coherence with the inputs."""
 
     frequency: Array  # (m,) Hz
     before: Array  # (m,) output unit² / Hz
     after: Array  # (m,)
     coherence_before: Mapping[str, Array]  # input -> (m,) with the residual, 0 to 1
     coherence_after: Mapping[str, Array]
-    level: float  # a coherence above this is no chance (99 %)
+    level: float  # 99 % quantile of the coherence of independent signals
 
 
 class Trajectory(NamedTuple):
@@ -147,7 +145,7 @@ class Trajectory(NamedTuple):
 
 
 class Blocked(NamedTuple):
-    """What was looked at in one block of the loop."""
+    """Result of one block of the loop."""
 
     where: str  # "driver", "vehicle", "sensing"
     state: str  # "adequate", "wrong", "unexplained", "not_testable"
@@ -155,7 +153,7 @@ class Blocked(NamedTuple):
 
 
 class Provenance(NamedTuple):
-    """What a reader needs to get the same report again."""
+    """What is needed to reproduce the report."""
 
     log: str = ""
     log_sha256: str = ""
@@ -178,14 +176,13 @@ class Report(NamedTuple):
     baseline: Fit
     extended: Fit  # the baseline again where nothing was found
     findings: tuple[Finding, ...]
-    unexplained: (
-        Interval  # share of the extended model's residual variance that an unknown cause holds; NaN: not told
-    )
-    gain: Interval  # of all findings together, open loop, on data that chose nothing
+    # share of the extended model's residual variance that is unexplained structure; NaN: not estimated
+    unexplained: Interval
+    gain: Interval  # of all findings together, open loop, on held-out data
     not_testable: tuple[NotTestable, ...]
     candidates_tried: int
     tried: tuple[Tried, ...]
-    checks: tuple[Check, ...]  # data checks first, then the adequacy gate's
+    checks: tuple[Check, ...]  # data checks first, then the adequacy tests
     masked: tuple[Masked, ...]
     blocks: tuple[Blocked, ...]
     worst: tuple[Window, ...]
@@ -193,13 +190,13 @@ class Report(NamedTuple):
     spectra: Spectra | None
     closed_loop: tuple[Trajectory, ...]
     shifts: Mapping[str, tuple[Interval, Interval]]  # "range_rate K" -> before, after the extension
-    advice: tuple[str, ...]  # what to drive to decide what could not be decided
+    advice: tuple[str, ...]  # which drives would decide what is not testable
     steps: tuple[str, ...]  # what was done, in order
     provenance: Provenance = Provenance()
 
 
 def no_fit(n: int) -> Fit:
-    """Return the fit of a drive on which nothing could be fitted.
+    """Return an empty fit.
 
     Example:
         >>> no_fit(3).simulated.shape

@@ -1,8 +1,8 @@
-"""Parsers of files that strangers wrote (TOML by tomllib, DBC by cantools), in a child process with limits.
+"""Parsing of untrusted files (TOML by tomllib, DBC by cantools) in a child process with limits.
 
-What such a file can do to its parser has no end: nesting, dotted keys, ranges that are expanded, lengths of 10^8 bits,
-loops of multiplexers. So none of it is foreseen here; the parser runs where time and memory end, and its answer is
-plain tuples. The recorder's process is not held up by it either.
+Such a file can exhaust its parser in many ways: nesting, dotted keys, ranges that are expanded, lengths of 10^8 bits,
+loops of multiplexers. None of them is checked for here; the parser has limits of CPU time and memory, and returns plain
+tuples. The recorder's process is not delayed by it either.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from hashlib import sha256
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-from canid import child
-from canid.imports import without
+from canid import child_process
+from canid.import_guard import without
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as CantoolsMessage
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
 # DBC (J1939, 6,000 lines of signals) 0.3 s
 CPU_S = 3.0
 # on a machine so slow that the child's own start takes long, this many times that: 0.2 s on a laptop
-CPU_STARTS = 12.0
-# bytes that parsing may take beside what the interpreter and cantools need (30 MB): 20,000 signals take 65 to 90 MB
-MEMORY = 160_000_000
+CPU_STARTS = 16.0
+# bytes that parsing may take in addition to interpreter and cantools (30 MB): 20,000 signals take 65 to 90 MB
+MEMORY_BYTES = 160_000_000
 # signals in a file; complete vehicle networks have 10,000 to 20,000
 MAX_SIGNALS = 30_000
 # bytes of an answer: 30,000 signals with their texts are 10 MB
-MAX_ANSWER = 24_000_000
-# s; where the system knows no limit of processor time, or the child is stopped by somebody
+MAX_ANSWER_BYTES = 24_000_000
+# s; where the system has no limit of processor time, or the child was stopped
 WALL_S = 120.0
-# answers kept, and the largest of them (bytes): a program that reads a vehicle again does not wait again
-KEPT, KEPT_SIZE = 16, 2_000_000
+# answers kept, and the largest of them (bytes): reading a vehicle again takes no time
+KEPT_ANSWERS, MAX_KEPT_BYTES = 16, 2_000_000
 
 
 class Signal(NamedTuple):
@@ -75,7 +75,7 @@ class Message(NamedTuple):
     id: int
     extended: bool
     length: int  # bytes
-    period: float  # s; NaN: the file does not say
+    period: float  # s; NaN: not in the file
     signals: tuple[Signal, ...]
 
 
@@ -88,7 +88,7 @@ class Content(NamedTuple):
 
 
 class ParseError(ValueError):
-    """The file is not what it should be; the text says why, without the file's name."""
+    """The file is invalid; the text is the reason, without the file's name."""
 
 
 _kept: OrderedDict[tuple[str, str, bytes], bytes] = OrderedDict()
@@ -96,10 +96,10 @@ _keeping = threading.Lock()
 
 
 class Parser:
-    """The child process, started when it is first needed; one budget for all that it is asked."""
+    """The child process, started when it is first needed; one budget for all its requests."""
 
     def __init__(self) -> None:
-        """Start nothing yet."""
+        """The child is started when it is first needed."""
         self._child: subprocess.Popen[bytes] | None = None
         self._watch: threading.Timer | None = None
 
@@ -137,7 +137,7 @@ class Parser:
         return table
 
     def dbc(self, suffix: str, data: bytes) -> Content:
-        """Parse a DBC, or what else cantools reads by that suffix.
+        """Parse a DBC, or another format that cantools reads by its suffix.
 
         Raises:
             ParseError: it is none, or takes too long.
@@ -152,13 +152,13 @@ class Parser:
             answer = _kept.get(key)
         if answer is None:
             answer = self._answer(kind, suffix, data)
-            if len(answer) <= KEPT_SIZE:
+            if len(answer) <= MAX_KEPT_BYTES:
                 with _keeping:
                     _kept[key] = answer
-                    while len(_kept) > KEPT:
+                    while len(_kept) > KEPT_ANSWERS:
                         _kept.popitem(last=False)
-        said, content = pickle.loads(answer)
-        if said == "bad":
+        status, content = pickle.loads(answer)
+        if status == "bad":
             raise ParseError(content)
         return content
 
@@ -172,12 +172,12 @@ class Parser:
             answer: bytes = pickle.load(running.stdout)
             return answer
         except (OSError, EOFError, pickle.UnpicklingError) as error:
-            raise ParseError(self._fate(error)) from None
+            raise ParseError(self._failure(error)) from None
 
     def _running(self) -> subprocess.Popen[bytes]:
         if self._child is None:
             self._child = subprocess.Popen(
-                child.command("canid.parsing"),
+                child_process.command("canid.parsing"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -187,8 +187,8 @@ class Parser:
             self._watch.start()
         return self._child
 
-    def _fate(self, error: BaseException) -> str:
-        """Say why there is no answer."""
+    def _failure(self, error: BaseException) -> str:
+        """Why there is no answer."""
         if self._child is None:
             return f"no process can be started to parse it ({error})"
         code = self._child.wait()
@@ -212,7 +212,7 @@ def main() -> int:
         except EOFError:
             return 0
         if kind == "dbc":
-            # cantools takes 0.2 s to import: no part of what a file costs. It drags in what is installed by chance
+            # cantools takes 0.2 s to import: not part of a file's budget. It would also import asammdf
             with without("asammdf"):
                 import cantools  # noqa: F401
             left = max(left, _budget()) if left == CPU_S else left
@@ -233,14 +233,14 @@ def _limited(cpu: float) -> Iterator[list[float]]:
     rest = [cpu]
     try:
         import resource
-    except ImportError:  # no POSIX: the parent ends us by the clock
+    except ImportError:  # no POSIX: the parent ends the child by the clock
         yield rest
         return
     with suppress(OSError, ValueError, IndexError):
         with open("/proc/self/statm", encoding="ascii") as file:
             used = int(file.read().split()[5]) * resource.getpagesize()
         hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
-        soft = used + MEMORY if hard == resource.RLIM_INFINITY else min(used + MEMORY, hard)
+        soft = used + MEMORY_BYTES if hard == resource.RLIM_INFINITY else min(used + MEMORY_BYTES, hard)
         resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
     signal.setitimer(signal.ITIMER_PROF, cpu)
     try:
@@ -256,21 +256,21 @@ def _answered(kind: str, suffix: str, data: bytes) -> bytes:
     try:
         content = _toml(data) if kind == "toml" else _dbc(suffix, data)
         answer = pickle.dumps(("ok", content), protocol=5)
-        if len(answer) <= MAX_ANSWER:
+        if len(answer) <= MAX_ANSWER_BYTES:
             return answer
-        why = f"it describes more than {MAX_ANSWER / 1e6:g} MB"
+        why = f"it describes more than {MAX_ANSWER_BYTES / 1e6:g} MB"
     except ParseError as error:
         why = str(error)
-    except Exception as error:  # whatever a parser raises over a file is the file's fault
+    except Exception as error:  # of any kind: the file is invalid
         why = _line(error)
     return pickle.dumps(("bad", why), protocol=5)
 
 
 def _line(error: BaseException) -> str:
-    # cantools wraps whatever stops it
+    # cantools wraps other exceptions
     causes = (error, error.__cause__, error.__context__)
     if any(isinstance(cause, MemoryError) for cause in causes):
-        return f"it takes more than {MEMORY / 1e6:g} MB to parse"
+        return f"it takes more than {MEMORY_BYTES / 1e6:g} MB to parse"
     if any(isinstance(cause, RecursionError) for cause in causes):
         return "it is nested too deeply"
     line = " ".join(str(error).split())[:160]
@@ -296,30 +296,30 @@ def _dbc(suffix: str, data: bytes) -> Any:
         raise ParseError(f"it has {lines:,} signals, more than {MAX_SIGNALS:,}")
     text = data.decode(_FORMATS.get(suffix, "utf-8"), errors="replace")
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    with _collected("cantools") as said:
+    with _collected("cantools") as warnings:
         loaded = cantools.database.load_string(text, suffix[1:] if suffix in _FORMATS else None, strict=False)
     if not isinstance(loaded, cantools.database.can.Database):
         raise ParseError("it is a diagnostics file, not a DBC")
     if sum(len(message.signals) for message in loaded.messages) > MAX_SIGNALS:
         raise ParseError(f"it has more than {MAX_SIGNALS:,} signals")
     messages = [_message(message) for message in loaded.messages]
-    return messages, said, [message.name for message in loaded.messages if not _is_strict(message)]
+    return messages, warnings, [message.name for message in loaded.messages if not _is_strict(message)]
 
 
 @contextmanager
 def _collected(logger_name: str) -> Iterator[list[str]]:
     """Collect what a library logs as a warning, instead of printing it."""
-    said: list[str] = []
+    warnings: list[str] = []
 
     class Collect(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            said.append(record.getMessage())
+            warnings.append(record.getMessage())
 
     logger, handler = logging.getLogger(logger_name), Collect(logging.WARNING)
     propagate, logger.propagate = logger.propagate, False
     logger.addHandler(handler)
     try:
-        yield said
+        yield warnings
     finally:
         logger.removeHandler(handler)
         logger.propagate = propagate
@@ -363,7 +363,7 @@ def signal_fields(of: CantoolsSignal) -> tuple[Any, ...]:
 
 
 def _number(value: Any) -> float:
-    """A number as its file spells it; one that no float holds is none."""
+    """A number of a file; NaN where no float holds it."""
     try:
         return float(value)
     except (OverflowError, ValueError):

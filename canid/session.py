@@ -1,4 +1,7 @@
-"""Recording and estimating side by side: the recorder's threads here, the estimators in their own process."""
+"""A session on a bus: the recorder's threads here, the estimators in a process of their own.
+
+The live loop, which steps the pipeline with what was received, is `canid.estimator_process`.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,14 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from canid import state_file
+from canid.buses.bus import ReceiveOnlyBus
+from canid.buses.bus_opener import open_buses
 from canid.errors import CanidError, OutputError
-from canid.estimating import Counts, Estimating
-from canid.frames.bus import ReceiveOnlyBus, open_buses
-from canid.frames.recorder import Recorder, Stats
-from canid.frames.rotation import Rotation
-from canid.saving.sealed import ours
+from canid.estimator_process import Counts, Estimating
+from canid.files import state_file
+from canid.recording.recorder import Recorder, Stats
+from canid.recording.rotation import Rotation
+from canid.saving.checksum import ours
 from canid.types import Estimate, Event
 
 # cantools and pydantic take half a second to import: not before the first frame is recorded
@@ -24,7 +28,7 @@ if TYPE_CHECKING:
     from canid.vehicle import Vehicle
 
 # s between two reports on recorder and buses
-REPORT = 0.25
+REPORT_INTERVAL_S = 0.25
 # s after the end of the recording that the estimators have for what still waits for them; the rest is counted
 FINISH_S = 1.0
 
@@ -78,7 +82,7 @@ def session(
         stopped: asked ten times a second.
         command: of the estimator's process; tests put faulty ones here.
         state: go on from what was learnt before and saved in this file; save there every 10 s and at the end. A
-            state that is damaged or does not fit is told as an `Event`, and the estimators start anew.
+            state that is damaged or does not fit is reported as an `Event`, and the estimators start anew.
         rotation: record into new files by size or time, and keep as many as it says; None: one file.
         finish: s that the estimators have, after the recording has ended, for the frames that still wait for them.
 
@@ -108,10 +112,10 @@ def session(
         elapsed, events = time.monotonic() - began, tuple(recorder.events())
         if estimating is None:
             return World(elapsed, recorder.stats(), None, {}, (), events, lost, "", stopping=stopping)
-        told = dict(estimating.counters), tuple(estimating.missing)
+        decoded = dict(estimating.counters), tuple(estimating.missing)
         counts, unsaved = estimating.counts(), save(estimating.state)
         return World(
-            elapsed, recorder.stats(), counts, *told, events, lost, estimating.output, unsaved, stopping
+            elapsed, recorder.stats(), counts, *decoded, events, lost, estimating.output, unsaved, stopping
         )
 
     recorder.start()
@@ -126,16 +130,15 @@ def session(
         if isinstance(vehicle, str | Path):
             from canid.vehicle import read_vehicle
 
-            read_vehicle(
-                vehicle
-            )  # a mistake in it is told by us, not by the child; recording has begun meanwhile
-        told = began
+            # reports a mistake in it here, not in the estimators' process; recording has begun meanwhile
+            read_vehicle(vehicle)
+        reported = began
         while not stopped() and recorder.alive():
             now = time.monotonic()
             if duration is not None and now - began >= duration:
                 break
-            if now - told >= REPORT:
-                told = now
+            if now - reported >= REPORT_INTERVAL_S:
+                reported = now
                 yield report()
             try:
                 result = results.get(timeout=0.05)
@@ -146,13 +149,13 @@ def session(
         lost = not recorder.alive()
         stopping.start()
         while stopping.is_alive():
-            stopping.join(REPORT)
+            stopping.join(REPORT_INTERVAL_S)
             yield report(lost=lost, stopping=True)
         if estimating is not None:
             closing = threading.Thread(target=estimating.close, args=(finish,), name="canid-finish")
             closing.start()
             while closing.is_alive():
-                closing.join(REPORT)
+                closing.join(REPORT_INTERVAL_S)
                 yield report(lost=lost, stopping=True)
     finally:
         if stopping.ident is None:
@@ -174,7 +177,7 @@ def _saved(path: str | Path | None) -> bytes | None:
     if path is None:
         return None
     saved = state_file.read(path)
-    state_file.try_out(path)
+    state_file.check_writable(path)
     return saved
 
 
@@ -199,7 +202,7 @@ def _saver(path: str | Path | None, saved: bytes | None) -> Callable[[bytes | No
 
 
 def _note(recorder: Recorder, result: Result) -> None:
-    """Events stand in the journal beside the log."""
+    """Write events to the journal next to the log."""
     if isinstance(result.item, Event):
         recorder.journal(result.item)
 

@@ -1,4 +1,4 @@
-"""The nouns: what flows through canid, from a frame on the bus to an estimate with its doubt.
+"""Data types: what flows through canid, from a frame on the bus to an estimate with its interval.
 
 Times are seconds since the log's first frame; its UTC start is kept once, in `LogStart`.
 Values are SI (see docs/design.md for the few exceptions). NaN means not measured, nothing else.
@@ -6,12 +6,14 @@ Values are SI (see docs/design.md for the few exceptions). NaN means not measure
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum, IntFlag
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+from canid.state_constraints import TIME
 
 Array = npt.NDArray[np.float64]
 NAN = float("nan")
@@ -21,7 +23,7 @@ NAN = float("nan")
 
 
 class Flag(IntFlag):
-    """What a frame is beside a plain classic data frame with an 11-bit id that was received."""
+    """How a frame differs from a received classic data frame with an 11-bit id."""
 
     NONE = 0
     EXTENDED = 1  # 29-bit id
@@ -99,7 +101,7 @@ class Event(NamedTuple):
     says: str
 
 
-class Gate(Enum):
+class LearnGate(Enum):
     """Why the estimators may not learn from a sample. The value is the sentence that the user reads."""
 
     OPEN = ""
@@ -119,7 +121,7 @@ class Sample(NamedTuple):
     t: float
     output: float  # the driver's output, in its unit (pedal %, accel m/s², ...)
     inputs: tuple[float, ...]  # in the order of TASK_INPUTS[task]
-    gate: Gate  # what is wrong just now
+    gate: LearnGate  # what is wrong just now
     learn: bool  # gate open, and the recovery time over
     segment: int  # grows by one where the inputs' history breaks (another target, another driver)
     signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
@@ -139,7 +141,7 @@ class Trace(NamedTuple):
     output: Array  # (n,)
     inputs: Array  # (n, m)
     input_names: tuple[str, ...]
-    gate: tuple[Gate, ...]  # (n,)
+    gate: tuple[LearnGate, ...]  # (n,)
     learn: npt.NDArray[np.bool_]  # (n,)
     segment: npt.NDArray[np.int64]  # (n,)
     signals: dict[str, Array]  # role -> (n,)
@@ -156,7 +158,7 @@ class Signal(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A number with its doubt: 95 %. NaN value: it cannot be told."""
+    """A number with its 95 % interval. NaN: not identifiable."""
 
     value: float = NAN
     low: float = NAN
@@ -176,7 +178,7 @@ class Status(Enum):
 
 
 class Identifiable(Enum):
-    """What can be told of one channel from these data."""
+    """Which parameters of one channel are identifiable from these data."""
 
     OK = "ok"  # K, tau and dead time each
     SUM_ONLY = "sum_only"  # K and the sum tau + dead time
@@ -192,14 +194,16 @@ class Channel(NamedTuple):
     dead_time: Interval = Interval()  # s
     tau_plus_dead_time: Interval = Interval()  # s
     status: Identifiable = Identifiable.NOT
-    K_anytime: Interval = Interval()  # holds at every look at once, where the estimator can promise that
+    K_anytime: Interval = (
+        Interval()
+    )  # holds at all times simultaneously, where the estimator can promise that
     prior_weight: float = (
         NAN  # share of what is known of tau and dead time that a declared prior brought, 0 to 1
     )
 
 
 class ResidualTests(NamedTuple):
-    """What the residuals of the last minute say of the model; see `identification.residuals`."""
+    """Residual tests over the last minute; see `identification.residual_tests`."""
 
     white: bool  # Ljung-Box, 99 %
     statistic: float
@@ -211,9 +215,9 @@ class ResidualTests(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What an estimator says at time t."""
+    """An estimator's result at time t."""
 
-    t: float
+    t: Annotated[float, TIME]  # s
     estimator: str
     status: Status
     says: str
@@ -222,99 +226,48 @@ class Estimate(NamedTuple):
     excitation: Mapping[str, float] = {}  # input name -> its standard deviation over the data used
     used: float = NAN  # s of data that the estimate rests on
     residual_tests: ResidualTests | None = None
-    headline: bool = False  # the one number to read, by the rule in docs/design.md
+    headline: bool = False  # the headline estimate, by the rule in estimators/agreement.py
 
 
-# --- screened --------------------------------------------------------------------------------------
+# --- monitored -------------------------------------------------------------------------------------
 
 
-class Watch(Enum):
-    """What can be said of one block of the loop just now. The member's value is its public name."""
+class BlockStatus(Enum):
+    """The monitor's verdict on one block of the loop. The member's value is its public name."""
 
     FITS = "fits"
     MISFIT = "misfit"
-    LEARNING = "learning"  # too little was seen of it to hold anything against it
-    UNSEEN = "unseen"  # nothing of it is to be seen just now
+    LEARNING = "learning"  # too little was learnt to test it
+    UNSEEN = "unseen"  # its signals are not measured just now
 
 
-class Watched(NamedTuple):
+class BlockReport(NamedTuple):
     """One block of the loop: does its model still fit?"""
 
-    state: Watch
-    since: float  # s, since when it does not; NaN: it does, or nobody knows
+    state: BlockStatus
+    since: float  # s, since when it does not; NaN: it does, or is not known
     says: str
     evidence: float  # log of the strongest evidence against it
-    needed: float  # log of what would be a misfit
+    needed: float  # log, the threshold of a misfit
 
 
-class Screened(NamedTuple):
+class MonitorReport(NamedTuple):
     """Whether the models that were learnt over the last minutes still fit, and since when not."""
 
     t: float
-    fits: bool  # no block is a misfit; true also while nothing can be said, see `blocks`
-    since: float  # s, since when they do not, or do again; NaN: nothing was wrong so far; < 0: before this session
+    fits: bool  # no block is a misfit; true also while nothing is known, see `blocks`
+    since: float  # s, since when they do not, or do again; NaN: no misfit so far; < 0: before this session
     block: str  # the suspected one: "driver", "vehicle" or "sensing"; "": none
     says: str
-    blocks: Mapping[str, Watched]
-
-
-S = TypeVar("S")
-
-
-class Estimator(NamedTuple, Generic[S]):
-    """An estimator lives in time as two pure functions."""
-
-    name: str
-    init: Callable[[], S]
-    step: Callable[[S, Sample], tuple[S, Estimate | None]]
-    # `step` in two, for whoever does not need every estimate: take the sample, and say whether an estimate is due; and
-    # tell it, which may leave something for later ones in the state. None: only together
-    advance: Callable[[S, Sample], tuple[S, bool]] | None = None
-    tell: Callable[[S, Sample], tuple[S, Estimate]] | None = None
-
-
-AnyEstimator = Estimator[Any]
+    blocks: Mapping[str, BlockReport]
 
 
 # --- configuration that several floors share ------------------------------------------------------------
 
 
 class Driver(NamedTuple):
-    """Whose answer is identified, and to what."""
+    """Task, output and convention of the driver to be identified."""
 
     task: str = "car_following"
     output: str = "pedal"
     headway_desired: float = 2.0  # s; a convention: only K1·THW_des + offset is identified
-
-
-class ArmaxSettings(NamedTuple):
-    """Orders of A(q) y = B(q) u + C(q) e (Chen & Ulsoy 2001, eq. 1 and 3)."""
-
-    na: int = 2
-    nb: int = 2
-    nc: int = 1
-    nk: int = 1  # dead time in samples
-    start: float = 15.0  # s of data for the batch start
-    # per sample, ascending: memories of 5, 10, 20 and 50 s at 10 Hz, and one that keeps everything
-    forgetting: tuple[float, ...] = (0.98, 0.99, 0.995, 0.998, 1.0)
-
-
-class Prior(NamedTuple):
-    """What is believed of lags and dead times before any data; NaN: nothing."""
-
-    tau: float = NAN  # s, median of a log-normal
-    tau_factor: float = NAN  # one standard deviation up is the median times this
-    dead_time: float = NAN  # s, mean of a normal
-    dead_time_sd: float = NAN  # s
-    same_tau: float = NAN  # s, sd of the difference between the two channels
-    same_dead_time: float = NAN  # s
-
-
-class FopdtSettings(NamedTuple):
-    """The sliding window and the physical box of the FOPDT fit."""
-
-    window: float = 60.0  # s
-    refit: float = 0.5  # s
-    tau_max: float = 3.0  # s; a slower lag cannot be told from an offset in a window of 60 s
-    dead_time_max: float = 1.5  # s; human reaction times end well below
-    prior: Prior | None = None  # none: the box alone

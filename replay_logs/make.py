@@ -1,11 +1,11 @@
-"""Makes the logs in this folder, byte for byte: python replay_logs/make.py [FOLDER]."""
+"""Simulate the logs of this folder, reproducible to the byte: python replay_logs/make.py [FOLDER]."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from canid.frames import write_log
+from canid.logs import write_log
 from canid.simulation import START_UTC, Simulation, frames, simulate, truth_text
 from canid.vehicle import read_vehicle
 
@@ -23,7 +23,7 @@ def drives() -> dict[str, Simulation]:
 
 
 def main(folder: Path) -> None:
-    """Write all logs, each with its truth beside it."""
+    """Write all logs, each with a file of its true parameters."""
     for name, drive in drives().items():
         vehicle = read_vehicle("generic_lane" if name.startswith("lane") else "generic")
         path = folder / name

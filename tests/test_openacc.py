@@ -13,7 +13,7 @@ import pytest
 
 import canid
 from canid.types import Channel, Identifiable, Status, Trace
-from canid.views import words
+from canid.views import estimate_text
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "openacc"
 NAMES = ("human_h22_v3", "human_h22_v5", "human_h22_v6", "acc_short_h2_v4", "acc_long_h10_v5")
@@ -43,7 +43,7 @@ def least_squares(trace: Trace) -> Plain:
     return found
 
 
-def told(name: str) -> tuple[Channel, list[Channel], Plain]:
+def estimates(name: str) -> tuple[Channel, list[Channel], Plain]:
     """The whole drive's answer to range rate, the windows' answers that are ok, and plain least squares."""
     trace = canid.read_trace(DATA / f"{name}.blf", "openacc")
     drive = canid.identify(trace, select_orders=False)
@@ -63,10 +63,10 @@ def test_gains_are_of_the_right_size(name: str) -> None:
 
     Least squares has no noise model and no lag, so it is biased low (the loop is closed): a factor of three.
     """
-    whole, windows, plain = told(name)
+    whole, windows, plain = estimates(name)
     assert plain.K2 > 0.0
     every = [*windows, whole] if whole.status is not Identifiable.NOT else windows
-    assert every, "neither the drive nor any window tells K2"
+    assert every, "neither the drive nor any window identifies K2"
     for ch in every:
         assert ch.K.low > 0.0
     middle = float(np.median([ch.K.value for ch in every]))
@@ -80,7 +80,7 @@ def test_gains_are_of_the_right_size(name: str) -> None:
 
 
 def test_two_halves_of_one_driver_agree() -> None:
-    """The answer to range rate is the driver's own: both halves of a drive tell the same, within their intervals."""
+    """The answer to range rate is the driver's own: both halves of a drive give the same, within their intervals."""
     for name in ("human_h22_v3", "human_h22_v6"):
         trace = canid.read_trace(DATA / f"{name}.blf", "openacc")
         middle = trace.t.size // 2
@@ -101,9 +101,9 @@ if __name__ == "__main__":
     print("| log | K2, whole drive | delays, whole drive | K2 in windows, median (n) | plain LS: K2, delay |")
     print("|---|---|---|---|---|")
     for name in NAMES:
-        whole, windows, plain = told(name)
-        gain = words.interval(whole.K) if whole.status is not Identifiable.NOT else "not identifiable"
+        whole, windows, plain = estimates(name)
+        gain = estimate_text.fixed(whole.K) if whole.status is not Identifiable.NOT else "not identifiable"
         median = f"{np.median([ch.K.value for ch in windows]):.2f} ({len(windows)})" if windows else "none"
         print(
-            f"| {name} | {gain} | {words.lag(whole) or '–'} | {median} | {plain.K2:.2f}, {plain.delay:.1f} s |"
+            f"| {name} | {gain} | {estimate_text.delays(whole) or '–'} | {median} | {plain.K2:.2f}, {plain.delay:.1f} s |"
         )

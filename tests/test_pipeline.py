@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import canid
-from canid import logs, pipeline
-from canid.drive import samples
-from canid.estimators import fopdt
-from canid.frames import open_log
-from canid.types import Estimate, Frame, Gate, Identifiable, Sample, Status
+from canid import drive_reader, pipeline
+from canid.drive_parameters import samples
+from canid.estimators.fopdt import FOPDT
+from canid.frame_columns import chunks
+from canid.logs import open_log
+from canid.types import Estimate, Frame, Identifiable, LearnGate, Sample, Status
 from canid.vehicle import read_vehicle
 
 REPO = Path(__file__).parents[1]
@@ -23,14 +24,15 @@ DATA = REPO.parent / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"real logs are not here: {DATA} is missing")
 
 
-def outputs(frames: list[Frame], vehicle: str = "generic", cut: int = -1) -> list:
+def outputs(frames: list[Frame], vehicle: str = "generic", cut: int | None = None) -> list:
+    """Everything that comes out; the state is pickled between the frames before and from `cut` on."""
     running = pipeline.build(read_vehicle(vehicle))
     state, out = running.init(), []
-    for k, frame in enumerate(frames):
-        if k == cut:
-            state = pickle.loads(pickle.dumps(state))
-        state, now = running.step(state, frame)
-        out += now
+    for part in (frames[:cut], frames[cut:] if cut is not None else []):
+        for chunk in chunks(part, 500):
+            state, now = running.step(state, chunk)
+            out += [item for _, item in now]
+        state = pickle.loads(pickle.dumps(state))
     return out
 
 
@@ -41,7 +43,7 @@ def same(a: list, b: list) -> bool:
 
 def test_the_stream_may_be_cut_anywhere() -> None:
     """Pickle the state in the middle, go on: the same numbers to the last bit."""
-    frames = list(logs.window(open_log(LOG), 0.0, 40.0))
+    frames = list(drive_reader.window(open_log(LOG), 0.0, 40.0))
     whole = outputs(frames)
     assert any(isinstance(x, Estimate) and x.status is Status.OK for x in whole)
     for cut in (1, 2017, len(frames) // 2):
@@ -49,11 +51,11 @@ def test_the_stream_may_be_cut_anywhere() -> None:
 
 
 def test_replay_and_trace_agree() -> None:
-    """Batch columns are the stream's samples."""
-    trace = canid.read_trace(LOG, "generic")
+    """Batch columns are the samples that the estimators get in a replay at the log's own speed."""
+    trace = drive_reader.read_drive(LOG, "generic", estimating=False, stop=25.0).trace
     stream = [
         item
-        for _, _, out in logs.run(open_log(LOG), read_vehicle("generic"), estimating=False)
+        for _, _, out in drive_reader.run(open_log(LOG), read_vehicle("generic"), stop=25.0, span=0.05)
         for item in out
         if isinstance(item, Sample)
     ]
@@ -63,7 +65,7 @@ def test_replay_and_trace_agree() -> None:
 
 
 def test_frames_that_are_not_mapped_change_nothing() -> None:
-    frames = list(logs.window(open_log(LOG), 0.0, 30.0))
+    frames = list(drive_reader.window(open_log(LOG), 0.0, 30.0))
     rng = np.random.default_rng(0)
     noise = [
         Frame(float(t), 0, 0x7A0 + int(k), bytes(8)) for k, t in enumerate(sorted(rng.uniform(0, 30, 300)))
@@ -75,12 +77,12 @@ def test_frames_that_are_not_mapped_change_nothing() -> None:
 
 
 def test_windows_do_not_lead_each_other_astray() -> None:
-    """A window that starts where the one before ended never tells a gain that excludes the truth from above.
+    """A window that starts where the one before ended never reports a gain that excludes the truth from above.
 
     In the first minute of this hardly excited drive a noise that drifts can excuse a gain of eight times the truth.
     """
     rows = list(samples(canid.read_trace(REPO / "replay_logs" / "following_mixed.blf", "generic")))[:700]
-    estimator = fopdt.make(("headway_error", "range_rate"), pipeline.DT)
+    estimator = FOPDT.make(("headway_error", "range_rate"), pipeline.DT)
     state, lows = estimator.init(), []
     for row in rows:
         state, estimate = estimator.step(state, row)
@@ -94,9 +96,9 @@ def test_windows_do_not_lead_each_other_astray() -> None:
 def test_the_whole_drive_tells_the_truth(name: str) -> None:
     """Gains of the simulated drivers lie in (slightly widened: several drives, one test) intervals of the drive."""
     truth = json.loads((REPO / "replay_logs" / (name.split(".")[0] + ".truth.json")).read_text())["channels"]
-    told = canid.identify(canid.read_trace(REPO / "replay_logs" / name, "generic"), select_orders=False)
+    identified = canid.identify(canid.read_trace(REPO / "replay_logs" / name, "generic"), select_orders=False)
     for channel, of in truth.items():
-        ch = told.channels[channel]
+        ch = identified.channels[channel]
         if ch.status is not Identifiable.NOT:
             half = (ch.K.high - ch.K.low) / 2
             assert ch.K.low - 0.5 * half <= of["K"] <= ch.K.high + 0.5 * half, (channel, ch.K, of["K"])
@@ -104,20 +106,20 @@ def test_the_whole_drive_tells_the_truth(name: str) -> None:
             iv = ch.tau_plus_dead_time
             half = (iv.high - iv.low) / 2
             assert iv.low - 0.5 * half <= of["tau"] + of["dead_time"] <= iv.high + 0.5 * half
-    assert told.channels["range_rate"].status is not Identifiable.NOT
+    assert identified.channels["range_rate"].status is not Identifiable.NOT
 
 
 @needs_data
 def test_rav4_lead_and_cruise() -> None:
     """The person's pedal is never identified while cruise control drives, and the lead is continuous."""
-    drive = logs.read_drive(DATA / "rav4" / "rav4_highway.blf", "toyota_rav4_2017")
+    drive = drive_reader.read_drive(DATA / "rav4" / "rav4_highway.blf", "toyota_rav4_2017")
     assert drive.health.frames == 135_468
     assert not [e for e in drive.estimates if e.status is Status.OK]
     late = [e for e in drive.estimates if e.t >= 9.1]
     assert {e.status for e in late} == {Status.NO_DRIVER}
     trace = drive.trace
     cruise = trace.t > 11.0
-    assert {g for g, c in zip(trace.gate, cruise, strict=True) if c} == {Gate.CRUISE}
+    assert {g for g, c in zip(trace.gate, cruise, strict=True) if c} == {LearnGate.CRUISE}
     gap = trace.signals["gap"][cruise]
     assert np.isfinite(gap).all()
     assert gap.min() > 20.0
@@ -134,7 +136,7 @@ def test_rav4_the_controller_itself_is_identified(tmp_path: Path) -> None:
     text = text.replace('output = "pedal"', 'output = "accel_command"')
     text = text.replace("../../shared", str(DATA.parent))
     (tmp_path / "acc.toml").write_text(text)
-    drive = logs.read_drive(DATA / "rav4" / "rav4_highway.blf", tmp_path / "acc.toml")
+    drive = drive_reader.read_drive(DATA / "rav4" / "rav4_highway.blf", tmp_path / "acc.toml")
     assert not [e for e in drive.estimates if e.t < 9.0 and e.status is Status.OK]
     good = [e for e in drive.estimates if e.status is Status.OK and e.estimator == "fopdt"]
     assert good, [e.says for e in drive.estimates][-2:]

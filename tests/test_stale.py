@@ -1,4 +1,4 @@
-"""`stale`, `valid`, counters and `lead_valid` act for every role, frame by frame and at the desk alike."""
+"""`stale`, `valid`, counters and `lead_valid` act for every role."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid import logs
-from canid.frames import open_log, write_log
-from canid.types import Frame, Gate, Sample, Trace
+from canid import drive_reader
+from canid.logs import open_log, write_log
+from canid.types import Frame, LearnGate, Trace
 from canid.vehicle import Vehicle, read_vehicle
 from canid.vehicle.bits import put, raw_of
 from canid.vehicle.mapping import SignalMap
@@ -45,20 +45,11 @@ def frames() -> list[Frame]:
     return [frame for frame in open_log(URBAN) if BEGIN <= frame.t < END]
 
 
-def both(folder: Path, car: Vehicle, made: Iterable[Frame]) -> Trace:
-    """The samples of a log, the same frame by frame and by columns."""
+def trace_of(folder: Path, car: Vehicle, made: Iterable[Frame]) -> Trace:
+    """The samples of a log."""
     path = folder / "x.blf"
     write_log(path, made, 1.7e9)
-    desk = logs.read_drive(path, car, estimating=False).trace
-    samples: list[Sample] = []
-    for _, _, out in logs.run(open_log(path), car, estimating=False):
-        samples += [item for item in out if isinstance(item, Sample)]
-    live = logs.trace(samples, car.driver, 0.1)
-    assert np.array_equal(live.t, desk.t)
-    assert live.gate == desk.gate
-    for role, values in live.signals.items():
-        assert np.array_equal(values, desk.signals[role], equal_nan=True), role
-    return desk
+    return drive_reader.read_drive(path, car, estimating=False).trace
 
 
 def changed(frame: Frame, how: SignalMap, value: float) -> Frame:
@@ -93,7 +84,7 @@ def test_a_message_that_stops_coming(role: str, stale: float, tmp_path: Path) ->
         for frame in whole
         if not (HOLE <= frame.t < BACK and carries(frame, car, role))
     ]
-    trace = both(tmp_path, car, made)
+    trace = trace_of(tmp_path, car, made)
     last = last_before(whole, HOLE, lambda frame: carries(frame, car, role))
     first = min(f.t for f in whole if f.t >= BACK and carries(f, car, role)) - BEGIN
     t, value = trace.t, trace.signals[role]
@@ -107,9 +98,9 @@ def test_a_message_that_stops_coming(role: str, stale: float, tmp_path: Path) ->
     if stale > 0.6:
         assert np.isfinite(value[(t > last - 0.4) & (t < last + stale - 0.3)]).all()
     if role in ("pedal", "speed", "cruise_active"):
-        assert {trace.gate[k] for k in np.flatnonzero(hole)} == {Gate.STALE}
+        assert {trace.gate[k] for k in np.flatnonzero(hole)} == {LearnGate.STALE}
     if role in ("gap", "range_rate"):
-        assert {trace.gate[k] for k in np.flatnonzero(hole)} <= {Gate.STALE, Gate.NO_LEAD}
+        assert {trace.gate[k] for k in np.flatnonzero(hole)} <= {LearnGate.STALE, LearnGate.NO_LEAD}
         assert not trace.learn[hole].any()
 
 
@@ -125,7 +116,7 @@ def test_one_of_two_signals_of_the_radar_is_not_measured(role: str, stale: float
         if HOLE <= frame.t < BACK and carries(frame, car, role):
             frame = changed(frame, how, out)
         made.append(frame._replace(t=frame.t - BEGIN))
-    trace = both(tmp_path, car, made)
+    trace = trace_of(tmp_path, car, made)
     t, value = trace.t, trace.signals[role]
     last = last_before(frames(), HOLE, lambda frame: carries(frame, car, role))
     hole = (t > last + stale + 1e-9) & (t < BACK - BEGIN - 0.1)
@@ -143,7 +134,7 @@ def test_one_of_two_signals_of_the_radar_is_not_measured(role: str, stale: float
 )
 def test_a_value_out_of_range(role: str, tmp_path: Path) -> None:
     """`valid` says what a role may be; what is outside is not measured (the lead's after its own `stale`)."""
-    trace = both(
+    trace = trace_of(
         tmp_path,
         vehicle(tmp_path, role, "valid = [-1e9, -1e8]"),
         [f._replace(t=f.t - BEGIN) for f in frames()],
@@ -172,7 +163,7 @@ def test_a_counter_that_stands_still(role: str, stale: float, every: int, tmp_pa
             frame = changed(frame, counter, float(number))
             kept.append(frame.t - BEGIN)
         made.append(frame._replace(t=frame.t - BEGIN))
-    trace = both(tmp_path, car, made)
+    trace = trace_of(tmp_path, car, made)
     period = np.median(np.diff(kept))
     t, value = trace.t, trace.signals[role]
     stuck = min(x for x in kept if x >= HOLE - BEGIN)
@@ -211,14 +202,14 @@ def test_lead_valid_that_nobody_says_any_more(how: str, stale: float, tmp_path: 
         if not (inside and how == "stops"):
             number = 9 if inside else len(made) % 7
             made.append(Frame(frame.t - BEGIN + 0.001, 0, 99, bytes([1, number])))
-    trace = both(tmp_path, car, made)
+    trace = trace_of(tmp_path, car, made)
     t = trace.t
     begin = 0.0 if how == "never" else HOLE - BEGIN
     # a report in between is bridged as one without a gap is, for 0.5 s
     hole = (t > begin + stale + 0.5 + 0.1) & (t < BACK - BEGIN)
     for role in ("gap", "range_rate"):
         assert np.isnan(trace.signals[role][hole]).all()
-    assert {trace.gate[k] for k in np.flatnonzero(hole)} == {Gate.STALE}
+    assert {trace.gate[k] for k in np.flatnonzero(hole)} == {LearnGate.STALE}
     if how != "never":
         assert np.isfinite(trace.signals["gap"][(t > 2.0) & (t < begin)]).all()
 
@@ -237,7 +228,7 @@ def test_radar_tracks_that_stop_coming(stale: float, tmp_path: Path) -> None:
     car = read_vehicle(tmp_path / "car.toml")
     ids = {track.id for track in car.lead.tracks or ()}
     made = [f for f in open_log(RAV4) if f.t < 14.0]
-    trace = both(tmp_path, car, [f for f in made if not (f.id in ids and 6.0 <= f.t < 10.0)])
+    trace = trace_of(tmp_path, car, [f for f in made if not (f.id in ids and 6.0 <= f.t < 10.0)])
     t, gap = trace.t, trace.signals["gap"]
     assert np.isfinite(gap[(t > 2.0) & (t < 5.5)]).mean() > 0.5
     assert np.isnan(gap[(t > 6.0 + stale) & (t < 10.0)]).all()
@@ -252,7 +243,7 @@ def test_options_that_cannot_act_are_refused(tmp_path: Path) -> None:
     folder = ROOT / "dbc"
     text = (folder / "toyota_rav4_2017.toml").read_text().replace('"../', f'"{folder.resolve()}/../')
     for old, new, says in (
-        ('valid = "VALID"', 'valid = { signal = "VALID", stale = 0.3 }', "lead.valid.stale: comes with"),
+        ('valid = "VALID"', 'valid = { signal = "VALID", stale = 0.3 }', "lead.valid.stale: set stale in"),
         (
             'lateral = "LAT_DIST"',
             'lateral = { signal = "LAT_DIST", bus = 1 }',
@@ -261,7 +252,7 @@ def test_options_that_cannot_act_are_refused(tmp_path: Path) -> None:
         (
             "[signals]",
             '[signals]\nlead_valid = "ACC.X"',
-            "signals.lead_valid: comes already from lead.tracks",
+            "signals.lead_valid: is given by lead.tracks already",
         ),
     ):
         assert old in text

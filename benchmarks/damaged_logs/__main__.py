@@ -15,18 +15,18 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.damaged_logs import hostile
-from benchmarks.damaged_logs.bases import bases
-from benchmarks.damaged_logs.claims import check
-from benchmarks.damaged_logs.mutants import mutant
 from benchmarks.damaged_logs.progress import measure
+from tests.damaged_logs import hostile
+from tests.damaged_logs.bases import bases
+from tests.damaged_logs.claims import check
+from tests.damaged_logs.mutants import mutant
 
 # one in so many is read frame by frame too
 _ONE_BY_ONE = 10
 # what is promised: CPU s between two advances, MB
 _STANDSTILL, _MEMORY = 2.0, 512.0
 # s after which a hostile file is given up, per MiB
-_PATIENCE = 120.0
+_TIMEOUT_S_PER_MIB = 120.0
 
 
 def main() -> int:
@@ -79,7 +79,7 @@ def _hostile(mib: float, only: str) -> int:
                 continue
             path = hostile.write(name, Path(folder), int(mib * hostile.MIB))
             size = path.stat().st_size / hostile.MIB
-            found = measure(path, _PATIENCE * max(mib, 1))
+            found = measure(path, _TIMEOUT_S_PER_MIB * max(mib, 1))
             path.unlink()
             # of .mf4 nothing is known from within while asammdf reads
             well = found.longest <= _STANDSTILL and found.memory <= _MEMORY

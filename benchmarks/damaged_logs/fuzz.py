@@ -4,7 +4,7 @@
     python -m benchmarks.damaged_logs.fuzz corpus/ -max_total_time=600
 
 The first byte chooses the format, the rest is the file; `corpus/` gets small whole logs to begin with where it is empty.
-All options are libFuzzer's. A finding ends the run and leaves the input in a file of its own. Beside what must hold of
+All options are libFuzzer's. A finding ends the run and leaves the input in a file of its own. Besides what must hold of
 every file (no error but LogError, columns and frames alike), whatever was read must come back from a recovered copy.
 """
 
@@ -17,27 +17,17 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["canid.frames"]):
+with atheris.instrument_imports(include=["canid.logs"]):
     from canid.errors import LogError
-    from canid.frames import (
-        asc_line,  # noqa: F401
-        asc_reader,  # noqa: F401
-        asc_shapes,  # noqa: F401
-        asc_words,  # noqa: F401
-        blf_reader,  # noqa: F401
-        candump_reader,  # noqa: F401
-        csv_reader,  # noqa: F401
-        open_log,
-        trc_reader,  # noqa: F401
-    )
-    from canid.frames.columns import frames_of
-    from canid.frames.recovery import recover
+    from canid.frame_columns import frames_of
+    from canid.logs import open_log
+    from canid.logs.recovery import recover
 
 SUFFIXES = (".blf", ".asc", ".log", ".csv", ".trc", ".asc.gz")
 # bytes; enough for some containers, and small enough for thousands of runs a second
-LONGEST = 8192
+MAX_INPUT_BYTES = 8192
 # s, frames; libFuzzer's: a run without an end is a finding, and so is one that needs too much memory
-LIMITS = ("-timeout=2", "-rss_limit_mb=2048", f"-max_len={LONGEST}")
+LIMITS = ("-timeout=2", "-rss_limit_mb=2048", f"-max_len={MAX_INPUT_BYTES}")
 FOLDER = Path(tempfile.mkdtemp(prefix="canid-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
 
 
@@ -71,7 +61,7 @@ def read_any(data: bytes) -> None:
 
 def seeds(folder: Path) -> None:
     """Small whole logs, one of each kind."""
-    from benchmarks.damaged_logs.bases import bases
+    from tests.damaged_logs.bases import bases
 
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
@@ -83,7 +73,7 @@ def seeds(folder: Path) -> None:
             for k in range(3):
                 # a few containers or lines from anywhere
                 begin = rng.choice(base.parts[: len(base.parts) // 2 or 1]).begin
-                data = base.data[: base.header] + base.data[begin : begin + LONGEST // 2]
+                data = base.data[: base.header] + base.data[begin : begin + MAX_INPUT_BYTES // 2]
                 (folder / f"{base.name}-{k}").write_bytes(bytes([index]) + data)
 
 

@@ -3,7 +3,7 @@
     python -m benchmarks.damaged_logs.progress LOG
 
 What counts as an advance is the position in the file or in what was unpacked of it. A timer that runs with the
-process's CPU time looks at both, so that waiting for the disk or for other processes costs nothing.
+process's CPU time samples both, so that waiting for the disk or for other processes costs nothing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-# s of CPU between two looks
+# s of CPU between two samples
 _EVERY = 0.01
 
 
@@ -51,8 +51,8 @@ def main(path: str) -> None:
     import resource
 
     from canid.errors import CanidError
-    from canid.frames import log, open_log, recovery
-    from canid.frames.read_state import ReadState
+    from canid.logs import log, open_log, recovery
+    from canid.logs.reader_state import ReadState
 
     states: list[ReadState] = []
 
@@ -65,7 +65,7 @@ def main(path: str) -> None:
     seen: tuple[int, int, int] = (0, 0, 0)
     since, longest = time.process_time(), 0.0
 
-    def look(_signal: int = 0, _frame: FrameType | None = None) -> None:
+    def sample(_signal: int = 0, _frame: FrameType | None = None) -> None:
         nonlocal seen, since, longest
         now = time.process_time()
         longest = max(longest, now - since)
@@ -73,7 +73,7 @@ def main(path: str) -> None:
         if at != seen:
             seen, since = at, now
 
-    signal.signal(signal.SIGPROF, look)
+    signal.signal(signal.SIGPROF, sample)
     signal.setitimer(signal.ITIMER_PROF, _EVERY, _EVERY)
     says = ""
     try:
@@ -84,7 +84,7 @@ def main(path: str) -> None:
             recovery.recover(path, Path(folder) / "copy.blf")
     except CanidError as error:
         says = str(error)
-    look()
+    sample()
     signal.setitimer(signal.ITIMER_PROF, 0)
     own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     # ru_maxrss begins with what the process that started this one had

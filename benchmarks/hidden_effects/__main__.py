@@ -21,14 +21,14 @@ from pathlib import Path
 # one thread: the matrices are small, and times would be those of threads that wait for each other
 os.environ["OMP_NUM_THREADS"] = "1"
 
-from benchmarks.hidden_effects import table
+from benchmarks.hidden_effects import ablation, table
 from benchmarks.hidden_effects.drives import Drive, drives
 from benchmarks.hidden_effects.outcomes import CANID, Outcome, code, fresh, line, run, stored
 from benchmarks.hidden_effects.peers.methods import PEERS, absent
 from benchmarks.identification.peers.peer import ELSEWHERE
 
 # drives between two lines of progress
-EVERY = 20
+PROGRESS_DRIVES = 20
 
 
 def came(wanted: Sequence[Drive], peers: Sequence[str], workers: int) -> Iterator[Outcome]:
@@ -67,13 +67,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="JSON lines; drives that it holds are not run again"
     )
-    parser.add_argument("--peers", action="store_true", help="naive, STLSQ and FROLS beside canid")
+    parser.add_argument("--peers", action="store_true", help="naive, STLSQ and FROLS along with canid")
     parser.add_argument(
         "--peers-python", metavar="PATH", help="another interpreter, for peers that need an older numpy"
     )
     parser.add_argument("--wrong", action="store_true", help="list the drives that went wrong")
     parser.add_argument("--confusion", action="store_true", help="what was planted, and what was said of it")
     parser.add_argument("--parameters", action="store_true", help="how near each parameter comes")
+    parser.add_argument(
+        "--ablation", action="store_true", help="what each adequacy test is worth: answers without it"
+    )
     args = parser.parse_args(argv)
     if args.logs < 1 or args.workers < 1 or args.first_seed < 0:
         parser.error("--logs and --workers at least 1, --first-seed at least 0")
@@ -97,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for k, outcome in enumerate(came(left, peers, args.workers), 1):
         done[outcome.drive] = outcome
         appended(args.out, line(outcome))
-        if k % EVERY == 0 or k == len(left):
+        if k % PROGRESS_DRIVES == 0 or k == len(left):
             took = (time.monotonic() - began) / 60
             print(f"{k} of {len(left)} drives in {took:.1f} min", file=sys.stderr, flush=True)
     outcomes = [done[drive] for drive in wanted]
@@ -106,6 +109,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("\n" + "\n".join(table.by_parameter(outcomes)))
     for method in (CANID, *peers) if args.confusion else ():
         print(f"\n{method}:\n\n" + "\n".join(table.confusion(outcomes, method)))
+    if args.ablation:
+        print("\n" + "\n".join(ablation.lines(outcomes)))
     if args.wrong:
         print("\n" + "\n".join(table.wrong(outcomes)))
     return 0

@@ -12,11 +12,12 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from benchmarks.hidden_effects import plant_one, plant_two
-from benchmarks.hidden_effects.plant_one.strengths import STRENGTHS
-from benchmarks.hidden_effects.plant_two.strengths import USUAL
-from benchmarks.hidden_effects.planted import NOISES, OUTSIDE, PROFILES, Plant
 from canid.effects import CATALOGUE
+from canid.effects.effect import Kind
+from tests.plants import plant_one, plant_two
+from tests.plants.plant_one.strengths import STRENGTHS
+from tests.plants.plant_two.strengths import USUAL
+from tests.plants.planted_drive import NOISES, OUTSIDE, PROFILES, Plant
 
 CLEAN, ONE, FAINT, TWO, REMOVED, FOREIGN = "clean", "one", "faint", "two", "removed", "foreign"
 # in an order in which a short run meets all of them
@@ -29,7 +30,7 @@ MINUTES = (10.0, 10.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0)
 
 SIMULATORS: dict[str, Plant] = {"one": plant_one.plant, "two": plant_two.plant}
 # causes of the driver that a drive of 10 to 60 min must show
-IDS = tuple(e.id for e in CATALOGUE if e.where == "driver" and e.kind != "mask" and e.planted)
+IDS = tuple(e.id for e in CATALOGUE if e.where == "driver" and e.kind is not Kind.MASK and e.found_at)
 PAIRS = tuple(combinations(IDS, 2))
 # what is in nobody's catalogue, by the simulator that knows it
 FOREIGNERS = {

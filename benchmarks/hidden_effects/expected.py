@@ -1,7 +1,7 @@
-"""The oracle: how large a planted effect is for one who knows the driver, his noise and the effect's form.
+"""Price of a planted effect: the expected likelihood ratio of the true model against the best baseline on this drive.
 
-Strengths of different effects, noises and lengths of drives have one currency: the likelihood ratio that the true model
-is expected to win against the best baseline on this very drive. What an engine can find is judged by it, not by itself.
+The oracle knows the driver, the noise model and the form of the effect. Its price is a common scale for effects, noises
+and lengths of drives, independent of the engine that is tested.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.hidden_effects.knowable import GRID, WALK, answer, known
+from benchmarks.hidden_effects.known_inputs import GRID_S, MIN_SPEED_M_S, answer, known
 from benchmarks.hidden_effects.metric import Metric, metric, size
-from benchmarks.hidden_effects.planted import EFFECTS, Array, Planted
 from canid.types import Trace
+from tests.plants.planted_drive import EFFECTS, Array, Planted
 
-FINE = 0.02  # s: answers are made here, where a dead time between grid points costs nothing
+FINE_STEP_S = 0.02  # s: answers are made here, where a dead time between grid points costs nothing
 # %; a pedal position in 8 bits has 0.4 % steps, whose error is uniform
-QUANTUM = 0.4
+PEDAL_STEP_PERCENT = 0.4
 # s; what a baseline may have, wider than any driver that is planted
-TAU, DEAD_TIME = (0.5 * FINE, 5.0), (0.0, 2.5)
+TAU, DEAD_TIME = (0.5 * FINE_STEP_S, 5.0), (0.0, 2.5)
 # lags and dead times (4,) s -> headway (n,) s and range rate (n,) m/s through them
 Answers = Callable[[Array], tuple[Array, Array]]
 
@@ -45,29 +45,29 @@ class Baseline(NamedTuple):
 
 
 def expected(planted: Planted, trace: Trace | None = None) -> Price:
-    """Price of all that is planted in the driver and in the sensing of what he answers to, together.
+    """Price of all that is planted in the driver and in the sensing of the inputs, together.
 
     A clean drive has a price near 0, and so has an effect that sits in the vehicle or that the baseline absorbs.
 
     Args:
         planted: from a planting simulator.
-        trace: as the drive's log has it. Given, the price is that for a reader of the log: what it does not tell of
-            the inputs is noise. Sensing that is at fault has no such price, and is priced by the truth.
+        trace: as the drive's log has it. Given, the price is that for a reader of the log: what the log
+            does not hold of the inputs is noise. Faulty sensing has no such price, and is priced by the truth.
 
     Returns:
         The price. NaN where the pedal is hardly ever free.
 
     Example:
-        >>> from benchmarks.hidden_effects.plant_two import plant
+        >>> from tests.plants.plant_two import plant
         >>> dear = plant({"asymmetric_gain": {"share": 0.4}}, seed=1, minutes=2, noise="ar1", profile="mixed")
         >>> cheap = plant({}, seed=1, minutes=2, noise="ar1", profile="mixed")
         >>> expected(dear).lr > 10.0 * expected(cheap).lr
         True
     """
-    far, answers, told, _ = _reader(planted, trace)
+    far, answers, unknown, _ = _reader(planted, trace)
     if far is None:
         return Price(float("nan"), float("nan"))
-    demand = planted.demand[_rows(planted)] + told
+    demand = planted.demand[_rows(planted)] + unknown
     if answers is None:
         answers = _answers(_seen(planted, _sensing(planted)), len(demand))
     best = baseline(far, answers, demand, _starts(planted))
@@ -78,13 +78,13 @@ def each(planted: Planted, trace: Trace | None = None) -> dict[str, Price]:
     """Price of each effect given all the others: they are known but for their strength, which is fitted anew.
 
     Args:
-        planted: with `without` told for every effect of the driver.
+        planted: with `without` given for every effect of the driver.
         trace: as in `expected`.
 
     Returns:
         Effect -> price, for effects in the driver and in the sensing; others have no price in the driver's answers.
     """
-    far, answers, told, lead = _reader(planted, trace)
+    far, answers, unknown, lead = _reader(planted, trace)
     rows = _rows(planted)
     effects = _sensing(planted)
     names = [*planted.without, *effects]
@@ -93,7 +93,7 @@ def each(planted: Planted, trace: Trace | None = None) -> dict[str, Price]:
     own = {name: (planted.demand - other)[rows] for name, other in planted.without.items()}
     if "lead_acceleration" in own:
         own["lead_acceleration"] = own["lead_acceleration"] + lead
-    plain = _plain(planted) if answers is None else planted.demand[rows] + told - sum(own.values())
+    plain = _plain(planted) if answers is None else planted.demand[rows] + unknown - sum(own.values())
     out = {}
     for name in names:
         target = plain + own.get(name, 0.0)
@@ -190,9 +190,9 @@ def _price(planted: Planted, best: Baseline, target: Array) -> Price:
 
 
 def _reader(planted: Planted, trace: Trace | None) -> tuple[Metric | None, Answers | None, Array, Array]:
-    """Metric and inputs of who reads the log; what his demand has beside the true one, and of that the lead's, (n,) %.
+    """Metric and inputs for a reader of the log; the reader's demand less the true one, and the lead's part of it, (n,) %.
 
-    Without a log, or where its sensing is at fault: who knows the truth.
+    Without a log, or where its sensing is faulty, the reader knows the truth.
     """
     t = planted.columns["t"][_rows(planted)]
     nothing = np.zeros(len(t))
@@ -203,14 +203,17 @@ def _reader(planted: Planted, trace: Trace | None) -> tuple[Metric | None, Answe
     p = np.array([d["tau1"], d["dead_time1"], d["tau2"], d["dead_time2"]])
     true = _answers(_seen(planted, []), len(t))(p)
     unknown = sum(
-        (K * (mine - his) for K, mine, his in zip((d["K1"], d["K2"]), read.answers(p), true, strict=True)),
+        (
+            K * (read_ - true_)
+            for K, read_, true_ in zip((d["K1"], d["K2"]), read.answers(p), true, strict=True)
+        ),
         nothing,
     )
     lead = nothing
     gain = planted.truth["effects"].get("lead_acceleration", {}).get("gain", 0.0)
     if gain:
         accel = np.gradient(planted.columns["range_rate"] + planted.columns["speed"], planted.dt)
-        every = max(round(FINE / planted.dt), 1)
+        every = max(round(FINE_STEP_S / planted.dt), 1)
         true_lead = _answer(accel[::every], every * planted.dt, d["tau2"], d["dead_time2"])[: len(t)]
         lead = gain * (answer(read.lead_accel, d["tau2"], d["dead_time2"]) - true_lead)
     return _metric(planted, unknown + lead), read.answers, unknown + lead, lead
@@ -230,14 +233,14 @@ def _metric(planted: Planted, unknown: Array) -> Metric | None:
 
     Args:
         planted: the drive.
-        unknown: (n,) %, what the reader's demand has beside the true one.
+        unknown: (n,) %, the reader's demand less the true one.
     """
     free = _free(planted)
-    # a minute tells the colour of the noise and seven parameters
-    if np.count_nonzero(free) < 60.0 / GRID:
+    # a minute identifies the noise model and seven parameters
+    if np.count_nonzero(free) < 60.0 / GRID_S:
         return None
     rows = _rows(planted)
-    white = QUANTUM / np.sqrt(12.0)
+    white = PEDAL_STEP_PERCENT / np.sqrt(12.0)
     remnant = planted.remnant[rows] - unknown
     scale = np.ones(len(remnant))
     if planted.truth["noise"] == "state":
@@ -246,7 +249,7 @@ def _metric(planted: Planted, unknown: Array) -> Metric | None:
 
 
 def _rows(planted: Planted) -> slice:
-    return slice(None, None, round(GRID / planted.dt))
+    return slice(None, None, round(GRID_S / planted.dt))
 
 
 def _free(planted: Planted) -> np.ndarray:
@@ -268,7 +271,7 @@ def _starts(planted: Planted) -> list[Array]:
 
 def _seen(planted: Planted, effects: Sequence[str]) -> tuple[Array, Array, float]:
     """Headway and range rate as sensors with these faults, but without noise, say them; and their step in s."""
-    every = max(round(FINE / planted.dt), 1)
+    every = max(round(FINE_STEP_S / planted.dt), 1)
     c, given = planted.columns, {name: planted.truth["effects"][name] for name in effects}
     t = c["t"]
     rate = given.get("clock_skew", {}).get("rate", 0.0)
@@ -286,7 +289,7 @@ def _seen(planted: Planted, effects: Sequence[str]) -> tuple[Array, Array, float
     if "range_rate_sign" in given:
         relative = -relative
     speed = speed * (1.0 + given.get("speed_scale", {}).get("share", 0.0))
-    headway = gap / np.maximum(speed, WALK)
+    headway = gap / np.maximum(speed, MIN_SPEED_M_S)
     return headway[::every], relative[::every], every * planted.dt
 
 
@@ -309,5 +312,5 @@ def _answer(x: Array, step: float, tau: float, dead_time: float) -> Array:
     keep = (2.0 * tau - step) / (2.0 * tau + step)
     b = step / (2.0 * tau + step)
     out, _ = lfilter([b, b], [1.0, -keep], delayed, zi=np.array([(b + keep) * delayed[0]]))
-    every: Array = out[:: round(GRID / step)]
+    every: Array = out[:: round(GRID_S / step)]
     return every

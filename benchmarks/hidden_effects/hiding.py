@@ -8,25 +8,25 @@ from typing import NamedTuple
 
 from benchmarks.hidden_effects.drives import FAINT, FOREIGN, REMOVED, SIMULATORS, TWO, Drive, another_pair
 from benchmarks.hidden_effects.expected import Price, each, expected
-from benchmarks.hidden_effects.planted import Planted
-from benchmarks.hidden_effects.sensed import trace
 from canid.types import Trace
+from tests.plants.measurement import trace
+from tests.plants.planted_drive import Planted
 
 # expected likelihood ratio of each of two effects, and share of the residual variance of one outside the catalogue,
 # that the table asks for
 BOTH, SHARE = 60.0, 0.10
 # where LR 30 to 50 is aimed at
-EDGE = (32.0, 48.0)
+FAINT_LR = (32.0, 48.0)
 # other strengths, drivers and pairs are drawn so often; what is still too weak is planted as it is and no row counts it
 ATTEMPTS = 6
 # between one attempt's seed and the next; no table has as many drives
-APART = 10_000_000
+SEED_STEP = 10_000_000
 # the number that a cause's size is, of those that have one; a price goes with its square
-SIZE = (
+SIZE_PARAMETERS = (
     "width", "threshold", "exponent", "share", "rate", "sd", "per_minute", "interval", "distance", "gain", "amplitude",
 )  # fmt: skip
 # a strength may become at most so many times what people show
-STRETCH = 2.0
+MAX_SCALE = 2.0
 
 
 class Hidden(NamedTuple):
@@ -61,7 +61,7 @@ def _planted(
 ) -> Hidden:
     planted = SIMULATORS[drive.simulator](
         {name: strengths.get(name, {}) for name in effects},
-        seed=drive.seed + APART * attempt,
+        seed=drive.seed + SEED_STEP * attempt,
         minutes=drive.minutes,
         noise=drive.noise,
         profile=drive.profile,
@@ -91,19 +91,19 @@ def _strongest(drive: Drive, first: Hidden, part_of_target: Callable[[Price], fl
 def _faint(drive: Drive, first: Hidden) -> Hidden:
     """Turn the strength towards a price between 32 and 48, by secant steps of a price that goes with its square."""
     effect = drive.effects[0]
-    name = next((n for n in SIZE if n in first.planted.truth["effects"][effect]), None)
+    name = next((n for n in SIZE_PARAMETERS if n in first.planted.truth["effects"][effect]), None)
     if name is None:
         return first
     drawn = float(first.planted.truth["effects"][effect][name])
-    aim = EDGE[0] + (EDGE[1] - EDGE[0]) * (drive.seed * 0.6180339887 % 1.0)
+    aim = FAINT_LR[0] + (FAINT_LR[1] - FAINT_LR[0]) * (drive.seed * 0.6180339887 % 1.0)
     at, now = drawn, first
     best, miss = first, _miss(first.prices[effect].lr, aim)
     for _ in range(ATTEMPTS):
         lr = now.prices[effect].lr
-        if not lr > 0.0 or EDGE[0] <= lr <= EDGE[1]:
+        if not lr > 0.0 or FAINT_LR[0] <= lr <= FAINT_LR[1]:
             break
         at *= min(max(math.sqrt(aim / lr), 0.3), 3.0)
-        at = math.copysign(min(abs(at), STRETCH * abs(drawn)), drawn)
+        at = math.copysign(min(abs(at), MAX_SCALE * abs(drawn)), drawn)
         now = _planted(drive, drive.effects, {effect: {name: at}}, 0)
         if _miss(now.prices[effect].lr, aim) < miss:
             best, miss = now, _miss(now.prices[effect].lr, aim)

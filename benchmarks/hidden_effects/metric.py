@@ -1,7 +1,7 @@
-"""How far apart two pedals are for who knows the driver's noise: whitened by its colour, weighted by its size.
+"""Mahalanobis distance between two pedal signals under the driver's noise: whitened, and weighted by the noise scale.
 
 The likelihood ratio of two means under Gaussian noise of covariance S is d' S^-1 d on the samples that are seen. With an
-autoregression, S^-1 is a band: W'W, W the whitening. Samples that nobody sees are filled in as the colour expects them,
+autoregression, S^-1 is a band: W'W, W the whitening. Samples that nobody sees are filled in with their conditional mean,
 which is the same as leaving their rows and columns out of S (the Schur complement), and takes one banded solution.
 """
 
@@ -15,12 +15,12 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import nnls
 from scipy.sparse import csr_array, diags_array
 
-from benchmarks.hidden_effects.planted import Array
+from tests.plants.planted_drive import Array
 
-# The longest memory of the noise's colour, 3 s at 10 Hz: the resonant noise's period is 4 s, and its damping leaves a
+# Highest order of the noise model, 3 s at 10 Hz: the resonant noise's period is 4 s, and its damping leaves a
 # tenth after 3 s. Akaike's criterion takes what it needs of it: 30 coefficients for what two can hold would spread the
 # price of a drive of ten minutes by 15 % instead of 10 %.
-LONGEST = 30
+MAX_AR_ORDER = 30
 # (n,) or (n, k) pedals in % -> (m,) or (m, k), whose squares sum up to likelihood ratios
 Metric = Callable[[Array], Array]
 
@@ -30,7 +30,7 @@ def size(remnant: Array, answer: Array, floor: float) -> Array:
 
     Args:
         remnant: (n,) %.
-        answer: (n,) %: what the driver gives beyond his offset.
+        answer: (n,) %: the driver's answer without the offset.
         floor: % sd of what is added to it, whatever the answer.
     """
     a = np.abs(answer)
@@ -64,7 +64,7 @@ def metric(remnant: Array, white: float, scale: Array, seen: npt.NDArray[np.bool
     """
     n = len(remnant)
     z = remnant / scale
-    r = np.array([z[: n - i] @ z[i:] for i in range(LONGEST + 1)]) / n
+    r = np.array([z[: n - i] @ z[i:] for i in range(MAX_AR_ORDER + 1)]) / n
     r[0] += white**2 * float(np.mean(1.0 / scale**2))
     taps = _whitening(r, n)
     order = len(taps) - 1

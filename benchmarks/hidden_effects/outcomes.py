@@ -1,4 +1,4 @@
-"""What came of a drive, as facts: what each method said, in what time, and canid's numbers beside the planted ones.
+"""What came of a drive, as facts: what each method said, in what time, and canid's numbers next to the planted ones.
 
 Nothing is judged here; that is the table's. One outcome is one line of JSON.
 """
@@ -17,24 +17,25 @@ from benchmarks.hidden_effects.drives import REMOVED, Drive
 from benchmarks.hidden_effects.expected import Price
 from benchmarks.hidden_effects.hiding import hide
 from benchmarks.hidden_effects.peers.answer import BROKE, NAMED, Answer
-from benchmarks.hidden_effects.planted import Planted
-from canid.diagnosis.diagnosing import diagnose
+from canid.diagnosis.diagnose import diagnose
 from canid.effects import CATALOGUE
-from canid.effects.cause import Effect
-from canid.findings import Report, Verdict
+from canid.effects.effect import Effect
+from canid.findings import Check, Report, Verdict
+from canid.identification.identifiability import QUOTABLE
 from canid.types import Interval, Trace
+from tests.plants.planted_drive import Planted
 
 CANID = "canid"
 ROOT = Path(__file__).resolve().parents[2]
-# the driver's numbers that the table asks for, beside their names in a report
+# the driver's numbers that the table asks for, and their names in a report
 NUMBERS = {"K2": "K", "tau2": "tau", "dead_time2": "dead_time"}
 
 # a method that is no part of canid: what it is given, what may be named -> its answer
 Method = Callable[[Trace, tuple[Effect, ...]], Answer]
 
 
-class Beside(NamedTuple):
-    """An estimate beside the truth."""
+class Comparison(NamedTuple):
+    """An estimate and the truth."""
 
     effect: str  # "" for the driver's own
     name: str
@@ -51,10 +52,13 @@ class Outcome(NamedTuple):
     truth: dict[str, dict[str, float]]  # effects that were planted, with their parameters
     prices: dict[str, Price]
     answers: dict[str, Answer]  # method -> what it said
-    parameters: tuple[Beside, ...]  # of every named effect that was planted
-    driver: tuple[Beside, ...]  # K2, tau2, dead_time2 after the extension
+    parameters: tuple[Comparison, ...]  # of every named effect that was planted
+    driver: tuple[Comparison, ...]  # K2, tau2, dead_time2 after the extension
     gain: Interval
     code: str  # which state of canid
+    tests: tuple[str, ...] = ()  # adequacy tests that were made
+    failed: tuple[str, ...] = ()  # those that failed
+    suspected: tuple[tuple[str, ...], ...] = ()  # every finding with its rivals, named or not
 
 
 def run(drive: Drive, peers: dict[str, Method] | None = None) -> Outcome:
@@ -90,7 +94,15 @@ def run(drive: Drive, peers: dict[str, Method] | None = None) -> Outcome:
         driver(report, planted) if report else (),
         report.gain if report else Interval(),
         code(),
+        tuple(check.name for check in report.checks if driver_test(check)) if report else (),
+        tuple(c.name for c in report.checks if driver_test(c) and c.passed is False) if report else (),
+        tuple((f.effect, *f.rivals) for f in report.findings if f.where == "driver") if report else (),
     )
+
+
+def driver_test(check: Check) -> bool:
+    """Is it an adequacy test of the driver's model?"""
+    return check.gate and not check.name.startswith("vehicle")
 
 
 def said(report: Report, seconds: float) -> Answer:
@@ -101,17 +113,17 @@ def said(report: Report, seconds: float) -> Answer:
     return Answer(sets if named else (), verdict, seconds)
 
 
-def parameters(report: Report, truth: dict[str, dict[str, float]]) -> tuple[Beside, ...]:
-    """Every number of a planted effect that the finding of the same name tells too."""
+def parameters(report: Report, truth: dict[str, dict[str, float]]) -> tuple[Comparison, ...]:
+    """Every number of a planted effect that the finding of the same name estimates too."""
     return tuple(
-        Beside(found.effect, name, float(value), *found.parameters[name])
+        Comparison(found.effect, name, float(value), *found.parameters[name])
         for found in report.findings
         for name, value in truth.get(found.effect, {}).items()
         if name in found.parameters
     )
 
 
-def driver(report: Report, planted: Planted) -> tuple[Beside, ...]:
+def driver(report: Report, planted: Planted) -> tuple[Comparison, ...]:
     """The answer to relative speed in the extended model; the baseline's where nothing was found."""
     channel = report.extended.channels.get("range_rate")
     if channel is None:
@@ -119,9 +131,10 @@ def driver(report: Report, planted: Planted) -> tuple[Beside, ...]:
     true = dict(planted.truth["driver"])
     drift = planted.truth["effects"].get("delay_drift")
     if drift and planted.truth["simulator"] == "plant_one":
-        # simulator one lets the dead time grow from what it is at first; canid tells it in the middle of the drive
+        # simulator one lets the dead time grow from what it is at first; canid reports it in the middle of the drive
         true["dead_time2"] += 0.5 * drift["rate"]
-    return tuple(Beside("", name, true[name], *getattr(channel, field)) for name, field in NUMBERS.items())
+    quoted = {name: field for name, field in NUMBERS.items() if field in QUOTABLE[channel.status]}
+    return tuple(Comparison("", name, true[name], *getattr(channel, field)) for name, field in quoted.items())
 
 
 @cache
@@ -141,8 +154,8 @@ def line(outcome: Outcome) -> str:
             "drive": outcome.drive._asdict(),
             "prices": {name: price._asdict() for name, price in outcome.prices.items()},
             "answers": {name: answer._asdict() for name, answer in outcome.answers.items()},
-            "parameters": [beside._asdict() for beside in outcome.parameters],
-            "driver": [beside._asdict() for beside in outcome.driver],
+            "parameters": [each._asdict() for each in outcome.parameters],
+            "driver": [each._asdict() for each in outcome.driver],
             "gain": outcome.gain._asdict(),
         }
     )
@@ -164,10 +177,13 @@ def parsed(text: str) -> Outcome:
                 name: Answer(**{**a, "sets": tuple(tuple(s) for s in a["sets"])})
                 for name, a in d["answers"].items()
             },
-            tuple(Beside(**beside) for beside in d["parameters"]),
-            tuple(Beside(**beside) for beside in d["driver"]),
+            tuple(Comparison(**each) for each in d["parameters"]),
+            tuple(Comparison(**each) for each in d["driver"]),
             Interval(**d["gain"]),
             d["code"],
+            tuple(d.get("tests", ())),
+            tuple(d.get("failed", ())),
+            tuple(tuple(s) for s in d.get("suspected", ())),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"not an outcome of this table: {text[:60]}") from error

@@ -1,4 +1,4 @@
-"""Shares with their doubt, and other figures of a table's cell."""
+"""Shares with their intervals, and other figures of a table's cell."""
 
 from __future__ import annotations
 

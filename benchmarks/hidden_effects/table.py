@@ -1,4 +1,4 @@
-"""The table: every figure that the diagnosis is judged by, of canid per simulator, and of its peers beside it."""
+"""The table: every figure that the diagnosis is judged by, of canid per simulator, and of its peers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from benchmarks.hidden_effects.drives import CLEAN, FAINT, FOREIGN, IDS, ONE, RE
 from benchmarks.hidden_effects.hiding import BOTH, SHARE
 from benchmarks.hidden_effects.outcomes import CANID, Outcome
 from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, UNEXPLAINED, Answer
-from benchmarks.hidden_effects.planted import NOISES
+from tests.plants.planted_drive import NOISES
 
 STRONG, EDGE = 50.0, 30.0  # expected likelihood ratios
-LARGE = 0.20  # share of the residual variance from which a gain must show
+LARGE_SHARE = 0.20  # share of the residual variance from which a gain must show
 # causes that kill the noise: they have rows of their own, whatever their share in the mean
 APART = ("attention_gap", "pedal_ceiling")
-LENGTH = 10.0  # min; times are told per so many
+TIME_PER_MIN = 10.0  # min; times are given per so many
 
 # a cell: the outcomes of a column and the method whose answers count -> text
 Cell = Callable[[Sequence[Outcome], str], str]
@@ -211,7 +211,7 @@ def took(of: Of) -> Cell:
     def cell(outcomes: Sequence[Outcome], method: str) -> str:
         return shares.seconds(
             [
-                o.answers[method].seconds * LENGTH / o.drive.minutes
+                o.answers[method].seconds * TIME_PER_MIN / o.drive.minutes
                 for o in outcomes
                 if of(o) and method in o.answers
             ]
@@ -221,7 +221,7 @@ def took(of: Of) -> Cell:
 
 
 def short(o: Outcome) -> bool:
-    return o.drive.minutes == LENGTH
+    return o.drive.minutes == TIME_PER_MIN
 
 
 def every(o: Outcome) -> bool:
@@ -282,13 +282,13 @@ ROWS = (
     Row(
         "gain's interval above 0, share ≥ 20 %",
         "≥ 95 %",
-        part_of(lambda o: single(o) and part(o) >= LARGE, gain_shows),
+        part_of(lambda o: single(o) and part(o) >= LARGE_SHARE, gain_shows),
         peers=False,
     ),
     Row(
         "· where the right cause is named",
         "",
-        part_of(lambda o: single(o) and part(o) >= LARGE and right(o, o.answers[CANID]), gain_shows),
+        part_of(lambda o: single(o) and part(o) >= LARGE_SHARE and right(o, o.answers[CANID]), gain_shows),
         peers=False,
     ),
     Row(
@@ -316,7 +316,7 @@ def lines(outcomes: Sequence[Outcome], peers: Sequence[str] = ()) -> list[str]:
 
     Args:
         outcomes: of any drives, in any order.
-        peers: methods whose answers stand beside canid's.
+        peers: methods whose answers stand next to canid's.
     """
     by = {s: [o for o in outcomes if o.drive.simulator == s] for s in ("one", "two")}
     head = ("figure", "target", "canid", "· simulator one", "· simulator two", *peers)
@@ -368,8 +368,10 @@ def confusion(outcomes: Sequence[Outcome], method: str = CANID) -> list[str]:
     out = ["| planted | drives | said |", "|---|---|---|"]
     for planted in sorted(rows, key=lambda p: (order.index(p) if p in order else len(order), p)):
         cells = rows[planted]
-        told = ", ".join(f"{name} {n}" for name, n in sorted(cells.items(), key=lambda kv: (-kv[1], kv[0])))
-        out.append(f"| {planted} | {sum(cells.values())} | {told} |")
+        cells_text = ", ".join(
+            f"{name} {n}" for name, n in sorted(cells.items(), key=lambda kv: (-kv[1], kv[0]))
+        )
+        out.append(f"| {planted} | {sum(cells.values())} | {cells_text} |")
     return out
 
 

@@ -1,1 +1,1 @@
-"""How near the estimators are to the statistical limit, and their peers beside them: `python benchmarks/identification`."""
+"""The estimators and their peers against the Cramér-Rao bound: `python -m benchmarks identification`."""

@@ -1,6 +1,6 @@
 """Print every table of the identification benchmark: canid, its peers, and the Cramér-Rao bound.
 
-python benchmarks/identification [--only TABLE ...] [--runs 200] [--first-seed S] [--no-peers] [--workers 1]
+python -m benchmarks identification [--only TABLE ...] [--runs 200] [--first-seed S] [--no-peers] [--workers 1]
     [--peers-python PATH] [--into docs/identification.md]
 """
 

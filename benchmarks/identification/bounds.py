@@ -1,6 +1,6 @@
 """Cramér-Rao bounds: what no unbiased estimator can beat, by numerical derivatives of the exact answer.
 
-Open loop: the noise's colour is known exactly, and its estimation costs nothing to first order. Closed loop:
+Open loop: the noise model is known exactly, and its estimation costs nothing to first order. Closed loop:
 conditional on the inputs that came, which is the bound of the prediction-error method.
 """
 
@@ -13,10 +13,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.identification import open_loop
-from benchmarks.identification.colours import Colour, whiten
-from benchmarks.identification.lag import answer
-from canid.identification import verdict
+from benchmarks.identification.noise_models import NoiseModel, whiten
+from canid.identification import identifiability
 from canid.types import Identifiable, Interval
+from tests.plants.first_order_lag import answer
 
 
 class Bound(NamedTuple):
@@ -45,7 +45,7 @@ def process(
     truth: Sequence[Lag],
     dt: float,
     sigma: float,
-    colour: Colour,
+    noise: NoiseModel,
     settle: int,
     every: int = 1,
     usable: np.ndarray | None = None,
@@ -59,12 +59,12 @@ def process(
         truth: of each channel.
         dt: s.
         sigma: of the noise.
-        colour: of the noise.
+        noise: its model.
         settle: samples at the start that are history only.
         every: the output is seen at every so many samples.
         usable: (n,) samples that are seen at all; None: every one.
         known: channels whose tau and dead time are known.
-        box: s, where tau and dead time are known to end: they then tell as much as a uniform of that side does
+        box: s, where tau and dead time are known to end: they then hold as much information as a uniform of that side does
             (van Trees 1968, eq. 2.4-231). None: nothing is known.
     """
     columns = []
@@ -77,7 +77,7 @@ def process(
         columns.append(K * (up - down) / (2.0 * dt))
     rows = np.s_[settle::every]
     J = np.column_stack([*columns, np.ones(len(inputs[0]))])[rows]
-    W = whiten(J, colour, dt * every, None if usable is None else usable[rows]) / sigma
+    W = whiten(J, noise, dt * every, None if usable is None else usable[rows]) / sigma
     free = [i for i in range(W.shape[1]) if not (i % 3 and i // 3 in known)]
     scale = np.linalg.norm(W, axis=0)
     information = (W / scale).T @ (W / scale)
@@ -97,13 +97,13 @@ def process(
 def of(run: open_loop.Process) -> Bound:
     """Bound one open-loop run."""
     truth = Lag(run.K, run.tau, run.dead_time)
-    return process([run.u], [truth], run.dt, run.sigma, run.colour, run.settle)[0]
+    return process([run.u], [truth], run.dt, run.sigma, run.noise, run.settle)[0]
 
 
 def says(truth: Lag, bound: Bound) -> Identifiable:
     """Give the bound's own verdict, by the limits that canid uses."""
     K = Interval(truth.K, truth.K - 1.96 * bound.K, truth.K + 1.96 * bound.K)
-    return verdict.judge(K, bound.K, bound.tau, bound.dead_time, bound.total)
+    return identifiability.judge(K, bound.K, bound.tau, bound.dead_time, bound.total)
 
 
 def table1(first_seed: int, n: int, decibel: float, runs: int = 20) -> np.ndarray:

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.identification.loops import Drive
-from canid import gate, lead, sampling
+from canid.samples import lead, learning_gate, sampling_grid
+from canid.samples.sampler import MADE
 from canid.types import Driver, Reading
 
 GRID = 0.1  # s
@@ -70,25 +71,32 @@ def sensed(drive: Drive, seed: int, noisy: bool = True) -> list[Stream]:
 def through_canid(streams: list[Stream], driver: Driver) -> Seen:
     """Take the readings through canid's lead, sampling and gate."""
     roles = {
-        role: sampling.Role(switch=role == "brake", needed=role != "brake")
+        role: sampling_grid.Role(switch=role == "brake", needed=role != "brake")
         for stream in streams
         for role in stream.roles
     }
     if driver.task == "car_following":
-        roles |= sampling.MADE
+        roles |= MADE
     rows = sorted((float(t), i, k) for i, s in enumerate(streams) for k, t in enumerate(s.t))
     settings = lead.Settings()
-    follow, samples, judged = lead.init(), sampling.init(), gate.init()
-    out = []
-    for t, i, k in rows:
+    follow, judged, out = lead.init(), learning_gate.init(), []
+    readings: dict[str, list[tuple[float, float, int]]] = {}
+    for number, (t, i, k) in enumerate(rows):
         for role, value in zip(streams[i].roles, streams[i].values[k], strict=True):
             follow, items = lead.step(follow, Reading(t, role, float(value)), settings)
             for item in items:
                 if isinstance(item, Reading):
-                    samples = sampling.put(samples, item)
-        samples, points = sampling.take(samples, t, GRID, roles)
-        for at, values in points:
-            judged, sample = gate.step(judged, at, values, driver, GRID)
+                    readings.setdefault(item.role, []).append((item.t, item.value, number))
+    columns = {role: [np.array(x) for x in zip(*of, strict=True)] for role, of in readings.items()}
+    grid = sampling_grid.put(
+        sampling_grid.init(), {role: sampling_grid.Readings(*of) for role, of in columns.items()}
+    )
+    _, parts = sampling_grid.take(grid, np.array([t for t, _, _ in rows]), GRID, roles)
+    for points in parts:
+        for at, *values in zip(points.t.tolist(), *(x.tolist() for x in points.values.values()), strict=True):
+            judged, sample = learning_gate.step(
+                judged, at, dict(zip(points.values, values, strict=True)), driver, GRID
+            )
             out.append(sample)
     return Seen(
         np.array([s.output for s in out]),

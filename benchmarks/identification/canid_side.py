@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from canid.estimators import ESTIMATORS
-from canid.estimators.armax import AGAIN
-from canid.identification import armax_batch, armax_recursive, moments
-from canid.identification.process_fit import ProcessFit, fit_process
-from canid.types import ArmaxSettings, Channel, Estimate, Gate, Prior, Sample
+from canid.estimators.armax import SECOND_START, ArmaxSettings
+from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
+from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process
+from canid.identification.fopdt.prior import Prior
+from canid.types import Channel, Estimate, LearnGate, Sample
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
@@ -31,12 +32,12 @@ def batch(y: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def armax_channels(output: np.ndarray, inputs: np.ndarray, dt: float) -> list[Channel]:
-    """Fit ARMAX(2,2,1) to all inputs at once and say what it tells of each."""
+    """Fit ARMAX(2,2,1) to all inputs at once and return what it reports of each."""
     names = tuple(map(str, range(inputs.shape[1])))
     fit = armax_batch.fit_armax(output, inputs, np.full(len(output), True), ORDERS)
     if fit is None:
         return [Channel() for _ in names]
-    return list(moments.channels(names, fit.A, fit.B, ORDERS.nk, fit.covariance, dt).values())
+    return list(gain_and_delay.channels(names, fit.A, fit.B, ORDERS.nk, fit.covariance, dt).values())
 
 
 def recursion(
@@ -57,15 +58,15 @@ def recursion(
     for k, (output, value) in enumerate(zip(y[START:].tolist(), u[START:].tolist(), strict=True), START):
         state, _ = armax_recursive.step(state, ORDERS, output, (value,))
         n = k + 1
-        if forgetting is None and n == AGAIN * START:  # live, a second batch fit takes its place
+        if forgetting is None and n == SECOND_START * START:  # live, a second batch fit takes its place
             fit = armax_batch.fit_armax(y[:n], u[:n, None], np.full(n, True), ORDERS)
             state = armax_recursive.begin(fit, LIVE, precision) if fit is not None else state
         yield k, state
 
 
-def told(state: Any) -> tuple[np.ndarray, np.ndarray]:
+def estimates(state: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return a1 a2 b1 b2 c1 of a recursion, and the (6, 6) covariance with the offset in it."""
-    theta, covariance = armax_recursive.told(state)
+    theta, covariance = armax_recursive.estimate(state)
     return without_offset(theta), np.asarray(covariance, float)
 
 
@@ -97,11 +98,12 @@ def live(
     name: str, names: tuple[str, ...], y: np.ndarray, u: np.ndarray, dt: float, every: float
 ) -> Iterator[Estimate]:
     """Run one live estimator over (n,) outputs and (n, m) inputs; yields its last estimate every `every` s."""
-    make = dict(ESTIMATORS)[name]
-    estimator = make(names, dt)
+    estimator = next(one for one in ESTIMATORS if one.name == name).make(names, dt)
     state, last, due = estimator.init(), None, every
     for k, (output, inputs) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
-        state, estimate = estimator.step(state, Sample(k * dt, output, tuple(inputs), Gate.OPEN, True, 0, {}))
+        state, estimate = estimator.step(
+            state, Sample(k * dt, output, tuple(inputs), LearnGate.OPEN, True, 0, {})
+        )
         last = estimate if estimate is not None else last
         if k * dt >= due - 1e-9 and last is not None:
             due += every
@@ -109,6 +111,6 @@ def live(
 
 
 def inside(channel: Channel, field: str, truth: float) -> bool | None:
-    """Whether an interval holds the truth; None where it was not told."""
+    """Whether an interval holds the truth; None where it was not reported."""
     interval = getattr(channel, field)
     return bool(interval.low <= truth <= interval.high) if np.isfinite(interval.value) else None

@@ -10,22 +10,22 @@ import math
 import numpy as np
 
 from benchmarks.identification.bounds import Lag
-from benchmarks.identification.colours import REMNANT, Colour, draw, low_pass
 from benchmarks.identification.loops import NORMAL, Drive, Lead
+from benchmarks.identification.noise_models import REMNANT, NoiseModel, draw, low_pass
 
 DT = 0.01
-# Grover 2021, case 1; the dead times are assumed, he gives none
+# Grover 2021, case 1; the dead times are assumed, the paper gives none
 K1, TAU1, THETA1 = 4.367, 0.685, 0.30
 K2, TAU2, THETA2 = 5.630, 0.401, 0.20
 HEADWAY = 1.8  # s
 CRUISE = 25.0  # m/s, about which everything moves
 # grade of 0.1 m/s² (1 %) that lasts: at 25 m/s, hills of 1.5 km (reference/diagnosis.md 2.3) are waves of 60 s
-HILLS = Colour("hills", time_constant=10.0)
+HILLS = NoiseModel("hills", time_constant=10.0)
 P0 = 40.0  # %; far from the floor, which this loop does not have
 
 
 def drive(
-    seed: int, seconds: float, remnant: float = 1.0, lead: Lead = NORMAL, colour: Colour = REMNANT
+    seed: int, seconds: float, remnant: float = 1.0, lead: Lead = NORMAL, noise_model: NoiseModel = REMNANT
 ) -> Drive:
     """Draw one drive.
 
@@ -34,13 +34,13 @@ def drive(
         seconds: how long.
         remnant: sd of the pedal's own noise, %.
         lead: of the vehicle ahead.
-        colour: of the remnant.
+        noise_model: of the remnant.
     """
     rng = np.random.default_rng([seed, 3])
     settle = 60.0  # s; the loop starts at its balance, and is given out once it has forgotten that
     n, skip = round((seconds + settle) / DT), round(settle / DT)
     ahead = (CRUISE + lead.sd * low_pass(n, DT, lead.cut, rng)).tolist()
-    noise = (remnant * draw(colour, n, DT, rng)).tolist()
+    noise = (remnant * draw(noise_model, n, DT, rng)).tolist()
     grade = (0.1 * draw(HILLS, n, DT, rng)).tolist()
     d1, d2 = round(THETA1 / DT), round(THETA2 / DT)
     a1, a2 = math.exp(-DT / TAU1), math.exp(-DT / TAU2)

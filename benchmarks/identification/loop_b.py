@@ -1,7 +1,7 @@
 """Closed loop B, reference/diagnosis.md section 8: written apart from loop A, and like it in nothing but the physics.
 
 50 Hz, Heun; a lead that wants another speed every so often; both answers share one lag after their sum; engine and
-brake with lags, drag, engine braking; below 0 % the foot leaves the pedal and the brake works; 0.4 % quantisation.
+brake with lags, drag, engine braking; below 0 % the pedal is released and the brake works; 0.4 % quantisation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WANTED = 1.6  # s
 LSB = 0.4  # %, of an 8-bit pedal
 # m; waves of 1 % (0.1 m/s²), reference/diagnosis.md 2.3
 HILLS = 1500.0
-# %; the foot crosses from the accelerator to the brake below a demand of this
+# %; below a demand of this the driver changes from the accelerator to the brake
 BRAKES = -4.0
 
 

@@ -22,7 +22,7 @@ class Drive(NamedTuple):
     channels: tuple[Lag, Lag]  # answers to headway error and to range rate
     sigma: float  # % of the remnant
     uniform: bool  # the radar's errors are uniform and quantised, not Gaussian
-    exact: np.ndarray  # (n,) bool: the foot answers freely: no floor, no brake
+    exact: np.ndarray  # (n,) bool: the pedal follows the demand: no floor, no brake
 
     @property
     def inputs(self) -> tuple[np.ndarray, np.ndarray]:

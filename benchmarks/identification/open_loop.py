@@ -1,4 +1,4 @@
-"""Worlds without feedback: a driver of known truth answers an input that he does not move."""
+"""Worlds without feedback: a driver of known truth answers an input that the answer does not change."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.identification.colours import Colour, draw, low_pass
-from benchmarks.identification.lag import answer
+from benchmarks.identification.noise_models import NoiseModel, draw, low_pass
+from tests.plants.first_order_lag import answer
 
 # Chen & Ulsoy 2001, Table 1, means; c1 is not published, -0.5 as in reference/identification.md
 A = np.array([1.0, -1.2623, 0.3697])
@@ -63,14 +63,14 @@ class Process(NamedTuple):
     tau: float
     dead_time: float
     sigma: float  # of the noise
-    colour: Colour
+    noise: NoiseModel
     settle: int  # samples before which the history is not long enough
 
 
 class Case(NamedTuple):
     """What one run of `process` is drawn from; Grover's first driver by default."""
 
-    colour: Colour
+    noise: NoiseModel
     cut: float = 0.2  # Hz, bandwidth of the input
     K: float = 4.4
     tau: float = 0.685  # s
@@ -91,6 +91,6 @@ def process(seed: int, case: Case, dt: float = 0.01, every: int = 1) -> Process:
     x = case.K * answer(u, dt, case.tau, case.dead_time)
     sigma = float(x[round(HISTORY / dt) :].std() * 10.0 ** (-case.decibel / 20.0))
     x, u = x[::every], u[::every]
-    y = x + sigma * draw(case.colour, len(x), dt * every, rng)
+    y = x + sigma * draw(case.noise, len(x), dt * every, rng)
     settle = round(HISTORY / (dt * every))
-    return Process(y, u, dt * every, case.K, case.tau, case.dead_time, sigma, case.colour, settle)
+    return Process(y, u, dt * every, case.K, case.tau, case.dead_time, sigma, case.noise, settle)

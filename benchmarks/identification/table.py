@@ -77,7 +77,7 @@ def markdown(table: Table) -> str:
 
 
 def text(cell: Any) -> str:
-    """Write a cell: three digits are what a Monte Carlo run of 200 can tell."""
+    """Write a cell: a Monte Carlo run of 200 resolves three digits."""
     if isinstance(cell, float | np.floating):
         if math.isnan(cell):
             return "–"

@@ -1,4 +1,4 @@
-"""Frames per CPU-second of reading and decoding logs, beside others on the same file.
+"""Frames per CPU-second of reading and decoding logs, against other readers of the same file.
 
     python -m benchmarks.reading [--frames 1000000] [--rounds 5] [--data ../shared/data] [--mf4 100000]
     python -m benchmarks.reading --identify [--minutes 60]
@@ -28,7 +28,7 @@ if importlib.util.find_spec("asammdf"):
 import canid
 from benchmarks.reading import drives, peers, synthetic
 from benchmarks.reading.cost import child, cpu
-from canid.frames import open_log
+from canid.logs import open_log
 from canid.vehicle import Vehicle, read_vehicle
 
 # what is asked for: times python-can + cantools, and times inflating alone by Python's zlib
@@ -56,7 +56,7 @@ def table(path: Path, vehicle: Vehicle, wanted: peers.Wanted, rounds: int) -> fl
     row("canid, columns", frames, columns, base)
     signals, found = cpu(lambda: canid.read_signals(path, vehicle), rounds)
     values = sum(len(signal.value) for signal in found.values())
-    asked = f"asked: {WANTED[path.suffix]:g}"
+    asked = "" if "dec" in path.name else f"asked: {WANTED[path.suffix]:g}"
     row("**canid, columns and signals**", frames, signals, base, f"{values:,} values; {asked}")
     seconds, n = cpu(lambda: sum(1 for _ in open_log(path)), min(rounds, 3))
     row("canid, frame by frame", n, seconds, base)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.frames import open_log, write_log
+from canid.logs import open_log, write_log
 from canid.types import Frame
 
 # what the generic vehicle sends is 225 frames/s; the rest of the bus is none of canid's business

@@ -10,8 +10,8 @@ from typing import Any
 import deflate
 import numpy as np
 
-from canid.frames import blf_layout as blf
-from canid.frames import python_can
+from canid.buses import python_can
+from canid.logs.blf import blf_layout as blf
 from canid.types import Frame
 
 Wanted = dict[tuple[int, int], Any]  # (bus, id) -> cantools message

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.frames import python_can
-from canid.frames.messages import message_of
+from canid.buses import python_can
+from canid.buses.messages import message_of
 from canid.types import Frame
 from canid.vehicle import Vehicle, read_vehicle
 

@@ -19,7 +19,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks.alone import enter
+from benchmarks.network_namespace import enter
 
 PROMISES = {
     "kill": "kills",
@@ -47,11 +47,11 @@ def main() -> int:
     )
     parser.add_argument("--format", choices=("blf", "asc", "log"), default="blf", help="kill")
     parser.add_argument("--rates", type=int, nargs="+", help="kill: frames/s, in turn")
-    parser.add_argument("--load", type=int, default=0, metavar="N", help="busy processes beside it")
+    parser.add_argument("--load", type=int, default=0, metavar="N", help="busy processes in addition")
     args = parser.parse_args()
     if args.seed is None:
         args.seed = secrets.randbelow(10**6) if args.promise == "attack" else 0
-        # the namespace below starts this anew: with the same seed
+        # the namespace below starts this again: with the same seed
         sys.argv += ["--seed", str(args.seed)]
     enter("benchmarks.reliability")
     from benchmarks.reliability.load import load

@@ -12,23 +12,23 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.reliability import faulty_bus
-from benchmarks.reliability.markers import markers
 from benchmarks.reliability.outcome import Outcome
-from benchmarks.reliability.readers import by_canid, disagreement
 from benchmarks.reliability.recording import Recording, until
-from benchmarks.reliability.traffic import Traffic
-from canid.frames import open_log
+from canid.logs import open_log
 from canid.types import Flag
+from tests.fixtures.markers import markers
+from tests.fixtures.readers import by_canid, disagreement
+from tests.fixtures.traffic import Traffic
 
-BACK = 2.0  # s within which a bus that is there again is read again
-STEP = 3600.0  # s
-PUNCTUAL = 0.1  # s from the sending of a frame to its stamp
+MAX_RETURN_S = 2.0  # s within which a bus that is there again is read again
+CLOCK_STEP_S = 3600.0  # s
+MAX_STAMP_ERROR_S = 0.1  # s from the sending of a frame to its stamp
 # a socket buffer that some hundred frames fill, instead of 32 MB
-SMALL = "from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 100_000"
+SMALL_BUFFER = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000"
 
 
 def errors_and_bus_off(folder: Path) -> list[str]:
-    """Error frames are logged; bus-off is told at once and in the log, nobody restarts it, its end is told too."""
+    """Error frames are logged; bus-off is reported at once and in the log, it is not restarted, its end is reported too."""
     steps: list[list[Any]] = [
         ["frames", 500, 1000],
         ["error", 50],
@@ -38,47 +38,47 @@ def errors_and_bus_off(folder: Path) -> list[str]:
         ["frames", 1500, 1000],
         ["idle"],
     ]
-    recording, told, wrong = _played(folder, steps, 2000)
+    recording, reported, wrong = _played(folder, steps, 2000)
     frames = list(open_log(recording.output))
-    if told["errors"] != 50 or sum(bool(f.flags & Flag.ERROR) for f in frames) != 50:
-        wrong.append(f"{told['errors']} error frames of 50")
+    if reported["errors"] != 50 or sum(bool(f.flags & Flag.ERROR) for f in frames) != 50:
+        wrong.append(f"{reported['errors']} error frames of 50")
     if "controller bus off" not in recording.said:
         wrong.append("bus-off is not shown")
     return wrong + _events(recording, ["bus_off", "error_active"]) + _numbers(recording, list(range(2000)))
 
 
 def gone_and_back(folder: Path) -> list[str]:
-    """An interface that is unplugged: read again within 2 s of being there again, the gap told in the log."""
+    """An interface that is unplugged: read again within 2 s of being there again, the gap reported in the log."""
     away = 1.5
     steps: list[list[Any]] = [["frames", 500, 1000], ["gone", away], ["frames", 500, 1000], ["idle"]]
     recording, _, wrong = _played(folder, steps, 1000)
     log = open_log(recording.output)
     times = [log.start_utc + f.t for f in log]
-    there = dict(faulty_bus.Script(folder / "script.json").moments())["gone"] + away
-    if not 0.0 <= times[500] - there <= BACK:
+    there = dict(faulty_bus.Script(folder / "script.json").instants())["gone"] + away
+    if not 0.0 <= times[500] - there <= MAX_RETURN_S:
         wrong.append(f"back {times[500] - there:.3f} s after the interface was")
     gap = next((e.says for e in markers(recording.output) if e.what == "bus_back"), "")
     if "nothing was received for" not in gap:
-        wrong.append(f"the gap is not told: {gap!r}")
+        wrong.append(f"the gap is not reported: {gap!r}")
     return wrong + _events(recording, ["bus_lost", "bus_back"]) + _numbers(recording, list(range(1000)))
 
 
 def overrun(folder: Path) -> list[str]:
-    """The process stands still, the socket's buffer is full: what the kernel drops is counted and told in the log."""
-    with Recording(folder / "x.blf", talk=folder, before=SMALL) as recording:
+    """The process is stopped, the socket's buffer is full: what the kernel drops is counted and reported in the log."""
+    with Recording(folder / "x.blf", talk=folder, before=SMALL_BUFFER) as recording:
         Traffic(1000.0, 200).start().join()
         time.sleep(0.5)
         recording.process.send_signal(signal.SIGSTOP)
         Traffic(math.inf, 5000).start().join()
         recording.process.send_signal(signal.SIGCONT)
         time.sleep(2.0)
-        code, told = recording.end(), recording.told()
+        code, reported = recording.end(), recording.reported()
         kept = len(by_canid(folder / "x.blf").frames)
         wrong = [] if code == 143 else [f"exit code {code}: {recording.said}"]
-        if not told["drops"] or kept + told["drops"] != 5200 or kept != told["written"]:
-            wrong.append(f"{kept} recorded and {told['drops']} counted of 5200")
+        if not reported["drops"] or kept + reported["drops"] != 5200 or kept != reported["written"]:
+            wrong.append(f"{kept} recorded and {reported['drops']} counted of 5200")
         in_log = [e.says for e in markers(folder / "x.blf") if e.what == "frames_dropped"]
-        if not in_log or f"({told['drops']:,} in all)" not in in_log[-1]:
+        if not in_log or f"({reported['drops']:,} in all)" not in in_log[-1]:
             wrong.append(f"the log says {in_log}")
         if " dropped" not in recording.said:
             wrong.append("not shown")
@@ -86,31 +86,35 @@ def overrun(folder: Path) -> list[str]:
 
 
 def clock_steps(folder: Path) -> list[str]:
-    """The clock is set on by an hour, then back by two: told, and every frame keeps the time that it was stamped."""
-    steps: list[list[Any]] = [["frames", 1500, 1000], ["clock", STEP], ["frames", 1500, 1000]]
-    steps += [["clock", -2 * STEP], ["frames", 1500, 1000], ["idle"]]
-    recording, told, wrong = _played(folder, steps, 4500)
+    """The clock is set on by an hour, then back by two: reported, and every frame keeps the time that it was stamped."""
+    steps: list[list[Any]] = [["frames", 1500, 1000], ["clock", CLOCK_STEP_S], ["frames", 1500, 1000]]
+    steps += [["clock", -2 * CLOCK_STEP_S], ["frames", 1500, 1000], ["idle"]]
+    recording, reported, wrong = _played(folder, steps, 4500)
     first, second = folder / "x.blf", folder / "x-2.blf"
-    if told["path"] != str(second) or not second.exists():
-        return [*wrong, f"no new file for times before the first one's start: {told['path']}"]
-    moments = [at for name, at in faulty_bus.Script(folder / "script.json").moments() if name == "frames"]
+    if reported["path"] != str(second) or not second.exists():
+        return [*wrong, f"no new file for times before the first one's start: {reported['path']}"]
+    instants = [at for name, at in faulty_bus.Script(folder / "script.json").instants() if name == "frames"]
     ours = [by_canid(first), by_canid(second)]
     times = ours[0].times + ours[1].times
-    stamped = [times[0] - moments[0], times[1500] - moments[1] - STEP, times[3000] - moments[2] + STEP]
-    if max(map(abs, stamped)) > PUNCTUAL:
+    stamped = [
+        times[0] - instants[0],
+        times[1500] - instants[1] - CLOCK_STEP_S,
+        times[3000] - instants[2] + CLOCK_STEP_S,
+    ]
+    if max(map(abs, stamped)) > MAX_STAMP_ERROR_S:
         wrong.append(f"times are off by {stamped} s")
     if (len(ours[0].frames), len(ours[1].frames)) != (3000, 1500):
         wrong.append(f"{len(ours[0].frames)} and {len(ours[1].frames)} frames")
-    steps_told = [e["says"] for e in recording.journal() if e["what"] == "clock_step"]
+    steps_reported = [e["says"] for e in recording.journal() if e["what"] == "clock_step"]
     later = folder / "x-2.events.jsonl"
-    steps_told += (
+    steps_reported += (
         [text for text in later.read_text().splitlines() if "clock_step" in text] if later.exists() else []
     )
     sizes = [
-        float(found[1]) for text in steps_told if (found := re.search(r"stepped by ([-+.0-9]+) s", text))
+        float(found[1]) for text in steps_reported if (found := re.search(r"stepped by ([-+.0-9]+) s", text))
     ]
-    if len(sizes) != 2 or abs(sizes[0] - STEP) > 0.5 or abs(sizes[1] + 2 * STEP) > 0.5:
-        wrong.append(f"told were {steps_told}")
+    if len(sizes) != 2 or abs(sizes[0] - CLOCK_STEP_S) > 0.5 or abs(sizes[1] + 2 * CLOCK_STEP_S) > 0.5:
+        wrong.append(f"reported were {steps_reported}")
     return wrong + [text for text in (disagreement(first), disagreement(second)) if text]
 
 
@@ -129,10 +133,12 @@ def which_clock(folder: Path) -> list[str]:
         Traffic(1000.0, 2500).start().join()
         time.sleep(0.5)
         recording.end()
-        told = recording.told()
+        reported = recording.reported()
     files = sorted(folder.glob("x_*.blf"))
     said = [[e.says for e in markers(path) if e.what == "stamp_clock"] for path in files]
-    wrong = [] if told["buses"][0]["clock"] == "kernel" else [f"--json says {told['buses'][0]['clock']}"]
+    wrong = (
+        [] if reported["buses"][0]["clock"] == "kernel" else [f"--json says {reported['buses'][0]['clock']}"]
+    )
     if len(files) < 2 or any(len(each) != 1 or "the kernel's clock" not in each[0] for each in said):
         wrong.append(f"the logs say {said}")
     return wrong
@@ -160,8 +166,8 @@ def _played(folder: Path, steps: list[list[Any]], frames: int) -> tuple[Recordin
     bus = faulty_bus.script(folder, steps)
     with Recording(folder / "x.blf", talk=folder, bus=bus.words, before=faulty_bus.BEFORE) as recording:
         until(lambda: bus.handed_over() >= frames or recording.process.poll() is not None)
-        code, told = recording.end(), recording.told()
-    return recording, told, [] if code == 143 else [f"exit code {code}: {recording.said}"]
+        code, reported = recording.end(), recording.reported()
+    return recording, reported, [] if code == 143 else [f"exit code {code}: {recording.said}"]
 
 
 def _numbers(recording: Recording, wanted: list[int]) -> list[str]:

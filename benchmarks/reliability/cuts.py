@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 from benchmarks.reliability.faulty_disk import FaultyDisk
 from benchmarks.reliability.fuse import Mounted
 from benchmarks.reliability.outcome import Outcome, after_an_end
-from benchmarks.reliability.readers import by_canid, by_python_can
 from benchmarks.reliability.recording import Recording
-from benchmarks.reliability.traffic import Traffic
+from tests.fixtures.readers import by_canid, by_python_can
+from tests.fixtures.traffic import Traffic
 
 TRIALS = 50
 RATES = (100, 2000, 8000)  # frames/s
@@ -48,29 +48,29 @@ def one(
         traffic = Traffic(rate).start()
         traffic.wait(after)
         disk.cut()
-        moment = recording.kill()
+        instant = recording.kill()
         traffic.stop()
     left = folder / "left"
     left.mkdir()
     disk.leave(left)
     group = f"{rate} frames/s, {sync * 1e3:g} ms per sync"
-    yield after_an_end(left / "x.blf", traffic, moment, group).within(busy * promised(sync))
+    yield after_an_end(left / "x.blf", traffic, instant, group).within(busy * promised(sync))
     kept = len(by_canid(left / "x.blf").frames) if (left / "x.blf").exists() else 0
     for k in range(MIXTURES):
         mixed = folder / f"mixed{k}"
         mixed.mkdir()
         disk.leave(mixed, rng)
-        yield _mixture(mixed / "x.blf", kept, traffic, moment)
+        yield _mixture(mixed / "x.blf", kept, traffic, instant)
 
 
-def _mixture(path: Path, kept: int, traffic: Traffic, moment: float) -> Outcome:
+def _mixture(path: Path, kept: int, traffic: Traffic, instant: float) -> Outcome:
     """At least what was synced is there, and nothing false."""
     group = "a part of what was not synced came through"
     if not path.exists():
         return Outcome(
             group, math.nan, 0, f"{kept} frames had been synced, and the file is gone" if kept else ""
         )
-    outcome = after_an_end(path, traffic, moment, group, whole=False)
+    outcome = after_an_end(path, traffic, instant, group, whole=False)
     n = len(by_canid(path).frames)
     wrong = outcome.wrong or ("synced frames are missing" if n < kept else "")
     # a torn end: another reader may complain there, what is before it must be the same

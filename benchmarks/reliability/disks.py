@@ -15,17 +15,17 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.reliability.faulty_disk import FaultyDisk
 from benchmarks.reliability.fuse import Mounted
-from benchmarks.reliability.markers import markers
 from benchmarks.reliability.outcome import Outcome
-from benchmarks.reliability.readers import by_canid, disagreement
 from benchmarks.reliability.recording import Recording, until
-from benchmarks.reliability.traffic import Traffic, number
+from tests.fixtures.markers import markers
+from tests.fixtures.readers import by_canid, disagreement
+from tests.fixtures.traffic import Traffic, number
 
-STALL = 0.5  # s per sync
-FAST = 8000.0  # frames/s
-SECONDS = 4.0
+SYNC_S = 0.5  # s per sync
+RATE_PER_S = 8000.0  # frames/s
+DURATION_S = 4.0
 # frames that may wait in these trials, instead of a minute's: 2.5 s of 8,000 frames/s
-ROOM = 20_000
+MAX_WAITING_FRAMES = 20_000
 
 
 def full(folder: Path) -> list[str]:
@@ -57,44 +57,44 @@ def is_read_only(folder: Path) -> list[str]:
 
 
 def stalls(folder: Path) -> list[str]:
-    """500 ms per sync, and no write meanwhile: nothing is lost, and the lag is shown."""
-    disk = FaultyDisk(stall=STALL)
+    """500 ms per sync, and no write during it: nothing is lost, and the lag is shown."""
+    disk = FaultyDisk(stall=SYNC_S)
     (folder / "disk").mkdir()
     with Mounted(disk, folder / "disk"), Recording(folder / "disk/x.blf", talk=folder) as recording:
-        total = round(FAST * SECONDS)
-        traffic = Traffic(FAST, total).start()
+        total = round(RATE_PER_S * DURATION_S)
+        traffic = Traffic(RATE_PER_S, total).start()
         traffic.join()
         time.sleep(0.5)
-        code, told = recording.end(), recording.told()
+        code, reported = recording.end(), recording.reported()
         frames = by_canid(folder / "disk/x.blf").frames
         wrong = [] if code == 143 else [f"exit code {code}: {recording.said}"]
         if frames != [(i % 2048, number(i)) for i in range(total)]:
             wrong.append(f"{total - len(frames)} frames are missing")
-        if told["drops_disk"] or told["drops"]:
-            wrong.append(f"drops: {told}")
+        if reported["drops_disk"] or reported["drops"]:
+            wrong.append(f"drops: {reported}")
         if "behind" not in recording.said:
             wrong.append("the lag is not shown")
-        if disk.syncs < SECONDS / STALL / 2:
+        if disk.syncs < DURATION_S / SYNC_S / 2:
             wrong.append(f"only {disk.syncs} syncs: nothing was tried")
     return wrong
 
 
 def stuck(folder: Path) -> list[str]:
-    """Longer than memory lasts: every frame that is dropped is counted, shown, and told in the log itself."""
-    disk = FaultyDisk(stall=STALL)
+    """Longer than memory lasts: every frame that is dropped is counted, shown, and reported in the log itself."""
+    disk = FaultyDisk(stall=SYNC_S)
     (folder / "disk").mkdir()
     path = folder / "disk/x.blf"
-    room = f"from canid.frames import log_thread; log_thread.ROOM = {ROOM}"
-    with Mounted(disk, folder / "disk"), Recording(path, talk=folder, before=room) as recording:
-        total = round(FAST * 2 * SECONDS)
-        traffic = Traffic(FAST, total).start()
+    before = f"from canid.recording import log_writer_thread; log_writer_thread.MAX_WAITING_FRAMES = {MAX_WAITING_FRAMES}"
+    with Mounted(disk, folder / "disk"), Recording(path, talk=folder, before=before) as recording:
+        total = round(RATE_PER_S * 2 * DURATION_S)
+        traffic = Traffic(RATE_PER_S, total).start()
         traffic.wait(1.0)
         disk.stuck.set()
-        traffic.wait(SECONDS + 1.0)
+        traffic.wait(DURATION_S + 1.0)
         disk.stuck.clear()
         traffic.join()
         time.sleep(0.5)
-        code, told = recording.end(), recording.told()
+        code, reported = recording.end(), recording.reported()
         frames = [int.from_bytes(data[:4], "big") for _, data in by_canid(path).frames]
         missing = total - len(frames)
         events = [e for e in markers(path) if e.what == "frames_not_recorded"]
@@ -102,12 +102,12 @@ def stuck(folder: Path) -> list[str]:
         in_journal = sum(e["what"] == "frames_not_recorded" for e in recording.journal())
         gaps = sum(b != a + 1 for a, b in pairwise([-1, *frames, total]))
         wrong = [] if code == 143 else [f"exit code {code}: {recording.said}"]
-        if told["frames"] != total or told["drops"]:
-            wrong.append(f"live did not go on: {told}")
-        if not missing or not missing == told["drops_disk"] == in_log:
-            wrong.append(f"{missing} missing, {told['drops_disk']} counted, {in_log} told in the log")
+        if reported["frames"] != total or reported["drops"]:
+            wrong.append(f"live did not go on: {reported}")
+        if not missing or not missing == reported["drops_disk"] == in_log:
+            wrong.append(f"{missing} missing, {reported['drops_disk']} counted, {in_log} reported in the log")
         if not gaps == len(events) == in_journal:
-            wrong.append(f"{gaps} gaps, {len(events)} told in the log, {in_journal} in the journal")
+            wrong.append(f"{gaps} gaps, {len(events)} reported in the log, {in_journal} in the journal")
         if "NOT RECORDED" not in recording.said:
             wrong.append("the drops are not shown")
         wrong.append(disagreement(path))
@@ -119,7 +119,7 @@ CASES: tuple[tuple[str, Callable[[Path], list[str]]], ...] = (
     ("disk becomes read-only", becomes_read_only),
     ("disk is read-only", is_read_only),
     ("500 ms per sync, 8,000 frames/s", stalls),
-    ("disk stuck for 4 s, room for 2.5 s", stuck),
+    ("disk stuck for 4 s, queue of 2.5 s", stuck),
 )
 TRIALS = 2 * len(CASES)
 
@@ -134,7 +134,7 @@ def trial(k: int, seed: int = 0) -> Iterator[Outcome]:
 def _failing(folder: Path, disk: Path, turn: Callable[[], None], why: str) -> list[str]:
     path = disk / "x.blf"
     with Recording(path, "--vehicle", "generic", verb="live", talk=folder) as recording:
-        traffic = Traffic(FAST, round(FAST * 2 * SECONDS)).start()
+        traffic = Traffic(RATE_PER_S, round(RATE_PER_S * 2 * DURATION_S)).start()
         traffic.wait(1.0)
         turn()
         until(lambda: "RECORDING failed" in recording.said or recording.process.poll() is not None)

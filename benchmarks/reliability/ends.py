@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.reliability import faulty_bus
 from benchmarks.reliability.outcome import Outcome
-from benchmarks.reliability.readers import by_canid, disagreement
 from benchmarks.reliability.recording import Recording, until
-from benchmarks.reliability.traffic import number
-from canid.frames import python_can
+from canid.buses import python_can
+from tests.fixtures.readers import by_canid, disagreement
+from tests.fixtures.traffic import number
 
 BURST = 60_000
 ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, None)
@@ -37,15 +37,15 @@ def one(folder: Path, number_: signal.Signals | None, *, again: bool = False, bu
     with Recording(folder / "x.blf", talk=folder, bus=bus.words, before=faulty_bus.BEFORE) as recording:
         until(lambda: bus.handed_over() >= burst or recording.process.poll() is not None)
         code = recording.end(number_)
-        told = recording.told()
+        reported = recording.reported()
     wrong = []
     if code != (3 if number_ is None else 128 + number_):
         wrong.append(f"exit code {code}: {recording.said}")
     path = folder / ("x-2.blf" if again else "x.blf")
     if again and (folder / "x.blf").read_bytes() != before:
         wrong.append("the earlier file was touched")
-    if told["frames"] != burst or told["written"] != burst or Path(told["path"]) != path:
-        wrong.append(f"it says {told}")
+    if reported["frames"] != burst or reported["written"] != burst or Path(reported["path"]) != path:
+        wrong.append(f"it says {reported}")
     frames = by_canid(path).frames
     if frames != [(i % 2048, number(i)) for i in range(burst)]:
         wrong.append("not every frame, or not in order")

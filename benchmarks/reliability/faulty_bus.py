@@ -5,7 +5,7 @@ Registered as `faulty` in the recorder's own process (`BEFORE`). A script is a l
     ["frames", n, rate]        n numbered frames, `rate` per s; 0: as fast as they are read
     ["error", n]               n error frames
     ["state", "ERROR"]         the controller's state from here on (python-can's BusState)
-    ["gone", s]                the interface is away for s; opening fails meanwhile
+    ["gone", s]                the interface is away for s; opening fails until then
     ["clock", s]               the clock that stamps the frames steps by s
     ["duplicate", n]           n frames come twice
     ["swap", n]                n pairs of frames come in the wrong order
@@ -21,15 +21,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.reliability.traffic import number
-from canid.frames import python_can
+from canid.buses import python_can
+from tests.fixtures.traffic import number
 
 BEFORE = "from benchmarks.reliability import faulty_bus; faulty_bus.register()"
 NAME = "faulty"
 
 
 class Script(NamedTuple):
-    """A script in a file; the bus counts beside it what it has handed over."""
+    """A script in a file; the bus counts in another file what it has returned."""
 
     path: Path
 
@@ -44,9 +44,9 @@ class Script(NamedTuple):
         text = path.read_text() if path.exists() else ""
         return int(text.split()[0]) if text.endswith("\n") else 0
 
-    def moments(self) -> list[tuple[str, float]]:
+    def instants(self) -> list[tuple[str, float]]:
         """Each step that has begun, and its wall clock."""
-        path = self.path.with_suffix(".moments")
+        path = self.path.with_suffix(".instants")
         rows = [line.rsplit(" ", 1) for line in path.read_text().splitlines()] if path.exists() else []
         return [(name, float(at)) for name, at in rows]
 
@@ -79,15 +79,15 @@ class _Node:
     def _play(self, path: Path) -> Iterator[Any]:
         can = python_can.load()
         done, clock = 0, 0.0
-        moments = path.with_suffix(".moments").open("a")
+        instants = path.with_suffix(".instants").open("a")
 
         def frame(i: int) -> Any:
             stamp = time.time() + clock
             return can.Message(arbitration_id=i % 2048, data=number(i), is_extended_id=False, timestamp=stamp)
 
         for step, *given in json.loads(path.read_text()):
-            moments.write(f"{step} {time.time()}\n")
-            moments.flush()
+            instants.write(f"{step} {time.time()}\n")
+            instants.flush()
             if step == "frames":
                 n, rate = given
                 began = time.monotonic()

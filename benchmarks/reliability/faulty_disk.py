@@ -106,15 +106,15 @@ class FaultyDisk:
         return bytes(self._files[file].data[at : at + size])
 
     def write(self, file: int, at: int, data: bytes) -> int:
-        """Take what there is room for, unless it is stuck or fails."""
+        """Take what fits, unless it is stuck or fails."""
         while self.stuck.is_set():
             time.sleep(0.01)
         self._check()
         whole = self._files[file].data
-        room = self.capacity - sum(len(each.data) for each in self._files.values()) + max(len(whole) - at, 0)
-        if room <= 0:
+        free = self.capacity - sum(len(each.data) for each in self._files.values()) + max(len(whole) - at, 0)
+        if free <= 0:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        data = data[:room]
+        data = data[:free]
         with self._lock:
             whole.extend(b"\0" * (at + len(data) - len(whole)))
             whole[at : at + len(data)] = data

@@ -114,7 +114,7 @@ class Mounted:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for _ in range(50):  # a program that was killed lets go a moment later
+        for _ in range(50):  # a program that was killed lets go a instant later
             if self._libc.umount2(os.fsencode(self._folder), 0) == 0:
                 break
             time.sleep(0.02)
@@ -203,13 +203,13 @@ class Mounted:
     def _entry(self, node: int) -> bytes:
         return _ENTRY.pack(node, 0, 0, 0, 0, 0) + self._attributes(node)
 
-    def _listing(self, at: int, room: int) -> bytes:
+    def _listing(self, at: int, size_limit: int) -> bytes:
         out = b""
         for index, (name, node) in list(enumerate(self._files.names(), 1))[at:]:
             raw = os.fsencode(name)
             item = Struct("<QQII").pack(node, index, len(raw), stat.S_IFREG >> 12) + raw
             item += b"\0" * (-len(item) % 8)
-            if len(out) + len(item) > room:
+            if len(out) + len(item) > size_limit:
                 break
             out += item
         return out

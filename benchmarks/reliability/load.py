@@ -1,4 +1,4 @@
-"""Busy processes beside a trial, each in a session of its own, as other users' jobs are."""
+"""Busy processes during a trial, each in a session of its own, as other users' jobs are."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import os
 import socket
 
 from benchmarks.reliability import fuse
-from benchmarks.reliability.traffic import GROUP
+from tests.fixtures.traffic import GROUP
 
 
 def loopback_alone() -> str:

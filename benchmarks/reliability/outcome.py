@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.reliability.readers import by_canid, disagreement
-from benchmarks.reliability.traffic import Traffic, number
+from tests.fixtures.readers import by_canid, disagreement
+from tests.fixtures.traffic import Traffic, number
 
 
 class Outcome(NamedTuple):
@@ -29,15 +29,15 @@ class Outcome(NamedTuple):
         )
 
 
-def after_an_end(path: Path, traffic: Traffic, moment: float, group: str, *, whole: bool = True) -> Outcome:
-    """What the file holds of what was sent before `moment`, the wall clock of a kill or a power cut.
+def after_an_end(path: Path, traffic: Traffic, instant: float, group: str, *, whole: bool = True) -> Outcome:
+    """What the file holds of what was sent before `instant`, the wall clock of a kill or a power cut.
 
     Lost time counts from the first frame that is missing. `whole`: no reader may find damage either.
     """
-    due = traffic.before(moment)
+    due = traffic.before(instant)
     # a text log has no header before the first frame is known: it may be empty until its first checkpoint
     if not path.exists() or (path.stat().st_size == 0 and path.suffix != ".blf"):
-        return Outcome(group, moment - traffic.sent[0] if due else 0.0, due)
+        return Outcome(group, instant - traffic.sent[0] if due else 0.0, due)
     if path.stat().st_size == 0:
         return Outcome(group, float("nan"), due, "0 bytes")
     try:
@@ -49,9 +49,9 @@ def after_an_end(path: Path, traffic: Traffic, moment: float, group: str, *, who
     if ours.frames != [(i % 2048, number(i)) for i in range(n)]:
         wrong = "not contiguous from the first frame on"
     # 10 ms: the kernel stamps a frame after the sender's note of the time, on a busy machine well after
-    elif n and not traffic.sent[0] - 0.01 <= ours.times[0] <= ours.times[-1] <= moment + 0.01:
+    elif n and not traffic.sent[0] - 0.01 <= ours.times[0] <= ours.times[-1] <= instant + 0.01:
         wrong = f"absolute time: {ours.times[0] - traffic.sent[0]:.3f} s off"
     elif whole:
         wrong = disagreement(path)
-    lost = moment - traffic.sent[n] if n < due else 0.0
+    lost = instant - traffic.sent[n] if n < due else 0.0
     return Outcome(group, lost, max(due - n, 0), wrong)

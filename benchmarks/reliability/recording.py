@@ -11,11 +11,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.reliability.traffic import WORDS
+from tests.fixtures.traffic import WORDS
 
 ROOT = Path(__file__).parents[2]
 # s: a busy machine may need them
-PATIENCE = 120.0
+TIMEOUT_S = 120.0
 # what a process of ours needs before the command itself: signals that a shell in the background had switched off
 BEGIN = (
     "import signal; [signal.signal(s, signal.default_int_handler if s == signal.SIGINT else signal.SIG_DFL) \
@@ -24,7 +24,7 @@ for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]; import sys; "
 
 
 class Recording:
-    """A verb that listens to the traffic; `said` is what it told so far."""
+    """A verb that listens to the traffic; `said` is what it reported so far."""
 
     def __init__(
         self,
@@ -66,24 +66,24 @@ class Recording:
 
     def kill(self) -> float:
         """Send SIGKILL; returns the wall clock just before."""
-        moment = time.time()
+        instant = time.time()
         os.kill(self.process.pid, signal.SIGKILL)
         self.process.wait()
-        return moment
+        return instant
 
     def end(self, number: int | None = signal.SIGTERM) -> int:
         """Send a signal, if any, and wait; returns the exit code."""
         if number is not None:
             self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
+        return self.process.wait(TIMEOUT_S)
 
-    def told(self) -> dict[str, Any]:
+    def reported(self) -> dict[str, Any]:
         """The last line of --json."""
-        told: dict[str, Any] = json.loads(self.json.read_text().splitlines()[-1])
-        return told
+        reported: dict[str, Any] = json.loads(self.json.read_text().splitlines()[-1])
+        return reported
 
     def journal(self) -> list[dict[str, Any]]:
-        """The events beside the log."""
+        """The events in the journal of the log."""
         path = self.output.with_name(f"{self.output.stem}.events.jsonl")
         return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
@@ -95,7 +95,7 @@ class Recording:
             self.kill()
 
 
-def until(true: Any, patience: float = PATIENCE) -> None:
+def until(true: Any, patience: float = TIMEOUT_S) -> None:
     """Wait for something; raises TimeoutError where it does not come."""
     end = time.monotonic() + patience
     while not true():

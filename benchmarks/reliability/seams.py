@@ -11,24 +11,24 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.reliability.disks import tmpfs
 from benchmarks.reliability.outcome import Outcome
-from benchmarks.reliability.readers import by_canid, disagreement
 from benchmarks.reliability.recording import Recording
-from benchmarks.reliability.traffic import Traffic, number
-from canid.frames import open_log
+from canid.logs import open_log
+from tests.fixtures.readers import by_canid, disagreement
+from tests.fixtures.traffic import Traffic, number
 
-RATE = 8000.0  # frames/s
-SECONDS = 5.0
-SIZE = 100_000  # bytes
-PROMISED = 0.25  # s
+RATE_PER_S = 8000.0  # frames/s
+DURATION_S = 5.0
+FILE_BYTES = 100_000  # bytes
+MAX_GAP_S = 0.25  # s
 
 
 def by_size(suffix: str, folder: Path) -> list[str]:
     """Files of at most so many bytes."""
-    wrong, files, _ = _recorded(folder, suffix, "--file-size", SIZE)
+    wrong, files, _ = _recorded(folder, suffix, "--file-size", FILE_BYTES)
     sizes = [path.stat().st_size for path in files]
-    if max(sizes) > SIZE:
+    if max(sizes) > FILE_BYTES:
         wrong.append(f"a file has {max(sizes)} bytes")
-    if min(sizes[:-1], default=0) < 0.9 * SIZE:
+    if min(sizes[:-1], default=0) < 0.9 * FILE_BYTES:
         wrong.append(f"a file has {min(sizes[:-1])} bytes only")
     return wrong + _contiguous(files, 0)
 
@@ -37,7 +37,7 @@ def by_time(suffix: str, folder: Path) -> list[str]:
     """Files of 1 s."""
     wrong, files, _ = _recorded(folder, suffix, "--file-time", "1s")
     lasts = [frames[-1].t for frames in map(list, map(open_log, files))]
-    if max(lasts) >= 1.0 or len(files) < SECONDS - 1:
+    if max(lasts) >= 1.0 or len(files) < DURATION_S - 1:
         wrong.append(f"files of {lasts} s")
     return wrong + _contiguous(files, 0)
 
@@ -46,8 +46,8 @@ def ring_by_age(suffix: str, folder: Path) -> list[str]:
     """Files that were finished more than 2 s ago are gone, and nothing else."""
     foreign = _foreign(folder, suffix)
     wrong, files, recording = _recorded(folder, suffix, "--file-time", "1s", "--keep-time", "2s")
-    if not 2 <= len(files) <= 5 or recording.told()["files"] <= len(files):
-        wrong.append(f"{len(files)} files are left of {recording.told()['files']}")
+    if not 2 <= len(files) <= 5 or recording.reported()["files"] <= len(files):
+        wrong.append(f"{len(files)} files are left of {recording.reported()['files']}")
     return wrong + foreign() + _contiguous(files, None)
 
 
@@ -57,9 +57,9 @@ def ring_by_share(suffix: str, folder: Path) -> list[str]:
         foreign = _foreign(disk, suffix)
         words = ("--file-size", 50_000, "--keep-share", "15%")
         wrong, files, recording = _recorded(disk, suffix, *words, talk=folder)
-        took, room = sum(path.stat().st_size for path in files), 0.15 * 2_048_000
-        if not room - 100_000 < took < room + 160_000 or recording.told()["files"] <= len(files):
-            wrong.append(f"{took} bytes are left in {len(files)} files of {recording.told()['files']}")
+        took, limit = sum(path.stat().st_size for path in files), 0.15 * 2_048_000
+        if not limit - 100_000 < took < limit + 160_000 or recording.reported()["files"] <= len(files):
+            wrong.append(f"{took} bytes are left in {len(files)} files of {recording.reported()['files']}")
         return wrong + foreign() + _contiguous(files, None)
 
 
@@ -67,14 +67,14 @@ def killed(suffix: str, folder: Path) -> list[str]:
     """SIGKILL while new files begin all the time: at most 0.25 s, in any file."""
     rng = random.Random(str(folder))
     with Recording(folder / f"drive{suffix}", "--file-size", 20_000, talk=folder) as recording:
-        traffic = Traffic(RATE).start()
+        traffic = Traffic(RATE_PER_S).start()
         traffic.wait(rng.uniform(0.5, 2.0))
-        moment = recording.kill()
+        instant = recording.kill()
         traffic.stop()
     files = sorted(folder.glob(f"drive_*{suffix}"))
     kept = sum(len(by_canid(path).frames) for path in files if path.stat().st_size)
-    lost = moment - traffic.sent[kept] if kept < traffic.before(moment) else 0.0
-    wrong = [f"{lost:.3f} s are lost"] if lost > PROMISED else []
+    lost = instant - traffic.sent[kept] if kept < traffic.before(instant) else 0.0
+    wrong = [f"{lost:.3f} s are lost"] if lost > MAX_GAP_S else []
     empty = [path for path in files if not path.stat().st_size]
     # a text log that was just begun may be empty, a .blf never
     wrong += [f"{path.name} is empty" for path in empty if suffix == ".blf" or path != files[-1]]
@@ -105,13 +105,13 @@ def _recorded(
 ) -> tuple[list[str], list[Path], Recording]:
     """Record some seconds; what was wrong, and the files in the order of their names."""
     with Recording(folder / f"drive{suffix}", *words, talk=talk or folder) as recording:
-        total = round(RATE * SECONDS)
-        Traffic(RATE, total).start().join()
+        total = round(RATE_PER_S * DURATION_S)
+        Traffic(RATE_PER_S, total).start().join()
         time.sleep(0.5)
-        code, told = recording.end(), recording.told()
+        code, reported = recording.end(), recording.reported()
     wrong = [] if code == 143 else [f"exit code {code}: {recording.said}"]
-    if not told["frames"] == told["written"] == total:
-        wrong.append(f"{told['frames']} received, {told['written']} written of {total}")
+    if not reported["frames"] == reported["written"] == total:
+        wrong.append(f"{reported['frames']} received, {reported['written']} written of {total}")
     return wrong, sorted(folder.glob(f"drive_2*{suffix}")), recording
 
 
@@ -135,10 +135,10 @@ def _contiguous(files: list[Path], first: int | None) -> list[str]:
 
 
 def _foreign(folder: Path, suffix: str) -> Callable[[], list[str]]:
-    """Files that look like the series' own, older than all of them; returns whether they are still there."""
+    """Files with names like the series' own, older than all of them; returns whether they are still there."""
     names = [f"drive_19990101T000000Z_00000{i}{suffix}" for i in (1, 2)] + [f"drive{suffix}", f"x{suffix}"]
     for name in names:
-        (folder / name).write_bytes(b"somebody else's")
+        (folder / name).write_bytes(b"another program's")
 
     def gone() -> list[str]:
         lost = [name for name in names if not (folder / name).exists()]

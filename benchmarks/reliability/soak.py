@@ -1,6 +1,6 @@
 """Hours of traffic between processes: what is dropped, how memory grows, what it costs.
 
-The sender plays the generic vehicle's frames with others that nobody maps in between; `canid live` records, runs both
+The sender plays the generic vehicle's frames with others that are not mapped in between; `canid live` records, runs both
 estimators, and draws its screen on a pseudo-terminal. CPU and memory are those of both of its processes. The bus is
 udp_multicast, or a channel of SocketCAN that has no wire.
 """
@@ -23,15 +23,15 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from benchmarks.reliability.recording import ROOT, until
-from benchmarks.reliability.traffic import BUS, WORDS
+from tests.fixtures.traffic import BUS, WORDS
 
 MEMORY, CPU = 5e6, 0.25  # bytes of growth, share of a core at up to 4,000 frames/s: what is promised
 CPU_RATE = 4000.0  # frames/s
 # the drive that is played over and over, minutes
-DRIVE = 10.0
+DRIVE_MIN = 10.0
 # s after which memory, descriptors and threads are compared; a third of the run where that is shorter
-SETTLED = 600.0
-EVERY = 5.0  # s between two looks
+SETTLED_S = 600.0
+INTERVAL_S = 5.0  # s between two samples
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _TICK = os.sysconf("SC_CLK_TCK")
 
@@ -49,10 +49,10 @@ def run(hours: float, rate: float, channel: str = "") -> int:
 
 
 def _soak(folder: Path, seconds: float, rate: float, channel: str) -> tuple[list[str], int, list[str]]:
-    log, told = folder / "soak.blf", folder / "soak.jsonl"
+    log, reported = folder / "soak.blf", folder / "soak.jsonl"
     bus = {"interface": "socketcan", "channel": channel} if channel else BUS
     where = ["-i", "socketcan", "-c", channel] if channel else WORDS
-    words = ["live", *where, "--vehicle", "generic", "--record", str(log), "--json", str(told)]
+    words = ["live", *where, "--vehicle", "generic", "--record", str(log), "--json", str(reported)]
     environment = os.environ | {
         "TERM": "xterm-256color",
         "COLUMNS": "110",
@@ -79,41 +79,41 @@ def _soak(folder: Path, seconds: float, rate: float, channel: str) -> tuple[list
         [sys.executable, "-m", "benchmarks.reliability.soak", json.dumps(bus), str(rate), str(seconds)],
         stdout=subprocess.PIPE,
     )
-    looks: list[Look] = []
+    samples: list[Usage] = []
     began = time.monotonic()
     while sender.poll() is None:
-        looks.append(Look(time.monotonic() - began, *_used(live.pid)))
-        time.sleep(min(EVERY, seconds / 20))
+        samples.append(Usage(time.monotonic() - began, *_used(live.pid)))
+        time.sleep(min(INTERVAL_S, seconds / 20))
     assert sender.stdout is not None
     sent = int(sender.stdout.read())
     time.sleep(1.0)
-    looks.append(Look(time.monotonic() - began, *_used(live.pid)))
+    samples.append(Usage(time.monotonic() - began, *_used(live.pid)))
     live.send_signal(signal.SIGTERM)
     code = live.wait(120.0)
     drawn.join()
     hearing.join(5.0)
     live.stderr.close()
     sender.stdout.close()
-    return _judged(looks, drawn.text, code, sent, log, told, rate)
+    return _judged(samples, drawn.text, code, sent, log, reported, rate)
 
 
 def _judged(
-    looks: list[Look], screen: str, code: int, sent: int, log: Path, told: Path, rate: float
+    samples: list[Usage], screen: str, code: int, sent: int, log: Path, reported: Path, rate: float
 ) -> tuple[list[str], int, list[str]]:
-    from canid.frames import open_log
+    from canid.logs import open_log
 
     opened = open_log(log)
     recorded = sum(1 for _ in opened)
     dropped = [int(n.replace(",", "")) for n in re.findall(r"([\d,]+) dropped", screen)]
-    later = [look for look in looks if look.t >= min(SETTLED, looks[-1].t / 3)]
+    later = [each for each in samples if each.t >= min(SETTLED_S, samples[-1].t / 3)]
     settled, last = later[0], later[-1]
     share = (last.cpu - settled.cpu) / (last.t - settled.t)
     growth = last.memory - settled.memory
-    # a file or a folder is open for a moment now and then: the usual number in each half counts
+    # a file or a folder is open for a instant now and then: the usual number in each half counts
     halves = later[: len(later) // 2] or later, later[len(later) // 2 :]
-    descriptors = [int(median(look.descriptors for look in half)) for half in halves]
-    threads = [int(median(look.threads for look in half)) for half in halves]
-    estimates = [json.loads(line) for line in told.read_text().splitlines()]
+    descriptors = [int(median(each.descriptors for each in half)) for half in halves]
+    threads = [int(median(each.threads for each in half)) for half in halves]
+    estimates = [json.loads(line) for line in reported.read_text().splitlines()]
     names = {row.get("estimator") for row in estimates if row.get("status") == "ok"}
     bus = dropped[-1] if dropped else "?"
     ok = ", ".join(sorted(str(name) for name in names if name))
@@ -125,9 +125,9 @@ def _judged(
         f"descriptors {descriptors[0]} and {descriptors[1]}, threads {threads[0]} and {threads[1]} in the two halves after",
         f"{len(estimates):,} estimates, ok were {ok}; {len(screen):,} characters drawn at the end",
     ]
-    parts = [looks[len(looks) * k // 4 - 1] for k in (1, 2, 3, 4)]
+    parts = [samples[len(samples) * k // 4 - 1] for k in (1, 2, 3, 4)]
     rows.append(
-        "memory by quarters: " + ", ".join(f"{m / 1e6:.1f} MB" for m in (look.memory for look in parts))
+        "memory by quarters: " + ", ".join(f"{m / 1e6:.1f} MB" for m in (each.memory for each in parts))
     )
     wrong = []
     if recorded != sent:
@@ -149,7 +149,7 @@ def _judged(
     return rows, sent, wrong
 
 
-class Look(NamedTuple):
+class Usage(NamedTuple):
     """What both processes use."""
 
     t: float  # s
@@ -207,15 +207,15 @@ def _children(pid: int) -> Iterator[int]:
 
 def _send(bus: dict[str, Any], rate: float, seconds: float) -> int:
     """The sender process: returns how many frames it has sent."""
-    from canid.frames.send import onto
+    from canid.buses.send import onto
     from canid.simulation import frames, simulate
     from canid.types import Frame
     from canid.vehicle import read_vehicle
 
-    drive = simulate(minutes=min(DRIVE, seconds / 60 + 0.2), seed=3, profile="urban")
+    drive = simulate(minutes=min(DRIVE_MIN, seconds / 60 + 0.2), seed=3, profile="urban")
     mapped = frames(drive, read_vehicle("generic"))
     span = mapped[-1].t + mapped[1].t - mapped[0].t
-    every = span / max(rate * span - len(mapped), 1.0)  # s between two that nobody maps
+    every = span / max(rate * span - len(mapped), 1.0)  # s between two that are not mapped
 
     def stream() -> Iterator[Frame]:
         k, turn = 0, 0.0

@@ -24,9 +24,9 @@ def markdown(outcomes: Iterable[Outcome]) -> str:
         lost = sorted(row.lost for row in rows if not math.isnan(row.lost))
         middle = (lost[(len(lost) - 1) // 2] + lost[len(lost) // 2]) / 2 if lost else math.nan
         wrong = [row.wrong for row in rows if row.wrong]
-        told = f"{len(wrong)}: {wrong[0]}" if wrong else "0"
+        reported = f"{len(wrong)}: {wrong[0]}" if wrong else "0"
         times = f"{middle:.3f} s | {lost[-1]:.3f} s" if lost else "– | –"
-        lines.append(f"| {name} | {len(rows)} | {times} | {sum(row.frames for row in rows):,} | {told} |")
+        lines.append(f"| {name} | {len(rows)} | {times} | {sum(row.frames for row in rows):,} | {reported} |")
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""`canid check [LOG]`: does the vehicle file fit this log or bus, and what is missing."""
+"""`canid check [LOG]`: whether a vehicle file fits a log or a bus, and what is missing."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, outputs, progress
-from canid.cli.talk import talk, teller
+from canid.cli import options, reading
+from canid.cli.output import outputs
+from canid.cli.output.messages import info, line_printer
+from canid.cli.output.progress import Progress
 from canid.errors import CHECK_FAILED, DAMAGED, DONE
 from canid.types import Frame
 
@@ -17,10 +19,13 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    from canid.frames.command_line import add_bus_arguments
+    from canid.buses.command_line import add_bus_arguments
 
     parser.add_argument(
-        "log", metavar="LOG", nargs="?", help="a log; without one, a bus (-i, -c) or the file alone"
+        "log",
+        metavar="LOG",
+        nargs="?",
+        help="log to check; without LOG: the bus of -i and -c, or the vehicle file alone",
     )
     options.vehicle(parser, required=False)
     parser.add_argument(
@@ -28,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=options.seconds,
         default=5.0,
         metavar="S",
-        help="how long to listen to a bus; default: 5",
+        help="seconds to listen to the bus; default: 5",
     )
     options.json_file(parser)
     add_bus_arguments(parser)
@@ -36,80 +41,74 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check."""
-    from canid.frames import open_log
-    from canid.frames.command_line import named
-    from canid.logs import nothing_read
-    from canid.vehicle import read_vehicle
+    from canid.buses.command_line import named
+    from canid.drive_reader import nothing_read
+    from canid.logs import open_log
 
     outputs.check([options.json_output(args)], options.read_by(args))
-    vehicle = read_vehicle(args.vehicle) if args.vehicle else None
-    for warning in vehicle.warnings if vehicle else ():
-        talk(warning)
+    vehicle = reading.read_vehicle(args.vehicle) if args.vehicle else None
     if not args.log and not named(args):
-        return alone(args, vehicle)
+        return check_alone(args, vehicle)
     log = open_log(args.log) if args.log else None
-    bar = progress.Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s")
-    try:
+    with Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s") as bar:
         if log is None:
-            text, told, problems = look(listen(args), vehicle)
+            text, values, problems = check_frames(listen(args), vehicle)
         else:
-            text, told, problems = look(log, vehicle, lambda _: bar.to(log.progress))
-    finally:
-        bar.close()
-    if log and not told["frames"]:
+            text, values, problems = check_frames(log, vehicle, lambda _: bar.to(log.progress))
+    if log and not values["frames"]:
         raise nothing_read(args.log, 0.0, float("inf"), log.damage)
-    say(args, text, told)
+    show(args, text, values)
     if log and log.others_says:
-        talk(f"no CAN frames: {log.others_says}")
+        info(f"no CAN frames: {log.others_says}")
     if log and log.damage:
-        talk(log.damage.says)
+        info(log.damage.says)
         return DAMAGED
     return CHECK_FAILED if problems else DONE
 
 
-def look(
+def check_frames(
     frames: Iterable[Frame], vehicle: Vehicle | None, on_time: Callable[[float], None] | None = None
 ) -> tuple[list[str], dict[str, Any], int]:
-    """What the frames hold, for this vehicle or for none: lines, the same as JSON, and how many problems."""
-    from canid.check import check, contents
-    from canid.views import table
+    """Check frames against a vehicle, or list their ids without one; returns text, JSON and number of problems."""
+    from canid.vehicle_check import check, contents
+    from canid.views import check_text
 
     if vehicle is None:
-        seen = contents(frames, on_time)
-        return table.contents(seen), table.contents_json(seen), 0
-    found = check(frames, vehicle, on_time)
-    return table.check(found), table.check_json(found), len(found.problems)
+        found = contents(frames, on_time)
+        return check_text.contents(found), check_text.contents_json(found), 0
+    checked = check(frames, vehicle, on_time)
+    return check_text.check(checked), check_text.check_json(checked), len(checked.problems)
 
 
-def alone(args: argparse.Namespace, vehicle: Vehicle | None) -> int:
-    """Without log and bus: is the vehicle file in order, or what buses could there be."""
-    from canid.frames.listen_only import interfaces
+def check_alone(args: argparse.Namespace, vehicle: Vehicle | None) -> int:
+    """Check the vehicle file alone; without one, list the bus interfaces."""
+    from canid.buses.listen_only import interfaces
 
     if vehicle is None:
         known = list(interfaces())
-        text = ["python-can's interfaces, and whether they can be made to listen only:", *known]
-        say(args, text, {"interfaces": known})
+        text = ["python-can's interfaces, and whether each can be set to listen-only:", *known]
+        show(args, text, {"interfaces": known})
     else:
         n = len(vehicle.roles)
-        text = [f"{args.vehicle}: in order; {n} roles mapped, output {vehicle.driver.output}"]
-        say(args, text, {"roles": list(vehicle.roles), "output": vehicle.driver.output})
+        text = [f"{args.vehicle}: valid; {n} roles mapped, output {vehicle.driver.output}"]
+        show(args, text, {"roles": list(vehicle.roles), "output": vehicle.driver.output})
     return DONE
 
 
-def say(args: argparse.Namespace, text: list[str], told: dict[str, Any]) -> None:
+def show(args: argparse.Namespace, text: list[str], values: dict[str, Any]) -> None:
     """Print the lines, and write the JSON."""
-    from canid.views.as_json import line
+    from canid.views.json_values import line
 
-    tell = teller(args.json)
+    print_line = line_printer(args.json)
     for each in text:
-        tell(each)
+        print_line(each)
     with outputs.opened(options.json_output(args)) as sink:
         if sink is not None:
-            sink.write(line(told) + "\n")
+            sink.write(line(values) + "\n")
 
 
 def listen(args: argparse.Namespace) -> Iterator[Frame]:
     """Frames of the bus for --duration."""
-    from canid.frames.command_line import listen as listen_to
+    from canid.buses.command_line import listen as listen_to
 
-    return listen_to(args, args.duration, talk)
+    return listen_to(args, args.duration, info)

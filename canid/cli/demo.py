@@ -1,4 +1,4 @@
-"""`canid demo`: no hardware, no files: a simulated drive with known truth on a virtual bus, through the whole of canid."""
+"""`canid demo`: a simulated drive with known parameters on a virtual bus, through all of canid; needs no hardware."""
 
 from __future__ import annotations
 
@@ -8,50 +8,57 @@ import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from canid.cli import options, output_kinds, outputs, sessions
+from canid.cli import live_session, options
 from canid.cli.interrupt import Interrupt
-from canid.cli.outputs import Output
+from canid.cli.output import output_kinds, outputs
+from canid.cli.output.messages import info, line_printer
+from canid.cli.output.outputs import Output
 from canid.cli.simulate import check_log, declared, write
-from canid.cli.talk import talk, teller
 from canid.errors import CHECK_FAILED, DONE
+from canid.identification.identifiability import QUOTABLE
 from canid.types import Channel, Identifiable, Interval
-from canid.views import words
-from canid.views.screen import View
+from canid.views import estimate_text
+from canid.views.end_summary import EstimateTally
+from canid.views.live_view import View
+from canid.views.names import SYMBOLS, readable
 
-# times as fast as the drive was: three minutes in half a minute
-SPEED = 6.0
-LOG = "following_urban"
+# factor of real time: three minutes take half a minute
+DEFAULT_SPEED = 6.0
+DRIVE = "following_urban"
 CHANNEL = "canid-demo"
-# the cause that the second drive hides, and its chance
-HIDDEN, HIDDEN_SEED = "relative_speed_dead_zone", 21
-# s to let the last frames arrive
-SETTLE = 1.0
+# random seed of the drive with a hidden effect
+HIDDEN_SEED = 21
+# lines of the diagnosis that are shown: verdict, and the first finding
+LINES_SHOWN = 6
+# s for the last frames to arrive
+SETTLE_S = 1.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "-o", "--output", metavar="DIR", default="demo_out", help="folder of the recording; default: demo_out"
+        "-o",
+        "--output",
+        metavar="DIR",
+        default="demo_out",
+        help="folder for the recording and the report; default: demo_out",
     )
     parser.add_argument(
         "--speed",
         type=options.speed,
-        default=SPEED,
+        default=DEFAULT_SPEED,
         metavar="X",
-        help=f"times as fast as the drive was; default: {SPEED:g}",
+        help=f"factor of real time; default: {DEFAULT_SPEED:g}",
     )
     options.json_file(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the drive onto a virtual bus, and run a live session on it."""
-    from canid.frames import open_log
-    from canid.frames.bus import open_buses
-    from canid.frames.send import onto
-    from canid.vehicle.reading import shipped
+    """Play a drive onto a virtual bus, compare the estimates with the truth, and diagnose a second drive."""
+    from canid.vehicle.vehicle_file import shipped
 
-    log = shipped().parent / "replay_logs" / f"{LOG}.blf"
-    truth = json.loads(log.with_name(f"{LOG}.truth.json").read_text(encoding="utf-8"))["channels"]
+    log = shipped().parent / "replay_logs" / f"{DRIVE}.blf"
+    truth = json.loads(log.with_name(f"{DRIVE}.truth.json").read_text(encoding="utf-8"))["channels"]
     out = Path(args.output)
     out.mkdir(parents=True, exist_ok=True)
     json_file = options.json_output(args)
@@ -60,69 +67,82 @@ def run(args: argparse.Namespace) -> int:
     report = Output("-o", str(out / "report.html"), output_kinds.PAGE)
     outputs.check([json_file, recording, *hidden, report])
     check_log(hidden[0])
-    bus = {"interface": "virtual", "channel": CHANNEL}
-    known = tuple((words.INPUT_WORDS[name], _truth(of)) for name, of in truth.items())
-    talk(f"{log.name}, a simulated drive of 3 minutes, on a virtual bus, {args.speed:g} times as fast")
+    known = tuple((readable(name), _truth(of)) for name, of in truth.items())
+    info(f"{log.name}: a simulated drive of 3 minutes on a virtual bus, at {args.speed:g} × real time")
     for name, values in known:
-        talk(f"truth: {name}: {values}")
+        info(f"truth: {name}: {values}")
+    view = View(f"canid demo · {log.name}", truth=known)
     with Interrupt() as stop:
-        buses = open_buses([{**bus, "preserve_timestamps": True}])
-        ended = threading.Event()
-
-        def play() -> None:
-            onto(bus, open_log(log), speed=args.speed)
-            ended.wait(SETTLE)
-            ended.set()
-
-        threading.Thread(target=play, daemon=True).start()
-        view = View(f"canid demo · {log.name}", truth=known)
-        code, tally = sessions.watch(
-            buses,
-            "generic",
-            view,
-            record=recording.path,
-            duration=None,
-            json=json_file,
-            stop=lambda: stop() or ended.is_set(),
-        )
+        code, tally = play_and_watch(log, args.speed, view, recording.path, json_file, stop)
     if stop():
         return stop.code
-    told = {name: e.channels for name, e in tally.last_ok.items()}
-    tell = teller(args.json)
-    hits = [line for name, channels in told.items() for line in compare(name, channels, truth)]
-    for line in hits:
-        tell(line)
-    diagnosed(hidden, report, tell)
-    tell(f"open {report.path} for the whole diagnosis")
-    tell("next: canid replay replay_logs/following_urban.blf --vehicle generic")
-    tell("      canid check YOUR.blf            what is in your own log")
-    tell("      canid init YOUR.dbc             a vehicle file for your own car")
-    return code or (DONE if told else CHECK_FAILED)
+    estimated = {name: e.channels for name, e in tally.last_ok.items()}
+    show = line_printer(args.json)
+    comparison = [line for name, channels in estimated.items() for line in compare(name, channels, truth)]
+    for line in comparison:
+        show(line)
+    diagnose_hidden(hidden, report, show)
+    show(f"full diagnosis: {report.path}")
+    show("next: canid replay replay_logs/following_urban.blf --vehicle generic")
+    show("      canid check YOUR.blf            list the contents of your own log")
+    show("      canid init YOUR.dbc             propose a vehicle file for your own car")
+    return code or (DONE if estimated else CHECK_FAILED)
 
 
-def diagnosed(hidden: tuple[Output, Output], report: Output, tell: Callable[[str], None]) -> None:
-    """Hide a cause in a simulated drive, log it, diagnose the log, and write the report."""
+def play_and_watch(
+    log: Path, speed: float, view: View, record: str, json: Output | None, stop: Callable[[], bool]
+) -> tuple[int, EstimateTally]:
+    """Play a log onto a virtual bus, and run a live session on that bus; returns its exit code and estimates."""
+    from canid.buses.bus_opener import open_buses
+    from canid.buses.send import onto
+    from canid.logs import open_log
+
+    bus = {"interface": "virtual", "channel": CHANNEL}
+    buses = open_buses([{**bus, "preserve_timestamps": True}])
+    ended = threading.Event()
+
+    def play() -> None:
+        onto(bus, open_log(log), speed=speed)
+        ended.wait(SETTLE_S)
+        ended.set()
+
+    threading.Thread(target=play, daemon=True).start()
+    return live_session.watch(
+        buses,
+        "generic",
+        view,
+        record=record,
+        duration=None,
+        json=json,
+        stop=lambda: stop() or ended.is_set(),
+    )
+
+
+def diagnose_hidden(hidden: tuple[Output, Output], report: Output, show: Callable[[str], None]) -> None:
+    """Simulate a drive with a hidden effect, write its log, diagnose the log, and write the report."""
     from canid.cli.provenance import provenance
-    from canid.diagnosis.diagnosing import diagnose
-    from canid.logs import read_trace
+    from canid.diagnosis.diagnose import diagnose
+    from canid.drive_reader import read_trace
+    from canid.effects import CATALOGUE
     from canid.simulation import simulate
     from canid.vehicle import read_vehicle
-    from canid.views import diagnosed as shown
+    from canid.views import diagnosis_text
     from canid.views.report import page
 
-    talk("and now a drive of 5 minutes that hides something; canid diagnoses its log")
+    info("now a simulated drive of 5 minutes with a hidden effect: canid diagnoses its log")
     vehicle = read_vehicle("generic")
-    simulation = simulate(minutes=5, seed=HIDDEN_SEED, profile="urban", hide={HIDDEN: ()})
+    effect = next(each.id for each in CATALOGUE if each.in_demo)
+    simulation = simulate(minutes=5, seed=HIDDEN_SEED, profile="urban", hide={effect: ()})
     log = hidden[0].path
     write(*hidden, simulation, vehicle)
-    told = diagnose(read_trace(log, vehicle))
-    again = f"canid diagnose {log} --vehicle generic --report"
-    told = told._replace(provenance=provenance(log, vehicle, again))
-    for line in shown.text(told, log, vehicle.name)[:6]:
-        tell(line)
-    tell(f"hidden was: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
+    diagnosis = diagnose(read_trace(log, vehicle))
+    command = f"canid diagnose {log} --vehicle generic --report"
+    diagnosis = diagnosis._replace(provenance=provenance(log, vehicle, command))
+    for line in diagnosis_text.text(diagnosis, log, vehicle.name)[:LINES_SHOWN]:
+        show(line)
+    show(f"hidden effect: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
     with outputs.opened_file(report) as file:
-        file.write(page(told))
+        file.write(page(diagnosis))
 
 
 def _truth(of: dict[str, float]) -> str:
@@ -130,19 +150,17 @@ def _truth(of: dict[str, float]) -> str:
 
 
 def compare(name: str, channels: Mapping[str, Channel], truth: Mapping[str, dict[str, float]]) -> list[str]:
-    """Each estimated number beside its truth."""
+    """One line per estimated parameter: its interval, and the truth."""
     lines = []
     for channel, ch in channels.items():
         of = truth[channel] | {"tau_plus_dead_time": truth[channel]["tau"] + truth[channel]["dead_time"]}
-        shown = {
-            Identifiable.OK: ("K", "tau", "dead_time"),
-            Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
-        }
-        for what in shown.get(ch.status, ("K",) if ch.status is Identifiable.GAIN_ONLY else ()):
+        quotable = QUOTABLE[ch.status]
+        # the sum is redundant where both of its parts are quoted
+        for what in quotable[:3] if ch.status is Identifiable.OK else quotable:
             iv: Interval = getattr(ch, what)
             inside = "inside" if iv.low <= of[what] <= iv.high else "OUTSIDE"
             lines.append(
-                f"{name:6} {words.INPUT_WORDS[channel]:14} {words.SYMBOLS[what]:4} {words.interval(iv):20} "
+                f"{name:6} {readable(channel):14} {SYMBOLS[what]:4} {estimate_text.fixed(iv):20} "
                 f"truth {of[what]:.2f}: {inside}"
             )
     return lines

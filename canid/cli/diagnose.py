@@ -1,4 +1,4 @@
-"""`canid diagnose LOG...`: what the simulation gets wrong, why, and what a better model gains."""
+"""`canid diagnose LOG...`: what the simulation gets wrong, the cause, and what a better model gains."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import shlex
 from collections import Counter
 from pathlib import Path
 
-from canid.cli import options, output_kinds, outputs, progress
-from canid.cli.outputs import Output
-from canid.cli.talk import talk, teller
-from canid.errors import CHECK_FAILED, DAMAGED, DONE, ConfigError
+from canid.cli import options, reading
+from canid.cli.output import output_kinds, outputs
+from canid.cli.output.messages import info, line_printer
+from canid.cli.output.outputs import Output
+from canid.cli.output.progress import Progress
+from canid.errors import CHECK_FAILED, DONE, ConfigError
 
-# so that `--report LOG` (a name forgotten, the log taken for it) never writes over a log
-PAGES = (".html", ".htm")
+# with any other suffix `--report LOG` (the name forgotten, the log taken for it) could write over a log
+PAGE_SUFFIXES = (".html", ".htm")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,88 +30,63 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.html",
         nargs="?",
         const="",
-        help="write the diagnosis as one page with plots; without a name LOG.diagnosis.html in the current folder; "
-        "what was there is replaced; without this option no file is written",
+        help="write the diagnosis as an HTML page with plots; default name: LOG.diagnosis.html in the current folder; "
+        "replaces an earlier page",
     )
     parser.add_argument(
         "--check",
         action="store_true",
-        help="exit 1 where a verdict is not adequate (for CI); a damaged log's 4 goes before it",
+        help="exit with 1 if a verdict is not adequate (for CI); a damaged log still exits with 4",
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose."""
-    from canid import logs
     from canid.cli.provenance import provenance
-    from canid.diagnosis.diagnosing import diagnose
+    from canid.diagnosis.diagnose import diagnose
     from canid.findings import Verdict
-    from canid.frames import open_log
-    from canid.vehicle import read_vehicle
-    from canid.views import as_json, diagnosed, summary
-    from canid.views.report import page as written
+    from canid.views import diagnosis_json, diagnosis_text, json_values
+    from canid.views.report import page
 
     pages = report_names(args.logs, args.report)
     json = options.json_output(args)
-    reports = {log: Output("--report", page, output_kinds.PAGE) for log, page in pages.items()}
+    reports = {log: Output("--report", name, output_kinds.PAGE) for log, name in pages.items()}
     outputs.check([json, *reports.values()], options.read_by(args))
-    vehicle = read_vehicle(args.vehicle)
-    for warning in vehicle.warnings:
-        talk(warning)
-    tell = teller(args.json)
+    vehicle = reading.read_vehicle(args.vehicle)
+    show = line_printer(args.json)
     objects = []
-    damaged = inadequate = False
+    damaged = DONE
+    adequate = True
     with outputs.opened(json) as sink:
         for k, path in enumerate(args.logs):
-            bar = progress.Progress(f"reading {path}")
-            log = open_log(path)
-            try:
-                drive = logs.read_drive(
-                    path,
-                    vehicle,
-                    estimating=False,
-                    start=args.start,
-                    stop=args.stop,
-                    log=log,
-                    progress=bar.to,
-                )
-            finally:
-                bar.close()
-            bar = progress.Progress(f"diagnosing {path}")
-            try:
+            drive = reading.read_drive(path, vehicle, args, estimating=False)
+            with Progress(f"diagnosing {path}"):
                 report = diagnose(drive.trace)
-            finally:
-                bar.close()
             report = report._replace(provenance=provenance(path, vehicle, command(args, path)))
-            for line in [""] * (k > 0) + diagnosed.text(report, path, vehicle.name):
-                tell(line)
-            objects.append(diagnosed.to_json(report, path, vehicle.name))
-            # last: what was there is replaced only by a whole page, and a verdict is not lost with a full disk
+            for line in [""] * (k > 0) + diagnosis_text.text(report, path, vehicle.name):
+                show(line)
+            objects.append(diagnosis_json.to_json(report, path, vehicle.name))
+            # after the verdict: a full disk must not lose it; an earlier page is replaced only by a whole one
             with outputs.opened(reports.get(path)) as file:
                 if file is not None:
-                    file.write(written(report))
-                    talk(f"{pages[path]} written")
-            found = drive.health
-            for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-                talk(line)
-            damaged |= bool(found.damage or found.back_in_time)
-            inadequate |= report.verdict is not Verdict.ADEQUATE
+                    file.write(page(report))
+                    info(f"{pages[path]} written")
+            damaged = reading.report_health(drive.health) or damaged
+            adequate &= report.verdict is Verdict.ADEQUATE
         if sink is not None:
-            sink.write(as_json.line(objects[0] if len(objects) == 1 else objects) + "\n")
-    if damaged:
-        return DAMAGED
-    return CHECK_FAILED if args.check and inadequate else DONE
+            sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
+    return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
 
 
 def report_names(logs: list[str], asked: str | None) -> dict[str, str]:
-    """Choose the page of each log.
+    """The page of each log.
 
     Args:
         logs: as given.
-        asked: what --report was given; "" no name, None not at all.
+        asked: the argument of --report; "": without a name; None: not given.
 
     Raises:
-        ConfigError: the name is no page's, or two logs would write the same page.
+        ConfigError: the name is not that of a page, or two logs would write the same page.
 
     Example:
         >>> report_names(["drives/a.blf"], "")
@@ -117,21 +94,23 @@ def report_names(logs: list[str], asked: str | None) -> dict[str, str]:
     """
     if asked is None:
         return {}
-    if asked and Path(asked).suffix.lower() not in PAGES:
-        raise ConfigError(f"diagnose: --report {asked} is no .html file; logs come before --report")
+    if asked and Path(asked).suffix.lower() not in PAGE_SUFFIXES:
+        raise ConfigError(f"diagnose: --report {asked} is not an .html file; put logs before --report")
     if asked and len(logs) > 1:
         raise ConfigError(
-            "diagnose: --report takes a name for one log only; without a name each gets its own page"
+            "diagnose: --report takes a name for one log only; without a name each log gets its own page"
         )
     pages = {log: asked or f"{Path(log).stem}.diagnosis.html" for log in logs}
     twice = [page for page, count in Counter(pages[log] for log in logs).items() if count > 1]
     if twice:
-        raise ConfigError(f"diagnose: two logs would write {twice[0]}; diagnose them one by one, with names")
+        raise ConfigError(
+            f"diagnose: two logs would write {twice[0]}; run diagnose for each, with a name after --report"
+        )
     return pages
 
 
 def command(args: argparse.Namespace, log: str) -> str:
-    """Spell the command that gives one log's report again.
+    """The command that reproduces the report of one log.
 
     Example:
         >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0), "drive 7.blf")

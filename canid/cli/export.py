@@ -1,29 +1,33 @@
-"""`canid export LOG`: signals and estimates for other programs."""
+"""`canid export LOG`: samples and estimates as tables for other programs."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from canid.cli import options, output_kinds, outputs, progress
-from canid.cli.outputs import Output
-from canid.cli.talk import talk
-from canid.errors import DAMAGED, DONE
+from canid.cli import options, reading
+from canid.cli.output import output_kinds, outputs
+from canid.cli.output.messages import info
+from canid.cli.output.outputs import Output
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", metavar="LOG", help=options.LOGS)
     options.vehicle(parser)
-    parser.add_argument("--to", choices=("csv", "parquet"), default="csv", help="format; default: csv")
+    parser.add_argument("--to", choices=("csv", "parquet"), default="csv", help="file format; default: csv")
     parser.add_argument(
         "-o",
         "--output",
         metavar="NAME",
-        help="NAME.samples.csv and NAME.estimates.csv; default: the log's name",
+        help="write NAME.samples.csv and NAME.estimates.csv; default: the log's name without its suffix",
     )
     parser.add_argument(
-        "--dt", type=options.above_zero, default=0.1, metavar="S", help="step of the grid; default: 0.1"
+        "--dt",
+        type=options.above_zero,
+        default=0.1,
+        metavar="S",
+        help="sampling interval in seconds; default: 0.1",
     )
     options.part(parser)
     options.force(parser)
@@ -32,9 +36,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Export."""
-    from canid import export, logs
-    from canid.frames import open_log
-    from canid.views import as_json, summary
+    from canid import export
+    from canid.views import json_values
 
     name = args.output or str(Path(args.log).with_suffix(""))
     kind = output_kinds.PARQUET if args.to == "parquet" else output_kinds.CSV
@@ -45,14 +48,7 @@ def run(args: argparse.Namespace) -> int:
     json = options.json_output(args)
     # before the log is read: that may take minutes
     outputs.check([json, *tables.values()], options.read_by(args))
-    log = open_log(args.log)
-    bar = progress.Progress(f"reading {args.log}")
-    try:
-        drive = logs.read_drive(
-            args.log, args.vehicle, dt=args.dt, start=args.start, stop=args.stop, log=log, progress=bar.to
-        )
-    finally:
-        bar.close()
+    drive = reading.read_drive(args.log, reading.read_vehicle(args.vehicle), args, dt=args.dt)
     columns = {
         "samples": export.samples_table(drive.trace),
         "estimates": export.estimates_table(drive.estimates),
@@ -64,10 +60,7 @@ def run(args: argparse.Namespace) -> int:
                 file.write(export.parquet(table) if args.to == "parquet" else export.csv_text(table))
             path, rows = tables[what].path, len(next(iter(table.values()), ()))
             written.append({"path": path, "rows": rows, "columns": list(table)})
-            talk(f"{path}: {rows:,} rows, {len(table)} columns")
+            info(f"{path}: {rows:,} rows, {len(table)} columns")
         if sink is not None:
-            sink.write(as_json.line(written) + "\n")
-    found = drive.health
-    for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-        talk(line)
-    return DAMAGED if found.damage or found.back_in_time else DONE
+            sink.write(json_values.line(written) + "\n")
+    return reading.report_health(drive.health)

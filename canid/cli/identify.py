@@ -1,12 +1,13 @@
-"""`canid identify LOG...`: the drive's parameters, as a table and JSON."""
+"""`canid identify LOG...`: the driver's parameters of a drive, as text and JSON."""
 
 from __future__ import annotations
 
 import argparse
 
-from canid.cli import options, outputs, progress
-from canid.cli.talk import talk, teller
-from canid.errors import DAMAGED, DONE
+from canid.cli import options, reading
+from canid.cli.output import outputs
+from canid.cli.output.messages import line_printer
+from canid.errors import DONE
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,44 +20,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Identify."""
-    from canid import logs
-    from canid.drive import identify
-    from canid.frames import open_log
-    from canid.vehicle import read_vehicle
-    from canid.views import as_json, identified, summary
+    from canid.drive_parameters import identify
+    from canid.views import identification_json, identification_text, json_values
 
     json = options.json_output(args)
     outputs.check([json], options.read_by(args))
-    vehicle = read_vehicle(args.vehicle)
-    for warning in vehicle.warnings:
-        talk(warning)
-    tell = teller(args.json)
+    vehicle = reading.read_vehicle(args.vehicle)
+    show = line_printer(args.json)
     objects = []
     code = DONE
     with outputs.opened(json) as sink:
         for path in args.logs:
-            log = open_log(path)
-            bar = progress.Progress(f"reading {path}")
-            try:
-                drive = logs.read_drive(
-                    path,
-                    vehicle,
-                    estimating=False,
-                    start=args.start,
-                    stop=args.stop,
-                    log=log,
-                    progress=bar.to,
-                )
-            finally:
-                bar.close()
-            told = identify(drive.trace, armax=vehicle.armax, fopdt=vehicle.fopdt)
-            for line in identified.text(told, path, vehicle.name):
-                tell(line)
-            objects.append(identified.to_json(told, path, vehicle.name))
-            found = drive.health
-            for line in summary.health(found.damage, found.back_in_time, found.counters, found.missing):
-                talk(line)
-            code = DAMAGED if found.damage or found.back_in_time else code
+            drive = reading.read_drive(path, vehicle, args, estimating=False)
+            identified = identify(drive.trace, **vehicle.estimators)
+            for line in identification_text.text(identified, path, vehicle.name):
+                show(line)
+            objects.append(identification_json.to_json(identified, path, vehicle.name))
+            code = reading.report_health(drive.health) or code
         if sink is not None:
-            sink.write(as_json.line(objects[0] if len(objects) == 1 else objects) + "\n")
+            sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
     return code

@@ -1,4 +1,4 @@
-"""Ctrl-C, kill and a closed terminal as a question that loops ask: stop, and which signal was it."""
+"""Signals that end a command: Ctrl-C, SIGTERM and a closed terminal, polled by loops or raised as exceptions."""
 
 from __future__ import annotations
 
@@ -9,34 +9,38 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from canid.cli import streams
+from canid.cli.output import streams
 
-# what a terminal, a service manager and a closed ssh session send
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# sent by a closed ssh session or terminal; Windows has no such signal
+HANGUP: int | None = getattr(signal, "SIGHUP", None)
+# sent by a terminal, a service manager and a closed ssh session
+SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if HANGUP is None else (HANGUP,)))
 
 
 class Interrupt:
-    """`with Interrupt() as stop:` — `stop()` is true after a signal; the second one ends the process at once."""
+    """`with Interrupt() as stop:` — `stop()` is True after a signal; a second signal ends the process at once."""
 
     def __init__(self) -> None:
-        """Nothing has come yet."""
+        """No signal yet."""
         self.signal = 0
         self._before: dict[int, object] = {}
 
     def __call__(self) -> bool:
-        """Was there a signal?"""
+        """Whether a signal has come."""
         return bool(self.signal)
 
     def __enter__(self) -> Interrupt:
-        """Listen for the signals."""
+        """Install the handlers."""
         for number in SIGNALS:
-            if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
-                continue  # started by nohup: a terminal that closes shall not end it
+            if number == HANGUP and signal.getsignal(number) is signal.SIG_IGN:
+                continue  # nohup: a terminal that closes must not end the session
+            # SIGINT is handled even where a script's background job starts with it ignored: `kill -INT` must end a
+            # recording cleanly, as it ends candump and tcpdump
             self._before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave them as they were."""
+        """Restore the earlier handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
@@ -47,32 +51,32 @@ class Interrupt:
 
     @property
     def code(self) -> int:
-        """The exit code that shells expect of an interrupted program: 130 for Ctrl-C, 143 for SIGTERM."""
+        """The exit code of an interrupted program: 130 for Ctrl-C, 143 for SIGTERM."""
         return 128 + self.signal
 
 
 class Ended(KeyboardInterrupt):
-    """SIGTERM or SIGHUP, raised where Ctrl-C would be: files are closed on the way out."""
+    """SIGTERM or SIGHUP, raised like Ctrl-C: files are closed on the way out."""
 
     def __init__(self, number: int) -> None:
-        """Note which signal it was."""
+        """Keep the exit code of the signal."""
         super().__init__(number)
         self.code = 128 + number
 
 
 @contextmanager
 def ending() -> Iterator[None]:
-    """Verbs without a loop that asks `Interrupt` end like this on SIGTERM, SIGHUP and Ctrl-C.
+    """Raise KeyboardInterrupt or `Ended` on a signal, for verbs without a loop that polls `Interrupt`.
 
-    A signal that whoever started the command has switched off (nohup, a shell's background) stays switched off.
+    A signal that the parent process ignores (nohup, a background job of a shell) stays ignored.
     """
 
     def end(number: int, _: FrameType | None) -> None:
-        streams.hurry()  # what is still said on the way out waits for no reader
+        streams.hurry()  # messages on the way out wait for no reader
         raise KeyboardInterrupt if number == signal.SIGINT else Ended(number)
 
     if threading.current_thread() is not threading.main_thread():
-        yield  # Python lets the main thread alone set handlers
+        yield  # only the main thread can set handlers
         return
     usual = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.signal(number, end) for number in SIGNALS if signal.getsignal(number) in usual}

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and what they open."""
+"""Options that several verbs share, and the parsing of their values."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from canid.cli import output_kinds
-from canid.cli.outputs import Output
+from canid.cli.output import output_kinds
+from canid.cli.output.outputs import Output
+from canid.logs import formats
 
 if TYPE_CHECKING:
-    from canid.frames.rotation import Rotation
+    from canid.recording.rotation import Rotation
 
-# what every reader of logs takes
-LOGS = ".blf, .asc, candump .log, .csv, .trc or .mf4"
+# every verb that reads logs
+LOGS = f"recorded log: {formats.described()}"
 
 
 def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
@@ -23,7 +24,7 @@ def vehicle(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
         "--vehicle",
         metavar="V.toml",
         required=required,
-        help="vehicle file, or the name of one that is shipped",
+        help="vehicle file (TOML), or the name of a built-in one, such as generic",
     )
 
 
@@ -32,14 +33,15 @@ def state(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--state",
         metavar="FILE",
-        help="go on from what was learnt before a restart, and save it here every 10 s and at the end",
+        help="continue from the state of an earlier run, and save it to FILE every 10 s and at the end",
     )
 
 
 def rotation(parser: argparse.ArgumentParser) -> None:
     """--file-size, --file-time, --keep-time, --keep-share."""
     group = parser.add_argument_group(
-        "rotation", "record into F_START_000001.blf, F_START_000002.blf, ... of which each opens alone"
+        "rotation",
+        "record into F_START_000001.blf, F_START_000002.blf, ...; each file can be read on its own",
     )
     group.add_argument(
         "-s",
@@ -47,44 +49,44 @@ def rotation(parser: argparse.ArgumentParser) -> None:
         type=size,
         default=0,
         metavar="SIZE",
-        help="a new file before this size: 500k, 100M, 2G",
+        help="begin a new file before this size: 500k, 100M, 2G",
     )
     group.add_argument(
         "--file-time",
         type=span,
         default=math.inf,
         metavar="TIME",
-        help="a new file after this time: 30s, 10min, 1h",
+        help="begin a new file after this time: 30s, 10min, 1h",
     )
     group.add_argument(
         "--keep-time",
         type=span,
         default=math.inf,
         metavar="TIME",
-        help="delete files of this series that were finished longer ago: 12h, 7d",
+        help="delete files of this series older than this: 12h, 7d",
     )
     group.add_argument(
         "--keep-share",
         type=share,
         default=math.nan,
         metavar="PERCENT",
-        help="delete the oldest files of this series where all take more than this share of the disk: 50%%",
+        help="delete the oldest files of this series when it takes more than this share of the disk: 50%%",
     )
 
 
 def rotation_of(args: argparse.Namespace) -> Rotation | None:
-    """What `rotation` declared; None: one file. Raises ConfigError."""
-    from canid.frames.rotation import Rotation, checked
+    """The options of `rotation`; None: one file. Raises ConfigError."""
+    from canid.recording.rotation import Rotation, checked
 
     return checked(Rotation(args.file_size, args.file_time, args.keep_time, args.keep_share))
 
 
 def json_file(parser: argparse.ArgumentParser) -> None:
-    """--json; JSON text that was there is replaced."""
+    """--json; an existing JSON file is replaced."""
     parser.add_argument(
         "--json",
         metavar="FILE",
-        help='the same numbers as JSON; "-" is standard output; replaces JSON text only',
+        help='write the results as JSON ("-": standard output); an existing file is replaced only if it is JSON',
     )
 
 
@@ -93,15 +95,25 @@ def force(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force",
         action="store_true",
-        help="replace files that exist, if canid has written files of their kind",
+        help="replace existing output files, if they are of the same kind",
     )
 
 
 def part(parser: argparse.ArgumentParser) -> None:
     """--start and --stop."""
-    parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="leave out what is earlier")
     parser.add_argument(
-        "--stop", type=seconds, default=float("inf"), metavar="S", help="leave out what is later"
+        "--start",
+        type=seconds,
+        default=0.0,
+        metavar="S",
+        help="start at S seconds of the log",
+    )
+    parser.add_argument(
+        "--stop",
+        type=seconds,
+        default=float("inf"),
+        metavar="S",
+        help="stop at S seconds of the log",
     )
 
 
@@ -145,7 +157,7 @@ def span(text: str) -> float:
 
 
 def share(text: str) -> float:
-    """A share in %, for argparse.
+    """A share, for argparse.
 
     Example:
         >>> share("50%"), share("0.5 %")
@@ -205,11 +217,11 @@ def speed(text: str) -> float:
 
 
 def json_output(args: argparse.Namespace) -> Output | None:
-    """The file of --json: JSON text that was there is replaced, nothing else is."""
+    """The output of --json: it replaces JSON text, nothing else."""
     return None if args.json is None else Output("--json", args.json, output_kinds.JSON)
 
 
 def read_by(args: argparse.Namespace) -> list[str]:
-    """All files that the command line names for reading, for `outputs.check`."""
+    """All files that the command line names for reading: no output may be one of them."""
     named = [getattr(args, name, None) for name in ("log", "logs", "vehicle", "dbc")]
     return [each for value in named if value for each in (value if isinstance(value, list) else [value])]

@@ -1,4 +1,4 @@
-"""What a reader of a diagnosis needs to get the same one again: hashes of the files, versions, the command."""
+"""Provenance of a diagnosis: hashes of the files, versions and the command that reproduces it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from canid.findings import Provenance
 from canid.vehicle import Vehicle
 
 # packages whose release can change a number
-NUMERIC = ("numpy", "scipy", "python-can", "cantools")
+NUMERIC_PACKAGES = ("numpy", "scipy", "python-can", "cantools")
 
 
 def sha256(path: str | Path) -> str:
-    """Hash a file; empty where it cannot be read any more (a pipe, a file that has gone)."""
+    """SHA-256 of a file; empty if it cannot be read any more (a pipe, a deleted file)."""
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -25,23 +25,23 @@ def sha256(path: str | Path) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Releases of canid, Python and the packages that compute.
+    """Versions of canid, Python and the numeric packages.
 
     Example:
         >>> sorted(versions())[:3]
         ['canid', 'cantools', 'numpy']
     """
-    told = {"canid": __version__, "python": platform.python_version()}
-    for name in NUMERIC:
+    releases = {"canid": __version__, "python": platform.python_version()}
+    for name in NUMERIC_PACKAGES:
         try:
-            told[name] = version(name)
+            releases[name] = version(name)
         except PackageNotFoundError:
-            told[name] = "unknown"
-    return told
+            releases[name] = "unknown"
+    return releases
 
 
 def provenance(log: str, vehicle: Vehicle, command: str) -> Provenance:
-    """Collect it for one log."""
+    """Provenance of the diagnosis of one log."""
     return Provenance(
         log=log,
         log_sha256=sha256(log),

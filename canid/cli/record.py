@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from canid.cli import options, sessions
+from canid.cli import live_session, options
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -14,15 +14,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="F.blf",
-        help="default: the date and time; an existing file is never overwritten",
+        help="record to this file; default: canid_DATE_TIME.blf; an existing file is never overwritten",
     )
     options.rotation(parser)
-    sessions.arguments(parser)
+    live_session.arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Record."""
     rotation = options.rotation_of(args)
-    # the files of a series carry the time themselves
+    # the names of a series contain the time
     name = "canid.blf" if rotation else time.strftime("canid_%Y-%m-%d_%H-%M-%S.blf")
-    return sessions.run(args, vehicle=None, record=args.output or name, rotation=rotation)
+    return live_session.run(args, vehicle=None, record=args.output or name, rotation=rotation)

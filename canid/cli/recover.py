@@ -6,11 +6,13 @@ import argparse
 import math
 from typing import Any
 
-from canid.cli import options, output_kinds, outputs, progress
-from canid.cli.outputs import Output
-from canid.cli.talk import talk
+from canid.cli import options
+from canid.cli.output import output_kinds, outputs
+from canid.cli.output.messages import info
+from canid.cli.output.outputs import Output
+from canid.cli.output.progress import Progress
 from canid.errors import DAMAGED, DONE
-from canid.frames.recovery import Recovered
+from canid.logs.recovery import Recovered
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,42 +22,39 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="OUT",
-        help="the copy: .blf, .asc or .log, never over a file that exists; default: LOG with .recovered before its "
-        "suffix, .blf where LOG has a format that canid does not write",
+        help="the copy: .blf, .asc or .log; an existing file is never overwritten; default: LOG with .recovered before "
+        "its suffix, as .blf if canid does not write the format of LOG",
     )
     options.json_file(parser)
     parser.epilog = (
-        "exit: 0 nothing was damaged and the copy is whole, 4 something was damaged and all the rest is in the copy, "
-        "or not one frame could be read and there is no copy"
+        "exit codes: 0 nothing was damaged, the copy is complete; 4 something was damaged, the copy has everything else, "
+        "or no frame could be read and there is no copy"
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Recover."""
-    from canid.frames.recovery import recover, recovered_path
-    from canid.views import as_json
+    from canid.logs.recovery import recover, recovered_path
+    from canid.views import json_values
 
     json = options.json_output(args)
     copy = Output("-o", args.output or str(recovered_path(args.log)), output_kinds.RECORDING)
     outputs.check([json, copy], options.read_by(args))
-    bar = progress.Progress(f"reading {args.log}")
     with outputs.opened(json) as sink:
-        try:
+        with Progress(f"reading {args.log}") as bar:
             found = recover(args.log, args.output, bar.to)
-        finally:
-            bar.close()
-        talk(found.damage.says if found.damage else f"read {found.frames} frames, nothing damaged")
+        info(found.damage.says if found.damage else f"read {found.frames} frames, nothing damaged")
         events = f", {found.events} of the recorder's events" if found.events else ""
-        talk(f"{found.path}: {found.frames} frames{events}")
+        info(f"{found.path}: {found.frames} frames{events}")
         if found.others:
-            talk(f"not in the copy: {found.others_says}")
+            info(f"not in the copy: {found.others_says}")
         if sink is not None:
-            sink.write(as_json.line(told(args.log, found)) + "\n")
+            sink.write(json_values.line(to_json(args.log, found)) + "\n")
     return DAMAGED if found.damage else DONE
 
 
-def told(log: str, found: Recovered) -> dict[str, Any]:
-    """The same as JSON."""
+def to_json(log: str, found: Recovered) -> dict[str, Any]:
+    """The JSON object of a recovery."""
     damage = found.damage
     return {
         "log": log,

@@ -1,4 +1,4 @@
-"""`canid simulate OUT.blf`: a log with known truth; the truth stands in a .truth.json beside it."""
+"""`canid simulate OUT.blf`: a simulated log with known parameters, which are written to a .truth.json next to it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from canid.cli import options, output_kinds, outputs
-from canid.cli.outputs import Output
-from canid.cli.talk import talk
+from canid.cli import options
+from canid.cli.output import output_kinds, outputs
+from canid.cli.output.messages import info
+from canid.cli.output.outputs import Output
 from canid.errors import DONE, CanidError, OutputError
 
 if TYPE_CHECKING:
@@ -22,18 +23,32 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from canid.simulation import NOISES, PROFILES
 
-    parser.add_argument("out", metavar="OUT.blf", help="the log to write; the suffix chooses the format")
-    options.vehicle(parser, required=False)
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="the same seed gives the same bytes")
     parser.add_argument(
-        "--minutes", type=options.above_zero, default=3.0, metavar="M", help="length of the drive; default: 3"
+        "out", metavar="OUT.blf", help="log to write; the suffix (.blf, .asc, .log) selects the format"
     )
-    parser.add_argument("--noise", choices=NOISES, default="ar1", help="colour of the driver's own noise")
+    options.vehicle(parser, required=False)
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=1,
+        metavar="N",
+        help="random seed; the same seed gives the same log; default: 1",
+    )
+    parser.add_argument(
+        "--minutes",
+        type=options.above_zero,
+        default=3.0,
+        metavar="M",
+        help="length of the drive in minutes; default: 3",
+    )
+    parser.add_argument(
+        "--noise", choices=NOISES, default="ar1", help="noise model of the driver; default: ar1"
+    )
     parser.add_argument(
         "--profile",
         choices=PROFILES,
         default="mixed",
-        help="what the vehicle ahead does, or lane; default: mixed",
+        help="traffic of the vehicle ahead, or lane for lane keeping; default: mixed",
     )
     parser.add_argument(
         "--hide",
@@ -41,20 +56,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=hidden,
         default=[],
         metavar="EFFECT[=VALUE,...]",
-        help="a cause that the driver carries, for `canid diagnose` to find; may be given several times",
+        help="hide an effect in the drive, for `canid diagnose` to find; repeatable",
     )
     options.force(parser)
     options.json_file(parser)
 
 
 def hidden(text: str) -> tuple[str, tuple[float, ...]]:
-    """Read EFFECT or EFFECT=VALUE,...
+    """Parse EFFECT or EFFECT=VALUE,...
 
     Example:
-        >>> hidden("gain_change=0.4,200")
-        ('gain_change', (0.4, 200.0))
+        >>> from canid.effects import CATALOGUE
+        >>> hidden(f"{CATALOGUE[0].id}=0.4")[1]
+        (0.4,)
     """
-    from canid.simulation.hidden import PLANTABLE
+    from canid.simulation.planted_effects import PLANTABLE
 
     name, _, numbers = text.partition("=")
     if name not in PLANTABLE:
@@ -62,7 +78,7 @@ def hidden(text: str) -> tuple[str, tuple[float, ...]]:
     try:
         return name, tuple(float(x) for x in numbers.split(",") if x)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: what follows = must be numbers") from None
+        raise argparse.ArgumentTypeError(f"{text!r}: the values after = must be numbers") from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -82,20 +98,20 @@ def run(args: argparse.Namespace) -> int:
     with outputs.opened(json) as sink:
         if sink is not None:
             sink.write(text)
-    talk(f"{log.path} written, its truth in {truth.path}")
+    info(f"{log.path} written, its truth to {truth.path}")
     return DONE
 
 
 def declared(out: Path, *, force: bool) -> tuple[Output, Output]:
-    """The log and its truth, as outputs; `force`: those of an earlier simulation are replaced."""
+    """The log and its truth, as outputs; `force`: replace those of an earlier simulation."""
     truth = out.with_name(out.name.removesuffix(out.suffix) + ".truth.json")
     log = Output("OUT.blf", str(out), output_kinds.SIMULATED, replace=force)
     return log, Output("OUT.blf", str(truth), output_kinds.TRUTH, replace=force)
 
 
 def check_log(log: Output) -> None:
-    """Refuse to replace anything but a simulated log, which begins at an instant of its own. Raises OutputError."""
-    from canid.frames import open_log
+    """Refuse to replace anything but a simulated log, recognised by its fixed start time. Raises OutputError."""
+    from canid.logs import open_log
     from canid.simulation import START_UTC
 
     path = Path(log.path)
@@ -108,26 +124,32 @@ def check_log(log: Output) -> None:
     except CanidError:
         simulated = False
     if not simulated:
-        raise OutputError(f"{path}: exists and is no simulated log: it is left as it is; choose another name")
+        raise OutputError(
+            f"{path}: exists and is not a simulated log: it is left as it is; choose another name"
+        )
     if not log.replace:
         raise OutputError(f"{path}: exists already; choose another name or use --force")
 
 
 def write(log: Output, truth: Output, simulation: Simulation, vehicle: Vehicle) -> str:
-    """Write a simulated log and its truth, which is returned. Raises OutputError; an earlier log stands until then."""
-    from canid.frames import write_log
-    from canid.frames.disk import TakenError
+    """Write a simulated log and its truth, and return the truth. Only a whole log replaces an earlier one.
+
+    Raises:
+        OutputError: the log or its truth cannot be written.
+    """
+    from canid.files.new_file import TakenError
+    from canid.logs import write_log
     from canid.simulation import START_UTC, frames, truth_text
 
     out = Path(log.path)
-    # under a name that nobody else has, in the same folder; only a whole log takes the place of an earlier one
+    # a unique name in the same folder: only a whole log replaces an earlier one
     new = out.with_name(f".{out.name.removesuffix(out.suffix)}.{os.getpid()}.new{out.suffix}")
     try:
         write_log(new, frames(simulation, vehicle), START_UTC)
         check_log(log)
         os.replace(new, out)
     except TakenError:
-        raise  # somebody else's file: it stays
+        raise  # another program's file: it stays
     except BaseException as error:
         with suppress(OSError):
             os.unlink(new)

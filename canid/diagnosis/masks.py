@@ -1,60 +1,59 @@
-"""Stretches in which no human answers, or no valid input arrives: recognised before anything is fitted."""
+"""Masks: stretches without a driver, or without valid inputs, left out of every fit."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from canid.effects import CATALOGUE
-from canid.effects.cause import Drive
-from canid.effects.runs import runs
+from canid.effects.effect import Effect, MaskInput
 from canid.findings import Flags, Masked
-from canid.types import Gate, Trace
+from canid.runs import runs
+from canid.types import LearnGate, Trace
 
-# s; two stretches of one cause with less between them are one for the reader
-APART = 1.0
-# the driver's output where a person gives it
+# s; two stretches of one mask with less between them are reported as one
+MIN_GAP_S = 1.0
+# roles of the output that are a person's
 PERSONAL = ("pedal", "steering_angle")
 
 
-def recognise(trace: Trace) -> tuple[Flags, tuple[Masked, ...]]:
-    """Find what masks each mask of the catalogue lays over a drive.
+def recognise(trace: Trace, catalogue: tuple[Effect, ...] = CATALOGUE) -> tuple[Flags, tuple[Masked, ...]]:
+    """Apply every mask of the catalogue to a drive.
 
     Args:
         trace: of a drive.
+        catalogue: the effects; those without a mask are skipped.
 
     Returns:
-        (n,) samples that no mask has taken, nor the time that the driver needs after it; and the stretches, in the
-        order of their beginnings, without that time.
+        (n,) samples outside of every mask and of the driver's recovery after it; and the stretches, in the order of
+        their starts, without recovery.
 
-    What is missing, standing, braked, or hidden by the pedal's floor is the gate's and the likelihood's matter: those
-    samples stay True unless a mask has taken them.
+    Samples without a lead, at standstill, braked or hidden by the pedal's floor are handled by the learning gate and the
+    likelihood: they stay True unless a mask covers them.
     """
-    drive = view(trace)
+    missing = np.array([gate is LearnGate.STALE for gate in trace.gate], dtype=bool)
+    drive = mask_input(trace)._replace(missing=missing)
     usable = np.ones(trace.t.size, dtype=bool)
     found: list[Masked] = []
-    for effect in CATALOGUE:
+    for effect in catalogue:
         if effect.mask is None:
             continue
         flags = effect.mask(drive)
-        if effect.id == "stale_signal":
-            # what did not arrive at all was seen by the gate already
-            flags = flags | np.array([gate is Gate.STALE for gate in trace.gate], dtype=bool)
-        usable &= ~held(flags, round(effect.recovery / trace.dt))
+        usable &= ~extended(flags, round(effect.recovery / trace.dt))
         found += [Masked(effect.id, start, stop) for start, stop in stretches(flags, trace)]
     return usable, tuple(sorted(found, key=lambda masked: masked.start))
 
 
-def view(trace: Trace) -> Drive:
-    """Return what masks look at."""
-    return Drive(
+def mask_input(trace: Trace) -> MaskInput:
+    """Return what masks are computed from."""
+    return MaskInput(
         trace.t, trace.dt, trace.signals, trace.segment.astype(np.float64), output_role(trace) in PERSONAL
     )
 
 
 def output_role(trace: Trace) -> str:
-    """Return the role that is the driver's output; "": none of the signals is.
+    """Return the role of the driver's output; "": none of the signals is it.
 
-    A trace holds the output as a column of its own: the role is the one whose column is the same.
+    A trace holds the output as a column of its own: the role is the one with the same column.
 
     Example:
         >>> import canid
@@ -68,11 +67,11 @@ def output_role(trace: Trace) -> str:
     return ""
 
 
-def held(flags: Flags, samples: int) -> Flags:
-    """Hold each True for so many samples more.
+def extended(flags: Flags, samples: int) -> Flags:
+    """Extend each stretch of True by so many samples.
 
     Example:
-        >>> held(np.array([False, True, False, False, False]), 2)
+        >>> extended(np.array([False, True, False, False, False]), 2)
         array([False,  True,  True,  True, False])
     """
     index = np.arange(flags.size)
@@ -82,11 +81,11 @@ def held(flags: Flags, samples: int) -> Flags:
 
 
 def stretches(flags: Flags, trace: Trace) -> list[tuple[float, float]]:
-    """Return start and stop of each stretch, s; those with less than `APART` between them are one."""
+    """Return start and stop of each stretch, s; those with less than `MIN_GAP_S` between them are one."""
     out: list[tuple[float, float]] = []
     for first, stop in runs(flags):
         start, end = float(trace.t[first]), float(trace.t[stop - 1] + trace.dt)
-        if out and start - out[-1][1] < APART:
+        if out and start - out[-1][1] < MIN_GAP_S:
             out[-1] = (out[-1][0], end)
         else:
             out.append((start, end))

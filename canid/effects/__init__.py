@@ -1,46 +1,52 @@
-"""The catalogue of causes: one file each; a new cause is a file and a line here."""
+"""The catalogue of effects: one file each; a new effect is a file and its name in the lists here."""
 
-from canid.effects import (
+from canid.effects.driver import (
     act_and_wait,
-    actuator_lag,
     asymmetric_gain,
     attention_gap,
     backlash,
-    brake_overlap,
-    clock_skew,
     comfort_speed,
-    cruise_control,
-    cut_in,
     delay_drift,
-    engine_braking,
     gain_change,
     gain_drift,
-    gear_ratio,
-    gear_shift,
     headway_dead_zone,
     headway_drift,
-    headwind,
     lead_acceleration,
     looming_gain,
     looming_threshold,
     pedal_ceiling,
-    pedal_map,
     periodic_task,
-    power_limit,
+    relative_speed_dead_zone,
+    second_lag,
+    speed_gain,
+    standstill_gap,
+)
+from canid.effects.effect import Effect
+from canid.effects.masks import (
+    brake_overlap,
+    cruise_control,
+    cut_in,
+    gear_shift,
+    stale_signal,
+)
+from canid.effects.sensing import (
+    clock_skew,
     radar_latency,
     range_offset,
     range_rate_scale,
     range_rate_sign,
-    relative_speed_dead_zone,
-    road_grade,
-    second_lag,
-    speed_gain,
     speed_scale,
-    stale_signal,
-    standstill_gap,
+)
+from canid.effects.vehicle import (
+    actuator_lag,
+    engine_braking,
+    gear_ratio,
+    headwind,
+    pedal_map,
+    power_limit,
+    road_grade,
     turbo_lag,
 )
-from canid.effects.cause import Effect
 
 CATALOGUE: tuple[Effect, ...] = (
     # the driver
@@ -63,13 +69,13 @@ CATALOGUE: tuple[Effect, ...] = (
     pedal_ceiling.EFFECT,
     backlash.EFFECT,
     periodic_task.EFFECT,
-    # masks: no human there, or no valid input
+    # masks: no person drives, or an input is not valid
     cruise_control.EFFECT,
     gear_shift.EFFECT,
     cut_in.EFFECT,
     brake_overlap.EFFECT,
     stale_signal.EFFECT,
-    # sensing: told by redundancy
+    # the sensors
     range_offset.EFFECT,
     speed_scale.EFFECT,
     range_rate_scale.EFFECT,

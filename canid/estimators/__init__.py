@@ -1,11 +1,10 @@
-"""The list of estimators. A new one is a file with `make(input_names, dt, settings)` and a line here.
+"""The list of estimators. A new one is a file that defines an `Estimator` (estimator.py), and a line here."""
 
-The name is also the field of the vehicle that holds its settings (`vehicle.armax`, `vehicle.fopdt`).
-"""
+from canid.estimators.armax import ARMAX
+from canid.estimators.estimator import AnyEstimator
+from canid.estimators.fopdt import FOPDT
 
-from canid.estimators import armax, fopdt
-
-ESTIMATORS = (
-    ("armax", armax.make),
-    ("fopdt", fopdt.make),
+ESTIMATORS: tuple[AnyEstimator, ...] = (
+    ARMAX,
+    FOPDT,
 )

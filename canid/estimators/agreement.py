@@ -1,7 +1,7 @@
-"""The estimators check each other, and one of them carries the number to read.
+"""The estimators check each other, and one of them carries the headline estimate.
 
-Both hear the same driver through different models and memories: where their intervals stay apart, at least one of
-the models does not hold, and no number is worth more than the sentence that says so.
+Both estimate the same driver through different models and memories: where their intervals stay disjoint, at least one
+of the models does not hold, and neither number is to be used.
 """
 
 from __future__ import annotations
@@ -10,84 +10,84 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from canid.estimators.status import ROUNDING
+from canid.estimators.status import TIME_ROUNDING_S
 from canid.types import Channel, Estimate, Interval, Status
 
-# Whose number is read first. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
+# Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
 # are worked out from shared poles. An estimator that is not named here comes after these.
-FIRST = ("fopdt", "armax")
+HEADLINE_ORDER = ("fopdt", "armax")
 
-# s; an estimate that is older speaks for another moment. Estimates come twice a second.
-FRESH = 2.0
+# s; an older estimate is about another time. Estimates come twice a second.
+MAX_AGE_S = 2.0
 
-# s; for so long must intervals stay apart: a burst or the first seconds of another manner of driving, which reach
+# s; for so long must intervals stay disjoint: a burst or the first seconds of another manner of driving, which reach
 # the two memories at different speeds, are no contradiction.
-PERSISTENT = 5.0
+PERSISTENCE_S = 5.0
 
-# What both can tell, the word for it, and its unit.
+# What all estimators may give, its symbol, and its unit.
 COMPARED = (("K", "K", ""), ("tau_plus_dead_time", "tau + dead time", " s"))
 
 
 class State(NamedTuple):
-    """What the next estimates are held against."""
+    """What the next estimates are compared with."""
 
-    latest: tuple[Estimate, ...] = ()  # of each estimator, the last one, as it said it
-    # (one estimator, the other, channel, parameter) -> s, since when the intervals have been apart
+    latest: tuple[Estimate, ...] = ()  # of each estimator, the last one, before this check
+    # (one estimator, the other, channel, parameter) -> s, since when the intervals have been disjoint
     apart: Mapping[tuple[str, str, str, str], float] = {}
 
 
 def init() -> State:
-    """Start with nothing heard."""
+    """Start without estimates."""
     return State()
 
 
 def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Estimate, ...]]:
-    """Take in what the estimators say at one instant.
+    """Compare the estimates of one instant.
 
     Args:
         state: as left by the instant before.
         estimates: of the same time, at most one of each estimator; none is no news.
 
     Returns:
-        The new state, and the estimates: `inconsistent` where one stays apart from another, else with `headline`
+        The new state, and the estimates: `inconsistent` where one stays disjoint from another, else with `headline`
         on the one to read.
 
     >>> from canid.types import Identifiable
-    >>> def says(t, name, low, high):
+    >>> def of(t, name, low, high):
     ...     K = Interval((low + high) / 2, low, high)
-    ...     return Estimate(t, name, Status.OK, "told", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
-    >>> state, told = step(init(), [says(0.0, "armax", 4.0, 6.0), says(0.0, "fopdt", 5.0, 6.0)])
-    >>> [e.headline for e in told]
+    ...     return Estimate(t, name, Status.OK, "K", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
+    >>> state, checked = step(init(), [of(0.0, "armax", 4.0, 6.0), of(0.0, "fopdt", 5.0, 6.0)])
+    >>> [e.headline for e in checked]
     [False, True]
     >>> for t in range(1, 7):
-    ...     state, told = step(state, [says(t, "armax", 7.0, 8.0), says(t, "fopdt", 5.0, 6.0)])
-    >>> print(told[1].status.value, told[1].says.partition(":")[0])
+    ...     state, checked = step(state, [of(t, "armax", 7.0, 8.0), of(t, "fopdt", 5.0, 6.0)])
+    >>> print(checked[1].status.value, checked[1].says.partition(":")[0])
     inconsistent range rate
     """
     if not estimates:
         return state, ()
     t = estimates[0].t
-    spoken = {e.estimator: e for e in (*state.latest, *estimates)}
-    latest = tuple(e for e in spoken.values() if t - e.t <= FRESH + ROUNDING)
-    told = sorted((e for e in latest if e.status is Status.OK), key=_rank)
-    seen = {
+    newest = {e.estimator: e for e in (*state.latest, *estimates)}
+    latest = tuple(e for e in newest.values() if t - e.t <= MAX_AGE_S + TIME_ROUNDING_S)
+    valid = sorted((e for e in latest if e.status is Status.OK), key=lambda e: headline_rank(e.estimator))
+    disjoint = {
         (a.estimator, b.estimator, *where): (a, b)
-        for a, b in combinations(told, 2)
-        for where in _apart(a.channels, b.channels)
+        for a, b in combinations(valid, 2)
+        for where in _disjoint_parameters(a.channels, b.channels)
     }
-    apart = {key: state.apart.get(key, t) for key in seen}
+    apart = {key: state.apart.get(key, t) for key in disjoint}
     why: dict[str, str] = {}
     for key, since in apart.items():
-        if t - since >= PERSISTENT - ROUNDING:
+        if t - since >= PERSISTENCE_S - TIME_ROUNDING_S:
             a, b, *_ = key
-            says = _contradiction(key, *seen[key])
+            says = _contradiction(key, *disjoint[key])
             why.setdefault(a, says)
             why.setdefault(b, says)
-    first = told[0].estimator if told and not why else ""
-    return State(latest, apart), tuple(_judged(e, first, why) for e in estimates)
+    first = valid[0].estimator if valid and not why else ""
+    return State(latest, apart), tuple(_checked(e, first, why) for e in estimates)
 
 
-def _judged(e: Estimate, first: str, why: Mapping[str, str]) -> Estimate:
+def _checked(e: Estimate, first: str, why: Mapping[str, str]) -> Estimate:
     if e.status is not Status.OK:
         return e
     if e.estimator in why:
@@ -95,11 +95,12 @@ def _judged(e: Estimate, first: str, why: Mapping[str, str]) -> Estimate:
     return e._replace(headline=e.estimator == first)
 
 
-def _rank(e: Estimate) -> tuple[int, str]:
-    return (FIRST.index(e.estimator) if e.estimator in FIRST else len(FIRST), e.estimator)
+def headline_rank(name: str) -> tuple[int, str]:
+    """Sort estimators by who carries the headline."""
+    return (HEADLINE_ORDER.index(name) if name in HEADLINE_ORDER else len(HEADLINE_ORDER), name)
 
 
-def _apart(one: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tuple[str, str]]:
+def _disjoint_parameters(one: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tuple[str, str]]:
     """(channel, parameter) whose two intervals have no point in common."""
     return [
         (name, what)
@@ -111,7 +112,7 @@ def _apart(one: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tup
 
 
 def _disjoint(a: Interval, b: Interval) -> bool:
-    # comparisons with NaN are false: what cannot be told contradicts nothing
+    # comparisons with NaN are false: what is not identifiable contradicts nothing
     return a.low > b.high or b.low > a.high
 
 
@@ -119,11 +120,12 @@ def _contradiction(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> 
     _, _, name, what = key
     word, unit = next((word, unit) for attribute, word, unit in COMPARED if attribute == what)
 
-    def told(e: Estimate) -> str:
+    def number(e: Estimate) -> str:
         iv: Interval = getattr(e.channels[name], what)
         return f"{iv.value:.2f} [{iv.low:.2f}, {iv.high:.2f}]{unit} by {e.estimator}"
 
+    go_on = "keep driving" if "lateral_offset" in a.channels else "keep following"
     return (
-        f"{name.replace('_', ' ')}: {word} is {told(a)} but {told(b)}; the driver may have changed within the last "
-        "minutes, or answers otherwise than in proportion: read neither, and keep following"
+        f"{name.replace('_', ' ')}: {word} is {number(a)} but {number(b)}; the driver may have changed within the "
+        f"last minutes, or does not respond in proportion: use neither number, and {go_on}"
     )

@@ -1,69 +1,94 @@
-"""First order plus dead time over a sliding window, refitted every half second.
+"""First order plus dead time (FOPDT) over a sliding window, refitted every half second.
 
-The mathematics is in identification/process_fit.py.
+The mathematics is in identification/fopdt/fopdt_fit.py.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
 from canid.estimators import status
-from canid.identification import belief, process_fit, rows
-from canid.types import (
-    AnyEstimator,
-    Array,
-    Estimate,
-    Estimator,
-    FopdtSettings,
-    Gate,
-    Identifiable,
-    Sample,
-    Status,
-)
+from canid.estimators.estimator import Estimator, WholeDrive
+from canid.identification.fopdt import fopdt_fit, regression_rows
+from canid.identification.fopdt.prior import Prior, check_prior
+from canid.state_constraints import TIME
+from canid.types import Array, Estimate, LearnGate, Sample, Status, Trace
 
 NAME = "fopdt"
 
 # Samples after which rows are made of them, asked for or not: as many as `rows.put` takes one by one, whatever the cut.
-FOLD = 64
+MAX_PENDING_SAMPLES = 64
 
-# An input that moves less than this share of what it usually does (status.usual) is not worth a fit.
-STILL = 0.01
-
-
-class State(NamedTuple):
-    """What the next step needs."""
-
-    closed: status.Closed
-    t: float  # s, of the last sample
-    recent: tuple[tuple[float, ...], ...]  # samples that are no rows yet: output, learn, segment, inputs
-    making: rows.State
-    window: Array  # (n, width) rows, read only
-    start: process_fit.Start | None  # where the fit of the last mark lay
-    marked: bool = False  # the estimate that is due is a mark's: its fit begins with the whole box
+# Share of its usual standard deviation (status.usual) that an input must move by in the window to be worth a fit. Less
+# than ARMAX asks for (armax.MIN_MOVEMENT_TO_LEARN): a window forgets what it was fitted to, a recursion does not.
+MIN_MOVEMENT_TO_FIT = 0.01
 
 
-def make(
-    input_names: tuple[str, ...],
-    dt: float,
-    settings: FopdtSettings = FopdtSettings(),
-) -> AnyEstimator:
-    """Build the FOPDT estimator.
+# --- settings --------------------------------------------------------------------------------------
 
-    Args:
-        input_names: one or two, in the order of `Sample.inputs`.
-        dt: s, the grid of the samples.
-        settings: window, pace and box.
+
+def _stated(declared: Prior | None) -> Prior | None:
+    """Both numbers of a distribution or neither, and at least one distribution."""
+    if declared is not None:
+        for a, b in (("tau", "tau_factor"), ("dead_time", "dead_time_sd")):
+            if math.isnan(getattr(declared, a)) != math.isnan(getattr(declared, b)):
+                raise ValueError(f"{a} and {b} belong together: give both or neither")
+        if all(map(math.isnan, declared)):
+            raise ValueError("is empty: state a belief, or leave the section out")
+    return declared
+
+
+# s; the grid's step is the shortest lag that it can show, and what takes longer than 20 s is no reaction
+Lag = Annotated[float, Field(ge=0.15, le=20.0, allow_inf_nan=False)]
+
+
+class FopdtSettings(NamedTuple):
+    """The sliding window and the physical box of the FOPDT fit."""
+
+    # s; the windows' rows are kept in memory and fitted twice a second
+    window: Annotated[float, Field(ge=1.0, le=600.0, allow_inf_nan=False)] = 60.0
+    # s; what is refitted more often than the grid's step is not refitted more often
+    refit: Annotated[float, Field(ge=0.05, le=600.0, allow_inf_nan=False)] = 0.5
+    tau_max: Lag = 3.0  # s; a slower lag is not identifiable separately from an offset in a window of 60 s
+    dead_time_max: Lag = 1.5  # s; human reaction times end well below
+    prior: Annotated[Prior | None, AfterValidator(_stated)] = None  # none: the box alone
+
+
+class Setup(NamedTuple):
+    """Inputs, grid and settings, and what follows from them."""
+
+    input_names: tuple[str, ...]  # one or two
+    dt: float  # s
+    settings: FopdtSettings
+    layout: regression_rows.Layout
+
+    @property
+    def settle(self) -> float:
+        """Time in s after a break in which the unknown history still speaks, for the slowest answer."""
+        return self.settings.tau_max + self.settings.dead_time_max
+
+    @property
+    def rows(self) -> int:
+        """Rows of a window."""
+        return max(round(self.settings.window / self.layout.step), 1)
+
+    @property
+    def needed(self) -> float:
+        """Data in s below which nothing is estimated."""
+        # never more than half of a short window, or a window with one brake dab would never have an estimate
+        return min(status.MIN_DATA_S, 0.5 * self.settings.window)
+
+
+def configure(input_names: tuple[str, ...], dt: float, settings: FopdtSettings) -> Setup:
+    """Check the settings and make the layout of the rows.
 
     Raises:
         ValueError: settings that make no sense.
-
-    >>> estimator = make(("range_rate",), 0.1)
-    >>> state, estimate = estimator.step(estimator.init(), Sample(0.0, 20.0, (0.1,), Gate.OPEN, True, 0, {}))
-    >>> estimate.says
-    '0 s of 20 s of data: keep following'
     """
     m = len(input_names)
     if m not in (1, 2) or not dt > 0.0 or not settings.window >= 10 * dt or not settings.tau_max > dt:
@@ -71,94 +96,138 @@ def make(
             f"inputs {input_names}, dt = {dt} s, {settings}: one or two inputs, dt > 0, window >= 10 dt"
         )
     if settings.prior is not None:
-        belief.check(settings.prior)
-    lay = process_fit.layout(m, dt, settings.tau_max, settings.dead_time_max)
-    # after a break the unknown history speaks for the slowest answer; the window has it in its rows ever after
-    settle = settings.tau_max + settings.dead_time_max
-    keep = max(round(settings.window / lay.step), 1)
-    longest_gap = round((settings.window + settle) / dt)
-    # never more than half of a short window, or a window with one brake dab would never speak
-    enough = min(status.ENOUGH, 0.5 * settings.window)
-    empty = np.zeros((0, lay.width))
-    nothing_measured = (math.nan, 0.0, math.nan, *([math.nan] * m))
+        check_prior(settings.prior)
+    layout = fopdt_fit.row_layout(m, dt, settings.tau_max, settings.dead_time_max)
+    return Setup(input_names, dt, settings, layout)
 
-    def init() -> State:
-        return State(status.Closed(), math.nan, (), rows.State(), empty, None)
 
-    def step(state: State, sample: Sample) -> tuple[State, Estimate | None]:
-        state, due = advance(state, sample)
-        return tell(state, sample) if due else (state, None)
+# --- state -----------------------------------------------------------------------------------------
 
-    def advance(state: State, sample: Sample) -> tuple[State, bool]:
-        if not math.isfinite(sample.t) or sample.t <= state.t:
+
+class State(NamedTuple):
+    """What the next step needs."""
+
+    pace: status.Pace
+    t: Annotated[float, TIME]  # s, of the last sample
+    recent: tuple[tuple[float, ...], ...]  # samples that are no rows yet: output, learn, segment, inputs
+    making: regression_rows.State
+    window: Array  # (n, width) rows, read only
+    start: fopdt_fit.Start | None  # where the last reported fit ended
+    reported: bool = False  # the estimate that is due is a report's: its fit begins with the whole box
+
+
+def init(setup: Setup) -> State:
+    """Start without data."""
+    empty = np.zeros((0, setup.layout.width))
+    return State(status.Pace(), math.nan, (), regression_rows.State(), empty, None)
+
+
+def check_state(setup: Setup, state: State) -> Iterator[str]:
+    """Why a restored state is not of this setup."""
+    if state.window.ndim != 2 or any(len(row) != 3 + len(setup.input_names) for row in state.recent):
+        yield "the window of fopdt has another shape"
+
+
+# --- one sample ------------------------------------------------------------------------------------
+
+
+def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
+    """Take a sample; whether an estimate is due."""
+    if not math.isfinite(sample.t) or sample.t <= state.t:
+        return state, False
+    row = (sample.output, float(sample.learn), float(sample.segment), *sample.inputs)
+    recent = (*state.recent, *_missing(setup, state, sample), row)
+    pace, forced = status.by_gate(state.pace, sample)
+    state = state._replace(pace=pace, t=sample.t, recent=recent)
+    state = _with_rows(setup, state) if len(recent) >= MAX_PENDING_SAMPLES else state
+    every = setup.settings.refit
+    if forced is not None:
+        if not status.due(pace, sample.t, forced, every):
             return state, False
-        recent = (*state.recent, *_missing(state, sample), _row(sample))
-        closed, forced = status.step(state.closed, sample)
-        state = state._replace(closed=closed, t=sample.t, recent=recent)
-        state = _fold(state) if len(recent) >= FOLD else state
-        if forced is not None:
-            if not status.due(closed, sample.t, forced, settings.refit):
-                return state, False
-        # a kind that is new because the gate has just opened is emitted at once, with a fit of its own
-        elif not status.told_by_gate(closed) and sample.t - closed.emitted < settings.refit - status.ROUNDING:
-            return state, False
-        said = status.said(closed, sample.t, Status.OK if forced is None else forced)
-        return state._replace(closed=said, marked=status.marked(closed, sample.t)), True
+    # a kind that is new because the gate has just opened is emitted at once, with a fit of its own
+    elif not status.due_from_data(pace, sample.t, every):
+        return state, False
+    emitted = status.emitted(pace, sample.t, Status.OK if forced is None else forced)
+    return state._replace(pace=emitted, reported=status.reported(pace, sample.t)), True
 
-    def tell(state: State, sample: Sample) -> tuple[State, Estimate]:
-        forced = state.closed.kind
-        if forced is not None and status.told_by_gate(state.closed):
-            return state, status.silent(sample.t, NAME, forced, sample.gate.value, input_names)
-        state, estimate = _refit(_fold(state), sample)
-        return state._replace(closed=status.said(state.closed, sample.t, estimate.status)), estimate
 
-    def _missing(state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:
-        """Rows for grid times that never came."""
-        if not math.isfinite(state.t):
-            return ()
-        return (nothing_measured,) * min(round((sample.t - state.t) / dt) - 1, longest_gap)
+def estimate(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]:
+    """Make the estimate that is due."""
+    forced = state.pace.kind
+    if forced is not None and status.of_gate(state.pace):
+        says = sample.gate.value
+        return state, status.without_numbers(sample.t, NAME, forced, says, setup.input_names)
+    state, made = _refit(setup, _with_rows(setup, state), sample)
+    return state._replace(pace=status.emitted(state.pace, sample.t, made.status)), made
 
-    def _row(sample: Sample) -> tuple[float, ...]:
-        return (sample.output, float(sample.learn), float(sample.segment), *sample.inputs)
 
-    def _fold(state: State) -> State:
-        making, more = rows.put(lay, state.making, np.array(state.recent).reshape(-1, 3 + m), settle)
-        window = np.concatenate([state.window, more])[-keep:]
-        window.setflags(write=False)
-        return state._replace(making=making, window=window, recent=())
+def _missing(setup: Setup, state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:
+    """Rows for grid times that never came."""
+    if not math.isfinite(state.t):
+        return ()
+    longest = round((setup.settings.window + setup.settle) / setup.dt)
+    nothing_measured = (math.nan, 0.0, math.nan, *([math.nan] * len(setup.input_names)))
+    return (nothing_measured,) * min(round((sample.t - state.t) / setup.dt) - 1, longest)
 
-    def _refit(state: State, sample: Sample) -> tuple[State, Estimate]:
-        w = state.window
-        usable = w[:, 1] > 0.0
-        used = float(usable.sum()) * lay.step
-        if used < enough:
-            says = f"{used:.0f} s of {enough:.0f} s of data: keep following"
-            return _told(state, sample, Status.CONVERGING, says, used)
-        inputs = w[:, 2 : 2 + m]
-        spread = inputs[usable].std(axis=0)
-        excitation = {name: float(s) for name, s in zip(input_names, spread, strict=True)}
-        if all(s < STILL * status.usual(name) for name, s in excitation.items()):
-            return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
-        fit = process_fit.fit_rows(lay, w, None if state.marked else state.start, settings.prior)
-        if state.marked:
-            state = state._replace(start=fit.start)
-        channels = dict(zip(input_names, fit.channels, strict=True))
-        if all(c.status is Identifiable.NOT for c in fit.channels):
-            return _told(state, sample, Status.NOT_EXCITED, status.hardly_moved(excitation), used, excitation)
-        says = status.what_is_told(channels)
-        return state, Estimate(sample.t, NAME, Status.OK, says, channels, fit.fit_percent, excitation, used)
 
-    def _told(
-        state: State,
-        sample: Sample,
-        kind: Status,
-        says: str,
-        used: float,
-        excitation: dict[str, float] | None = None,
-    ) -> tuple[State, Estimate]:
+def _with_rows(setup: Setup, state: State) -> State:
+    """Make rows of the pending samples."""
+    samples = np.array(state.recent).reshape(-1, 3 + len(setup.input_names))
+    making, more = regression_rows.put(setup.layout, state.making, samples, setup.settle)
+    window = np.concatenate([state.window, more])[-setup.rows :]
+    window.setflags(write=False)
+    return state._replace(making=making, window=window, recent=())
+
+
+def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]:
+    names, window = setup.input_names, state.window
+    usable = window[:, 1] > 0.0
+    used = float(usable.sum()) * setup.layout.step
+    if used < setup.needed:
+        excitation = dict.fromkeys(names, math.nan)
+        moved = True
+    else:
+        sd = window[:, 2 : 2 + len(names)][usable].std(axis=0)
+        excitation = {name: float(s) for name, s in zip(names, sd, strict=True)}
+        moved = not all(s < MIN_MOVEMENT_TO_FIT * status.usual(name) for name, s in excitation.items())
+
+    def refused(kind: Status, says: str) -> Estimate:
         # brief gates: say why no more data come
-        why = sample.gate.value if sample.gate is not Gate.OPEN else says
-        estimate = status.silent(sample.t, NAME, kind, why, input_names)
-        return state, estimate._replace(used=used, excitation=excitation or {})
+        why = sample.gate.value if sample.gate is not LearnGate.OPEN else says
+        plain = status.without_numbers(sample.t, NAME, kind, why, names)
+        known = excitation if kind is not Status.CONVERGING else {}
+        return plain._replace(used=used, excitation=known)
 
-    return Estimator(NAME, init, step, advance, tell)
+    weak = status.by_data(used, setup.needed, excitation, moved)
+    if weak is not None:
+        return state, refused(*weak)
+    start = None if state.reported else state.start
+    fit = fopdt_fit.fit_rows(setup.layout, window, start, setup.settings.prior)
+    if state.reported:
+        state = state._replace(start=fit.start)
+    channels = dict(zip(names, fit.channels, strict=True))
+    kind, says = status.by_fit(channels, excitation)
+    if kind is not Status.OK:
+        return state, refused(kind, says)
+    return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used)
+
+
+# --- a whole drive ---------------------------------------------------------------------------------
+
+
+def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
+    """Fit all usable samples of a drive at once."""
+    fit = fopdt_fit.fit_process(
+        trace.output,
+        trace.inputs,
+        trace.learn,
+        trace.dt,
+        segment=trace.segment,
+        tau_max=settings.tau_max,
+        dead_time_max=settings.dead_time_max,
+        prior=settings.prior,
+    )
+    return WholeDrive(dict(zip(trace.input_names, fit.channels, strict=True)), fit, fit.fit_percent)
+
+
+FOPDT = Estimator(NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state)

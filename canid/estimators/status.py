@@ -1,107 +1,173 @@
-"""What an estimator may say just now, from the gate alone: the same rules and words for every estimator."""
+"""The status of an estimate: what it is worth, and the sentence with the reason. The same rules for every estimator.
+
+Every status is decided in one of four places, in this order:
+
+1. `by_gate`: the gate is closed: `no_driver`, `no_lead`, `stale`.
+2. `by_data`: too few data: `converging`; the inputs hardly moved: `not_excited`.
+3. `by_fit`: no gain can be estimated: `not_excited`; else `ok`. ARMAX alone adds `inconsistent`, where the residual
+   tests reject the model (estimators/armax.py).
+4. `agreement.step`: the intervals of two estimators stay disjoint: `inconsistent`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from canid.types import NAN, Channel, Estimate, Gate, Identifiable, Sample, Status
+from canid.state_constraints import TIME
+from canid.types import NAN, Channel, Estimate, Identifiable, LearnGate, Sample, Status
 
-# s; a brake dab or a lifted foot is part of following a vehicle: the window's estimate stays true meanwhile.
+# s; a brake dab or a released pedal is part of following a vehicle: the window's estimate stays true meanwhile.
 # Beyond this the sentence "K is ..." would be about somebody who no longer drives with the pedal.
-BRIEF = 5.0
+BRIEF_CLOSURE_S = 5.0
 
 # s; an estimate is repeated at least this often: twice a second is what an eye can follow.
-EVERY = 0.5
+ESTIMATE_EVERY_S = 0.5
 
 # s; grid times are floats: sums of 0.1 s must not make every fifth sample the sixth, nor 5 s less than 5 s.
-ROUNDING = 5e-4
+TIME_ROUNDING_S = 5e-4
 
-# s; the first estimate in each such stretch owes nothing to the estimates before it: whoever needs only one in a while
-# (a whole drive's windows) gets the same numbers without making the others.
-MARK = 10.0
+# s; the first estimate in each such stretch owes nothing to the estimates before it, see windows.py
+REPORT_EVERY_S = 10.0
 
-# s of usable data below which nothing is said: the Cramér-Rao bound of K1 exceeds K1 itself below 20 s.
-ENOUGH = 20.0
+# s of usable data below which nothing is estimated: the Cramér-Rao bound of K1 exceeds K1 itself below 20 s.
+MIN_DATA_S = 20.0
 
 _AT_ONCE = {
-    Gate.CRUISE: Status.NO_DRIVER,
-    Gate.NO_CRUISE: Status.NO_DRIVER,
-    Gate.STANDSTILL: Status.NO_DRIVER,
-    Gate.NO_LEAD: Status.NO_LEAD,
-    Gate.STALE: Status.STALE,
+    LearnGate.CRUISE: Status.NO_DRIVER,
+    LearnGate.NO_CRUISE: Status.NO_DRIVER,
+    LearnGate.STANDSTILL: Status.NO_DRIVER,
+    LearnGate.NO_LEAD: Status.NO_LEAD,
+    LearnGate.STALE: Status.STALE,
 }
-_AFTER_A_WHILE = {
-    Gate.BRAKE: Status.NO_DRIVER,
-    Gate.PEDAL_FLOOR: Status.NO_DRIVER,
-    Gate.TARGET_CHANGE: Status.NO_LEAD,
+_AFTER_BRIEF_CLOSURE = {
+    LearnGate.BRAKE: Status.NO_DRIVER,
+    LearnGate.PEDAL_FLOOR: Status.NO_DRIVER,
+    LearnGate.TARGET_CHANGE: Status.NO_LEAD,
 }
+_OF_GATE = (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
 
 
-class Closed(NamedTuple):
-    """How long the gate has been shut, and what was said last."""
+# --- when ------------------------------------------------------------------------------------------
+
+
+class Pace(NamedTuple):
+    """How long the gate has been closed, and the last estimate."""
 
     since: float = NAN  # s, start of the present closure; NaN: open
-    kind: Status | None = None  # of the last emitted estimate
-    emitted: float = NAN  # s, when
+    kind: Status | None = None  # of the last estimate
+    emitted: Annotated[float, TIME] = NAN  # s, when
 
 
-def step(state: Closed, sample: Sample) -> tuple[Closed, Status | None]:
+def due(pace: Pace, t: float, kind: Status, every: float = ESTIMATE_EVERY_S) -> bool:
+    """Whether an estimate is to be emitted at `t` [s]: the kind is new, or the last one is `every` s old."""
+    return kind is not pace.kind or not t - pace.emitted < every - TIME_ROUNDING_S
+
+
+def due_from_data(pace: Pace, t: float, every: float = ESTIMATE_EVERY_S) -> bool:
+    """Whether an estimate from data is due at `t` [s]: at once where the last one was the gate's, else by `every`."""
+    return of_gate(pace) or not t - pace.emitted < every - TIME_ROUNDING_S
+
+
+def emitted(pace: Pace, t: float, kind: Status) -> Pace:
+    """Return the pace after an estimate of this kind at `t` [s]."""
+    return pace._replace(kind=kind, emitted=t)
+
+
+def of_gate(pace: Pace) -> bool:
+    """Whether the last estimate had its status from the gate, not from the data."""
+    return pace.kind in _OF_GATE
+
+
+def reported(pace: Pace, t: float) -> bool:
+    """Whether an estimate at `t` [s] is the first in its `REPORT_EVERY_S`.
+
+    >>> reported(Pace(emitted=9.6), 10.1), reported(Pace(emitted=10.1), 10.6), reported(Pace(), 0.5)
+    (True, False, True)
+    """
+    if pace.emitted != pace.emitted:
+        return True
+    last = pace.emitted + TIME_ROUNDING_S
+    return (t + TIME_ROUNDING_S) // REPORT_EVERY_S > last // REPORT_EVERY_S
+
+
+# --- which -----------------------------------------------------------------------------------------
+
+
+def by_gate(pace: Pace, sample: Sample) -> tuple[Pace, Status | None]:
     """Follow the gate.
 
     Returns:
-        The new state, and the status that the gate alone forces; None where the data may speak.
+        The new pace, and the status that the gate alone forces; None where the data decide.
 
-    >>> from canid.types import Gate, Sample
-    >>> braking = Sample(0.0, 0.0, (0.0,), Gate.BRAKE, False, 0, {})
-    >>> state, forced = step(Closed(), braking)
+    >>> from canid.types import LearnGate, Sample
+    >>> braking = Sample(0.0, 0.0, (0.0,), LearnGate.BRAKE, False, 0, {})
+    >>> pace, forced = by_gate(Pace(), braking)
     >>> forced is None
     True
-    >>> step(state, braking._replace(t=6.0))[1]
+    >>> by_gate(pace, braking._replace(t=6.0))[1]
     <Status.NO_DRIVER: 'no_driver'>
     """
-    if sample.gate is Gate.OPEN:
-        return (state if state.since != state.since else state._replace(since=NAN)), None
-    since = sample.t if state.since != state.since else state.since
+    if sample.gate is LearnGate.OPEN:
+        return (pace if pace.since != pace.since else pace._replace(since=NAN)), None
+    since = sample.t if pace.since != pace.since else pace.since
     forced = _AT_ONCE.get(sample.gate)
-    if forced is None and sample.t - since >= BRIEF - ROUNDING:
-        forced = _AFTER_A_WHILE.get(sample.gate, Status.STALE)
-    return state._replace(since=since), forced
+    if forced is None and sample.t - since >= BRIEF_CLOSURE_S - TIME_ROUNDING_S:
+        forced = _AFTER_BRIEF_CLOSURE.get(sample.gate, Status.STALE)
+    return pace._replace(since=since), forced
 
 
-def due(state: Closed, t: float, kind: Status, every: float = EVERY) -> bool:
-    """Whether an estimate is to be emitted at `t` [s]: the kind is new, or the last one is `every` s old."""
-    return kind is not state.kind or not t - state.emitted < every - ROUNDING
+def by_data(
+    used: float, needed: float, excitation: Mapping[str, float], moved: bool
+) -> tuple[Status, str] | None:
+    """Status and sentence where the data do not suffice for a fit; None where they do.
 
+    Args:
+        used: s of usable data.
+        needed: s.
+        excitation: input name -> standard deviation over these data.
+        moved: whether an input moved enough, by the estimator's own limit.
 
-def said(state: Closed, t: float, kind: Status) -> Closed:
-    """Return the state after an estimate of this kind went out at `t` [s]."""
-    return state._replace(kind=kind, emitted=t)
-
-
-def told_by_gate(state: Closed) -> bool:
-    """Whether the last estimate was the gate's word, not the data's."""
-    return state.kind in (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
-
-
-def marked(state: Closed, t: float) -> bool:
-    """Whether an estimate at `t` [s] is the first in its `MARK`.
-
-    >>> marked(Closed(emitted=9.6), 10.1), marked(Closed(emitted=10.1), 10.6), marked(Closed(), 0.5)
-    (True, False, True)
+    >>> by_data(12.0, 20.0, {"lateral_offset": 0.2}, True)[1]
+    '12 s of the 20 s of data that an estimate needs: keep driving within the lane'
+    >>> by_data(60.0, 20.0, {"headway_error": 0.01, "range_rate": 0.1}, False)[1]
+    'headway error hardly moved (sd 0.01 s) in these data: drive with varying speed'
     """
-    if state.emitted != state.emitted:
-        return True
-    return (t + ROUNDING) // MARK > (state.emitted + ROUNDING) // MARK
+    if used < needed:
+        go_on = "keep driving within the lane" if _keeps_lane(excitation) else "keep following"
+        says = f"{used:.0f} s of the {needed:.0f} s of data that an estimate needs: {go_on}"
+        return Status.CONVERGING, says
+    if not moved:
+        name, amount = _moved_least(excitation)
+        return Status.NOT_EXCITED, f"{name} hardly moved (sd {amount}) in these data: {_remedy(excitation)}"
+    return None
 
 
-def silent(t: float, estimator: str, status: Status, says: str, names: Sequence[str]) -> Estimate:
-    """Return an estimate that tells nothing of any channel."""
-    return Estimate(t, estimator, status, says, {name: Channel() for name in names})
+def by_fit(channels: Mapping[str, Channel], excitation: Mapping[str, float]) -> tuple[Status, str]:
+    """Status and sentence of a fit.
+
+    >>> by_fit({"range_rate": Channel(status=Identifiable.GAIN_ONLY)}, {"range_rate": 1.0})
+    (<Status.OK: 'ok'>, 'range rate: K only')
+    >>> by_fit({"range_rate": Channel()}, {"range_rate": 0.1})[1]
+    'no gain can be estimated from these data; range rate moved least (sd 0.10 m/s): drive with varying speed'
+    """
+    if all(channel.status is Identifiable.NOT for channel in channels.values()):
+        return Status.NOT_EXCITED, _no_gain(excitation)
+    words = (f"{name.replace('_', ' ')}: {_ESTIMATED[c.status]}" for name, c in channels.items())
+    return Status.OK, "; ".join(words)
 
 
-# What an input usually does in driving, and its unit: sd of the published studies (Grover 2021, Chen & Ulsoy
-# 2001) and of the public car-following logs. Only used to name the input that moved least, and its unit.
+# --- in which words --------------------------------------------------------------------------------
+
+_ESTIMATED = {
+    Identifiable.OK: "K, tau and dead time",
+    Identifiable.SUM_ONLY: "K, and tau and dead time only as a sum",
+    Identifiable.GAIN_ONLY: "K only",
+    Identifiable.NOT: "nothing yet",
+}
+
+# Usual standard deviation of an input in driving, and its unit: of the published studies (Grover 2021, Chen & Ulsoy
+# 2001) and of the public car-following logs.
 _USUAL: dict[str, tuple[float, str]] = {
     "headway_error": (0.3, "s"),
     "range_rate": (1.0, "m/s"),
@@ -114,33 +180,32 @@ def usual(name: str) -> float:
     return _USUAL.get(name, (1.0, ""))[0]
 
 
-_TOLD = {
-    Identifiable.OK: "K, tau and dead time",
-    Identifiable.SUM_ONLY: "K, and tau and dead time only as a sum",
-    Identifiable.GAIN_ONLY: "K only",
-    Identifiable.NOT: "nothing yet",
-}
+def without_numbers(t: float, estimator: str, status: Status, says: str, names: Sequence[str]) -> Estimate:
+    """Return an estimate without a number for any channel."""
+    return Estimate(t, estimator, status, says, {name: Channel() for name in names})
 
 
-def what_is_told(channels: Mapping[str, Channel]) -> str:
-    """Say what these data tell of each input.
-
-    >>> what_is_told({"range_rate": Channel(status=Identifiable.GAIN_ONLY)})
-    'range rate: K only'
-    """
-    return "; ".join(f"{name.replace('_', ' ')}: {_TOLD[c.status]}" for name, c in channels.items())
+def _keeps_lane(names: Mapping[str, float]) -> bool:
+    return "lateral_offset" in names
 
 
-def hardly_moved(excitation: Mapping[str, float]) -> str:
-    """Say which input moved least, how much, and what to do.
+def _remedy(names: Mapping[str, float]) -> str:
+    return "move within the lane" if _keeps_lane(names) else "drive with varying speed"
 
-    >>> hardly_moved({"headway_error": 0.4, "range_rate": 0.1})
-    'range rate hardly moved (sd 0.10 m/s) in these data: drive with varying speed'
-    """
+
+def _moved_least(excitation: Mapping[str, float]) -> tuple[str, str]:
+    """Words and amount of the input that moved least, against what it usually does."""
     name = min(excitation, key=lambda n: excitation[n] / usual(n))
-    if excitation[name] > usual(name):
-        return "the inputs move, but other causes of the output hide the answer: drive with varying speed"
-    unit = _USUAL.get(name, (1.0, ""))[1]
-    remedy = "move within the lane" if name == "lateral_offset" else "drive with varying speed"
-    amount = f"{excitation[name]:.2f} {unit}".strip()
-    return f"{name.replace('_', ' ')} hardly moved (sd {amount}) in these data: {remedy}"
+    return name.replace("_", " "), f"{excitation[name]:.2f} {_USUAL.get(name, (1.0, ''))[1]}".strip()
+
+
+def _no_gain(excitation: Mapping[str, float]) -> str:
+    if all(moved > usual(name) for name, moved in excitation.items()):
+        return (
+            "no gain can be estimated from these data: the inputs moved, but other causes of the output hide the "
+            f"response to them: {_remedy(excitation)}"
+        )
+    name, amount = _moved_least(excitation)
+    return (
+        f"no gain can be estimated from these data; {name} moved least (sd {amount}): {_remedy(excitation)}"
+    )

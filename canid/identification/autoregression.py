@@ -1,4 +1,10 @@
-"""The colour of noise as an autoregression AR(p), fitted through gaps; p by Akaike's criterion."""
+"""Autoregressive noise model AR(p), fitted through gaps by least squares; p by Akaike's criterion.
+
+The diagnosis fits its own (`diagnosis.fitting.likelihood.fit_noise`): there each sample is weighed by a noise scale that
+follows the state, samples at a floor or a ceiling condition the next ones but are not fitted, orders go to 25 and each
+is fitted to all samples that it can use; here whitening is limited (`FLOOR`), what the fit has taken is put back, and
+all orders are compared on the same samples. Which samples count is one rule for both (`preceded`).
+"""
 
 from __future__ import annotations
 
@@ -15,17 +21,27 @@ from canid.types import Array
 FLOOR = 0.003
 
 
+def preceded(known: npt.NDArray[np.bool_], p: int) -> npt.NDArray[np.bool_]:
+    """Where the p samples before are all known; what the sample itself is does not matter.
+
+    >>> preceded(np.array([True, True, False, True, True, True]), 1)
+    array([False,  True,  True, False,  True,  True])
+    """
+    index = np.arange(known.size)
+    last_unknown = np.maximum.accumulate(np.where(known, -1, index))
+    run = np.zeros(known.size, dtype=np.int64)
+    run[1:] = (index - last_unknown)[:-1]
+    out: npt.NDArray[np.bool_] = run >= p
+    return out
+
+
 def whole(usable: npt.NDArray[np.bool_], p: int) -> npt.NDArray[np.bool_]:
     """Where the sample and its p predecessors are all usable.
 
     >>> whole(np.array([True, True, False, True, True, True]), 1)
     array([False,  True, False, False,  True,  True])
     """
-    out = usable.copy()
-    for i in range(1, p + 1):
-        out[i:] &= usable[:-i]
-    out[:p] = False
-    return out
+    return usable & preceded(usable, p)
 
 
 def chosen(rows: npt.NDArray[np.bool_]) -> slice | npt.NDArray[np.bool_]:
@@ -69,7 +85,7 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     """Coefficients phi of r_t = sum phi_i r_(t-i) + e_t.
 
     Least squares over the samples whose `most` predecessors are usable too (so that all orders are compared
-    on the same samples), order by AIC: BIC keeps AR(1) for a mixture of coloured and white noise, and then
+    on the same samples), order by AIC: BIC keeps AR(1) for a mixture of correlated and white noise, and then
     intervals cover too little.
 
     A residual is smaller than the noise: what was fitted has taken some of it, and most where the noise is strongest.
@@ -94,7 +110,7 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     """
     rows = whole(usable, most)
     count = int(rows.sum())
-    # ten samples per coefficient: fewer cannot tell a colour from chance
+    # ten samples per coefficient: fewer cannot tell correlation from chance
     if most < 1 or count < 10 * most:
         return np.zeros(0)
     series = np.where(usable, np.atleast_2d(r), 0.0)
@@ -128,5 +144,5 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
 # Rows whose lags are laid out at once: of a whole drive they would take as much memory as its regression.
 PIECE = 2048
 
-# Noise that remembers for 200 samples cannot be told from a wandering offset in a minute at 10 Hz.
+# Noise that remembers for 200 samples cannot be distinguished from a drifting offset in a minute at 10 Hz.
 SLOWEST = 0.995

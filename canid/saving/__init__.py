@@ -1,1 +1,1 @@
-"""What the estimators know, as bytes that outlive the process: typed, sealed, tied to vehicle and configuration."""
+"""Saved states: what the estimators have learnt, typed, with a checksum, tied to vehicle and configuration."""

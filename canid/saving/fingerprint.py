@@ -1,4 +1,4 @@
-"""A short text that two values share exactly where they mean the same: of a vehicle's mapping, of settings."""
+"""Fingerprints of configuration values: SHA-256 of a canonical text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
-# hex digits; 64 bits: two of the vehicles of one fleet share one by chance in 1 of 10^13 fleets of a thousand
+# hex digits; 64 bits: a collision among a thousand vehicles has the probability 3e-14
 DIGITS = 16
 
 
@@ -22,19 +22,21 @@ def fingerprint(value: Any) -> str:
         >>> fingerprint({"a": 1.0}) == fingerprint({"a": 1.0000000000000002})
         False
     """
-    return hashlib.sha256(_spelt(value).encode()).hexdigest()[:DIGITS]
+    return hashlib.sha256(_canonical(value).encode()).hexdigest()[:DIGITS]
 
 
-def _spelt(value: Any) -> str:
+def _canonical(value: Any) -> str:
     if isinstance(value, Enum):
         return f"{type(value).__name__}.{value.name}"
     if isinstance(value, Mapping):
-        return "{" + ",".join(sorted(f"{_spelt(key)}:{_spelt(of)}" for key, of in value.items())) + "}"
+        return (
+            "{" + ",".join(sorted(f"{_canonical(key)}:{_canonical(of)}" for key, of in value.items())) + "}"
+        )
     if isinstance(value, frozenset | set):
-        return "<" + ",".join(sorted(map(_spelt, value))) + ">"
+        return "<" + ",".join(sorted(map(_canonical, value))) + ">"
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         fields = zip(value._fields, value, strict=True)
-        return f"{type(value).__name__}(" + ",".join(f"{name}={_spelt(of)}" for name, of in fields) + ")"
+        return f"{type(value).__name__}(" + ",".join(f"{name}={_canonical(of)}" for name, of in fields) + ")"
     if isinstance(value, tuple | list):
-        return "[" + ",".join(map(_spelt, value)) + "]"
+        return "[" + ",".join(map(_canonical, value)) + "]"
     return repr(value)

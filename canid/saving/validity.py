@@ -1,75 +1,43 @@
-"""Whether a restored state can be what an estimator has learnt: finite, in range, of the right shapes, and it runs.
+"""Validation of a restored state: finite numbers, ranges, shapes, and a trial run of the estimators.
 
-The seal of a saved state keeps accidents out, not people: whoever can write the file can seal it. So nothing of it is
-used before it has passed. Rules stand here by the type that they are about; what no rule foresees is found by a trial
-of five seconds on samples that mean nothing, whose results are thrown away.
+The checksum of a saved state keeps accidents out, not people: whoever can write the file can compute it. So nothing
+of a state is used before it has passed:
+
+- the constraints in the annotations of its types (state_constraints.py), and bounds that hold for every number;
+- the shapes, by each estimator's `check_state`;
+- a trial of five seconds on synthetic samples, whose results are discarded: it finds what no rule covers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import typing
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from canid import downtime, pipeline
-from canid.estimators import agreement, armax, fopdt
-from canid.identification import armax_recursive, memories, posterior, process_fit, rows
-from canid.identification.armax_batch import Orders
-from canid.screening import evidence, reference, watch
-from canid.screening import rows as screen_rows
-from canid.types import TASK_INPUTS, Estimate, Gate, Sample, Status
+from canid import pipeline, restart_time
+from canid.estimators import agreement
+from canid.monitor import change_monitor
+from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE, TIME, Constraint
+from canid.types import TASK_INPUTS, Estimate, LearnGate, Sample, Status
 from canid.vehicle import Vehicle
 
 # s; three years of driving. Beyond, the step of the grid is lost in the time's own rounding
-_LATEST = 1e8
-# s by which anything may be later than the last sample: the rounding of sums of the grid's step
-_ROUNDING = 1.0
-# of any quantity that is measured or estimated, in any unit: beyond, squares drown what they are added to
-_LARGEST = 1e9
-# names of times of the estimators' clock; NaN: it has not happened
-_TIMES = ("t", "emitted", "began", "said_at", "again")
-# of what one second or less of data is kept: rows of the grid
-_MOST_ROWS = 100_000
-
-# samples of the trial: 5 s at 10 Hz, two blocks of the recursion and two looks of the screen, for 0.15 s of processor time
-_TRIAL = 50
-
-# types of which no number may be missing, and what may be all the same
-_WHOLE: dict[type, tuple[str, ...]] = {
-    armax_recursive.State: (),
-    armax_recursive.Noise: (),
-    armax_recursive.Taken: (),
-    memories.Trust: (),
-    armax.Movement: (),
-    process_fit.Point: (),
-    process_fit.Laid: ("belief",),
-    posterior.Cells: (),
-    posterior.Region: (),
-    rows.History: (),
-    reference.State: ("variance",),
-    evidence.State: ("since",),
-}
-
-# what can be no less than nothing, and what must be more
-_NOT_NEGATIVE: dict[type, tuple[str, ...]] = {
-    armax.Movement: ("samples", "variance"),
-    armax.Quality: ("power", "error"),
-    armax.Learnt: ("used", "pause", "since"),
-    armax_recursive.Noise: ("recent",),
-    memories.Trust: ("weights", "leave", "odds"),
-    posterior.Cells: ("dead_time", "weight"),
-    reference.State: ("rows", "foretold"),
-    watch.Followed: ("unseen",),
-    rows.History: ("age",),
-}
-_POSITIVE: dict[type, tuple[str, ...]] = {
-    armax_recursive.Noise: ("power", "leverage"),
-    armax_recursive.State: ("weights",),
-    posterior.Cells: ("tau", "spacing"),
-    posterior.Region: ("tau_sd", "rest_sd"),
-}
+MAX_TIME_S = 1e8
+# s by which a time may be later than the last sample: the rounding of sums of the grid's step
+TIME_ROUNDING_S = 1.0
+# of any quantity that is estimated, in any unit: beyond, squares lose what they are added to
+MAX_ESTIMATE = 1e9
+# of any number of a state, which may be a square
+MAX_NUMBER = MAX_ESTIMATE**2
+# of an array, as many rows as no estimator keeps of one second or less of data each
+MAX_ROWS = 100_000
+# samples of the trial: 5 s at 10 Hz, two blocks of the recursion and two updates of the monitor, for 0.15 s of
+# processor time
+TRIAL_SAMPLES = 50
 
 
 def check(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
@@ -83,159 +51,104 @@ def check(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
     with np.errstate(all="raise", under="ignore"):
         try:
             now = known.time.t + known.time.ahead
-            if not (0.0 <= known.time.t <= _LATEST and 0.0 <= now <= _LATEST):
+            if not (0.0 <= known.time.t <= MAX_TIME_S and 0.0 <= now <= MAX_TIME_S):
                 return f"its time is {now:g} s"
-            for why in _wrong(known, "", now):
-                return why
-            for why in _misshapen(known, vehicle):
-                return why
-            return _tried(known, vehicle, dt)
+            for problem in _number_errors(known, "", now):
+                return problem
+            return _trial_error(known, vehicle, dt)
         except (Exception, RecursionError) as error:
             # whatever a state makes the estimators raise is the state's fault: they were given no data yet
             return f"the estimators cannot go on from it ({type(error).__name__})"
 
 
-def _wrong(value: Any, place: str, now: float) -> Iterator[str]:
-    """Sentences about numbers that cannot be."""
+@cache
+def _constraints(kind: type) -> dict[str, frozenset[Constraint]]:
+    """The constraints in the annotations of a NamedTuple, field by field."""
+
+    def found(hint: Any) -> Iterator[Constraint]:
+        yield from (x for x in getattr(hint, "__metadata__", ()) if isinstance(x, Constraint))
+        for part in typing.get_args(hint):  # X | None
+            yield from found(part)
+
+    hints = typing.get_type_hints(kind, include_extras=True)
+    return {name: frozenset(found(hint)) for name, hint in hints.items()}
+
+
+def _number_errors(
+    value: Any, place: str, now: float, constraints: frozenset[Constraint] = frozenset()
+) -> Iterator[str]:
+    """Sentences about numbers that cannot be, with their places."""
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        kind = type(value)
+        own = _constraints(type(value))
         for name, part in zip(value._fields, value, strict=True):
-            here = f"{place}.{name}"
-            if name in _TIMES and isinstance(part, float) and part > now + _ROUNDING:
-                yield f"{here} is {part:g} s, after its last sample at {now:g} s"
-            for names, fits in (
-                (_whole(kind, name), _finite),
-                (_NOT_NEGATIVE.get(kind, ()), lambda x: not np.any(np.asarray(x) < 0)),
-                (_POSITIVE.get(kind, ()), lambda x: bool(np.all(np.asarray(x) > 0))),
-            ):
-                if name in names and part is not None and not fits(part):
-                    yield f"{here} is no number that it can have"
-            yield from _wrong(part, here, now)
+            # a nested state inherits what holds for all of it
+            yield from _number_errors(part, f"{place}.{name}", now, constraints | own[name])
     elif isinstance(value, tuple):
         for k, part in enumerate(value):
-            yield from _wrong(part, f"{place}[{k}]", now)
+            yield from _number_errors(part, f"{place}[{k}]", now, constraints)
     elif isinstance(value, Mapping):
         for part in value.values():
-            yield from _wrong(part, place, now)
+            yield from _number_errors(part, place, now, constraints)
     elif isinstance(value, np.ndarray):
-        if (
-            value.size
-            and value.dtype.kind == "f"
-            and not np.nanmax(np.abs(value), initial=0.0) <= _LARGEST**2
-        ):
-            yield f"{place} holds a number beyond all measure"
-        if value.ndim and (len(value) > _MOST_ROWS or (not value.size and max(value.shape) > _MOST_ROWS)):
+        if value.ndim and (len(value) > MAX_ROWS or (not value.size and max(value.shape) > MAX_ROWS)):
             yield f"{place} has the shape {value.shape}"
-    elif isinstance(value, float) and math.isfinite(value) and abs(value) > _LARGEST**2:
-        yield f"{place} is {value:g}"
-    elif isinstance(value, int) and abs(value) > _LARGEST:
+        elif (
+            value.size and value.dtype.kind == "f" and not np.nanmax(np.abs(value), initial=0.0) <= MAX_NUMBER
+        ):
+            yield f"{place} holds a number larger than any measured quantity"
+        yield from _violations(value, place, now, constraints)
+    elif isinstance(value, int) and abs(value) > MAX_ESTIMATE:
         yield f"{place} is a number of {len(str(abs(value)))} digits"
+    elif isinstance(value, float | int):
+        if math.isfinite(value) and abs(value) > MAX_NUMBER:
+            yield f"{place} is {value:g}"
+        yield from _violations(value, place, now, constraints)
 
 
-def _whole(kind: type, name: str) -> tuple[str, ...]:
-    return (name,) if kind in _WHOLE and name not in _WHOLE[kind] else ()
+_FULFILLED: dict[Constraint, Callable[[Any, float], Any]] = {
+    FINITE: lambda x, now: np.isfinite(x),
+    NOT_NEGATIVE: lambda x, now: ~(np.asarray(x) < 0),  # also where x is NaN
+    POSITIVE: lambda x, now: np.asarray(x) > 0,
+    TIME: lambda x, now: ~(np.asarray(x) > now + TIME_ROUNDING_S),
+}
 
 
-def _finite(part: Any) -> bool:
-    if isinstance(part, np.ndarray):
-        return bool(np.isfinite(part).all())
-    if isinstance(part, float):
-        return math.isfinite(part)
-    if isinstance(part, tuple) and not hasattr(part, "_fields"):
-        return all(map(_finite, part))
-    return True
+def _violations(number: Any, place: str, now: float, constraints: frozenset[Constraint]) -> Iterator[str]:
+    for constraint in constraints:
+        if not np.all(_FULFILLED[constraint](number, now)):
+            last = f" ({now:g} s)" if constraint is TIME else ""
+            yield f"{place} is not {constraint.value}{last}"
 
 
-def _misshapen(known: pipeline.Known, vehicle: Vehicle) -> Iterator[str]:
-    """Sentences about shapes that are not of this configuration."""
-    m, settings = len(TASK_INPUTS[vehicle.driver.task]), vehicle.armax
-    for state in known.estimators:
-        if isinstance(state, armax.State):
-            o = Orders(settings.na, settings.nb, settings.nc, settings.nk)
-            yield from _of_armax(state, m, o, settings.forgetting)
-        elif isinstance(state, fopdt.State) and (
-            state.window.ndim != 2 or any(len(row) != 3 + m for row in state.recent)
-        ):
-            yield "the window of fopdt has another shape"
-    fresh = watch.make(TASK_INPUTS[vehicle.driver.task]).init()
-    if len(known.screen.followed) != len(fresh.followed) or len(known.screen.suspicions) != len(
-        fresh.suspicions
-    ):
-        yield "the screen follows other predictors"
-    for own, new in zip(known.screen.followed, fresh.followed, strict=True):
-        for part, usual in zip(
-            (*own.reference, *own.misfit, *own.scatter),
-            (*new.reference, *new.misfit, *new.scatter),
-            strict=True,
-        ):
-            if np.asarray(part).shape != np.asarray(usual).shape:
-                yield "a predictor of the screen has another shape"
-    width = screen_rows.FIRST_INPUT + m
-    pending, looks = known.screen.pending, known.screen.looks
-    # a look is made as soon as it is full; they are kept until they are a minute old and a window has passed
-    if len(pending) >= watch.LOOK or any(len(row) != width for row in pending) or len(looks) > 2 * watch.LATE:
-        yield "the rows of the screen have another shape"
-    if any(look.shape != (watch.LOOK, width) for look in looks):
-        yield "the looks of the screen have another shape"
-
-
-def _of_armax(state: armax.State, m: int, o: Orders, forgetting: Sequence[float]) -> Iterator[str]:
-    k, n, model = len(forgetting), o.count(m), state.model
-    if state.past.ndim != 2 or state.past.shape[1] != 3 + m or any(len(row) != 3 + m for row in state.recent):
-        yield "the rows of armax have another shape"
-    if len(state.movement.mean) != m or len(state.movement.variance) != m:
-        yield "the inputs of armax are others"
-    if model is None:
-        return
-    if not np.array_equal(model.forgetting, np.array(forgetting)):
-        yield "the memories of armax are others"
-    shapes: list[tuple[Any, tuple[int, ...]]] = [
-        (model.theta, (k, 1, n)),
-        (model.root, (k, n, n)),
-        (model.e, (k, 1, o.nc)),
-        (model.weights, (2, k)),
-        (model.score, (2, n)),
-        (model.anchor, (n, n)),
-        (model.trust.weights, (k,)),
-        (model.trust.leave, (k - 1,)),
-        *[(psi, (k, 1, n)) for psi in model.psi],
-        *[(taken.psi, (k, 1, n)) for taken in model.block],
-        *[(taken.e, (k,)) for taken in model.block],
-    ]
-    if any(np.shape(part) != shape for part, shape in shapes):
-        yield "the model of armax has another shape"
-    if len(model.psi) != o.nc or len(model.block) >= armax_recursive.BLOCK or len(model.u) not in (0, m):
-        yield "the lags of armax have another shape"
-    if not abs(sum(model.trust.weights) - 1.0) < 1e-6:
-        yield "the weights of armax do not add up to one"
-    if not np.abs(model.theta).max(initial=0.0) <= _LARGEST:
-        yield "the parameters of armax are beyond all measure"
-
-
-def _tried(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
-    """Let the estimators run on, on samples that mean nothing."""
+def _trial_error(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
+    """Check shapes, and let the estimators go on from a state, on synthetic samples."""
     names = TASK_INPUTS[vehicle.driver.task]
-    estimators, screen = pipeline.estimators(vehicle, dt), watch.make(names)
-    _, pause = downtime.resume(known.time, dt, len(names))
+    estimators, monitor = pipeline.estimators(vehicle, dt), change_monitor.make(names)
+    for estimator, state in zip(estimators, known.estimators, strict=True):
+        for problem in estimator.check_state(state):
+            return problem
+    for problem in monitor.check_state(known.monitor):
+        return problem
+    _, pause = restart_time.resume(known.time, dt, len(names))
     states = [one.step(of, pause)[0] for one, of in zip(estimators, known.estimators, strict=True)]
-    watching, _ = screen.step(known.screen, pause)
+    monitored, _ = monitor.step(known.monitor, pause)
     agreed = known.agreement
-    for k in range(1, _TRIAL + 1):
+    for k in range(1, TRIAL_SAMPLES + 1):
         sample = _sample(pause.t + k * dt, pause.segment, k, len(names))
         said = []
         for place, one in enumerate(estimators):
             states[place], estimate = one.step(states[place], sample)
             said += [estimate] if estimate is not None else []
-        agreed, told = agreement.step(agreed, said)
-        watching, _ = screen.step(watching, sample)
-        for estimate in told:
-            if not _sensible(estimate):
-                return f"{estimate.estimator} says numbers without sense from it"
+        agreed, estimates = agreement.step(agreed, said)
+        monitored, _ = monitor.step(monitored, sample)
+        for estimate in estimates:
+            if not _plausible(estimate):
+                return f"{estimate.estimator} gives impossible numbers from it"
     return ""
 
 
 def _sample(t: float, segment: int, k: int, inputs: int) -> Sample:
-    """A driver who answers a little; nothing of it is kept."""
+    """Sample k of a synthetic driver who answers a little."""
     moved = 0.5 * math.sin(0.13 * k)
     output = 20.0 + 3.0 * math.sin(0.13 * k - 0.5) + 0.3 * math.sin(1.7 * k)
     signals = {
@@ -245,10 +158,13 @@ def _sample(t: float, segment: int, k: int, inputs: int) -> Sample:
         "pedal": output,
         "accel": 0.1 * moved,
     }
-    return Sample(t, output, (moved, 0.7 * math.sin(0.21 * k))[:inputs], Gate.OPEN, True, segment, signals)
+    return Sample(
+        t, output, (moved, 0.7 * math.sin(0.21 * k))[:inputs], LearnGate.OPEN, True, segment, signals
+    )
 
 
-def _sensible(estimate: Estimate) -> bool:
+def _plausible(estimate: Estimate) -> bool:
+    """Whether an estimate that counts has ordered intervals of possible numbers, and the headline one a gain."""
     if estimate.status is not Status.OK:
         return True
     for channel in estimate.channels.values():
@@ -257,7 +173,7 @@ def _sensible(estimate: Estimate) -> bool:
             if ends and (
                 len(ends) < len(interval)
                 or not interval.low <= interval.high
-                or max(map(abs, ends)) > _LARGEST
+                or max(map(abs, ends)) > MAX_ESTIMATE
             ):
                 return False
     return not estimate.headline or any(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from canid.effects import CATALOGUE
+from canid.effects.effect import Effect
+from canid.simulation.bus_frames import START_UTC, frames, truth_text
 from canid.simulation.car import Car
 from canid.simulation.driver import DriverTruth, draw_driver
 from canid.simulation.following import Simulation, follow
 from canid.simulation.lane import Steering, keep_lane
 from canid.simulation.leads import LEADS
 from canid.simulation.noise import NOISES
-from canid.simulation.sensing import START_UTC, frames, truth_text
+from canid.simulation.planted_effects import Shares, Strength
 
 __all__ = [
     "LEADS",
@@ -19,6 +22,7 @@ __all__ = [
     "START_UTC",
     "Car",
     "DriverTruth",
+    "Shares",
     "Simulation",
     "Steering",
     "draw_driver",
@@ -42,7 +46,8 @@ def simulate(
     cut_in: float | None = None,
     grade_sd: float = 0.8,
     car: Car | None = None,
-    hide: Mapping[str, Sequence[float] | None] | None = None,
+    hide: Mapping[str, Strength] | None = None,
+    catalogue: tuple[Effect, ...] = CATALOGUE,
 ) -> Simulation:
     """Simulate a drive in closed loop at 100 Hz: behind another vehicle, or keeping the lane.
 
@@ -60,7 +65,8 @@ def simulate(
         cut_in: s; another vehicle cuts in between the two.
         grade_sd: standard deviation of the road's slope, %.
         car: the car that is driven.
-        hide: causes of the catalogue that the driver carries: id -> parameters; None or (): a strength that shows.
+        hide: effects that driver, car or sensors have: id -> parameters; None or (): a strength that shows.
+        catalogue: effects that `hide` may name.
 
     Returns:
         Columns of what truly happened, and the truth.
@@ -87,4 +93,6 @@ def simulate(
         return keep_lane(minutes, seed, driver or Steering(), car or Car())
     if isinstance(driver, Steering):
         raise ValueError(f"profile {profile!r} takes a driver of type DriverTruth")
-    return follow(minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car(), hide or {})
+    return follow(
+        minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car(), hide or {}, catalogue
+    )

@@ -1,4 +1,4 @@
-"""The car that the simulated driver drives: engine lag, drag, rolling, grade; and its gearbox, for show."""
+"""The simulated car: engine lag, drag, rolling resistance; the slope of the road; the gearbox."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Car(NamedTuple):
 GRAVITY = 9.81  # m/s²
 
 
-def road_grade(n: int, dt: float, speed: Array, sd: float, rng: np.random.Generator) -> Array:
+def slope_profile(n: int, dt: float, speed: Array, sd: float, rng: np.random.Generator) -> Array:
     """Draw the slope under a vehicle that drives at `speed`.
 
     Args:
@@ -38,7 +38,7 @@ def road_grade(n: int, dt: float, speed: Array, sd: float, rng: np.random.Genera
         dt: their distance, s.
         speed: (n,) m/s.
         sd: standard deviation of the slope, %.
-        rng: source of chance.
+        rng: source of random numbers.
 
     Returns:
         (n,) %, positive uphill: four waves of hills 400 m to 3 km long.
@@ -51,13 +51,13 @@ def road_grade(n: int, dt: float, speed: Array, sd: float, rng: np.random.Genera
 
 
 # m/s; where an automatic gearbox shifts up at light load, and engine revolutions per metre in each gear.
-_SHIFT = np.array([4.0, 8.0, 13.0, 19.0, 26.0])
+SHIFT_SPEEDS = (4.0, 8.0, 13.0, 19.0, 26.0)
 _RPM_PER_SPEED = np.array([400.0, 230.0, 150.0, 112.0, 90.0, 75.0])
 _IDLE = 800.0  # rpm
 
 
 def gearbox(speed: Array) -> tuple[Array, Array]:
     """Return the gear (n,) and the engine speed (n,) rpm at the speeds (n,) m/s."""
-    gear = np.searchsorted(_SHIFT, speed, side="right")
+    gear = np.searchsorted(SHIFT_SPEEDS, speed, side="right")
     revolutions: Array = np.maximum(_RPM_PER_SPEED[gear] * speed, _IDLE)
     return gear.astype(np.float64) + 1.0, revolutions

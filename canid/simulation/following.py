@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.effects.cause import Seen
-from canid.simulation.car import GRAVITY, Car, gearbox, road_grade
+from canid.effects.effect import Effect, Seen, VehicleState
+from canid.simulation import planted_effects
+from canid.simulation.car import GRAVITY, SHIFT_SPEEDS, Car, gearbox, slope_profile
 from canid.simulation.driver import DriverTruth, answer, draw_driver
-from canid.simulation.hidden import Hidden, perceive, plant
-from canid.simulation.hidden import foot as make_foot
 from canid.simulation.leads import LEADS, speed_profile
 from canid.simulation.noise import unit_noise
+from canid.simulation.planted_effects import Planted, Strength
 from canid.types import Array
 
 # s; 100 Hz: ten times finer than the estimators' grid, so that no result rests on the simulator's own steps
 DT = 0.01
-# m/s; below this a headway means nothing (gap / 0), and the driver holds the gap as if driving at it
-_CRAWL = 2.0
+# m/s; below this a headway (gap / 0) is not meaningful, and the driver keeps the gap as if driving at it
+_MIN_SPEED = 2.0
 # m; bumpers do not pass through each other
-_TOUCH = 1.0
+_MIN_GAP = 1.0
 
 
 class Simulation(NamedTuple):
@@ -32,6 +33,7 @@ class Simulation(NamedTuple):
     columns: dict[str, Array]  # "t" and role -> (n,), also "headway", "noise", "demand"
     truth: dict[str, Any]  # can be written as JSON
     seed: int
+    measured: Mapping[str, Array] = {}  # role -> (n,) where a sensor reports something else
 
 
 def follow(
@@ -44,31 +46,33 @@ def follow(
     cut_in: float | None,
     grade_sd: float,
     car: Car,
-    hide: Mapping[str, Sequence[float] | None],
+    hide: Mapping[str, Strength],
+    catalogue: tuple[Effect, ...],
 ) -> Simulation:
     """Simulate car following; see `simulate`."""
     n = round(minutes * 60 / DT)
-    # One stream of chance for each purpose: another kind of noise does not change the road.
+    # One stream of random numbers for each purpose: another kind of noise does not change the road.
     rng = {
         purpose: np.random.default_rng([seed, i])
-        for i, purpose in enumerate(("driver", "lead", "foot", "road"))
+        for i, purpose in enumerate(("driver", "lead", "pedal", "road"))
     }
     truth = draw_driver(rng["driver"]) if driver is None else driver
     road = LEADS[profile]
     lead = speed_profile(road, n, DT, rng["lead"])
     if math.isnan(truth.offset):
         truth = truth._replace(offset=round(car.hold(float(lead.mean())), 3))
-    grade = road_grade(n, DT, lead, grade_sd, rng["road"])
-    foot = unit_noise(noise, n, DT, rng["foot"])
+    pedal_noise = unit_noise(noise, n, DT, rng["pedal"])
+    profile_lead = lead
     if cut_in is not None:
         after = np.arange(n) * DT - cut_in
-        # Who cuts in comes from a slower lane: 1.5 m/s slower, and has the lead's speed some 5 s later.
+        # The vehicle that cuts in comes from a slower lane: 1.5 m/s slower, and has the lead's speed some 5 s later.
         lead = np.where(after >= 0, lead - 1.5 * np.exp(-np.maximum(after, 0) / 5.0), lead)
-    planted = plant(
-        hide, n * DT, float(lead.mean()), car.hold(float(lead.mean())), np.random.default_rng([seed, 9])
-    )
-    columns = _loop(lead, foot, grade, truth, car, noise == "state", cut_in, planted)
-    columns |= _beside(columns, grade, rng["road"])
+    own, mean = np.random.default_rng([seed, 9]), float(lead.mean())
+    planted = planted_effects.plant(hide, n * DT, mean, car.hold(mean), own, catalogue)
+    slope_sd = planted_effects.slope_sd(planted.of("vehicle"), grade_sd)
+    grade = slope_profile(n, DT, profile_lead, slope_sd, rng["road"])
+    columns = _loop(lead, pedal_noise, grade, truth, car, noise == "state", cut_in, planted)
+    columns |= _further_signals(columns, grade, rng["road"])
     t = columns["t"]
     valid = np.ones(n)
     for start, stop in lost:
@@ -92,24 +96,24 @@ def follow(
         "car": car._asdict(),
         "hidden": planted.truth or None,
     }
-    return Simulation(DT, columns, facts, seed)
+    return Simulation(DT, columns, facts, seed, planted_effects.measured(planted, columns))
 
 
 def _loop(
     lead: Array,
-    foot: Array,
+    pedal_noise: Array,
     grade: Array,
     truth: DriverTruth,
     car: Car,
     grows: bool,
     cut_in: float | None,
-    hidden: Hidden,
+    planted: Planted,
 ) -> dict[str, Array]:
     """Close the loop. Plain floats: numpy scalars would make it ten times slower."""
     n = len(lead)
     first = answer(truth.K1, truth.tau1, truth.dead_time1, DT)
     second = answer(truth.K2, truth.tau2, truth.dead_time2, DT)
-    vl, e, slope = lead.tolist(), (foot * truth.noise_sd).tolist(), (grade * GRAVITY / 100).tolist()
+    vl, e, slope = lead.tolist(), (pedal_noise * truth.noise_sd).tolist(), (grade * GRAVITY / 100).tolist()
     decay = math.exp(-DT / car.lag)
     v = vl[0]
     gap = truth.headway_desired * v
@@ -117,24 +121,28 @@ def _loop(
     rate: list[float] = []
     seen_rate: list[float] = []
     demand, speed, gaps, accel, noise = (np.empty(n) for _ in range(5))
-    # what a cause adds goes through the lag and dead time of the answer to range rate
+    # what an effect adds goes through the lag and dead time of the answer to range rate
     third = answer(1.0, truth.tau2, truth.dead_time2, DT)
     added: list[float] = []
-    move, planted = make_foot(hidden, DT), bool(hidden.effects or hidden.episodes)
+    in_driver, in_vehicle = planted.of("driver"), planted.of("vehicle")
+    move = planted_effects.pedal_dynamics(in_driver, DT)
     lead_accel = np.gradient(lead, DT).tolist()
     y1 = y2 = y3 = 0.0
     drive, brake = max(truth.offset, 0.0), 0.0
+    engine = planted_effects.engine(in_vehicle, drive, car.power, decay, DT)
+    slope_sd = float(np.std(grade)) or 1.0
+    stands = partial(VehicleState, lagged_pedal=0.0, strength=car.power)
     a = 0.0
     cut = -1 if cut_in is None else round(cut_in / DT)
     for k in range(n):
         if k == cut:
             gap *= 0.55  # a gap of 2 s becomes one of 1.1 s: uncomfortable, not dangerous
-        headway, closing = gap / max(v, _CRAWL), vl[k] - v
+        headway, closing = gap / max(v, _MIN_SPEED), vl[k] - v
         seen_rate.append(closing)
         then = k
-        if planted:
+        if in_driver:
             seen = Seen(k * DT, n * DT, headway, closing, gap, v, lead_accel[k])
-            acted = perceive(hidden, headway - truth.headway_desired, closing, seen)
+            acted = planted_effects.perceive(in_driver, headway - truth.headway_desired, closing, seen)
             error.append(acted.e)
             rate.append(acted.w)
             added.append(acted.extra)
@@ -145,18 +153,24 @@ def _loop(
             rate.append(closing)
         y1, y2 = first.step(y1, error, then), second.step(y2, rate, then)
         answered = truth.K1 * y1 + truth.K2 * y2 + y3
-        # State-dependent noise: a foot that moves more errs more; of the same size at an answer of 6 %.
+        # State-dependent noise: a pedal that moves more has more noise; of the same size at an answer of 6 %.
         n_k = e[k] * (0.25 + abs(answered) / 8.0) if grows else e[k]
         u = truth.offset + answered + n_k
-        if planted:
-            u = move(u, k * DT)
+        if in_driver:
+            u = move(u)
         demand[k], speed[k], gaps[k], noise[k] = u, v, gap, n_k
-        drive = decay * drive + (1 - decay) * min(max(u, 0.0), 100.0)
+        pedal, push = min(max(u, 0.0), 100.0), 0.0
+        if in_vehicle:
+            gear = 1.0 + sum(v >= limit for limit in SHIFT_SPEEDS)
+            state = stands(k * DT, pedal, v, slope[k] * 100 / GRAVITY / slope_sd, gear)
+            drive, push = engine(pedal, state)
+        else:
+            drive = decay * drive + (1 - decay) * pedal
         brake = decay * brake + (1 - decay) * max(-u, 0.0)
-        a = car.power * drive - car.brake * brake - car.rolling - car.drag * v * v - slope[k]
+        a = car.power * drive - car.brake * brake - car.rolling - car.drag * v * v - slope[k] + push
         accel[k] = a
         v_next = max(v + a * DT, 0.0)
-        gap = max(gap + 0.5 * DT * (vl[k] - v + vl[min(k + 1, n - 1)] - v_next), _TOUCH)
+        gap = max(gap + 0.5 * DT * (vl[k] - v + vl[min(k + 1, n - 1)] - v_next), _MIN_GAP)
         v = v_next
     return {
         "t": np.arange(n) * DT,
@@ -168,13 +182,13 @@ def _loop(
         "gap": gaps,
         "range_rate": np.array(seen_rate),
         "lead_speed": lead,
-        "headway": gaps / np.maximum(speed, _CRAWL),
+        "headway": gaps / np.maximum(speed, _MIN_SPEED),
         "noise": noise,
     }
 
 
-def _beside(columns: dict[str, Array], grade: Array, rng: np.random.Generator) -> dict[str, Array]:
-    """Compute what else the car measures: the road under it, its course, its gears. Nothing feeds back."""
+def _further_signals(columns: dict[str, Array], grade: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Compute what else the car measures: slope, course, gears. Nothing feeds back."""
     v, t = columns["speed"], columns["t"]
     zero = np.zeros(len(v))
     # Curves of a country road: up to 3°/s, some 20 s long.
@@ -189,7 +203,7 @@ def _beside(columns: dict[str, Array], grade: Array, rng: np.random.Generator) -
         "altitude": 150.0 + np.cumsum(v * grade / 100) * DT,
         "yaw_rate": yaw_rate,
         # One-track model without slip: steering ratio 15, wheelbase 2.7 m.
-        "steering_angle": np.degrees(15 * 2.7 * yaw_rate / np.maximum(v, _CRAWL)),
+        "steering_angle": np.degrees(15 * 2.7 * yaw_rate / np.maximum(v, _MIN_SPEED)),
         "lateral_offset": 0.15 * np.sin(2 * math.pi * t / 23.0),
         "east": east,
         "north": north,

@@ -46,8 +46,8 @@ def keep_lane(minutes: float, seed: int, steering: Steering, car: Car) -> Simula
         True
     """
     n = round(minutes * 60 / DT)
-    foot, road = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
-    e = (steering.noise_sd * foot.standard_normal(n // _STEPS + 2)).tolist()
+    pedal, road = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
+    e = (steering.noise_sd * pedal.standard_normal(n // _STEPS + 2)).tolist()
     decay = math.exp(-DT / _PUSH_TIME)
     shocks = (_PUSH * math.sqrt(1 - decay * decay) * road.standard_normal(n)).tolist()
     offset, angle, yaw_rate = np.empty(n), np.empty(n), np.empty(n)

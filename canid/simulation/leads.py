@@ -17,20 +17,20 @@ class Profile(NamedTuple):
     high: float
     hold: tuple[float, float]  # s; for how long it wants one speed
     accel: float  # m/s²; how hard it accelerates (it brakes 1.3 times as hard)
-    unrest: float  # m/s²; standard deviation of what its foot does besides
+    unrest: float  # m/s²; standard deviation of the acceleration by unrest of its pedal
 
 
 # Speeds and holding times of roads outside towns, in towns (without standing: at rest a headway means
 # nothing) and of dense motorway traffic. The unrest moves the speed by about 1 m/s: a lead that only cruises
-# cannot tell a driver's gains.
+# does not identify a driver's gains.
 LEADS = {
     "mixed": Profile(10.0, 33.0, (12.0, 42.0), 1.0, 0.35),
     "urban": Profile(5.0, 14.0, (8.0, 25.0), 1.2, 0.35),
     "motorway": Profile(24.0, 33.0, (20.0, 60.0), 0.7, 0.30),
 }
 _WANTING = 0.35  # 1/s; about 3 s to take up a new speed, as measured leads do
-_ENGINE = 0.6  # s; lag between foot and acceleration
-_UNREST_TIME = 2.0  # s; how long one slip of the foot lasts
+_ENGINE = 0.6  # s; lag between pedal and acceleration
+_UNREST_TIME = 2.0  # s; duration of one movement
 _SLOWEST = 3.0  # m/s; never stands, see LEADS
 
 
@@ -41,7 +41,7 @@ def speed_profile(profile: Profile, n: int, dt: float, rng: np.random.Generator)
         profile: of what road.
         n: number of samples.
         dt: their distance, s.
-        rng: source of chance.
+        rng: source of random numbers.
 
     Returns:
         (n,) m/s.

@@ -1,4 +1,4 @@
-"""What a driver does that no model explains: noise of several colours, each with unit variance."""
+"""Noise models of the driver (white, AR(1), resonant, state-dependent), each with unit variance."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def unit_noise(kind: str, n: int, dt: float, rng: np.random.Generator) -> Array:
             ar1 and 30 % white; "none".
         n: number of samples.
         dt: their distance, s.
-        rng: source of chance.
+        rng: source of random numbers.
 
     Returns:
         (n,) dimensionless.

@@ -1,11 +1,11 @@
-"""A car: its DBC files and its TOML. Frames → readings by role, in SI, and back for the simulator."""
+"""A vehicle: its DBC files and its TOML file. Decoding of frames to readings by role, in SI, and encoding."""
 
-from canid.vehicle.decoding import Decoding, decoder, missing, seen
+from canid.vehicle.decoding import Decoding, decoder, mapped_ids, missing
 from canid.vehicle.encoding import encoder
 from canid.vehicle.mapping import LeadConfig, RoleMap, SignalMap, TrackMap, Vehicle
-from canid.vehicle.proposing import propose
-from canid.vehicle.reading import locate, read_vehicle
+from canid.vehicle.proposal import propose
 from canid.vehicle.roles import ROLES
+from canid.vehicle.vehicle_file import locate, read_vehicle
 
 __all__ = [
     "ROLES",
@@ -18,8 +18,8 @@ __all__ = [
     "decoder",
     "encoder",
     "locate",
+    "mapped_ids",
     "missing",
     "propose",
     "read_vehicle",
-    "seen",
 ]

@@ -1,4 +1,4 @@
-"""DBC files (and what else cantools reads: .kcd, .sym, .arxml): their messages and signals as plain values."""
+"""DBC files (and .kcd, .sym, .arxml, as cantools reads them): messages and signals as plain values."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from canid.vehicle.mapping import Condition, MessageMap
 from canid.vehicle.quoting import several
 
 # bytes of all DBC files of a vehicle together; the largest public one has 0.5 MB, those of whole trucks 2 to 5 MB
-LARGEST = 16_000_000
-# bits of a frame of 64 bytes: what lies behind them no frame carries
+MAX_DBC_BYTES = 16_000_000
+# bits of a frame of 64 bytes, the longest
 _FRAME_BITS = 8 * 64
 # lengths of IEEE 754 numbers
-_FLOATS = (16, 32, 64)
-# remarks of cantools on one file that are passed on
-_WARNINGS = 5
-# selectors on top of each other; files by hand have two
-_PAGES_DEEP = 16
+_FLOAT_LENGTHS = (16, 32, 64)
+# warnings of cantools on one file that are passed on
+_MAX_WARNINGS = 5
+# nested multiplexers; hand-written files have two
+_MAX_SELECTOR_DEPTH = 16
 
-# What DBC authors call a number that counts up from frame to frame (openpilot, AUTOSAR E2E, Vector).
-_COUNTER = re.compile(r"count|alive|rolling|sequence|(^|_)(cnt|ctr)($|_|\d)", re.IGNORECASE)
-# Counts something that may rightly stand still: faults of a healthy sender, pulses of a wheel at rest.
-_NOT_ALIVE = re.compile(r"inval|err|fault|pulse|wheel|press|trip|odo", re.IGNORECASE)
+# names that DBC authors give a number that counts up from frame to frame (openpilot, AUTOSAR E2E, Vector).
+_COUNTER_NAME = re.compile(r"count|alive|rolling|sequence|(^|_)(cnt|ctr)($|_|\d)", re.IGNORECASE)
+# names of counts that may rightly stand still: faults of a healthy sender, pulses of a wheel at rest
+_NO_COUNTER_NAME = re.compile(r"inval|err|fault|pulse|wheel|press|trip|odo", re.IGNORECASE)
 
 
 class Dbc(NamedTuple):
@@ -38,8 +38,10 @@ class Dbc(NamedTuple):
     messages: dict[str, Message]
 
 
-def load(path: Path, bus: int | None, parser: Parser, largest: int = LARGEST) -> tuple[Dbc, list[str], int]:
-    """Read one DBC file; one that fails the strict check is read all the same.
+def load(
+    path: Path, bus: int | None, parser: Parser, largest: int = MAX_DBC_BYTES
+) -> tuple[Dbc, list[str], int]:
+    """Read one DBC file; one that fails the strict check is read anyway.
 
     Args:
         path: of the file.
@@ -51,22 +53,24 @@ def load(path: Path, bus: int | None, parser: Parser, largest: int = LARGEST) ->
         The file, a few warnings that name the messages which overlap or do not fit, and the file's size in bytes.
 
     Raises:
-        ConfigError: the file is missing, or no DBC at all, or without messages, or takes too long to parse.
+        ConfigError: the file is missing, or not a DBC, or without messages, or takes too long to parse.
     """
     data = read(path, largest, "DBC file")
     try:
         content = parser.dbc(path.suffix.lower(), data)
     except ParseError as error:
-        raise ConfigError(f"{path} is no DBC that can be read: {brief_sentence(str(error))}") from None
+        raise ConfigError(f"{path} cannot be parsed as a DBC: {brief_sentence(str(error))}") from None
     messages = {message.name: message for message in content.messages}
     if not messages:
-        raise ConfigError(f"{path} holds no messages")
-    warnings = [f"{path.name}: {brief_sentence(line)}" for line in content.warnings[:_WARNINGS]]
-    if len(content.warnings) > _WARNINGS:
-        warnings.append(f"{path.name}: {len(content.warnings) - _WARNINGS:,} more such remarks")
+        raise ConfigError(f"{path} defines no messages")
+    warnings = [f"{path.name}: {brief_sentence(line)}" for line in content.warnings[:_MAX_WARNINGS]]
+    if len(content.warnings) > _MAX_WARNINGS:
+        warnings.append(f"{path.name}: {len(content.warnings) - _MAX_WARNINGS:,} more such warnings")
     if content.overlapping:
         bad = several(list(content.overlapping))
-        warnings.append(f"{path.name}: signals overlap or do not fit their frame in {bad}; read all the same")
+        warnings.append(
+            f"{path.name}: signals overlap or do not fit their frame in {bad}; the file is read anyway"
+        )
     return Dbc(path.name, bus, messages), warnings, len(data)
 
 
@@ -91,16 +95,16 @@ def carried(signal: Signal) -> bool:
     """
     if not 1 <= signal.length <= _FRAME_BITS or not 0 <= signal.start < _FRAME_BITS:
         return False
-    return bits_of(signal).end <= _FRAME_BITS and (not signal.floating or signal.length in _FLOATS)
+    return bits_of(signal).end <= _FRAME_BITS and (not signal.floating or signal.length in _FLOAT_LENGTHS)
 
 
 def bits_of(signal: Signal) -> Bits:
-    """Tell where a signal lies."""
+    """Return the place of a signal in its frame."""
     return Bits(signal.start, signal.length, signal.motorola, signal.signed, signal.floating)
 
 
 def condition_of(message: Message, signal: Signal) -> Condition | None:
-    """Tell which selectors must hold what for `signal` to be there, the innermost multiplexer first.
+    """Return the selector values for which a multiplexed signal is present, the innermost multiplexer first.
 
     Returns:
         None where no frame can carry the selectors: they lie outside it, or select each other.
@@ -109,7 +113,7 @@ def condition_of(message: Message, signal: Signal) -> Condition | None:
     found: list[tuple[Bits, frozenset[int]]] = []
     while signal.multiplexer is not None and signal.pages:
         parent = known.get(signal.multiplexer)
-        if parent is None or not carried(parent) or len(found) == _PAGES_DEEP:
+        if parent is None or not carried(parent) or len(found) == _MAX_SELECTOR_DEPTH:
             return None
         found.append((bits_of(parent), frozenset(signal.pages)))
         signal = parent
@@ -117,7 +121,7 @@ def condition_of(message: Message, signal: Signal) -> Condition | None:
 
 
 def message_map(message: Message, bus: int | None) -> MessageMap:
-    """Describe what decoding and encoding need of a message beside its mapped signals."""
+    """Describe what decoding and encoding need of a message, apart from its mapped signals."""
     pages: dict[str, set[int]] = {}
     for signal in message.signals:
         if signal.multiplexer is not None:
@@ -128,17 +132,19 @@ def message_map(message: Message, bus: int | None) -> MessageMap:
         for signal in carriers
         if signal.is_multiplexer
     )
-    # A counter under a multiplexer counts its own page only: not a sign of life of the message.
-    counters = [signal for signal in carriers if _COUNTER.search(signal.name) and not signal.pages]
-    # One bit may be a flag: two states that stand still prove nothing.
-    counters = [signal for signal in counters if signal.length > 1 and not _NOT_ALIVE.search(signal.name)]
-    looked_at = [where.end for _, where, _ in selectors] + [bits_of(signal).end for signal in counters[:1]]
+    # A counter under a multiplexer counts its own page only: it does not show that the message is alive.
+    counters = [signal for signal in carriers if _COUNTER_NAME.search(signal.name) and not signal.pages]
+    # One bit may be a flag, which may rightly stand still.
+    counters = [
+        signal for signal in counters if signal.length > 1 and not _NO_COUNTER_NAME.search(signal.name)
+    ]
+    needed_bits = [where.end for _, where, _ in selectors] + [bits_of(signal).end for signal in counters[:1]]
     return MessageMap(
         name=message.name,
         id=message.id,
         extended=message.extended,
         bus=bus,
-        length=max(message.length, *[-(-end // 8) for end in looked_at], 0),
+        length=max(message.length, *[-(-end // 8) for end in needed_bits], 0),
         period=message.period,
         counter=bits_of(counters[0]) if counters else None,
         selectors=selectors,

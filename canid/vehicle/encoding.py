@@ -1,4 +1,4 @@
-"""Values by role → frames, for simulated logs and tests: decoding backwards."""
+"""Encoding of values by role into frames, for simulated logs and tests: the inverse of decoding."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Encode = Callable[..., list[Frame]]
 
 
 class _Slot(NamedTuple):
-    """One signal to fill, from the value of one role; its place in the frame worked out beforehand."""
+    """One signal to fill, from the value of one role; its place in the frame computed beforehand."""
 
     role: str
     how: SignalMap
@@ -122,12 +122,12 @@ def _frame(t: float, plan: _Plan, values: Mapping[str, float], tick: int) -> Fra
 
 
 def _raw(slot: _Slot, value: float) -> float:
-    """Find the raw number that decodes to the value, as near as its resolution lets it."""
+    """Return the raw number that decodes to the value, as near as its resolution allows."""
     how = slot.how
     if how.kind == "bool":
         return _raw_bool(how, value)
     if math.isnan(value):
-        return _raw_nothing(how)
+        return _raw_no_value(how)
     raw = (min(max(value, how.low), how.high) - how.offset) / how.factor
     if how.bits.floating:
         return raw
@@ -144,7 +144,7 @@ def _raw_bool(how: SignalMap, value: float) -> float:
     return (wanted - how.offset) / how.factor
 
 
-def _raw_nothing(how: SignalMap) -> float:
+def _raw_no_value(how: SignalMap) -> float:
     if how.no_value:
         return next(iter(how.no_value))
     if how.bits.floating:

@@ -1,4 +1,4 @@
-"""The bytes of a configuration file: a regular file of a size that such a file may have, or a sentence."""
+"""Bounded reading of a configuration file: regular files up to a size."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ def read(path: Path, largest: int, what: str) -> bytes:
         what: it is, in a sentence: "DBC file".
 
     Raises:
-        ConfigError: there is none, it is no regular file, it is too large, or it cannot be read.
+        ConfigError: there is none, it is not a regular file, it is too large, or it cannot be read.
 
     Example:
         >>> read(Path("/dev/zero"), 1000, "vehicle file")
         Traceback (most recent call last):
-        canid.errors.ConfigError: vehicle file /dev/zero is no regular file
+        canid.errors.ConfigError: vehicle file /dev/zero is not a regular file
     """
-    # a path is said in full, unless nobody could read it
+    # a path is quoted in full, unless it is not readable text
     name = str(path) if str(path).isprintable() and len(str(path)) <= 300 else brief(str(path))
     try:
-        # without O_NONBLOCK the opening of a pipe waits for somebody who writes
+        # without O_NONBLOCK opening a pipe waits for a writer
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError:
         raise ConfigError(f"{what} {name} does not exist") from None
@@ -43,12 +43,12 @@ def read(path: Path, largest: int, what: str) -> bytes:
         if stat.S_ISDIR(found.st_mode):
             raise ConfigError(f"{name} is a folder: name a {what} in it")
         if not stat.S_ISREG(found.st_mode):
-            raise ConfigError(f"{what} {name} is no regular file")
+            raise ConfigError(f"{what} {name} is not a regular file")
         size = found.st_size
         if size <= largest:
             with os.fdopen(os.dup(handle), "rb") as file:
                 data = file.read(largest + 1)
-            size = len(data)  # a file may grow meanwhile, and of some the system does not tell the size
+            size = len(data)  # a file may grow meanwhile, and of some the system reports no size
         if size > largest:
             raise ConfigError(f"{what} {name} has {size:,} bytes; at most {max(largest, 0):,} are read")
         return data

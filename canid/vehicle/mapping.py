@@ -1,11 +1,11 @@
-"""The values that describe a vehicle once its files are read. Plain data: no DBC object stays behind."""
+"""Description of a vehicle, as read from its files: plain values without any DBC object."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from canid.types import ArmaxSettings, Driver, FopdtSettings
+from canid.types import Driver
 from canid.vehicle.bits import Bits
 from canid.vehicle.roles import Kind
 
@@ -80,7 +80,7 @@ class TrackMap(NamedTuple):
 class LeadConfig(NamedTuple):
     """How the vehicle ahead is found."""
 
-    tracks: tuple[TrackMap, ...] | None = None  # None: the roles gap and range_rate say it themselves
+    tracks: tuple[TrackMap, ...] | None = None  # None: the roles gap and range_rate give the lead
     # m; half a lane of 3.5 m: an object whose middle is nearer than this is in the own path.
     in_path: float = 1.8
     # Standard deviations of one radar report, as automotive 77 GHz long-range radars are specified.
@@ -90,7 +90,7 @@ class LeadConfig(NamedTuple):
 
 
 class MessageMap(NamedTuple):
-    """One message that carries mapped signals: what decoding must watch and encoding must fill."""
+    """One message that carries mapped signals: what decoding must track and encoding must fill."""
 
     name: str
     id: int
@@ -98,13 +98,13 @@ class MessageMap(NamedTuple):
     bus: int | None
     length: int  # bytes
     period: float  # s; NaN: the DBC does not say
-    counter: Bits | None  # a rolling counter that shows that the sender lives
+    counter: Bits | None  # a rolling counter, which shows that the sender is alive
     # (name, where, raw numbers that the DBC defines) of each multiplexer
     selectors: tuple[tuple[str, Bits, frozenset[int]], ...]
 
 
 class Vehicle(NamedTuple):
-    """A car, read from its TOML and DBC files. Can be pickled."""
+    """A vehicle, read from its TOML and DBC files. Can be pickled."""
 
     name: str
     path: str
@@ -113,6 +113,5 @@ class Vehicle(NamedTuple):
     lead: LeadConfig
     messages: tuple[MessageMap, ...]
     driver: Driver
-    armax: ArmaxSettings
-    fopdt: FopdtSettings
+    estimators: Mapping[str, Any]  # name -> its settings
     warnings: tuple[str, ...]

@@ -1,29 +1,29 @@
-"""Texts of a vehicle file or a DBC as they are quoted in a sentence: one line, and never a long one."""
+"""Quoting of texts and values of a vehicle file or a DBC in a sentence: printable, on one short line."""
 
 from __future__ import annotations
 
 import reprlib
 
 # characters; the longest name that a DBC may have is 32, by its extension 128
-LONGEST = 80
+MAX_QUOTED_LENGTH = 80
 
 _SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = LONGEST
+_SHORT.maxstring = _SHORT.maxother = MAX_QUOTED_LENGTH
 _SHORT.maxlong = 30
 _SHORT.maxlevel = 2
 _SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = 4
 
 
 def brief(text: str) -> str:
-    r"""Cut a text, and spell out what is no printable character.
+    r"""Cut a text, and escape characters that are not printable.
 
     Example:
         >>> brief("ENGINE_DATA"), brief("a" + chr(10) + "b"), len(brief("x" * 10**6))
         ('ENGINE_DATA', 'a\\nb', 80)
     """
-    if len(text) > LONGEST:
-        keep = (LONGEST - 3) // 2
-        text = f"{text[: LONGEST - 3 - keep]}...{text[-keep:]}"
+    if len(text) > MAX_QUOTED_LENGTH:
+        keep = (MAX_QUOTED_LENGTH - 3) // 2
+        text = f"{text[: MAX_QUOTED_LENGTH - 3 - keep]}...{text[-keep:]}"
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
@@ -38,7 +38,7 @@ def shown(value: object) -> str:
     """
     try:
         return brief(_SHORT.repr(value))
-    except ValueError:  # an integer of more digits than Python spells
+    except ValueError:  # an integer of more digits than Python prints
         return "a number of thousands of digits"
 
 

@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal, Self, TypeVar
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
-from canid.types import ArmaxSettings, Driver, FopdtSettings, Prior
+from canid.estimators import ESTIMATORS
+from canid.types import Driver
 from canid.vehicle.mapping import LeadConfig
 from canid.vehicle.quoting import brief, shown
 
-_ARMAX, _FOPDT, _DRIVER, _LEAD = ArmaxSettings(), FopdtSettings(), Driver(), LeadConfig()
+_DRIVER, _LEAD = Driver(), LeadConfig()
 
 # Entries of a section. There are 23 roles; more keys than this are no vehicle file, and each would be one more mistake.
-MOST_KEYS = 100
+MAX_KEYS = 100
 # characters of the vehicle's name; it stands in every view and result
-LONGEST_NAME = 200
-# Names among which "did you mean" looks: 30,000 of them would take a second for every mistake.
-_MOST_SIMILAR = 500
-# characters; nobody has mistyped a longer name
-_LONGEST_SIMILAR = 130
+MAX_NAME_LENGTH = 200
+# names that "did you mean" compares: 30,000 of them would take a second for every mistake
+_MAX_SIMILAR_NAMES = 500
+# characters; longer names are not compared
+_MAX_SIMILAR_LENGTH = 130
 
 
 def _between(low: float, high: float) -> Any:
@@ -34,7 +46,7 @@ Bus = Annotated[int, Field(ge=0, le=65535)]
 File = Annotated[str, Field(max_length=4096)]
 # a message's and a signal's name, each 128 characters at most in an extended DBC; a unit
 Name = Annotated[str, Field(max_length=300)]
-# Of any unit of any role: what is further out overflows once it is squared, or is lost beside it.
+# Of any unit of any role: larger numbers overflow when squared, or swamp all others.
 Number = Annotated[float, _between(-1e12, 1e12)]
 # s; from one frame of a fast bus to an hour, the longest for which anything is held
 Age = Annotated[float, _between(1e-3, 3600.0)]
@@ -44,16 +56,6 @@ Width = Annotated[float, _between(0.1, 20.0)]
 Deviation = Annotated[float, _between(1e-3, 100.0)]
 # s; a driver who keeps a minute is not following
 Headway = Annotated[float, _between(0.01, 60.0)]
-# s of data: the windows' rows are kept in memory and fitted twice a second
-Stretch = Annotated[float, _between(1.0, 600.0)]
-# s; what is refitted more often than the grid's step is not refitted more often
-Pace = Annotated[float, _between(0.05, 600.0)]
-# s; the grid's step is the shortest lag that it can show, and what takes longer than 20 s is no reaction
-Lag = Annotated[float, _between(0.15, 20.0)]
-# s; of beliefs about lags and dead times: from exact to indifferent
-Belief = Annotated[float, _between(1e-3, 100.0)]
-# Below 0.5 a sample counts less than half as soon as the next one comes: no estimate would be left.
-Forgetting = Annotated[float, Field(gt=0.5, le=1, allow_inf_nan=False)]
 
 
 class Section(BaseModel):
@@ -128,70 +130,29 @@ class DriverSection(Section):
     headway_desired: Headway = _DRIVER.headway_desired
 
 
-class ArmaxSection(Section):
-    """Orders and memory of the ARMAX estimator."""
-
-    na: Annotated[int, Field(ge=1, le=10)] = _ARMAX.na
-    nb: Annotated[int, Field(ge=1, le=10)] = _ARMAX.nb
-    nc: Annotated[int, Field(ge=0, le=10)] = _ARMAX.nc
-    nk: Annotated[int, Field(ge=0, le=50)] = _ARMAX.nk
-    start: Stretch = _ARMAX.start
-    # One number, or several memories at once.
-    forgetting: Annotated[tuple[Forgetting, ...], Field(min_length=1, max_length=8)] = _ARMAX.forgetting
-
-    @field_validator("forgetting", mode="before")
-    @classmethod
-    def _one_or_several(cls, value: Any) -> Any:
-        return (
-            tuple(value) if isinstance(value, list) else (value,) if isinstance(value, int | float) else value
-        )
-
-    @field_validator("forgetting")
-    @classmethod
-    def _ascending(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if list(value) != sorted(set(value)):
-            raise ValueError("must ascend, the longest memory last")
-        return value
+@cache
+def settings_section(kind: Any) -> type[Section]:
+    """Make the section of a settings type: a NamedTuple whose fields have defaults and pydantic's constraints."""
+    hints = get_type_hints(kind, include_extras=True)
+    fields: dict[str, Any] = {
+        name: (_nested(hints[name]), kind._field_defaults[name]) for name in kind._fields
+    }
+    return create_model(kind.__name__, __base__=Section, __doc__=kind.__doc__, **fields)
 
 
-class PriorSection(Section):
-    """What is believed of lags and dead times before any data."""
-
-    tau: Belief | None = None
-    tau_factor: Annotated[float, Field(ge=1.001, le=100.0)] | None = None
-    dead_time: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
-    dead_time_sd: Belief | None = None
-    same_tau: Belief | None = None
-    same_dead_time: Belief | None = None
-
-    @model_validator(mode="after")
-    def _pairs(self) -> Self:
-        for a, b in (("tau", "tau_factor"), ("dead_time", "dead_time_sd")):
-            if (getattr(self, a) is None) != (getattr(self, b) is None):
-                raise ValueError(f"{a} and {b} belong together: give both or neither")
-        if all(value is None for value in self.model_dump().values()):
-            raise ValueError("is empty: state a belief, or leave the section out")
-        return self
+def _nested(hint: Any) -> Any:
+    """The same type hint, with settings types inside it as sections that give such settings."""
+    if isinstance(hint, type) and issubclass(hint, tuple) and hasattr(hint, "_fields"):
+        return Annotated[settings_section(hint), AfterValidator(lambda section: hint(**dict(section)))]
+    if get_origin(hint) is Annotated:
+        inner, *constraints = get_args(hint)
+        return Annotated[_nested(inner), *constraints]
+    if get_origin(hint) in (Union, UnionType):
+        return Union[*map(_nested, get_args(hint))]
+    return hint
 
 
-class FopdtSection(Section):
-    """Window and box of the FOPDT estimator."""
-
-    window: Stretch = _FOPDT.window
-    refit: Pace = _FOPDT.refit
-    tau_max: Lag = _FOPDT.tau_max
-    dead_time_max: Lag = _FOPDT.dead_time_max
-    prior: PriorSection | None = None
-
-    def settings(self) -> FopdtSettings:
-        """Return them as the estimator takes them."""
-        plain = self.model_dump(exclude={"prior"})
-        if self.prior is not None:
-            plain["prior"] = Prior(**self.prior.model_dump(exclude_none=True))
-        return FopdtSettings(**plain)
-
-
-SECTIONS = ("name", "dbc", "signals", "lead", "driver", "armax", "fopdt")
+SECTIONS = ("name", "dbc", "signals", "lead", "driver", *(estimator.name for estimator in ESTIMATORS))
 M = TypeVar("M", bound=BaseModel)
 
 
@@ -205,14 +166,14 @@ def did_you_mean(word: str, words: Iterable[str]) -> str:
         ''
     """
     # Case is the commonest slip of all, so it does not count as a difference.
-    if len(word) > _LONGEST_SIMILAR:
+    if len(word) > _MAX_SIMILAR_LENGTH:
         return ""
     by_lower = {other.lower(): other for other in words}
-    if len(by_lower) > _MOST_SIMILAR:
+    if len(by_lower) > _MAX_SIMILAR_NAMES:
         # the nearest in length, and of these the ones that begin alike
         start, length = word[:2].lower(), len(word)
         nearest = sorted(by_lower, key=lambda x: abs(len(x) - length) + 2 * (not x.startswith(start)))
-        by_lower = {other: by_lower[other] for other in nearest[:_MOST_SIMILAR]}
+        by_lower = {other: by_lower[other] for other in nearest[:_MAX_SIMILAR_NAMES]}
     near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.5)
     return f' (did you mean "{brief(by_lower[near[0]])}"?)' if near else ""
 
@@ -232,12 +193,34 @@ def parse(model: type[M], value: object, key: str) -> tuple[M | None, list[str]]
         >>> parse(DriverSection, {"tsk": "car_following"}, "driver")
         (None, ['driver.tsk: unknown key (did you mean "task"?)'])
     """
-    if isinstance(value, dict) and len(value) > MOST_KEYS:
+    if isinstance(value, dict) and len(value) > MAX_KEYS:
         return None, [f"{key}: {len(value):,} keys; it has {len(model.model_fields)}"]
     try:
         return model.model_validate(value), []
     except ValidationError as error:
         return None, [_sentence(model, key, dict(mistake)) for mistake in error.errors(include_url=False)]
+
+
+def parse_settings(kind: Any, value: object, key: str) -> tuple[Any, list[str]]:
+    """Check the section that holds the settings of an estimator.
+
+    Args:
+        kind: of the settings, see `settings_section`.
+        value: what the TOML holds.
+        key: where it stands in the file.
+
+    Returns:
+        The settings (None if they have mistakes) and the mistakes, as `parse` gives them.
+
+    Example:
+        >>> from canid.estimators.fopdt import FopdtSettings
+        >>> parse_settings(FopdtSettings, {"window": 30}, "fopdt")[0].window
+        30.0
+        >>> parse_settings(FopdtSettings, {"windw": 30}, "fopdt")
+        (None, ['fopdt.windw: unknown key (did you mean "window"?)'])
+    """
+    section, mistakes = parse(settings_section(kind), value, key)
+    return (kind(**dict(section)) if section is not None else None), mistakes
 
 
 def _sentence(model: type[BaseModel], key: str, mistake: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The [lead] section: which messages are radar tracks, and where in them the numbers lie."""
+"""Radar tracks of the [lead] section: their messages, and the signals in them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from canid.vehicle.database import Dbc
 from canid.vehicle.mapping import SignalMap, TrackMap
 from canid.vehicle.quoting import brief
-from canid.vehicle.resolving import Mistakes, find_message, find_signal, signal_map
 from canid.vehicle.roles import ROLES, Role
 from canid.vehicle.schema import LeadSection, SignalEntry
+from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, signal_map
 
-# What the radar's signals are, in the words of roles.
+# the radar's signals as roles
 _TRACK_ROLES = {
     "distance": ROLES["gap"],
     "rate": ROLES["range_rate"],
@@ -20,9 +20,9 @@ _TRACK_ROLES = {
     "valid": ROLES["lead_valid"],
     "new": Role("", "bool", "the track names another object"),
 }
-# The parts that are measured; the others say something of the same report.
-_AGED = ("distance", "rate")
-# A radar follows some ten to a hundred objects; a slip of the pen such as {0..1500000} shall not hang us.
+# the measured parts; the others describe the same report
+_MEASURED_PARTS = ("distance", "rate")
+# A radar follows some ten to a hundred objects; a typing mistake such as {0..1500000} must not take for ever.
 _MAX_TRACKS = 256
 
 
@@ -54,10 +54,10 @@ def resolve_tracks(
             mistakes.errors.append(
                 f"lead.{part}.bus: a track is one message: write bus = {entry.bus} in [lead]"
             )
-        if entry.stale is not None and part not in _AGED:
-            mistakes.errors.append(f"lead.{part}.stale: comes with lead.distance: write stale there")
+        if entry.stale is not None and part not in _MEASURED_PARTS:
+            mistakes.errors.append(f"lead.{part}.stale: set stale in lead.distance instead")
     absent = [part for part in ("distance", "rate") if entries[part] is None]
-    mistakes.errors.extend(f"lead.{part}: is missing; radar tracks need it" for part in absent)
+    mistakes.errors.extend(f"lead.{part}: is missing; lead.tracks needs it" for part in absent)
     names = _track_names(lead.tracks)
     if isinstance(names, str):
         mistakes.errors.append(names)
@@ -72,9 +72,9 @@ def resolve_tracks(
 
 def track_age(lead: LeadSection) -> float | None:
     """Return the age in s up to which a track's report counts; None: the file does not say."""
-    entries = [getattr(lead, part) for part in _AGED]
-    said = [entry.stale for entry in entries if entry is not None and entry.stale is not None]
-    return min(said, default=None)
+    entries = [getattr(lead, part) for part in _MEASURED_PARTS]
+    ages = [entry.stale for entry in entries if entry is not None and entry.stale is not None]
+    return min(ages, default=None)
 
 
 def _track_names(pattern: str) -> list[str] | str:
@@ -86,7 +86,7 @@ def _track_names(pattern: str) -> list[str] | str:
         return [pattern]
     before, first, last, after = match.groups()
     if not int(first) <= int(last) < int(first) + _MAX_TRACKS:
-        return f'lead.tracks: "{brief(pattern)}" is no range of 1 to {_MAX_TRACKS} tracks'
+        return f'lead.tracks: "{brief(pattern)}" is not a range of 1 to {_MAX_TRACKS} tracks'
     # {01..16} keeps its leading zero, as a shell's braces do.
     width = len(first) if first.startswith("0") else 0
     return [f"{before}{number:0{width}d}{after}" for number in range(int(first), int(last) + 1)]

@@ -1,4 +1,4 @@
-"""Units as people write them in DBC files, converted to the unit of a role."""
+"""Units as written in DBC files, and their conversion to the unit of a role."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def unit_of(text: str) -> Unit | None:
 
 
 def factor_to(source: str, target: str) -> float | None:
-    """Tell what a value in `source` is multiplied by to be in `target`; None if one cannot become the other.
+    """Return the factor from `source` to `target`; None if their dimensions differ or one is unknown.
 
     Example:
         >>> factor_to("mph", "m/s"), factor_to("0..1", "%"), factor_to("deg", "m")

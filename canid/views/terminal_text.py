@@ -1,7 +1,7 @@
-"""Untrusted text made safe for a terminal: names from files must not move the cursor, recolour or forge lines.
+"""Escaping of untrusted text for a terminal: names from files must not move the cursor, change colors or forge lines.
 
-Vehicle, signal, bus and file names are data. In text that is shown they come out visibly escaped; JSON, HTML and CSV
-carry them as they are, by those formats' own rules.
+Names of vehicles, signals, buses and files are data. On a terminal they are shown visibly escaped; JSON, HTML and CSV
+escape them by their own rules.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-# what nearly all text consists of: checked at once
+# characters of nearly all text: checked at once
 _PLAIN = re.compile(
     r"[\x20-\x7e\u00a1-\u00ac\u00ae-\u02ff\u0370-\u03ff\u2013-\u2027\u2030-\u205e\u2190-\u2bff]*"
 )
@@ -28,10 +28,10 @@ def terminal_text(text: str) -> str:
     """
     if _PLAIN.fullmatch(text):
         return text
-    return "".join(map(_shown, text))
+    return "".join(map(_escaped, text))
 
 
-def _shown(character: str) -> str:
+def _escaped(character: str) -> str:
     if character.isprintable() or unicodedata.category(character) == "Zs":
         return character
     # as in a string of Python: \x1b, \n, \u202e

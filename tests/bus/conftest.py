@@ -17,8 +17,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 # s: canid's imports take 10 s in the virtual machine on a busy host; nothing here is about speed
-PATIENCE = 120.0
-# RFC 5737's sibling for multicast, RFC 6676: documentation addresses, nobody listens there
+TIMEOUT_S = 120.0
+# RFC 5737's sibling for multicast, RFC 6676: documentation addresses, which are not in use
 GROUP = "233.252.0.1"
 NEEDS = {
     "vcan": "this kernel has no vcan: run `make vm-test`",
@@ -58,7 +58,7 @@ class Program(NamedTuple):
     err: Path
 
     def says(self) -> str:
-        """What it has told the user so far."""
+        """Its output to the user so far."""
         return self.err.read_text()
 
     def printed(self) -> str:
@@ -66,7 +66,7 @@ class Program(NamedTuple):
         return self.out.read_text()
 
     def wait_for(self, text: str) -> None:
-        """Wait until it has told the user this."""
+        """Wait until its output contains this text."""
         until(lambda: text in self.says() or self.process.poll() is not None)
         assert text in self.says(), self.says()
 
@@ -75,17 +75,17 @@ class Program(NamedTuple):
         if number is not None:
             self.process.send_signal(number)
         try:
-            return self.process.wait(PATIENCE)
+            return self.process.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
             where = [
                 (each / "wchan").read_text() for each in Path(f"/proc/{self.process.pid}/task").iterdir()
             ]
-            self.process.send_signal(signal.SIGABRT)  # faulthandler tells what each thread is at
-            self.process.wait(PATIENCE)
+            self.process.send_signal(signal.SIGABRT)  # faulthandler prints what each thread does
+            self.process.wait(TIMEOUT_S)
             raise AssertionError(f"did not end; its threads are at {where}\n{self.says()}") from None
 
 
-def until(true: Callable[[], bool], patience: float = PATIENCE) -> None:
+def until(true: Callable[[], bool], patience: float = TIMEOUT_S) -> None:
     """Wait for something; fail where it does not come."""
     end = time.monotonic() + patience
     while not true():
@@ -155,7 +155,7 @@ def patient(start: Callable[..., Program]) -> Callable[..., Program]:
     In the virtual machine on a busy host a few `ip link` may take that long.
     """
     main = (
-        "import sys; from canid.frames import recorder; recorder.ALL_LOST = 60.0; "
+        "import sys; from canid.recording import recorder; recorder.ALL_LOST_TIMEOUT_S = 60.0; "
         "from canid.cli import main; sys.exit(main())"
     )
 

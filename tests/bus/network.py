@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.reliability.markers import markers
-from canid.frames import open_log
+from canid.logs import open_log
 from canid.types import Flag
+from tests.fixtures.markers import markers
 
 
 def ip(*words: str) -> None:
@@ -23,8 +23,8 @@ def ip(*words: str) -> None:
 def shown(device: str) -> dict[str, Any]:
     """What `ip` says of a device."""
     words = ["ip", "-j", "-details", "-statistics", "link", "show", "dev", device]
-    told = subprocess.run(words, check=True, capture_output=True).stdout
-    return dict(json.loads(told)[0])
+    reported = subprocess.run(words, check=True, capture_output=True).stdout
+    return dict(json.loads(reported)[0])
 
 
 def sending(channel: str) -> socket.socket:
@@ -47,7 +47,7 @@ def counted(i: int) -> bytes:
 
 
 def error_frame(kind: int, data: bytes = bytes(8)) -> bytes:
-    """What a CAN driver tells (linux/can.h: CAN_ERR_FLAG, linux/can/error.h)."""
+    """What a CAN driver reports (linux/can.h: CAN_ERR_FLAG, linux/can/error.h)."""
     return struct.pack("=IB3x8s", 0x2000_0000 | kind, 8, data)
 
 
@@ -57,17 +57,19 @@ def numbers(recording: Path) -> list[int]:
 
 
 def journal(recording: Path) -> list[dict[str, Any]]:
-    """The events beside a recording."""
+    """The events in the journal of a recording."""
     path = recording.with_name(recording.stem + ".events.jsonl")
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
 def events(recording: Path, *of_interest: str) -> list[str]:
-    """The kinds of events beside a recording, in their order; the log itself has the same."""
-    told = [(event["what"], event["says"]) for event in journal(recording) if event["what"] in of_interest]
+    """The kinds of events in the journal of a recording, in their order; the log itself has the same."""
+    reported = [
+        (event["what"], event["says"]) for event in journal(recording) if event["what"] in of_interest
+    ]
     inside = [(event.what, event.says) for event in markers(recording) if event.what in of_interest]
-    assert inside == told, "the log and the journal tell different things"
-    return [what for what, _ in told]
+    assert inside == reported, "the log and the journal differ"
+    return [what for what, _ in reported]
 
 
 def says(recording: Path, what: str) -> list[str]:

@@ -1,6 +1,6 @@
 """Sends numbered CAN frames as fast as the kernel takes them (sendmmsg): `python -m tests.bus.sendmmsg vcan0 1000000`.
 
-A thousand frames for each system call; it waits for nobody.
+A thousand frames for each system call; without waiting.
 """
 
 from __future__ import annotations

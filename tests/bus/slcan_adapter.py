@@ -22,7 +22,7 @@ from tests.bus.network import ip, shown
 N_SLCAN = 17  # linux/tty.h
 SIOCGIFNAME = 0x8910
 # s for the driver to take up a line; it needs some ms
-PATIENCE_S = 30.0
+PATIENCE_S = 300.0
 
 
 class Adapter:

@@ -1,4 +1,4 @@
-"""Frames that the kernel drops since nobody reads them in time are counted exactly, to the last one."""
+"""Frames that the kernel drops since they are not read in time are counted exactly, to the last one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.vcan, pytest.mark.timeout(900)]
 TOTAL = 1_000_000
 # the whole command, with a receive buffer that some hundred frames fill instead of 77,000
 SMALL = (
-    "import sys; from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 100_000; "
+    "import sys; from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     "from canid.cli import main; sys.exit(main())"
 )
 
@@ -29,9 +29,9 @@ def test_received_and_dropped_are_all_that_were_sent(
     verb: str, tmp_path: Path, start: Callable[..., Any]
 ) -> None:
     """1,000,000 frames at full speed: recorded + dropped = sent, also for drops after the last frame received."""
-    recording, told = tmp_path / "heard.blf", tmp_path / "told.json"
+    recording, reported = tmp_path / "heard.blf", tmp_path / "reported.json"
     into = ("-o", recording) if verb == "record" else ("--vehicle", "generic", "--record", recording)
-    words = (verb, "-i", "socketcan", "-c", "vcan0", *into, "--json", told)
+    words = (verb, "-i", "socketcan", "-c", "vcan0", *into, "--json", reported)
     program = start(sys.executable, "-c", SMALL, *words)
     program.wait_for("listen-only")
     time.sleep(1.0 if verb == "live" else 0.0)  # both estimators have begun
@@ -56,7 +56,7 @@ def test_received_and_dropped_are_all_that_were_sent(
     assert received == len(kept)
     assert len(kept) + drops == TOTAL
     if verb == "record":
-        bus = json.loads(told.read_text())["buses"][0]
+        bus = json.loads(reported.read_text())["buses"][0]
         assert (bus["frames"], bus["drops"]) == (received, drops)
     assert events(recording, "frames_dropped")
     parts = [
@@ -69,5 +69,5 @@ def test_received_and_dropped_are_all_that_were_sent(
 
 
 def number(pattern: str, text: str) -> int:
-    """The last number that a text tells in this place."""
+    """The last number in this place of a text."""
     return int(re.findall(pattern, text)[-1].replace(",", ""))

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from canid.frames import devices, open_log
+from canid.buses import devices
+from canid.logs import open_log
 from canid.types import Flag
 from tests.bus.network import error_frame, events, ip, numbers, says, sending, shown
 from tests.bus.slcan_adapter import Adapter
@@ -43,16 +44,14 @@ def counters(letter: str, rng: random.Random) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("verb", ["record", "live"])
-def test_the_controllers_states_are_told_and_nothing_is_restarted(
-    verb: str, tmp_path: Path, adapter: Adapter, canid: Callable[..., Any]
+def test_the_controllers_states_are_reported_and_nothing_is_restarted(
+    verb: str, tmp_path: Path, adapter: Adapter, canid: Callable[..., Any], seed: int
 ) -> None:
     """Every state of a real controller stands in talk, journal, log and JSON; all frames and error frames are kept."""
-    seed = random.SystemRandom().randrange(10**6)
-    print(f"seed {seed}")
     rng = random.Random(seed)
-    recording, told = tmp_path / "heard.blf", tmp_path / "told.json"
+    recording, reported = tmp_path / "heard.blf", tmp_path / "reported.json"
     into = ("-o", recording) if verb == "record" else ("--vehicle", "generic", "--record", recording)
-    program = canid(verb, "-i", "socketcan", "-c", adapter.name, *into, "--json", told)
+    program = canid(verb, "-i", "socketcan", "-c", adapter.name, *into, "--json", reported)
     program.wait_for(f"listen-only: yes (read back from {adapter.name})")
     assert adapter.commands.split(b"\r") == [b"C", b"S6", b"L", b""]
     # bus-off and back, then a walk
@@ -73,7 +72,7 @@ def test_the_controllers_states_are_told_and_nothing_is_restarted(
     adapter.frames(range(sent, sent + 50))
     sent += 50
     program.wait_for("overflowed")
-    # nobody has sent the driver anything but `ip`: no frame, no restart
+    # the driver was sent nothing but `ip`: no frame, no restart
     assert adapter.commands.split(b"\r") == [b"C", b"S6", b"L", b""]
     assert program.end(signal.SIGTERM) == 143, program.says()
     assert numbers(recording) == list(range(sent))
@@ -82,21 +81,21 @@ def test_the_controllers_states_are_told_and_nothing_is_restarted(
     assert events(recording, *STATES.values()) == [STATES[letter] for letter in walk]
     assert events(recording, "rx_overflow") == ["rx_overflow"]
     assert "controller bus off" in program.says() or "reports bus off" in program.says()
-    assert "it stays off until somebody restarts it" in says(recording, "bus_off")[0]
+    assert "it stays off until it is restarted" in says(recording, "bus_off")[0]
     last = [line for line in program.printed().splitlines() if f"{adapter.name}: open" in line][-1]
     assert f"{len(walk) + 1} error frames" in last
     assert "controller error warning" in last
     assert "TEC 100, REC 17" in last
     if verb == "record":
-        bus = json.loads(told.read_text())["buses"][0]
+        bus = json.loads(reported.read_text())["buses"][0]
         assert (bus["controller"], bus["tec"], bus["rec"]) == ("error_warning", 100, 17)
         assert bus["errors"] == len(walk) + 1
 
 
-def test_what_the_device_is_when_it_comes_back_is_told(
+def test_what_the_device_is_when_it_comes_back_is_reported(
     tmp_path: Path, adapter: Adapter, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
-    """Bus-off at the start is told; down, renamed, active and at another bit rate: each is told, `ip` says the same."""
+    """Bus-off at the start, down, renamed, active, at another bit rate: each is reported, `ip` says the same."""
     recording = tmp_path / "heard.blf"
     adapter.state("b", 256, 0)
     program = patient("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
@@ -134,7 +133,7 @@ def test_what_the_device_is_when_it_comes_back_is_told(
 def test_an_adapter_that_is_unplugged_and_plugged_in_again(
     tmp_path: Path, patient: Callable[..., Any]
 ) -> None:
-    """The kernel removes the device and makes another one of that name: it is recorded, and told to be another one."""
+    """The kernel removes the device and makes another one of that name: it is recorded, and reported to be another one."""
     try:
         first = Adapter()
     except OSError as error:
@@ -165,23 +164,23 @@ def test_an_adapter_that_is_unplugged_and_plugged_in_again(
 
 def read(name: str) -> devices.Device:
     """The same device in the words of `ip`, parsed here a second time."""
-    told = shown(name)
-    info = told["linkinfo"]
+    reported = shown(name)
+    info = reported["linkinfo"]
     data = info["info_data"]
     return devices.Device(
         kind=info["info_kind"],
-        up="UP" in told["flags"],
+        up="UP" in reported["flags"],
         listen_only="LISTEN-ONLY" in data.get("ctrlmode", ()),
         # slcan has a list of bit rates instead of bit timing, which `ip` names otherwise
         bitrate=float(data.get("bittiming_bitrate") or data["bittiming"]["bitrate"]),
         state=data["state"],
-        ifindex=told["ifindex"],
-        name=told["ifname"],
+        ifindex=reported["ifindex"],
+        name=reported["ifname"],
     )
 
 
-def test_a_restart_is_told(tmp_path: Path, listening: Callable[..., Any]) -> None:
-    """CAN_ERR_RESTARTED, put onto a vcan by a raw socket since slcan cannot be restarted: active again, told."""
+def test_a_restart_is_reported(tmp_path: Path, listening: Callable[..., Any]) -> None:
+    """CAN_ERR_RESTARTED, put onto a vcan by a raw socket since slcan cannot be restarted: active again, reported."""
     recording = tmp_path / "heard.blf"
     record = listening("record", "-i", "socketcan", "-c", "vcan0", "-o", recording)
     sock: socket.socket
@@ -195,12 +194,12 @@ def test_a_restart_is_told(tmp_path: Path, listening: Callable[..., Any]) -> Non
     assert len(list(open_log(recording))) == 3
 
 
-def test_bus_off_is_told_though_its_error_frame_was_dropped(
+def test_bus_off_is_reported_though_its_error_frame_was_dropped(
     tmp_path: Path, adapter: Adapter, start: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     """The kernel drops the error frame since the buffer is full: the state comes from the device's announcement."""
     recording = tmp_path / "heard.blf"
-    small = "from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 8192; "
+    small = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 8192; "
     words = ("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
     program = start(
         sys.executable, "-c", small + "from canid.cli import main; import sys; sys.exit(main())", *words

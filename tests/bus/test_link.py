@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from canid.frames import open_log
+from canid.logs import open_log
 from tests.bus.network import events, ip, journal, numbers, says, send
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]
@@ -44,11 +44,9 @@ def _device() -> Iterator[None]:
 
 
 def test_down_and_up_five_times_and_down_at_the_stop(
-    tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any]
+    tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any], seed: int
 ) -> None:
-    """Each loss and return is told with its gap; every frame after each `up` is kept; a stop while down is quick."""
-    seed = random.SystemRandom().randrange(10**6)
-    print(f"seed {seed}")
+    """Each loss and return is reported with its gap; every frame after each `up` is kept; a stop while down is quick."""
     rng = random.Random(seed)
     recording = tmp_path / "heard.blf"
     record = patient("record", *BUS, "-o", recording)
@@ -59,26 +57,26 @@ def test_down_and_up_five_times_and_down_at_the_stop(
         send(CHANNEL, range(sent, sent + n))
         sent += n
 
-    def told(what: str) -> int:
+    def reported(what: str) -> int:
         return len(says(recording, what))
 
     more(50)
     for i in range(ROUNDS):
         ip("set", CHANNEL, "down")
         down = time.monotonic()
-        until(lambda i=i: told("bus_lost") == i + 1)
+        until(lambda i=i: reported("bus_lost") == i + 1)
         time.sleep(rng.uniform(0.0, 2.0))  # less than the 5 s after which a recorder gives up
         ip("set", CHANNEL, "up")
         up = time.monotonic()
-        more(rng.randint(1, 100))  # at once: nobody has noticed yet that it is up
-        until(lambda i=i: told("bus_back") == i + 1)
+        more(rng.randint(1, 100))  # at once: before it was noticed that it is up
+        until(lambda i=i: reported("bus_back") == i + 1)
         back.append(time.monotonic() - up)
         gaps.append(up - down)
         more(rng.randint(0, 100))
-    print("s until it was told to be back:", *(f"{each:.2f}" for each in back))
+    print("s until it was reported to be back:", *(f"{each:.2f}" for each in back))
     assert max(back) < SOON
     ip("set", CHANNEL, "down")
-    until(lambda: told("bus_lost") == ROUNDS + 1)
+    until(lambda: reported("bus_lost") == ROUNDS + 1)
     began = time.monotonic()
     assert record.end(signal.SIGTERM) == 143, record.says()
     took = time.monotonic() - began
@@ -90,14 +88,14 @@ def test_down_and_up_five_times_and_down_at_the_stop(
     for gap, text in zip(gaps, says(recording, "bus_back"), strict=True):
         found = re.search(r"nothing was received for ([\d.]+) s", text)
         assert found
-        # what is told begins when the loss was noticed, and ends when the return was
+        # what is reported begins when the loss was noticed, and ends when the return was
         assert float(found[1]) < gap + SOON
 
 
 def test_a_stop_in_the_moment_of_the_return_loses_nothing(
     tmp_path: Path, patient: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
-    """Frames that came between `up` and SIGTERM are kept though nobody had noticed the return: the socket has them."""
+    """Frames that came between `up` and SIGTERM are kept though the return was not noticed yet: the socket has them."""
     recording = tmp_path / "heard.asc"
     record = patient("record", *BUS, "-o", recording)
     send(CHANNEL, range(20))
@@ -110,8 +108,8 @@ def test_a_stop_in_the_moment_of_the_return_loses_nothing(
     record.process.send_signal(signal.SIGCONT)
     assert record.end() == 143, record.says()
     assert numbers(recording) == list(range(300))
-    told = [event["what"] for event in journal(recording)]
-    assert [what for what in told if what.startswith("bus_")] == ["bus_lost", "bus_back"]
+    reported = [event["what"] for event in journal(recording)]
+    assert [what for what in reported if what.startswith("bus_")] == ["bus_lost", "bus_back"]
 
 
 def test_a_renamed_device_is_followed_and_no_other_takes_its_place(
@@ -194,6 +192,6 @@ def test_deleted_and_created_again(
     send(CHANNEL, range(100, 150))
     assert record.end(signal.SIGTERM) == 143, record.says()
     assert numbers(recording) == list(range(150))
-    told = events(recording, "bus_lost", "bus_back", "device_changed")
-    assert told[:3] == ["bus_lost", "device_changed", "bus_back"]
-    assert told[3:] in (["bus_lost", "bus_back"], ["bus_lost", "device_changed", "bus_back"])
+    reported = events(recording, "bus_lost", "bus_back", "device_changed")
+    assert reported[:3] == ["bus_lost", "device_changed", "bus_back"]
+    assert reported[3:] in (["bus_lost", "bus_back"], ["bus_lost", "device_changed", "bus_back"])

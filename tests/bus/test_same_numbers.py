@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from canid.frames import open_log
-from canid.frames.bus import open_bus, open_buses
-from canid.frames.send import onto
+from canid.buses.bus_opener import open_bus, open_buses
+from canid.buses.send import onto
+from canid.logs import open_log
 from canid.session import World, session
 from canid.types import Estimate, Flag, Frame
-from canid.views import as_json
+from canid.views import json_values
 
 LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
 # s: both estimators are "ok" by then, and the slow machine needs no more than four minutes for all of it
@@ -53,7 +53,7 @@ def on_virtual(tmp_path: Path, recording: Path, **_: Any) -> tuple[list[dict[str
             assert item.estimator is not None
             drops = item.recorder.drops_bus + item.recorder.drops_estimator + item.estimator.dropped
         elif isinstance(item.item, Estimate):
-            lines.append(json.loads(as_json.line(as_json.estimate(item.item))))
+            lines.append(json.loads(json_values.line(json_values.estimate(item.item))))
     sender.join()
     return lines, drops
 
@@ -67,17 +67,17 @@ def between_processes(
     canid: Callable[..., Any],
     until: Callable[..., None],
 ) -> tuple[list[dict[str, Any]], int]:
-    """Two processes: `replay --onto` in the log's own time, `live` beside it until a signal."""
-    told = tmp_path / "live.jsonl"
-    live = listening("live", *bus, "--vehicle", "generic", "--record", recording, "--json", told)
+    """Two processes: `replay --onto` in the log's own time, and `live` until a signal."""
+    reported = tmp_path / "live.jsonl"
+    live = listening("live", *bus, "--vehicle", "generic", "--record", recording, "--json", reported)
     sender = canid("replay", LOG, "--onto", *bus, "--speed", 1, "--stop", PART)
     assert sender.end() == 0, sender.says()
     # the estimators may be behind the bus on a slow machine; 1 s: they report every half
-    until(lambda: told.read_text().endswith("\n") and rows(told.read_text())[-1]["t"] > PART - 1.0)
+    until(lambda: reported.read_text().endswith("\n") and rows(reported.read_text())[-1]["t"] > PART - 1.0)
     assert live.end(number) == 128 + number, live.says()
     assert " 0 dropped" in live.printed(), live.printed()
     assert "not estimated" not in live.printed(), live.says()
-    return rows(told.read_text()), 0
+    return rows(reported.read_text()), 0
 
 
 def on_udp_multicast(**tools: Any) -> tuple[list[dict[str, Any]], int]:
@@ -87,7 +87,7 @@ def on_udp_multicast(**tools: Any) -> tuple[list[dict[str, Any]], int]:
 
 
 def on_vcan(candump: Callable[[str], Any], **tools: Any) -> tuple[list[dict[str, Any]], int]:
-    """Kernel SocketCAN, with a client that is not ours beside it."""
+    """Kernel SocketCAN, with another program's client as well."""
     witness = candump("vcan0")
     result = between_processes(("-i", "socketcan", "-c", "vcan0", "--fd"), signal.SIGTERM, **tools)
     witness.end(signal.SIGTERM)
@@ -181,7 +181,7 @@ def intervals(row: dict[str, Any], other: dict[str, Any]) -> Iterator[tuple[str,
 
 @pytest.mark.netns
 def test_what_udp_multicast_drops_is_counted() -> None:
-    """Received and counted make up what was sent, also where nobody read in time."""
+    """Received and counted make up what was sent, also where they were not read in time."""
     config = {"interface": "udp_multicast", "channel": "239.74.163.3", "hop_limit": 0}
     bus = open_bus(config)
     try:

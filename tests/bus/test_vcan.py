@@ -16,8 +16,9 @@ from typing import Any
 
 import pytest
 
-from canid.frames import open_log, socketcan, write_log
-from canid.frames.bus import open_bus
+from canid.buses import socketcan
+from canid.buses.bus_opener import open_bus
+from canid.logs import open_log, write_log
 from canid.types import Flag, Frame
 from tests.bus.network import counted, error_frame, ip, numbers, sending
 
@@ -82,8 +83,10 @@ def raw() -> Iterator[socket.socket]:
 
 def transmitted(device: str) -> int:
     """How many packets have left through it."""
-    told = subprocess.run(["ip", "-s", "-j", "link", "show", device], check=True, capture_output=True).stdout
-    return int(json.loads(told)[0]["stats64"]["tx"]["packets"])
+    reported = subprocess.run(
+        ["ip", "-s", "-j", "link", "show", device], check=True, capture_output=True
+    ).stdout
+    return int(json.loads(reported)[0]["stats64"]["tx"]["packets"])
 
 
 def test_canplayer_is_recorded_whole(
@@ -106,7 +109,7 @@ def test_canplayer_is_recorded_whole(
 def test_candump_sees_what_canid_plays_and_nothing_else(
     tmp_path: Path, canid: Callable[..., Any], listening: Callable[..., Any], candump: Callable[[str], Any]
 ) -> None:
-    """`replay --onto` puts each frame on the bus once; recording beside it adds none, and loses none."""
+    """`replay --onto` puts each frame on the bus once; recording at the same time adds none, and loses none."""
     frames = mixed(seed=2, n=2000)
     log, recording = tmp_path / "log.blf", tmp_path / "heard.blf"
     write_log(log, frames, 1.7e9)
@@ -123,7 +126,7 @@ def test_candump_sees_what_canid_plays_and_nothing_else(
 def test_a_signal_loses_nothing(
     number: int, tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
 ) -> None:
-    """A burst, and the signal in the same moment: all of it is in the file, its start time too."""
+    """A burst, and the signal at the same time: all of it is in the file, its start time too."""
     recording = tmp_path / "heard.blf"
     before = time.time()
     record = listening("record", *BUS, "-o", recording)
@@ -136,8 +139,8 @@ def test_a_signal_loses_nothing(
 
 def test_kernel_drops_are_counted(raw: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a small receive buffer the kernel drops frames: received and counted are all that were sent."""
-    # the kernel doubles it: room for some twenty frames
-    monkeypatch.setattr(socketcan, "RECEIVE_BUFFER", 8192)
+    # the kernel doubles it: space for some twenty frames
+    monkeypatch.setattr(socketcan, "RECEIVE_BUFFER_BYTES", 8192)
     bus = open_bus({"interface": "socketcan", "channel": "vcan0"})
     for i in range(1000):
         raw.send(counted(i))
@@ -157,7 +160,7 @@ def test_a_recorder_that_stood_still_tells_its_drops(
     """A process that stands loses what the kernel cannot keep, and says how many; the rest is in the file."""
     recording = tmp_path / "heard.blf"
     # the whole command, with a buffer that a few hundred frames fill instead of 77,000
-    small = "from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 100_000; "
+    small = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     record = start(
         sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
     )
@@ -171,9 +174,9 @@ def test_a_recorder_that_stood_still_tells_its_drops(
     assert record.end(signal.SIGTERM) == 0
     kept = numbers(recording)
     assert kept == sorted(set(kept))
-    told = re.search(r"([\d,]+) dropped", record.printed())
-    assert told
-    dropped = int(told[1].replace(",", ""))
+    reported = re.search(r"([\d,]+) dropped", record.printed())
+    assert reported
+    dropped = int(reported[1].replace(",", ""))
     assert dropped > 0
     assert len(kept) + dropped == total
 
@@ -223,13 +226,13 @@ def test_an_interface_that_goes_down_ends_it_with_a_complete_file(
 
 
 def test_an_interface_that_comes_back_goes_on(tmp_path: Path, listening: Callable[..., Any]) -> None:
-    """Down for a moment: the recording goes on in the same file, and both events are told."""
+    """Down for a short time: the recording goes on in the same file, and both events are reported."""
     recording = tmp_path / "heard.blf"
     record = listening("record", *BUS, "-o", recording)
     with sending("vcan0") as raw:
         for i in range(100):
             raw.send(counted(i))
-    # the socket keeps the error until it is read: there is no moment to miss
+    # the socket keeps the error until it is read: none can be missed
     ip("set", "vcan0", "down")
     ip("set", "vcan0", "up")
     record.wait_for("is lost")
@@ -241,12 +244,12 @@ def test_an_interface_that_comes_back_goes_on(tmp_path: Path, listening: Callabl
     assert numbers(recording) == list(range(200))
 
 
-def test_error_frames_and_bus_off_are_logged_and_told(
+def test_error_frames_and_bus_off_are_logged_and_reported(
     tmp_path: Path, listening: Callable[..., Any], raw: socket.socket
 ) -> None:
     """Error counters are shown, bus-off stands in the journal, and nothing is restarted."""
-    recording, told = tmp_path / "heard.blf", tmp_path / "told.json"
-    record = listening("record", *BUS, "-o", recording, "--json", told)
+    recording, reported = tmp_path / "heard.blf", tmp_path / "reported.json"
+    record = listening("record", *BUS, "-o", recording, "--json", reported)
     raw.send(counted(0))
     raw.send(error_frame(0x204, bytes([0, 0x20, 0, 0, 0, 0, 128, 96])))  # error passive, with counters
     raw.send(error_frame(0x40, bytes(8)))  # bus-off
@@ -255,7 +258,7 @@ def test_error_frames_and_bus_off_are_logged_and_told(
     assert record.end(signal.SIGTERM) == 143
     frames = list(open_log(recording))
     assert [bool(frame.flags & Flag.ERROR) for frame in frames] == [False, True, True, False]
-    bus = json.loads(told.read_text().splitlines()[-1])["buses"][0]
+    bus = json.loads(reported.read_text().splitlines()[-1])["buses"][0]
     assert (bus["errors"], bus["controller"], bus["tec"], bus["rec"]) == (2, "bus_off", 128, 96)
     # a vcan has no clock of its own: asked for hardware stamps, it gives the kernel's
     assert bus["clock"] == "kernel"
@@ -267,9 +270,9 @@ def test_error_frames_and_bus_off_are_logged_and_told(
 def test_what_the_kernel_dropped_stands_in_the_journal(
     tmp_path: Path, start: Callable[..., Any], raw: socket.socket
 ) -> None:
-    """A recorder that stood still: the event tells as many drops as the last line."""
+    """A recorder that was stopped: the event reports as many drops as the last line."""
     recording = tmp_path / "heard.blf"
-    small = "from canid.frames import socketcan; socketcan.RECEIVE_BUFFER = 100_000; "
+    small = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     record = start(
         sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
     )

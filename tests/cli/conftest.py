@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Ran(NamedTuple):
-    """What a command has left."""
+    """Exit code and output of a command."""
 
     code: int
     out: str
@@ -25,7 +25,7 @@ class Ran(NamedTuple):
 
     @property
     def line(self) -> str:
-        """The one line of a failure: nothing else was said, and no traceback."""
+        """The error message: exactly one line, and no traceback."""
         assert self.err.count("\n") == 1, self.err
         assert self.err.startswith("canid: "), self.err
         assert "Traceback" not in self.err
@@ -51,13 +51,13 @@ def canid(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.fixture
 def shell() -> Callable[[str], Ran]:
-    """Run a line of shell in which `canid` is canid."""
+    """Run a shell line in which `canid` is this canid."""
 
     def run(line: str) -> Ran:
         script = f'canid() {{ "{sys.executable}" -m canid "$@"; }}\n{line}'
         environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
         done = subprocess.run(
-            ["bash", "-c", script], capture_output=True, text=True, timeout=120, env=environment, check=False
+            ["bash", "-c", script], capture_output=True, text=True, timeout=600, env=environment, check=False
         )
         return Ran(done.returncode, done.stdout, done.stderr)
 

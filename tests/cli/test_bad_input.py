@@ -1,4 +1,4 @@
-"""Every kind of bad input: one clear line, the right exit code, no traceback, and what is whole is used."""
+"""Every kind of bad input: one clear line, the right exit code, no traceback; intact data are used."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from typing import Any
 
 import pytest
 
+from canid.buses.bus_opener import open_buses
+from canid.buses.send import onto
 from canid.errors import CHECK_FAILED, DAMAGED, DONE, NO_BUS, NOT_WRITTEN, USAGE
-from canid.frames import open_log, write_log
-from canid.frames.bus import open_buses
-from canid.frames.send import onto
+from canid.logs import open_log, write_log
 from canid.session import World, session
 from canid.types import Frame
-from canid.vehicle.reading import shipped
+from canid.vehicle.vehicle_file import shipped
 
 Canid = Callable[..., Any]
 READERS = ("replay", "identify", "check", "export")
 
 
 def vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
-    """The generic vehicle file with changes, its DBC beside it."""
+    """The generic vehicle file with changes, its DBC next to it."""
     text = (shipped() / "generic.toml").read_text()
     for old, new in changes:
         assert old in text
@@ -42,7 +42,7 @@ def vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
 
 @pytest.mark.parametrize("verb", READERS)
 def test_a_missing_log(canid: Canid, verb: str) -> None:
-    """A log that is not there is named; exit 2."""
+    """A missing log is named; exit 2."""
     ran = canid(verb, "nowhere.blf", "--vehicle", "generic")
     assert ran.code == USAGE
     assert "nowhere.blf" in ran.line
@@ -75,14 +75,14 @@ def test_a_log_without_anything_in_it(
 
 
 def test_a_folder_instead_of_a_log(canid: Canid, tmp_path: Path) -> None:
-    """A folder is called one."""
+    """A folder in place of a log is named as such."""
     ran = canid("replay", tmp_path, "--vehicle", "generic")
     assert ran.code == DAMAGED
     assert "is a folder" in ran.line
 
 
 def test_an_unknown_suffix(canid: Canid, log: Path, tmp_path: Path) -> None:
-    """The suffixes that are known are listed; exit 2."""
+    """The known suffixes are listed; exit 2."""
     other = shutil.copy(log, tmp_path / "drive.xyz")
     ran = canid("replay", other, "--vehicle", "generic")
     assert ran.code == USAGE
@@ -113,7 +113,7 @@ def zeroed(content: bytes) -> bytes:
 def test_a_damaged_blf_is_read_as_far_as_it_is_whole(
     canid: Canid, log: Path, tmp_path: Path, damage: Callable[[bytes], bytes]
 ) -> None:
-    """What is whole is estimated and written, "read N of M" is said with the true M, exit 4; by every verb."""
+    """Every verb uses the intact part, reports "read N of M" with the true M, and exits with 4."""
     bad = tmp_path / "bad.blf"
     bad.write_bytes(damage(log.read_bytes()))
     whole = sum(1 for _ in open_log(log))
@@ -147,7 +147,7 @@ def test_an_asc_of_another_locale(canid: Canid, log: Path, tmp_path: Path) -> No
 
 
 def test_time_that_goes_backwards(canid: Canid, tmp_path: Path, log: Path) -> None:
-    """Frames with an earlier time are left out, counted and said with how far; exit 4, the rest is estimated."""
+    """Frames with an earlier time are left out and reported with count and largest step; exit 4, the rest is estimated."""
     frames = list(open_log(log))
     # candump writes times as they are: ten frames of the middle claim to be 3 s older
     middle = len(frames) // 2
@@ -170,7 +170,7 @@ def test_time_that_goes_backwards(canid: Canid, tmp_path: Path, log: Path) -> No
 
 @pytest.mark.parametrize("verb", ["replay", "identify", "export"])
 def test_a_log_without_any_mapped_id(canid: Canid, tmp_path: Path, verb: str) -> None:
-    """Not this vehicle's log: said, with the command that lists its ids; exit 2."""
+    """The log of another vehicle: reported with the command that lists its ids; exit 2."""
     other = tmp_path / "other.blf"
     write_log(other, [Frame(0.01 * k, 0, 0x7A0, bytes(8)) for k in range(500)])
     ran = canid(verb, other, "--vehicle", "generic")
@@ -202,7 +202,7 @@ def test_a_signal_that_never_comes(canid: Canid, log: Path, tmp_path: Path) -> N
 
 
 def test_two_channels_with_one_id(canid: Canid, log: Path, tmp_path: Path) -> None:
-    """Which bus was taken is said, with the remedy; `check` fails; the other bus changes no number."""
+    """The bus that was chosen is reported with the remedy; `check` fails; the other bus changes no number."""
     frames = [frame for frame in open_log(log) if frame.t < 20.0]
     twice = [each for f in frames for each in (f, f._replace(bus=1, data=bytes(8)))]
     double = tmp_path / "double.blf"
@@ -218,7 +218,7 @@ def test_two_channels_with_one_id(canid: Canid, log: Path, tmp_path: Path) -> No
 
 
 def test_frames_shorter_than_the_dbc_says(canid: Canid, log: Path, tmp_path: Path) -> None:
-    """They are counted by message; what lies in the bytes that came is used, the rest is not measured."""
+    """Short frames are counted by message; signals in the bytes that came are used, the others are not measured."""
     short = tmp_path / "short.blf"
     write_log(short, [f._replace(data=f.data[:1]) if f.id == 0x170 else f for f in open_log(log) if f.t < 5])
     ran = canid("replay", short, "--vehicle", "generic")
@@ -230,7 +230,7 @@ def test_frames_shorter_than_the_dbc_says(canid: Canid, log: Path, tmp_path: Pat
 
 
 def test_all_mistakes_of_a_vehicle_file_at_once(canid: Canid, log: Path, tmp_path: Path) -> None:
-    """An unknown role, signal and output: each with its key and a guess, together, exit 2."""
+    """An unknown role, signal and output: all reported together, each with its key and a suggestion; exit 2."""
     bad = vehicle(
         tmp_path,
         ("pedal = ", "pedale = "),
@@ -253,7 +253,7 @@ def test_all_mistakes_of_a_vehicle_file_at_once(canid: Canid, log: Path, tmp_pat
     ],
 )
 def test_a_vehicle_that_is_not_there(canid: Canid, log: Path, words: tuple[str, str], says: str) -> None:
-    """Those that canid brings are listed."""
+    """The built-in vehicles are listed."""
     ran = canid("replay", log, *words)
     assert ran.code == USAGE
     assert says in ran.line
@@ -261,15 +261,15 @@ def test_a_vehicle_that_is_not_there(canid: Canid, log: Path, words: tuple[str, 
 
 
 def test_a_dbc_that_is_none(canid: Canid, log: Path, tmp_path: Path) -> None:
-    """Named with the place where it goes wrong, whether given itself or in a vehicle file; exit 2."""
+    """A wrong DBC is named with the place of the error, given directly or in a vehicle file; exit 2."""
     car = vehicle(tmp_path)
     (tmp_path / "generic.dbc").write_text("this is a letter\nnot a DBC\n")
     ran = canid("init", tmp_path / "generic.dbc")
     assert ran.code == USAGE
-    assert re.search(r"generic.dbc is no DBC .* line 1, column 1$", ran.line.strip())
+    assert re.search(r"generic.dbc cannot be parsed as a DBC.* line 1, column 1$", ran.line.strip())
     ran = canid("replay", log, "--vehicle", car)
     assert ran.code == USAGE
-    assert "generic.dbc is no DBC" in ran.err
+    assert "generic.dbc cannot be parsed as a DBC" in ran.err
     assert "Traceback" not in ran.err
     for other, says in ((tmp_path, "is a folder"), (tmp_path / "none.dbc", "does not exist")):
         ran = canid("init", other)
@@ -312,7 +312,7 @@ def test_a_wrong_call(
     words: tuple[str, ...],
     says: str,
 ) -> None:
-    """One line that says what would be right; exit 2; nothing is left behind."""
+    """One line with the correct usage; exit 2; no file is left behind."""
     monkeypatch.chdir(tmp_path)
     ran = canid(*(log if word == "LOG" else word for word in words))
     assert ran.code == USAGE
@@ -347,7 +347,7 @@ def test_no_such_bus(
 
 @pytest.mark.parametrize("below", ["drive.blf/x", "missing/x"])
 def test_an_output_that_cannot_be_written(canid: Canid, log: Path, tmp_path: Path, below: str) -> None:
-    """Below a file or in a folder that is not there: one line that names it; exit 5."""
+    """An output below a file or in a missing folder: one line that names it; exit 5."""
     path = log.parent / below if below.startswith("drive") else tmp_path / below
     part = ("--vehicle", "generic", "--stop", 2)
     for words in (
@@ -365,7 +365,7 @@ def test_an_output_that_cannot_be_written(canid: Canid, log: Path, tmp_path: Pat
 
 
 def test_a_full_disk(canid: Canid, log: Path, shell: Callable[[str], Any]) -> None:
-    """A file or a standard output that takes no more: exit 5, said, no traceback. A closed pipe: just the end."""
+    """A file or standard output that is full: exit 5 with a message, no traceback. A closed pipe: a normal end."""
     part = ("--vehicle", "generic", "--stop", 2)
     ran = canid("replay", log, *part, "--json", "/dev/full")
     assert ran.code == NOT_WRITTEN

@@ -1,4 +1,4 @@
-"""Hostile logs at the command line: exit 4 and one sentence that tells how much was read and where the damage is."""
+"""Hostile logs at the command line: exit 4 and one sentence on how much was read and where the damage is."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from benchmarks.damaged_logs.hostile import FAMILIES, write
 from canid.errors import DAMAGED, DONE
-from canid.frames import open_log, write_log
+from canid.logs import open_log, write_log
+from tests.damaged_logs.hostile import FAMILIES, write
 
 Canid = Callable[..., Any]
 SIZE = 64 * 1024
@@ -34,7 +34,7 @@ SAID = re.compile(
 
 @pytest.mark.parametrize("name", sorted({*FAMILIES} - SLOW))
 def test_recover(canid: Canid, name: str, tmp_path: Path) -> None:
-    """Of each hostile file: a copy of what is whole, and what is not is told with its place."""
+    """Of each hostile file: a copy of what is whole, and what is not is reported with its place."""
     path = write(name, tmp_path, SIZE)
     ran = canid("recover", path, "-o", tmp_path / "copy.blf")
     if name in HOPELESS:
@@ -43,10 +43,10 @@ def test_recover(canid: Canid, name: str, tmp_path: Path) -> None:
         return
     assert ran.code == (DONE if name in SOUND else DAMAGED), ran.err
     assert "Traceback" not in ran.err
-    told = [line for line in ran.err.splitlines() if SAID.search(line)]
-    assert len(told) == (name not in SOUND), ran.err
-    if told and not name.endswith(".gz"):
-        assert "damaged: " in told[0]
+    said = [line for line in ran.err.splitlines() if SAID.search(line)]
+    assert len(said) == (name not in SOUND), ran.err
+    if said and not name.endswith(".gz"):
+        assert "damaged: " in said[0]
     copy = open_log(tmp_path / "copy.blf")
     assert sum(1 for _ in copy) > 0
     assert copy.damage is None
@@ -60,7 +60,7 @@ def test_recover(canid: Canid, name: str, tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_replay_and_identify(canid: Canid, log: Path, name: str, tmp_path: Path) -> None:
-    """A drive with something hostile behind it: the drive is estimated, the rest told, exit 4."""
+    """A drive with something hostile behind it: the drive is estimated, the rest reported, exit 4."""
     hostile = write(name, tmp_path, SIZE)
     suffix = "".join(hostile.suffixes)
     path = tmp_path / f"drive{suffix}"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.vehicle.reading import shipped
+from canid.vehicle.vehicle_file import shipped
 
 ROOT = Path(__file__).parents[2]
 # clear the screen, set the title, a directional override, C1's CSI, a forged line, rich's own markup
@@ -49,7 +49,7 @@ def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[bytes]:
         cwd=cwd,
         env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
         capture_output=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
 
@@ -80,8 +80,8 @@ def test_json_keeps_names_as_they_are(hostile: tuple[Path, Path], tmp_path: Path
     """What is escaped for a terminal is not for a program."""
     vehicle, drive = hostile
     ran = run(["identify", str(drive), "--vehicle", str(vehicle), "--stop", "3", "--json", "-"], tmp_path)
-    told = json.loads(ran.stdout)
-    assert (told["log"], told["vehicle"]) == (str(drive), "Car" + EVIL)
+    result = json.loads(ran.stdout)
+    assert (result["log"], result["vehicle"]) == (str(drive), "Car" + EVIL)
 
 
 def test_a_name_that_is_no_text_can_be_said(log: Path, tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_the_live_view_of_a_terminal_holds_no_foreign_sequence(
         env=os.environ | {"PYTHONPATH": str(ROOT), "TERM": "xterm-256color", "OMP_NUM_THREADS": "1"},
         start_new_session=True,
     )
-    assert process.wait(120) == 0
+    assert process.wait(600.0) == 0
     os.close(writer)
     time.sleep(0.5)
     text = got.decode("utf-8", "replace")

@@ -6,10 +6,13 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+
+from tests.fixtures.forks import Forks
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "replay_logs/following_mixed.blf"
@@ -54,10 +57,27 @@ ALLOWED_GETS = {
 ALLOWED_SETS = {"channel_info", "count", "_periodic_tasks", "_filters", "filters", "_is_shutdown"}
 
 
+def install(folder: Path) -> None:
+    """Write the plug-in and its entry point into a folder of packages."""
+    info = folder / "canid_witness-1.0.dist-info"
+    info.mkdir(parents=True)
+    (folder / "canid_witness.py").write_text(PLUGIN)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: canid-witness\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[can.interface]\nwitness = canid_witness:WitnessBus\n")
+
+
+def environment(packages: Path) -> dict[str, str]:
+    """The environment with the plug-in, and without any configuration of a bus."""
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("CAN_")}
+    return clean | {"PYTHONPATH": f"{packages}{os.pathsep}{ROOT}", "OMP_NUM_THREADS": "1"}
+
+
 class Witness(NamedTuple):
-    """The plug-in, installed in a folder of its own."""
+    """The plug-in, and a folder that is home and current folder."""
 
     folder: Path
+    packages: Path
+    forks: Forks | None  # None: each command is a process of its own
 
     @property
     def log(self) -> Path:
@@ -66,20 +86,20 @@ class Witness(NamedTuple):
     def run(self, *words: object, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
         """Run canid in an empty home and current folder."""
         self.log.write_text("")
-        clean = {key: value for key, value in os.environ.items() if not key.startswith("CAN_")}
-        clean |= {
-            "PYTHONPATH": f"{self.folder / 'packages'}{os.pathsep}{ROOT}",
-            "WITNESS_LOG": str(self.log),
-            "HOME": str(self.folder),
-            "OMP_NUM_THREADS": "1",
-        }
+        full = (
+            environment(self.packages)
+            | {"WITNESS_LOG": str(self.log), "HOME": str(self.folder)}
+            | (env or {})
+        )
+        if self.forks is not None:
+            return self.forks.run(*words, env=full, cwd=self.folder)
         return subprocess.run(
             [sys.executable, "-m", "canid", *map(str, words)],
             cwd=self.folder,
-            env=clean | (env or {}),
+            env=full,
             capture_output=True,
             text=True,
-            timeout=200,
+            timeout=600,
             check=False,
         )
 
@@ -90,7 +110,7 @@ class Witness(NamedTuple):
         return sum(line.startswith("opened") for line in self.lines())
 
     def check(self) -> None:
-        """Nothing was done to a bus but what reading needs."""
+        """Assert that nothing was done to a bus but what reading needs."""
         lines = self.lines()
         assert "SENT" not in lines
         gets = {line.removeprefix("get ") for line in lines if line.startswith("get ")}
@@ -99,15 +119,28 @@ class Witness(NamedTuple):
         assert sets <= ALLOWED_SETS
 
 
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Forks | None]]:
+    """The plug-in in a folder of packages, and canid started with it."""
+    packages = tmp_path_factory.mktemp("packages")
+    install(packages)
+    if not hasattr(os, "fork"):
+        yield packages, None
+        return
+    with Forks(environment(packages), tmp_path_factory.mktemp("forks")) as forks:
+        yield packages, forks
+
+
 @pytest.fixture
-def witness(tmp_path: Path) -> Witness:
-    packages = tmp_path / "packages"
-    info = packages / "canid_witness-1.0.dist-info"
-    info.mkdir(parents=True)
-    (packages / "canid_witness.py").write_text(PLUGIN)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: canid-witness\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[can.interface]\nwitness = canid_witness:WitnessBus\n")
-    return Witness(tmp_path)
+def witness(tmp_path: Path, installed: tuple[Path, Forks | None]) -> Witness:
+    return Witness(tmp_path, *installed)
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Witness:
+    """The same with processes that start anew, and packages that a test may change."""
+    install(tmp_path / "packages")
+    return Witness(tmp_path, tmp_path / "packages", None)
 
 
 CONF = "[default]\ninterface = witness\nchannel = c\n"
@@ -241,38 +274,38 @@ def test_what_is_armed_is_sent_to_with_nothing_from_files(witness: Witness) -> N
     assert witness.lines().count("SENT") > 100
 
 
-def test_a_plug_in_named_virtual_is_no_virtual_bus(witness: Witness) -> None:
+def test_a_plug_in_named_virtual_is_no_virtual_bus(started: Witness) -> None:
     """An installed package may replace python-can's interface of that name: it must be armed as a physical bus."""
-    points = witness.folder / "packages/canid_witness-1.0.dist-info/entry_points.txt"
+    points = started.folder / "packages/canid_witness-1.0.dist-info/entry_points.txt"
     points.write_text("[can.interface]\nvirtual = canid_witness:WitnessBus\n")
-    done = witness.run("replay", "--onto", "--speed", "max", "--stop", "0.2", "-i", "virtual", "-c", "x", LOG)
+    done = started.run("replay", "--onto", "--speed", "max", "--stop", "0.2", "-i", "virtual", "-c", "x", LOG)
     assert done.returncode == 2
     assert "a physical bus" in done.stderr
-    done = witness.run("record", "-o", "out.blf", "--duration", "0.3", "-i", "virtual", "-c", "x")
+    done = started.run("record", "-o", "out.blf", "--duration", "0.3", "-i", "virtual", "-c", "x")
     assert "could not be verified" in done.stderr
-    witness.check()
+    started.check()
 
 
-@pytest.mark.parametrize("place", ["an entry point", "a module beside the log"])
-def test_no_code_comes_from_the_current_folder(witness: Witness, place: str) -> None:
+@pytest.mark.parametrize("place", ["an entry point", "a module next to the log"])
+def test_no_code_comes_from_the_current_folder(started: Witness, place: str) -> None:
     """A plug-in, or the module of an installed one, in the folder where canid is called: refused, not imported."""
-    (witness.folder / "canid_hostile.py").write_text("import pathlib; pathlib.Path('hostile').touch()\n")
+    (started.folder / "canid_hostile.py").write_text("import pathlib; pathlib.Path('hostile').touch()\n")
     info = (
-        witness.folder if place == "an entry point" else witness.folder / "packages"
+        started.folder if place == "an entry point" else started.folder / "packages"
     ) / "canid_hostile-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: canid-hostile\nVersion: 1\n")
     (info / "entry_points.txt").write_text("[can.interface]\nhostile = canid_hostile:Bus\n")
-    (witness.folder / "can.conf").write_text("[default]\ninterface = hostile\nchannel = x\n")
+    (started.folder / "can.conf").write_text("[default]\ninterface = hostile\nchannel = x\n")
     for words in (["record", "-o", "out.blf"], ["record", "-o", "out.blf", "-i", "hostile", "-c", "x"]):
-        done = witness.run(*words, "--duration", "0.3")
+        done = started.run(*words, "--duration", "0.3")
         assert done.returncode in (2, 3), done.stderr
         assert done.stderr.count("\n") == 1
-    assert not (witness.folder / "hostile").exists()
+    assert not (started.folder / "hostile").exists()
 
 
-def test_a_drivers_module_does_not_come_from_the_current_folder(witness: Witness) -> None:
-    """serial.py, usb.py, ... beside the log are not what python-can imports."""
+def test_a_drivers_module_does_not_come_from_the_current_folder(started: Witness) -> None:
+    """serial.py, usb.py, ... next to the log are not what python-can imports."""
     for module in (
         "serial",
         "usb",
@@ -284,12 +317,12 @@ def test_a_drivers_module_does_not_come_from_the_current_folder(witness: Witness
         "nixnet",
     ):
         text = "import pathlib; pathlib.Path('hostile').touch()\n"
-        (witness.folder / f"{module}.py").write_text(text)
+        (started.folder / f"{module}.py").write_text(text)
     for interface in ("slcan", "gs_usb", "cantact", "udp_multicast"):
         words = ("-i", interface, "-c", "/dev/null", "--duration", "0.1")
-        done = witness.run("record", "-o", "o.blf", *words)
+        done = started.run("record", "-o", "o.blf", *words)
         assert done.returncode in (0, 3), done.stderr
-    assert not (witness.folder / "hostile").exists()
+    assert not (started.folder / "hostile").exists()
 
 
 def test_what_a_channel_or_a_parameter_must_not_do(witness: Witness) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,12 +15,12 @@ from typing import Any
 
 import pytest
 
-from canid.cli import output_kinds, outputs
-from canid.cli.outputs import Output
+from canid.cli.output import output_kinds, outputs
+from canid.cli.output.outputs import Output
 from canid.errors import CHECK_FAILED, DONE, NOT_WRITTEN, USAGE, ConfigError, OutputError
-from canid.frames import open_log, write_log
-from canid.frames.log import SUFFIXES
-from canid.vehicle.reading import shipped
+from canid.logs import open_log, write_log
+from canid.logs.formats import read_suffixes
+from canid.vehicle.vehicle_file import shipped
 
 ROOT = Path(__file__).parents[2]
 PART = ("--vehicle", "generic", "--stop", 3)
@@ -47,7 +48,7 @@ WRITERS: dict[str, tuple[object, ...]] = {
 
 @pytest.fixture
 def victims(log: Path, tmp_path: Path) -> dict[str, Path]:
-    """Files that are worth keeping, one of each kind, under names of their kind and under names without one."""
+    """Valuable files, one of each kind, under names of their kind and under names without one."""
     folder = tmp_path / "kept"
     folder.mkdir()
     # not of the instant at which simulated drives begin
@@ -118,7 +119,7 @@ def test_no_option_writes_over_a_file_of_another_kind(
                 path.unlink()
         ran = canid(*worded(WRITERS[writer], log, tmp_path), victim)
         assert content(folder) == before, (writer, name, ran.err)
-        # a state file of somebody else's is told and left; all else is an error
+        # a foreign state file is reported and left as it is; all else is an error
         assert ran.code in (USAGE, NOT_WRITTEN) or writer.endswith("--state"), (writer, name, ran.err)
         assert "Traceback" not in ran.err
 
@@ -212,18 +213,18 @@ def test_earlier_results_are_replaced_and_only_by_a_result(
 
 
 def test_pipes_and_devices_are_outputs(canid: Callable[..., Any], log: Path) -> None:
-    """/dev/null as --json of two options at once is nobody's file."""
+    """/dev/null as --json of two options at once belongs to neither."""
     words = ("replay", log, *PART, "--json", "/dev/null")
     assert canid(*words).code == DONE
-    with pytest.raises(OutputError, match="it is no file"):
+    with pytest.raises(OutputError, match="not a regular file"):
         outputs.check([Output("--json", str(Path(__file__).parent), output_kinds.JSON)])
 
 
 def test_every_suffix_of_a_log_is_foreign_to_every_result() -> None:
     """A log's name is never taken for a result, in any format that canid reads."""
-    for suffix in SUFFIXES:
-        for kind in (output_kinds.JSON, output_kinds.PAGE, output_kinds.VEHICLE, output_kinds.STATE):
-            with pytest.raises(ConfigError, match="the name says a log"):
+    for suffix in read_suffixes():
+        for kind in (output_kinds.JSON, output_kinds.PAGE, output_kinds.VEHICLE_FILE, output_kinds.STATE):
+            with pytest.raises(ConfigError, match="the name is that of a log"):
                 outputs.check([Output("--json", f"x{suffix}", kind)])
 
 
@@ -249,24 +250,31 @@ def opens(path: Path) -> Iterator[str]:
 
 
 def test_files_are_opened_for_writing_in_few_places() -> None:
-    """One place opens the outputs of all verbs; beside it the log on the disk and what belongs to it, and the state."""
+    """One place opens the outputs of all verbs, except the log on the disk with its own files, and the state."""
     canid = ROOT / "canid"
     where = {str(p.relative_to(canid)) for p in canid.rglob("*.py") if list(opens(p))}
     allowed = {
-        "cli/outputs.py",  # every file that an option names, but for recordings
-        "cli/streams.py",  # the null device
+        "cli/output/outputs.py",  # every file that an option names, but for recordings
+        "cli/output/streams.py",  # the null device
         "cli/priority.py",  # /proc/self/autogroup
-        "state_file.py",
-        "estimating.py",  # its own pipe, and /proc
+        "files/state_file.py",
+        "estimator_process.py",  # its own pipe, and /proc
         "parsing.py",
     }
-    of_recordings = {name for name in where if name.startswith("frames/")}
+    of_recordings = {
+        name for name in where if name.startswith(("files/new_file", "logs/", "recording/", "buses/"))
+    }
     assert where - of_recordings <= allowed, where
-    assert not of_recordings & {f"frames/{n}" for n in ("recovery.py", "write.py", "recorder.py", "log.py")}
+    assert not of_recordings & {
+        "logs/recovery.py",
+        "logs/log_writer.py",
+        "recording/recorder.py",
+        "logs/log.py",
+    }
 
 
 AUDIT = """
-import os, sys
+import json, os, sys
 inputs = set(sys.argv[1].split(os.pathsep))
 def hook(event, args):
     if event == "open" and isinstance(args[0], str) and os.path.realpath(args[0]) in inputs:
@@ -275,9 +283,9 @@ def hook(event, args):
             os.write(2, f"WRITES {args}".encode())
             os._exit(99)
 sys.addaudithook(hook)
-sys.argv = sys.argv[1:]
 from canid.cli import main
-sys.exit(main(sys.argv[1:]))
+for line in sys.stdin:
+    print("code", main(json.loads(line)), flush=True)
 """
 
 
@@ -288,7 +296,7 @@ def test_inputs_are_never_opened_for_writing(log: Path, tmp_path: Path) -> None:
     shutil.copy(shipped() / "generic.toml", mine["mine.toml"])
     shutil.copy(shipped() / "generic.dbc", mine["generic.dbc"])
     part = ("--vehicle", mine["mine.toml"], "--stop", 2)
-    for words in (
+    commands = (
         ("identify", mine["mine.blf"], *part, "--json", "i.json"),
         ("replay", mine["mine.blf"], *part, "--json", "r.json", "--state", "s.json"),
         ("diagnose", mine["mine.blf"], *part, "--report"),
@@ -298,15 +306,17 @@ def test_inputs_are_never_opened_for_writing(log: Path, tmp_path: Path) -> None:
         ("init", mine["generic.dbc"], "-o", "new.toml"),
         ("identify", mine["mine.blf"], *part, "--json", mine["mine.blf"]),
         ("identify", mine["mine.blf"], *part, "--json", mine["mine.toml"]),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", AUDIT, os.pathsep.join(map(str, mine.values())), *map(str, words)],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-        assert "WRITES" not in done.stderr, words
-        assert done.returncode != 99, words
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", AUDIT, os.pathsep.join(map(str, mine.values()))],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        input="".join(json.dumps([str(word) for word in words]) + "\n" for words in commands),
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert "WRITES" not in done.stderr
+    assert done.returncode == 0, done.stderr
+    assert len(re.findall(r"^code \d+$", done.stdout, re.MULTILINE)) == len(commands)

@@ -1,4 +1,4 @@
-"""`--state`: a restart goes on from what was learnt; a state that does not fit is told, and costs nothing else."""
+"""`--state`: a restart goes on from what was learnt; a state that does not fit is reported, and has no other effect."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from typing import Any
 
 import pytest
 
-from canid import estimating, logs, pipeline, state_file
-from canid.cli.sessions import code_of
-from canid.cli.sessions import lines as sessions_lines
+from canid import drive_reader, estimator_process, pipeline
+from canid.buses.bus_opener import open_buses
+from canid.buses.send import onto
+from canid.cli.live_session import exit_code, health_lines
 from canid.errors import DONE, NOT_WRITTEN, USAGE, OutputError
-from canid.estimating import Estimating
-from canid.frames import open_log
-from canid.frames.bus import open_buses
-from canid.frames.send import onto
-from canid.saving.knowledge import Restored, keeping
-from canid.saving.sealed import seal, unseal
+from canid.estimator_process import Estimating
+from canid.files import state_file
+from canid.frame_columns import chunks
+from canid.logs import open_log
+from canid.saving.checksum import seal, unseal
+from canid.saving.saved_state import Restored, saver
 from canid.session import Result, World, session
 from canid.types import Estimate, Event, Frame, Status
 from canid.vehicle import read_vehicle
@@ -35,28 +36,28 @@ def lines(path: Path) -> list[dict[str, Any]]:
 
 
 def ok(items: Iterable[Any]) -> set[str]:
-    """Which estimators say `ok` in these."""
+    """Estimators with status `ok` among these items."""
     return {x.estimator for x in items if isinstance(x, Estimate) and x.status is Status.OK}
 
 
 @pytest.fixture(scope="module")
 def learnt(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A minute of driving, saved as now."""
+    """State after a minute of driving, saved with the present time."""
     vehicle = read_vehicle("generic")
     running = pipeline.build(vehicle)
     state = running.init()
-    for frame in logs.window(open_log(LOG), 0.0, 60.0):
-        state, _ = running.step(state, frame)
+    for chunk in chunks(drive_reader.window(open_log(LOG), 0.0, 60.0)):
+        state, _ = running.step(state, chunk)
     known = pipeline.known(state)
     assert known is not None
-    return keeping(vehicle, running).save(known, time.time())
+    return saver(vehicle, running).save(known, time.time())
 
 
 # --- replay ---
 
 
 def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
-    """The second half says `ok` within a second of data, where a fresh start takes twenty."""
+    """The second half has status `ok` within a second of data; a fresh start takes twenty."""
     state, out = tmp_path / "driver.json", tmp_path / "out.jsonl"
     ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 45, "--state", state, "--json", out)
     assert ran.code == DONE
@@ -67,7 +68,7 @@ def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
         "replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 48, "--state", state, "--json", out
     )
     assert ran.code == DONE
-    assert "go on from the state that was saved 0 s ago" in ran.err
+    assert "continue from the state saved 0 s ago" in ran.err
     first = [e for e in lines(out) if e["t"] <= 46.0]
     assert {e["estimator"] for e in first if e["status"] == "ok"} >= when_saved
     assert 47.0 < json.loads(state.read_text())["session_time"] <= 48.0
@@ -76,12 +77,12 @@ def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
 
 
 def test_python_replay_goes_on_too(tmp_path, learnt) -> None:
-    """A replay whose reader has seen enough saves its state as well."""
+    """A replay that its reader closes early saves its state as well."""
     path = tmp_path / "driver.json"
-    told = logs.replay(LOG, "generic", state=path)
-    while next(told).t < 3.0:
+    estimates = drive_reader.replay(LOG, "generic", state=path)
+    while next(estimates).t < 3.0:
         pass
-    told.close()  # type: ignore[attr-defined]
+    estimates.close()  # type: ignore[attr-defined]
     assert 2.0 < json.loads(path.read_text())["session_time"] < 4.0
 
 
@@ -114,10 +115,10 @@ def test_a_refused_state_is_told_in_one_sentence_and_replaced(canid, tmp_path, l
     canid(*part, fresh)
     ran = canid(*part, out, "--state", state)
     assert ran.code == DONE
-    told = [line for line in ran.err.splitlines() if "state" in line]
-    assert len(told) == 1
-    assert sentence in told[0]
-    assert told[0].endswith("the estimators start anew")
+    lines_on_state = [line for line in ran.err.splitlines() if "state" in line]
+    assert len(lines_on_state) == 1
+    assert sentence in lines_on_state[0]
+    assert lines_on_state[0].endswith("the estimators start fresh")
     assert out.read_text() == fresh.read_text()
     assert isinstance(unseal(state.read_bytes()), dict)
 
@@ -128,12 +129,12 @@ def test_somebody_elses_file_is_never_written_over(canid, tmp_path) -> None:
     other.write_text("name = 'My car'\n")
     ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 3, "--state", other)
     assert ran.code == USAGE
-    assert "the name says a configuration" in ran.line
+    assert "the name is that of a configuration" in ran.line
     assert other.read_text() == "name = 'My car'\n"
     other = other.rename(tmp_path / "car.json")
     ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 3, "--state", other)
     assert ran.code == DONE
-    assert "none that canid has written: it is left as it is" in ran.err
+    assert "was not written by canid: it is left as it is" in ran.err
     assert other.read_text() == "name = 'My car'\n"
 
 
@@ -143,7 +144,7 @@ def test_somebody_elses_file_is_never_written_over(canid, tmp_path) -> None:
     ids=lambda v: v[0],
 )
 def test_what_can_never_be_read_or_written_ends_it_before_it_begins(canid, tmp_path, verb) -> None:
-    """A folder is a mistake of usage (2), a folder that is missing one of writing (5); one line each."""
+    """A folder as state file is a usage error (2), a missing folder a write error (5); one line each."""
     ran = canid(*verb, "--vehicle", "generic", "--state", tmp_path, "--json", tmp_path / "out.jsonl")
     assert ran.code == USAGE
     assert ran.err.splitlines()[-1].startswith(f"canid: {tmp_path} is no file")
@@ -163,37 +164,37 @@ def test_sending_a_log_has_no_state(canid, tmp_path) -> None:
 
 
 def test_live_says_what_it_refuses_and_ends_well(canid, tmp_path, learnt) -> None:
-    """With numbers on standard output the sentence stands on standard error; the code is 0."""
+    """With JSON on standard output the message goes to standard error; exit 0."""
     state = tmp_path / "driver.json"
     state.write_bytes(learnt[:-1])
     ran = canid(
         "live", "-i", "virtual", "-c", "refuse", "--vehicle", "generic", "--duration", 4, "--state", state, "--json", "-"
     )  # fmt: skip
     assert ran.code == DONE
-    assert "the saved state is damaged: its checksum does not fit; the estimators start anew" in ran.err
-    # nothing was learnt: the old file is left for whoever wants to look at it
+    assert "the saved state is damaged: its checksum does not fit; the estimators start fresh" in ran.err
+    # nothing was learnt: the old file is left for inspection
     assert state.read_bytes() == learnt[:-1]
 
 
 OFTEN = """
 import sys
-from canid import estimating
-from canid.saving import knowledge
-knowledge.EVERY = 0.0
-sys.exit(estimating.main())
+from canid import estimator_process
+from canid.saving import saved_state
+saved_state.SAVE_INTERVAL_S = 0.0
+sys.exit(estimator_process.main())
 """
 
 
 def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
-    """A session on a bus: the restoring told, `ok` at once, the newer state in the file before the end and at the end."""
+    """A session on a bus: the restoring reported, `ok` at once, newer states saved before and at the end."""
     path = tmp_path / "driver.json"
     path.write_bytes(learnt)
-    part = [f._replace(t=f.t - 60.0) for f in logs.window(open_log(LOG), 60.0, 63.0)]
+    part = [f._replace(t=f.t - 60.0) for f in drive_reader.window(open_log(LOG), 60.0, 63.0)]
     config = {"interface": "virtual", "channel": str(tmp_path)}
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, part, 1.0))
     sender.start()
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 600.0
 
     def saved_meanwhile() -> bool:
         assert time.monotonic() < deadline
@@ -201,16 +202,16 @@ def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
 
     child = [sys.executable, "-c", OFTEN, "generic"]
     items = list(session(buses, "generic", stopped=saved_meanwhile, state=path, command=child))
-    told = [item.item for item in items if isinstance(item, Result)]
-    events = [x for x in told if isinstance(x, Event)]
+    results = [item.item for item in items if isinstance(item, Result)]
+    events = [x for x in results if isinstance(x, Event)]
     assert [event.what for event in events] == ["state_restored"], events
     # in 3 s a fresh start can say nothing
-    assert "fopdt" in ok(told)
+    assert "fopdt" in ok(results)
     last = items[-1]
     assert isinstance(last, World)
     assert last.unsaved == ""
     vehicle = read_vehicle("generic")
-    found = keeping(vehicle, pipeline.build(vehicle)).restore(path.read_bytes(), time.time())
+    found = saver(vehicle, pipeline.build(vehicle)).restore(path.read_bytes(), time.time())
     assert isinstance(found, Restored)
     # the minute that was there, and what was driven now
     assert found.known.time.t > 1.5
@@ -220,9 +221,9 @@ def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
 # The estimator's own child, which hands its state over after every message and fails once.
 FAILS_ONCE = """
 import os, sys, time
-from canid import estimating, pipeline
-from canid.saving import knowledge
-knowledge.EVERY = 0.0
+from canid import estimator_process, pipeline
+from canid.saving import saved_state
+saved_state.SAVE_INTERVAL_S = 0.0
 _, vehicle, marker, fault = sys.argv
 sys.argv = [sys.argv[0], vehicle]
 if not os.path.exists(marker):
@@ -230,29 +231,29 @@ if not os.path.exists(marker):
     build = pipeline.build
     def failing(vehicle):
         running = build(vehicle)
-        def step(state, frame):
-            if frame.t > 62.0:
+        def step(state, chunk):
+            if chunk.t[-1] > 62.0:
                 {"dies": lambda: os.kill(os.getpid(), 9), "hangs": lambda: time.sleep(1000)}[fault]()
-            return running.step(state, frame)
+            return running.step(state, chunk)
         return running._replace(step=step)
     pipeline.build = failing
-sys.exit(estimating.main())
+sys.exit(estimator_process.main())
 """
 
 
 @pytest.mark.parametrize("fault", ["dies", "hangs"])
 def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, monkeypatch) -> None:
-    """Without any state file: the next child speaks within one second of the data that it gets."""
-    monkeypatch.setattr(estimating, "HANG", 3.0)
+    """Without a state file: the next child process estimates within one second of the data that it gets."""
+    monkeypatch.setattr(estimator_process, "ANSWER_TIMEOUT_S", 3.0)
     outputs: list[tuple[float, Any]] = []
     command = [sys.executable, "-c", FAILS_ONCE, "generic", str(tmp_path / "failed"), fault]
     running = Estimating("generic", lambda t, item: outputs.append((t, item)), command)
-    before = list(logs.window(open_log(LOG), 0.0, 60.0))
+    before = list(drive_reader.window(open_log(LOG), 0.0, 60.0))
     running.put(before)
     wait(lambda: running.counts().done == len(before))
     running.put([Frame(63.0, 0, 1, b"")])
     wait(lambda: running.counts().restarts == 1 and running.counts().ready)
-    after = list(logs.window(open_log(LOG), 66.0, 68.0))
+    after = list(drive_reader.window(open_log(LOG), 66.0, 68.0))
     running.put(after)
     assert running.close(60.0)
     counts = running.counts()
@@ -264,14 +265,14 @@ def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, mon
     assert "fopdt" in ok(item for t, item in outputs if 59.0 <= t <= 60.0)
     # what one speaks that saw the same frames and never failed
     alone = pipeline.run(pipeline.build(read_vehicle("generic")), [*before, *after])
-    expected = ok(item for _, item in alone if isinstance(item, Estimate) and 66.0 <= item.t <= 67.0)
+    expected = ok(item for item in alone if isinstance(item, Estimate) and 66.0 <= item.t <= 67.0)
     assert "fopdt" in expected
     assert ok(item for t, item in outputs if 66.0 <= t <= 67.0) == expected
 
 
 def wait(done) -> None:
-    """Until it is so; a minute at most."""
-    deadline = time.monotonic() + 60.0
+    """Wait until a condition holds, a minute at most."""
+    deadline = time.monotonic() + 600.0
     while not done():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -286,21 +287,21 @@ def say(kind, payload=None):
 say("ready")
 while True:
     try:
-        batch = pickle.load(sys.stdin.buffer)
+        chunk = pickle.load(sys.stdin.buffer)
     except EOFError:
         break
-    if isinstance(batch, bytes):
+    if isinstance(chunk, bytes):
         sys.exit(1)
-    say("out", (len(batch), [], {}, []))
+    say("out", (len(chunk[0]), [], {}, []))
 say("end")
 """
 
 
 def test_a_state_that_ends_a_child_is_not_given_to_the_next() -> None:
-    """One restart, not one after another."""
-    told: list[Any] = []
+    """One restart, not one after the other."""
+    items: list[Any] = []
     running = Estimating(
-        "generic", lambda t, item: told.append(item), [sys.executable, "-c", ALLERGIC], b"poison"
+        "generic", lambda t, item: items.append(item), [sys.executable, "-c", ALLERGIC], b"poison"
     )
     wait(lambda: running.counts().restarts == 1 and running.counts().ready)
     running.put([Frame(0.1 * k, 0, 1, b"") for k in range(50)])
@@ -313,14 +314,14 @@ def test_a_state_that_ends_a_child_is_not_given_to_the_next() -> None:
 def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
     tmp_path, learnt, monkeypatch
 ) -> None:
-    """The session goes on; its last word, and the exit code, are that the state could not be saved."""
+    """The session goes on; the last report and the exit code say that the state could not be saved."""
     path = tmp_path / "driver.json"
 
     def full(path: Path, _: bytes) -> None:
         raise OutputError(f"{path}: the state cannot be written (No space left on device)")
 
     monkeypatch.setattr(state_file, "write", full)
-    part = list(logs.window(open_log(LOG), 0.0, 1.5))
+    part = list(drive_reader.window(open_log(LOG), 0.0, 1.5))
     config = {"interface": "virtual", "channel": str(tmp_path)}
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, part, 1.0))
@@ -331,5 +332,5 @@ def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
     assert last.unsaved == f"{path}: the state cannot be written (No space left on device)"
     assert last.estimator is not None
     assert last.estimator.done == last.estimator.offered == len(part)
-    assert code_of(last, lost=False) == NOT_WRITTEN
-    assert [line.says for line in sessions_lines(last) if line.wrong] == [last.unsaved]
+    assert exit_code(last, lost=False) == NOT_WRITTEN
+    assert [line.text for line in health_lines(last) if line.wrong] == [last.unsaved]

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effects import plant_one, plant_two
-from benchmarks.hidden_effects.sensed import trace
-from canid.diagnosis import closed_loop, held_out, vehicle_block
-from canid.diagnosis.diagnosing import diagnose
-from canid.diagnosis.driver_data import prepare
-from canid.diagnosis.driver_model import BASE, with_effects
-from canid.diagnosis.in_loop import Late, Person, driver
+from canid.diagnosis.diagnose import diagnose
+from canid.diagnosis.driver import closed_loop, held_out
+from canid.diagnosis.driver.driver_data import prepare
+from canid.diagnosis.driver.driver_model import BASE, with_effects
+from canid.diagnosis.driver.driver_simulation import Late, SimulatedDriver, driver
+from canid.diagnosis.vehicle import vehicle_block
 from canid.effects import CATALOGUE
 from canid.findings import Report, Trajectory
 from canid.types import Trace
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 BY = {effect.id: effect for effect in CATALOGUE}
@@ -94,12 +95,12 @@ def test_a_command_and_a_pedal_without_a_fitted_car_are_no_closed_loop() -> None
     seen = drive("one", {}, 95, "mixed")
     everything = np.ones(seen.t.size, dtype=bool)
     data = prepare(seen, everything)
-    unknown = vehicle_block.look(
+    unknown = vehicle_block.diagnose_vehicle(
         seen._replace(signals={role: x for role, x in seen.signals.items() if role != "speed"}), everything
     )
     assert unknown.cars is None
     for role in ("accel_command", "steering_angle", "", "pedal"):
-        assert closed_loop.look(seen, data, role, (), (), unknown) == ()
+        assert closed_loop.simulate(seen, data, role, (), (), unknown) == ()
 
 
 @pytest.mark.parametrize(
@@ -126,7 +127,9 @@ def test_the_driver_in_the_loop_is_the_textbook_driver(names: tuple[str, ...]) -
     gap, rate, speed = 35 + 8 * np.sin(0.2 * t), 1.6 * np.cos(0.2 * t), 18 + 2 * np.sin(0.13 * t)
     late = Late(gap, rate, speed, np.zeros_like(t), t)
     still = np.zeros((past + n, m))
-    init, step = driver(Person(model, q, (np.zeros(m), np.zeros(m)), still, still > 0, np.inf, 30.0), dt)
+    init, step = driver(
+        SimulatedDriver(model, q, (np.zeros(m), np.zeros(m)), still, still > 0, np.inf, 30.0), dt
+    )
     state, out = init(), []
     for k in range(past, past + n):
         state, demand = step(state, late, k)
@@ -180,7 +183,7 @@ def test_stretches_lie_in_the_folds_that_did_not_fit_their_driver() -> None:
     usable[350:420] = False
     found = closed_loop.stretches(usable, 0.1)
     for one in found:
-        block = round(held_out.BLOCK / 0.1)
+        block = round(held_out.FOLD_BLOCK_S / 0.1)
         assert one.start // block == (one.stop - 1) // block == one.block
         assert usable[one.start : one.stop].all()
     assert [one.block for one in found] == [0, 1, 2, 3, 4, 5, 6]

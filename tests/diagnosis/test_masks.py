@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import canid
-from benchmarks.hidden_effects import plant_one, plant_two
-from benchmarks.hidden_effects.sensed import trace
 from canid.diagnosis import masks
 from canid.types import Trace
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 RAV4 = Path(__file__).parents[3] / "shared" / "data" / "rav4" / "rav4_highway.blf"
@@ -71,7 +71,7 @@ def test_planted_episodes_are_masked_when_they_happen(
 
 @pytest.mark.parametrize("simulator", PLANTS)
 def test_a_pedal_that_stands_still_is_a_foots_matter_and_not_masked(simulator: str) -> None:
-    """A hung pedal and a held one look alike: the search of episodes in the pedal decides, no mask."""
+    """A hung pedal and a held one are indistinguishable: the search of episodes in the pedal decides, no mask."""
     drive, times = planted(simulator, {"stale_signal": {"signal": 0.0}}, 52, "mixed")
     assert times
     assert not masks.recognise(drive)[1]

@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effects import plant_one, plant_two
-from benchmarks.hidden_effects.sensed import trace
-from canid.diagnosis import masks, vehicle_block
-from canid.diagnosis.diagnosing import diagnose
-from canid.diagnosis.vehicle_block import SOLD, VEHICLE, Vehicle
-from canid.diagnosis.vehicle_model import LAG, STRENGTH, VehicleSeen, accel, drivable, with_effects
+from canid.diagnosis import masks
+from canid.diagnosis.diagnose import diagnose
+from canid.diagnosis.vehicle import vehicle_block
+from canid.diagnosis.vehicle.vehicle_block import VEHICLE, Vehicle
+from canid.diagnosis.vehicle.vehicle_model import LAG, STRENGTH, VehicleSeen, accel, drivable, with_effects
 from canid.effects import CATALOGUE
-from canid.effects.cause import Effect
+from canid.effects.effect import Effect
+from canid.effects.vehicle.power_limit import SOLD_FROM
 from canid.findings import Verdict
 from canid.types import Trace
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 BY = {effect.id: effect for effect in CATALOGUE}
@@ -30,8 +32,8 @@ def drive(
     return trace(PLANTS[simulator](effects, seed=seed, minutes=7, noise=noise, profile=profile))
 
 
-def look(seen: Trace, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
-    return vehicle_block.look(seen, masks.recognise(seen)[0], catalogue)
+def diagnosed(seen: Trace, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
+    return vehicle_block.diagnose_vehicle(seen, masks.recognise(seen)[0], catalogue)
 
 
 @pytest.mark.parametrize("simulator", PLANTS)
@@ -41,16 +43,16 @@ def look(seen: Trace, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
 )
 def test_a_car_like_others_is_not_blamed(simulator: str, profile: str, noise: str, seed: int) -> None:
     """Rolling country, a slightly bent map, an idling engine's drag and its rated power are what every car has."""
-    told = look(drive(simulator, {}, seed, profile, noise))
-    assert not told.findings, told.block.says
-    assert told.block.state == "adequate"
+    vehicle = diagnosed(drive(simulator, {}, seed, profile, noise))
+    assert not vehicle.findings, vehicle.block.says
+    assert vehicle.block.state == "adequate"
 
 
 def test_the_fitted_numbers_are_the_cars() -> None:
     planted = plant_one.plant({}, seed=65, minutes=10, noise="ar1", profile="mixed")
-    told = look(trace(planted))
-    assert told.cars is not None
-    q, car = told.cars[1].fitted.q, planted.truth["car"]
+    vehicle = diagnosed(trace(planted))
+    assert vehicle.cars is not None
+    q, car = vehicle.cars[1].fitted.q, planted.truth["car"]
     assert q[STRENGTH] == pytest.approx(car["power"], rel=0.05)
     assert q[LAG] == pytest.approx(car["lag"], abs=0.1)
 
@@ -80,9 +82,9 @@ def test_the_fitted_numbers_are_the_cars() -> None:
 def test_a_planted_cause_is_named_with_its_size(
     simulator: str, effect: str, parameters: dict[str, float], seed: int, profile: str, within: float
 ) -> None:
-    told = look(drive(simulator, {effect: parameters}, seed, profile))
-    found = [f for f in told.findings if effect in (f.effect, *f.rivals)]
-    assert found, told.block.says
+    vehicle = diagnosed(drive(simulator, {effect: parameters}, seed, profile))
+    found = [f for f in vehicle.findings if effect in (f.effect, *f.rivals)]
+    assert found, vehicle.block.says
     assert found[0].evidence > found[0].needed
     assert found[0].gain.low > 0
     if found[0].effect == effect:
@@ -95,16 +97,16 @@ def test_a_planted_cause_is_named_with_its_size(
 @pytest.mark.parametrize("simulator", PLANTS)
 def test_an_engine_that_cars_are_sold_with_is_no_cause(simulator: str) -> None:
     """The same limit of power names itself where it is a lorry's, and nowhere near a passenger car's."""
-    strong = look(drive(simulator, {"power_limit": {"power": SOLD + 8}}, 81, "motorway"))
+    strong = diagnosed(drive(simulator, {"power_limit": {"power": SOLD_FROM + 8}}, 81, "motorway"))
     assert not strong.findings, strong.block.says
 
 
 @pytest.mark.parametrize("simulator", PLANTS)
 def test_a_steady_wind_is_never_named_but_told_as_untold(simulator: str) -> None:
-    told = look(drive(simulator, {"headwind": {"speed": 10.0}}, 82, "motorway"))
-    assert not told.findings
-    assert any("headwind" in one.effects for one in told.not_testable)
-    assert any("mass" in one.effects for one in told.not_testable)
+    vehicle = diagnosed(drive(simulator, {"headwind": {"speed": 10.0}}, 82, "motorway"))
+    assert not vehicle.findings
+    assert any("headwind" in one.effects for one in vehicle.not_testable)
+    assert any("mass" in one.effects for one in vehicle.not_testable)
 
 
 def test_without_a_measured_slope_a_hilly_road_gets_no_name() -> None:
@@ -112,17 +114,17 @@ def test_without_a_measured_slope_a_hilly_road_gets_no_name() -> None:
     blind = seen._replace(
         signals={role: x for role, x in seen.signals.items() if role not in ("grade", "altitude")}
     )
-    told = look(blind)
-    assert not any(finding.effect == "road_grade" for finding in told.findings)
-    assert any({"road_grade", "headwind"} <= set(one.effects) for one in told.not_testable)
+    vehicle = diagnosed(blind)
+    assert not any(finding.effect == "road_grade" for finding in vehicle.findings)
+    assert any({"road_grade", "headwind"} <= set(one.effects) for one in vehicle.not_testable)
 
 
 def test_a_cause_that_is_not_in_the_catalogue_is_not_replaced_by_its_neighbour_alone() -> None:
     """Without the power limit its neighbour, the bent map, is named only if its car leaves nothing behind."""
     catalogue = tuple(effect for effect in VEHICLE if effect.id != "power_limit")
-    told = look(drive("one", {"power_limit": {"power": 20.0}}, 73, "motorway"), catalogue)
-    assert told.block.state == "unexplained", told.block.says
-    assert all(finding.surrogate for finding in told.findings)
+    vehicle = diagnosed(drive("one", {"power_limit": {"power": 20.0}}, 73, "motorway"), catalogue)
+    assert vehicle.block.state == "unexplained", vehicle.block.says
+    assert all(finding.surrogate for finding in vehicle.findings)
 
 
 def test_a_bent_map_is_the_verdict_of_the_whole_and_the_driver_is_not_blamed() -> None:
@@ -137,10 +139,10 @@ def test_a_bent_map_is_the_verdict_of_the_whole_and_the_driver_is_not_blamed() -
 
 def test_a_drive_without_pedal_says_what_to_map() -> None:
     seen = drive("one", {}, 85)
-    told = look(seen._replace(output=seen.signals["accel"]))
-    assert told.block.state == "not_testable"
-    assert "pedal" in told.block.says
-    assert told.cars is None
+    vehicle = diagnosed(seen._replace(output=seen.signals["accel"]))
+    assert vehicle.block.state == "not_testable"
+    assert "pedal" in vehicle.block.says
+    assert vehicle.cars is None
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.types import Gate, Sample
+from canid.types import LearnGate, Sample
 
 DT = 0.1
 NAMES = ("headway_error", "range_rate")
@@ -35,13 +35,13 @@ def _drive(seed, seconds):
     return tuple(rows)
 
 
-def drive(seed=0, seconds=90.0, shut=(), gate=Gate.CRUISE):
+def drive(seed=0, seconds=90.0, shut=(), gate=LearnGate.CRUISE):
     """Samples at 10 Hz; the gate is shut in the intervals (start, stop) of `shut` [s]."""
     out = []
     for k, (pedal, error, rate) in enumerate(_drive(seed, seconds)):
         t = round(k * DT, 9)
-        g = gate if any(a <= t < b for a, b in shut) else Gate.OPEN
-        out.append(Sample(t, pedal, (error, rate), g, g is Gate.OPEN, 0, {}))
+        g = gate if any(a <= t < b for a, b in shut) else LearnGate.OPEN
+        out.append(Sample(t, pedal, (error, rate), g, g is LearnGate.OPEN, 0, {}))
     return out
 
 

@@ -1,4 +1,4 @@
-"""The estimators' contradiction is told when it stays, and one number at most is the one to read."""
+"""A contradiction between estimators is reported once it persists; there is one headline estimate at most."""
 
 import itertools
 import math
@@ -25,15 +25,15 @@ def says(t, name, low, high, status=Status.OK, channel="range_rate", lag=UNTOLD)
     ch = Channel(band(low, high), tau_plus_dead_time=lag, status=Identifiable.SUM_ONLY)
     if status is not Status.OK:
         ch = Channel()
-    return Estimate(t, name, status, "told", {"headway_error": Channel(), channel: ch})
+    return Estimate(t, name, status, "K only", {"headway_error": Channel(), channel: ch})
 
 
 def listen(instants):
     """All judged estimates, from lists of estimates of one instant each."""
     state, out = agreement.init(), []
     for estimates in instants:
-        state, told = agreement.step(state, estimates)
-        out += told
+        state, checked = agreement.step(state, estimates)
+        out += checked
     return out
 
 
@@ -48,14 +48,14 @@ def test_intervals_that_touch_contradict_nothing():
     """Overlap, however small, changes no status and no word."""
     out = listen(both(t, (4.0, 5.0), (5.0, 6.0)) for t in TIMES)
     assert {e.status for e in out} == {Status.OK}
-    assert {e.says for e in out} == {"told"}
+    assert {e.says for e in out} == {"K only"}
 
 
-def test_a_contradiction_that_stays_is_told_of_both_with_its_reason():
+def test_a_contradiction_that_persists_is_reported_of_both_with_its_reason():
     """After five seconds apart, not before, both are inconsistent; the numbers stay, the sentence names them."""
     out = listen(both(t, (7.0, 8.0), (5.0, 6.0)) for t in TIMES)
     assert {e.t: e.status for e in out} == {
-        t: Status.INCONSISTENT if t >= agreement.PERSISTENT else Status.OK for t in TIMES
+        t: Status.INCONSISTENT if t >= agreement.PERSISTENCE_S else Status.OK for t in TIMES
     }
     last = out[-2:]
     assert [e.estimator for e in last] == ["armax", "fopdt"]
@@ -79,8 +79,8 @@ def test_the_sum_of_the_delays_is_compared_too():
     assert "lateral offset: tau + dead time is 0.60 [0.50, 0.70] s by fopdt" in out[-1].says
 
 
-def test_one_look_of_agreement_starts_the_clock_anew():
-    """Apart for 4.5 s, once together, apart for 4.5 s: nothing is told; and a told contradiction ends at once."""
+def test_one_agreement_restarts_the_clock():
+    """Apart for 4.5 s, once together, apart for 4.5 s: nothing is reported; and a reported contradiction ends at once."""
     apart = [t % 5.0 != 0.0 for t in TIMES]
     out = listen(
         both(t, (7.0, 8.0) if a else (5.5, 8.0), (5.0, 6.0)) for t, a in zip(TIMES, apart, strict=True)
@@ -104,8 +104,8 @@ def test_another_contradiction_has_a_clock_of_its_own():
 
 
 @pytest.mark.parametrize("status", SILENT)
-def test_who_tells_nothing_contradicts_nobody(status):
-    """While one is silent the other is neither doubted nor changed, and has the headline."""
+def test_an_estimator_without_numbers_contradicts_nobody(status):
+    """While one is silent the other is neither contradicted nor changed, and has the headline."""
     out = listen(
         [says(t, "armax", 7.0, 8.0), says(t, "fopdt", 5.0, 6.0, status if t >= 3.0 else Status.OK)]
         for t in TIMES
@@ -118,15 +118,15 @@ def test_who_tells_nothing_contradicts_nobody(status):
 
 
 def test_an_old_estimate_contradicts_nobody_and_holds_no_headline():
-    """What was said longer ago than FRESH is about another moment."""
+    """What was said longer ago than MAX_AGE_S is about another time."""
     state = agreement.init()
     for t in TIMES[:20]:
         state, _ = agreement.step(state, both(t, (7.0, 8.0), (5.0, 6.0)))
     alone = []
     for t in TIMES[20:]:
-        state, told = agreement.step(state, [says(t, "armax", 7.0, 8.0)])
-        alone += told
-    limit = TIMES[19] + agreement.FRESH
+        state, checked = agreement.step(state, [says(t, "armax", 7.0, 8.0)])
+        alone += checked
+    limit = TIMES[19] + agreement.MAX_AGE_S
     assert {e.t for e in alone if e.status is Status.INCONSISTENT} == {e.t for e in alone if e.t <= limit}
     assert {e.t for e in alone if e.headline} == {e.t for e in alone if e.t > limit}
 
@@ -155,7 +155,7 @@ def test_two_that_speak_at_different_times_do_not_share_the_headline():
 
 
 def test_a_new_estimator_takes_part_by_itself():
-    """One that FIRST does not name is compared, and read where those named are silent."""
+    """One that HEADLINE_ORDER does not name is compared, and read where those named are silent."""
     out = listen([says(t, "third", 5.0, 6.0), says(t, "armax", 9.0, 9.5)] for t in TIMES)
     assert out[-1].status is out[-2].status is Status.INCONSISTENT
     assert "by third" in out[-1].says
@@ -164,11 +164,11 @@ def test_a_new_estimator_takes_part_by_itself():
 
 
 def test_nobody_is_read_while_two_contradict_each_other():
-    """FOPDT, whose interval spans both others, is not doubted, and not the number to read either."""
+    """FOPDT, whose interval spans both others, is not contradicted, and not the headline either."""
     out = listen(
         [says(t, "armax", 7.0, 8.0), says(t, "fopdt", 4.0, 9.0), says(t, "third", 5.0, 6.0)] for t in TIMES
     )
-    late = [e for e in out if e.t >= agreement.PERSISTENT]
+    late = [e for e in out if e.t >= agreement.PERSISTENCE_S]
     assert {e.estimator for e in late if e.status is Status.OK} == {"fopdt"}
     assert not any(e.headline for e in late)
 
@@ -197,28 +197,30 @@ def test_whatever_they_say_no_number_is_touched_and_one_is_read_at_most(turns):
     state, t = agreement.init(), 0.0
     for wait, said in turns:
         t += wait
-        estimates = [Estimate(t, name, status, "told", {"a": ch}) for name, status, ch in said]
+        estimates = [Estimate(t, name, status, "K only", {"a": ch}) for name, status, ch in said]
         before = pickle.dumps(state)
-        new, told = agreement.step(state, estimates)
+        new, checked = agreement.step(state, estimates)
         assert pickle.dumps(state) == before
         again = agreement.step(pickle.loads(before), estimates)
-        assert repr(again) == repr((new, told))
+        assert repr(again) == repr((new, checked))
         state = new
-        assert sum(e.headline for e in told) <= 1
-        assert not (any(e.headline for e in told) and any(e.status is Status.INCONSISTENT for e in told))
-        for e, judged in zip(estimates, told, strict=True):
+        assert sum(e.headline for e in checked) <= 1
+        assert not (
+            any(e.headline for e in checked) and any(e.status is Status.INCONSISTENT for e in checked)
+        )
+        for e, judged in zip(estimates, checked, strict=True):
             plain = judged._replace(status=e.status, says=e.says, headline=False)
             assert repr(plain) == repr(e)
             if e.status is not Status.OK:
                 assert judged == e
-        doubted = [e for e in told if e.status is Status.INCONSISTENT]
-        for e in doubted:
+        contradicted = [e for e in checked if e.status is Status.INCONSISTENT]
+        for e in contradicted:
             others = [x for x in state.latest if x.estimator != e.estimator]
             assert any(_apart(e, x) for x in others)
 
 
 def _apart(a, b):
-    """Written anew: some interval of one lies wholly beside the other's."""
+    """Written anew: some interval of one lies wholly outside the other's."""
     pairs = itertools.product(("a",), ("K", "tau_plus_dead_time"))
     bounds = [(getattr(a.channels[n], w), getattr(b.channels[n], w)) for n, w in pairs]
     return any(max(x.low, y.low) > min(x.high, y.high) for x, y in bounds)

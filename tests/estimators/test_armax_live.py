@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from canid.estimators import armax
-from canid.types import ArmaxSettings, Gate, Sample, Status
+from canid.estimators.armax import ARMAX, ArmaxSettings
+from canid.types import LearnGate, Sample, Status
 
 DT = 0.1
 NAME = "lateral_offset"
@@ -42,14 +42,14 @@ def samples(y, u, shut=(math.inf, math.inf), start=0.0):
     out = []
     for k, (output, value) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
         t = round(start + k * DT, 9)
-        gate = Gate.CRUISE if shut[0] <= t < shut[1] else Gate.OPEN
-        out.append(Sample(t, output, (value,), gate, gate is Gate.OPEN, 0, {}))
+        gate = LearnGate.CRUISE if shut[0] <= t < shut[1] else LearnGate.OPEN
+        out.append(Sample(t, output, (value,), gate, gate is LearnGate.OPEN, 0, {}))
     return out
 
 
-def said(rows, settings=ArmaxSettings()):
+def said(rows, settings=None):
     """All estimates and the last state."""
-    estimator = armax.make((NAME,), DT, settings)
+    estimator = ARMAX.make((NAME,), DT, settings)
     state, out = estimator.init(), []
     for sample in rows:
         state, estimate = estimator.step(state, sample)
@@ -58,12 +58,12 @@ def said(rows, settings=ArmaxSettings()):
 
 
 def test_the_anytime_interval_seldom_ever_misses_and_is_little_wider():
-    """Ten runs of 3 min, looked at twice a second: at most one ever misses K, which the plain interval does in many;
+    """Ten runs of 3 min, evaluated twice a second: at most one ever misses K, which the plain interval does in many;
     on average it is at most 1.6 times as wide."""
     ever, plain, ratios = 0, 0, []
     for seed in range(10):
-        told, _ = said(samples(*driven(seed, 180.0)))
-        known = [e.channels[NAME] for e in told if e.status is Status.OK]
+        estimates, _ = said(samples(*driven(seed, 180.0)))
+        known = [e.channels[NAME] for e in estimates if e.status is Status.OK]
         assert len(known) > 250
         ever += any(not c.K_anytime.low <= K <= c.K_anytime.high for c in known)
         plain += any(not c.K.low <= K <= c.K.high for c in known)
@@ -74,13 +74,13 @@ def test_the_anytime_interval_seldom_ever_misses_and_is_little_wider():
     assert 1.3 < np.mean(ratios) < 1.6
 
 
-def test_residuals_of_a_right_model_are_told_to_be_white():
+def test_residuals_of_a_right_model_are_found_white():
     """Tests of the last minute come once there is enough, and mostly pass: each alone alarms in 1 %."""
     passed, seen = 0, 0
     for seed in range(20, 26):
-        told, _ = said(samples(*driven(seed, 100.0)))
-        assert told[0].residual_tests is None
-        tests = told[-1].residual_tests
+        estimates, _ = said(samples(*driven(seed, 100.0)))
+        assert estimates[0].residual_tests is None
+        tests = estimates[-1].residual_tests
         assert tests is not None
         assert set(tests.excitation_order) == {NAME}
         seen += 3
@@ -88,16 +88,16 @@ def test_residuals_of_a_right_model_are_told_to_be_white():
     assert passed >= seen - 2
 
 
-def test_residuals_of_a_wrong_model_are_told_to_be_coloured():
-    """An answer with a resonance that two poles with one zero of C cannot carry leaves colour behind."""
+def test_residuals_of_a_wrong_model_are_found_autocorrelated():
+    """An answer with a resonance that two poles with one zero of C cannot carry leaves autocorrelation."""
     rng = np.random.default_rng(0)
     y, u = driven(30, 100.0)
     ring, x = np.zeros(len(y)), rng.normal(size=len(y))
     for k in range(2, len(y)):
         ring[k] = 1.2 * ring[k - 1] - 0.95 * ring[k - 2] + x[k]
-    told, _ = said(samples(y + 0.5 * ring / ring.std(), u))
-    assert told[-1].residual_tests is not None
-    assert not told[-1].residual_tests.white
+    estimates, _ = said(samples(y + 0.5 * ring / ring.std(), u))
+    assert estimates[-1].residual_tests is not None
+    assert not estimates[-1].residual_tests.white
 
 
 def test_no_number_where_the_residuals_hold_another_answer():
@@ -110,8 +110,8 @@ def test_no_number_where_the_residuals_hold_another_answer():
         for k in range(4, len(y)):
             slow[k] = slow[k - 1] + 0.08 * (5.0 * u[k - 4] - slow[k - 1])
             ring[k] = 1.62 * ring[k - 1] - 0.95 * ring[k - 2] + x[k]
-        told, _ = said(samples(slow + 0.3 * slow.std() * ring / ring.std(), u))
-        spoken = told[-1]
+        estimates, _ = said(samples(slow + 0.3 * slow.std() * ring / ring.std(), u))
+        spoken = estimates[-1]
         assert spoken.status is not Status.OK
         assert math.isnan(spoken.channels[NAME].K.value)
         if spoken.status is Status.INCONSISTENT:
@@ -127,12 +127,12 @@ def test_twenty_minutes_of_cruise_leave_the_answer_alone_and_its_age_is_told(gat
     says from when K is, until 20 s of new data have confirmed it."""
     begin, end = 120.0, 1320.0
     y, u = driven(7, 1380.0, still=(begin, end))
-    told, state = said(samples(y, u, shut=(begin, end) if gated else (math.inf, math.inf)))
-    before = [e for e in told if e.t < begin][-1].channels[NAME].K
+    estimates, state = said(samples(y, u, shut=(begin, end) if gated else (math.inf, math.inf)))
+    before = [e for e in estimates if e.t < begin][-1].channels[NAME].K
     # the variance over the last 20 s falls below 0.05^2 of the usual one after 20 s ln(400) = 120 s
-    silent = [e for e in told if begin + 140.0 < e.t < end]
+    silent = [e for e in estimates if begin + 140.0 < e.t < end]
     assert {e.status for e in silent} == {Status.NO_DRIVER if gated else Status.NOT_EXCITED}
-    after = [e for e in told if e.t >= end and e.status is Status.OK]
+    after = [e for e in estimates if e.t >= end and e.status is Status.OK]
     assert after[0].t < end + 10.0
     worst = max(abs(e.channels[NAME].K.value / before.value - 1) for e in after if e.t < end + 10.0)
     assert worst < 0.2
@@ -145,13 +145,13 @@ def test_twenty_minutes_of_cruise_leave_the_answer_alone_and_its_age_is_told(gat
 
 
 def test_another_driver_is_followed():
-    """Without any sign but the data, K of a driver with half the gain more is told to 15 % from 35 s on, when
+    """Without any sign but the data, K of a driver with half the gain more is estimated to 15 % from 35 s on, when
     a batch fit of the new driver's first 30 s has been made, and is inside its interval nearly always."""
     y, u = driven(9, 300.0)
     grown = np.where(np.arange(3000) * DT < 150.0, 1.0, 1.5) * u
     noise = y - answer(u, np.zeros(3000))
-    told, state = said(samples(answer(grown, np.zeros(3000)) + noise, u))
-    after = [e for e in told if e.t > 185.0]
+    estimates, state = said(samples(answer(grown, np.zeros(3000)) + noise, u))
+    after = [e for e in estimates if e.t > 185.0]
     assert {e.status for e in after} == {Status.OK}
     inside = 0
     for estimate in after:
@@ -177,12 +177,12 @@ def test_what_the_state_holds_is_bounded():
 def test_memories_that_make_no_sense_are_a_wrong_call(forgetting):
     """None, descending, too short or growing."""
     with pytest.raises(ValueError, match="ascending"):
-        armax.make((NAME,), DT, ArmaxSettings(forgetting=forgetting))
+        ARMAX.make((NAME,), DT, ArmaxSettings(forgetting=forgetting))
 
 
 def test_one_memory_is_enough():
-    """A single forgetting factor runs, tells K, and is never refuted."""
-    told, state = said(samples(*driven(11, 90.0)), ArmaxSettings(forgetting=(0.995,)))
-    interval = told[-1].channels[NAME].K
+    """A single forgetting factor runs, estimates K, and is never refuted."""
+    estimates, state = said(samples(*driven(11, 90.0)), ArmaxSettings(forgetting=(0.995,)))
+    interval = estimates[-1].channels[NAME].K
     assert interval.low < K < interval.high
     assert state.model.restarts == 0

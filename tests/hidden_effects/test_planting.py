@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from benchmarks.hidden_effects import plant_one
-from benchmarks.hidden_effects.plant_one import plant
-from benchmarks.hidden_effects.plant_one.strengths import STRENGTHS
-from benchmarks.hidden_effects.planted import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
-from benchmarks.identification.lag import answer
+from tests.plants import plant_one
+from tests.plants.first_order_lag import answer
+from tests.plants.plant_one import plant
+from tests.plants.plant_one.strengths import STRENGTHS
+from tests.plants.planted_drive import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
 
 # s at the begin that comparisons leave out: ten of the longest lags
 SETTLED = 8.0
@@ -78,9 +78,9 @@ def test_profiles_are_the_roads_that_they_name() -> None:
 
 @pytest.mark.parametrize("noise", NOISES)
 def test_the_noise_has_its_size_and_moves_the_car(noise: str) -> None:
-    """Its sd is the driver's, whatever the colour, and another noise is another drive."""
+    """Its sd is the driver's, whatever its spectrum, and another noise is another drive."""
     p, calm = drive(noise=noise, minutes=10.0, seed=4), drive(noise=noise, minutes=10.0, seed=4, noise_sd=0.0)
-    # AR 4 s has 75 independent looks in 10 min: 3 sd of its sd are a quarter; "state" depends on the traffic
+    # AR 4 s has 75 independent samples in 10 min: 3 sd of its sd are a quarter; "state" depends on the traffic
     assert p.remnant.std() == pytest.approx(
         p.truth["driver"]["noise_sd"], rel=0.6 if noise == "state" else 0.25
     )
@@ -139,9 +139,7 @@ def test_nothing_comes_from_what_is_judged() -> None:
                 else [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             )
         }  # fmt: skip
-        assert not [
-            name for name in names if name.startswith(("canid", "benchmarks.hidden_effects.plant_two"))
-        ], file
+        assert not [name for name in names if name.startswith(("canid", "tests.plants.plant_two"))], file
 
 
 def inside(planted: Planted, name: str) -> Array:
@@ -269,7 +267,7 @@ def test_the_dead_time_grows() -> None:
     assert right.std() < 0.1 * wrong.std()
 
 
-# --- the foot --------------------------------------------------------------------------------------
+# --- the pedal --------------------------------------------------------------------------------------
 
 
 def test_the_foot_rests_while_the_driver_looks_away() -> None:
@@ -313,7 +311,7 @@ def test_the_pedal_has_a_ceiling() -> None:
 
 
 def test_backlash_is_a_play_of_its_width() -> None:
-    """The pedal stays within half the width of what the foot wants, and moves only at the edge of its play."""
+    """The pedal stays within half the width of the demand, and moves only at the edge of its play."""
     p = drive("backlash")
     half = 0.5 * p.truth["effects"]["backlash"]["width"]
     apart = p.without["backlash"] - p.demand
@@ -389,7 +387,7 @@ def test_two_feet_on_two_pedals() -> None:
 
 
 def slowly(x: Array, keep: Array) -> Array:
-    """First-order lag (n,) of a pedal that is held over each step, which `keep` (n,) tells how much of to keep."""
+    """First-order lag (n,) of a pedal that is held over each step, `keep` (n,) of which stays at each step."""
     out, y = np.empty(len(x)), float(x[0])
     for k, (value, a) in enumerate(zip(x.tolist(), keep.tolist(), strict=True)):
         y = value + a * (y - value)

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-import benchmarks.hidden_effects.plant_two as folder
-from benchmarks.hidden_effects.plant_two import plant
-from benchmarks.hidden_effects.plant_two.car import Car, accelerate
-from benchmarks.hidden_effects.plant_two.plan import IN_CAR, IN_DRIVER
-from benchmarks.hidden_effects.plant_two.remnant import unit_remnant
-from benchmarks.hidden_effects.plant_two.strengths import USUAL
-from benchmarks.hidden_effects.planted import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
+import tests.plants.plant_two as folder
+from tests.plants.plant_two import plant
+from tests.plants.plant_two.car import Car, accelerate
+from tests.plants.plant_two.plan import IN_CAR, IN_DRIVER
+from tests.plants.plant_two.remnant import unit_remnant
+from tests.plants.plant_two.strengths import USUAL
+from tests.plants.planted_drive import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
 
 HERE = Path(folder.__file__).parent
 CATALOGUE = [effect for effects in EFFECTS.values() for effect in effects]
@@ -160,10 +160,10 @@ def test_a_gain_change_takes_its_share_within_twenty_seconds() -> None:
 
 def test_the_wanted_headway_wanders_by_its_sd() -> None:
     p = drive("headway_drift", minutes=10.0, sd=0.4)
-    wander = (p.demand - p.without["headway_drift"]) / p.truth["driver"]["K1"]
-    assert wander.std() == pytest.approx(0.4, rel=0.03)
+    walk = (p.demand - p.without["headway_drift"]) / p.truth["driver"]["K1"]
+    assert walk.std() == pytest.approx(0.4, rel=0.03)
     # slow: within two seconds it moves by a small part of what it moves at all
-    assert np.std(wander[200:] - wander[:-200]) < 0.15
+    assert np.std(walk[200:] - walk[:-200]) < 0.15
 
 
 def test_a_second_lag_lags() -> None:
@@ -402,9 +402,9 @@ def test_every_effect_of_the_catalogue_is_known_and_some_that_are_outside() -> N
 @pytest.mark.parametrize("effect", USUAL)
 def test_a_strength_that_nobody_gave_is_drawn_and_told(effect: str) -> None:
     p = plant({effect: {}}, seed=9, minutes=0.4, noise="mix", profile="mixed")
-    told = json.loads(json.dumps(p.truth))
-    assert told == p.truth
-    values = told["effects"][effect]
+    stored = json.loads(json.dumps(p.truth))
+    assert stored == p.truth
+    values = stored["effects"][effect]
     assert all(math.isfinite(x) for x in values.values())
     assert values or effect == "range_rate_sign"
     assert sorted(p.without) == ([effect] if effect in IN_DRIVER else [])

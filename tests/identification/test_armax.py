@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification import armax_batch, armax_recursive, orders
-from canid.identification.armax_batch import Orders, fit_armax
-from canid.identification.polynomial import is_stable
-from canid.types import ArmaxSettings
+from canid.identification.armax import armax_batch, armax_recursive, order_selection
+from canid.identification.armax.armax_batch import Orders, fit_armax
+from canid.identification.armax.polynomial import is_stable
 
 # Chen & Ulsoy 2001, table 1, mean; b and c1 = -0.5 as in the measured reference
 TABLE_1 = np.array([-1.2623, 0.3697, 4.134, -4.0337, 0.0, -0.5])
@@ -44,7 +43,7 @@ def test_recovers_table_1_near_the_bound():
         y, u = table_1(seed)
         fit = fit_armax(y, u, np.full(600, True))
         sd = np.sqrt(np.diag(fit.covariance))
-        errors.append((fit.theta - TABLE_1) / (sd / fit.temper**0.5))
+        errors.append((fit.theta - TABLE_1) / (sd / fit.variance_inflation**0.5))
         hits.append(np.abs(fit.theta - TABLE_1) < 1.96 * sd)
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     # 12 runs: chi-squared puts the rms of a unit Gaussian below 1.48 in 99.5 %
@@ -102,13 +101,13 @@ def test_two_inputs_with_offset_and_higher_orders():
     assert np.isclose(sorted(np.abs(fit.poles))[-1], 0.8, atol=0.05)
 
 
-def begun(y, u, n=150, forgetting=ArmaxSettings().forgetting, dtype=np.float64):
+def begun(y, u, n=150, forgetting=armax_recursive.FORGETTING, dtype=np.float64):
     """A recursion begun on the first n samples."""
     return armax_recursive.begin(fit_armax(y[:n], u[:n], np.full(n, True)), forgetting, dtype)
 
 
 def run(state, y, u, each=None):
-    """The state after all samples; `each(k, state)` looks at every one."""
+    """The state after all samples; `each(k, state)` is called with every one."""
     for k, (output, inputs) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
         state, _ = armax_recursive.step(state, Orders(), output, inputs)
         if each is not None:
@@ -152,7 +151,7 @@ def test_begins_with_real_lags_where_the_data_ended_in_a_gap():
     assert math.isfinite(armax_recursive.step(state, Orders(), float(y[-1]), u[-1].tolist())[1])
 
 
-@pytest.mark.parametrize("forgetting", [(1.0,), ArmaxSettings().forgetting])
+@pytest.mark.parametrize("forgetting", [(1.0,), armax_recursive.FORGETTING])
 def test_recursion_ends_where_the_batch_does(forgetting):
     """From a 15 s start, at sample 600, one memory without forgetting and the whole bank are within a quarter of
     the batch's deviation in the median, none is lost, and the covariances agree."""
@@ -160,8 +159,10 @@ def test_recursion_ends_where_the_batch_does(forgetting):
     for seed in range(8):
         y, u = table_1(100 + seed)
         batch = fit_armax(y, u, np.full(600, True))
-        theta, covariance = armax_recursive.told(run(begun(y, u, forgetting=forgetting), y[150:], u[150:]))
-        sd = np.sqrt(np.diag(batch.covariance / batch.temper))
+        theta, covariance = armax_recursive.estimate(
+            run(begun(y, u, forgetting=forgetting), y[150:], u[150:])
+        )
+        sd = np.sqrt(np.diag(batch.covariance / batch.variance_inflation))
         apart.append((theta - batch.theta) / sd)
         assert (np.abs(theta - TABLE_1) < 5 * sd).all()
         ratio = np.sqrt(np.diag(covariance)) / sd
@@ -183,10 +184,10 @@ def test_follows_a_gain_step_fast_and_is_quiet_after():
         y = answer + noise * answer.std() / noise.std() / 10.0
         off = []
 
-        def look(k, state, off=off):
-            off.append(abs(transfer(armax_recursive.told(state)[0]) / transfer(TABLE_1) / 1.5 - 1))
+        def check(k, state, off=off):
+            off.append(abs(transfer(armax_recursive.estimate(state)[0]) / transfer(TABLE_1) / 1.5 - 1))
 
-        run(begun(y, u), y[150:], u[150:], look)
+        run(begun(y, u), y[150:], u[150:], check)
         times.append(0.1 * next(k for k, x in enumerate(off[850:]) if x < 0.15))
         errors.append(np.mean(off[850 + 600 :]))
     assert np.median(times) <= 9.0
@@ -213,13 +214,13 @@ def test_c_stays_stable_whatever_comes(kind):
     y, u = table_1(7)
     kicks = np.where(np.arange(600) % 37 == 0, 50.0, 0.0) * np.random.default_rng(0).normal(size=600)
 
-    def look(k, state):
+    def check(k, state):
         assert all(is_stable(c, 1.0) for c in state.theta[:, 0, -1:].tolist())
         assert np.isfinite(state.theta).all()
         assert np.linalg.eigvalsh(covariances(state)).min() > 0.0
         assert state.theta.dtype == state.root.dtype == kind
 
-    run(begun(y, u, forgetting=(0.97, 0.99, 1.0), dtype=kind), (y + kicks)[150:], u[150:], look)
+    run(begun(y, u, forgetting=(0.97, 0.99, 1.0), dtype=kind), (y + kicks)[150:], u[150:], check)
 
 
 @pytest.mark.parametrize("noise", [1.0, 0.05])
@@ -238,15 +239,15 @@ def test_twenty_minutes_without_excitation_are_survived(kind, noise):
     y = simulate(TABLE_1, Orders(), u, level * e)
     worst = []
 
-    def look(k, state):
+    def check(k, state):
         if k % 500 == 0:
             assert np.linalg.eigvalsh(covariances(state)).min() > 0.0
         if k + 150 >= 15_000:
-            theta, covariance = armax_recursive.told(state)
+            theta, covariance = armax_recursive.estimate(state)
             assert np.isfinite(covariance).all()
             worst.append(abs(transfer(theta) / transfer(TABLE_1) - 1))
 
-    run(begun(y, u, dtype=kind), y[150:], u[150:], look)
+    run(begun(y, u, dtype=kind), y[150:], u[150:], check)
     assert len(worst) == 100
     assert max(worst) < 0.2
 
@@ -283,14 +284,14 @@ def test_any_orders_go_on_from_a_batch(o):
     u = rng.normal(size=(2000, 2))
     y = simulate(truth, o, u, 0.3 * rng.normal(size=2000))
     start, batch = (fit_armax(y[:n], u[:n], np.full(n, True), o) for n in (300, 2000))
-    for forgetting in ((1.0,), ArmaxSettings().forgetting):
+    for forgetting in ((1.0,), armax_recursive.FORGETTING):
         state = armax_recursive.begin(start, forgetting)
         for k in range(300, 2000):
             state, e = armax_recursive.step(state, o, float(y[k]), u[k].tolist())
             assert math.isfinite(e)
         theta, _, _ = armax_recursive.longest(state)
         assert (np.abs(theta - batch.theta) < np.sqrt(np.diag(batch.covariance))).all()
-        theta, covariance = armax_recursive.told(state)
+        theta, covariance = armax_recursive.estimate(state)
         assert (np.abs(theta - truth) < 4.5 * np.sqrt(np.diag(covariance))).all()
 
 
@@ -311,6 +312,6 @@ def test_order_selection_finds_the_dead_time():
     o = Orders(2, 2, 1, 4)
     u = np.cumsum(rng.normal(size=(2000, 1)), axis=0) * 0.2
     y = simulate(np.r_[-1.2, 0.35, 0.8, 0.4, 1.0, -0.3], o, u, 0.3 * rng.normal(size=2000))
-    best = orders.compare(y, u, np.full(2000, True))[0]
+    best = order_selection.compare(y, u, np.full(2000, True))[0]
     assert best.orders == o
     assert best.white

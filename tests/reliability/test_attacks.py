@@ -1,10 +1,9 @@
-"""The attacks of benchmarks/reliability/attack in a short form: each family twice, with seeds that are drawn."""
+"""The attacks of benchmarks/reliability/attack in a short form: each family once, with a seed that is drawn."""
 
 from __future__ import annotations
 
 import math
 import random
-import secrets
 import subprocess
 import sys
 from pathlib import Path
@@ -16,25 +15,22 @@ from benchmarks.reliability import attack
 from benchmarks.reliability.attack import hostile_folder, judging, sender
 from benchmarks.reliability.attack.traffic_process import Sender
 from benchmarks.reliability.outcome import Outcome
-from benchmarks.reliability.traffic import number
+from tests.fixtures.traffic import number
 
-ROUNDS = 2
 # times that are promised are measured by the benchmark; here a busy machine's pauses are no failure
-SLACK = 4.0
+SLACK = 15.0
 NETWORK = ("talk", "impossible", "lost", "ring", "kill", "stop")
 
 
 @pytest.mark.parametrize("family", attack.FAMILIES)
 def test_attacks_with_drawn_seeds(
-    family: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+    family: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest, seed: int
 ) -> None:
-    """Every promise holds; again: `python -m benchmarks.reliability attack --only FAMILY --seed SEED --trials 2`."""
+    """Every promise holds; again: `python -m benchmarks.reliability attack --only FAMILY --seed SEED --trials 1`."""
     if family in NETWORK:
         request.getfixturevalue("between_processes")
     monkeypatch.setattr(judging, "SLACK", SLACK)
-    seed = secrets.randbelow(10**6)
-    print(f"seed {seed}")
-    outcomes = [outcome for k in range(ROUNDS) for outcome in attack.round_of(family, k, seed)]
+    outcomes = attack.round_of(family, 0, seed)
     assert [f"seed {seed}: {outcome.group}: {outcome.wrong}" for outcome in outcomes if outcome.wrong] == []
     assert outcomes
 
@@ -67,7 +63,7 @@ def test_the_senders_frames_are_python_cans() -> None:
     ],
 )
 def test_what_is_missing_is_found(numbers: list[int], says: str, tmp_path: Path) -> None:
-    """Between two moments every frame is asked for, once."""
+    """Between two instants every frame is asked for, once."""
     traffic = Sender(tmp_path, 1.0)
     traffic.sent = [100.0 + i for i in range(12)]
     wrong = judging.missing(judging.Found(numbers, []), traffic, since=102.5, until=109.5)

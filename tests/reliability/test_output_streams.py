@@ -14,19 +14,21 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.reliability.readers import by_canid
-from benchmarks.reliability.traffic import WORDS, Traffic
 from canid import session
-from canid.cli import output_kinds, sessions, streams
-from canid.cli.outputs import DetachedOutput, Output
+from canid.cli import live_session
+from canid.cli.output import output_kinds, streams
+from canid.cli.output.outputs import DetachedOutput, Output
 from canid.errors import DONE, NOT_WRITTEN
-from canid.frames import open_log
+from canid.logs import open_log
+from tests.fixtures.readers import by_canid
+from tests.fixtures.traffic import WORDS, Traffic
 
 ROOT = Path(__file__).parents[2]
 # frames/s, and s that a recording lasts: the fault comes in the middle
 RATE, SECONDS = 1000.0, 1.6
-# s within which --duration and a signal work; here four times that for a busy machine
-STOP, BUSY = 2.0, 4.0
+# s within which --duration and a signal work; fifteen times that on a busy machine, where only a hang fails. How long it
+# takes is measured by `python -m benchmarks reliability attack --only talk stop`
+STOP, BUSY = 2.0, 15.0
 SIGNALS_ON = (
     "import signal; [signal.signal(s, signal.default_int_handler if s == signal.SIGINT else signal.SIG_DFL) "
     "for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]; "
@@ -136,7 +138,7 @@ def recorded(path: Path, traffic: Traffic, least: float) -> str:
         ("live", "/dev/full", "/dev/full", NOT_WRITTEN),
         ("record", "pipe full", "pipe full", NOT_WRITTEN),
         ("live", "pipe full", "pipe full", NOT_WRITTEN),
-        ("live", "pty", "pty", None),  # a terminal that nobody reads; it has room for some of it
+        ("live", "pty", "pty", None),  # a terminal that is not read; it buffers some of it
         ("record", "/dev/null", "/dev/null", DONE),
     ],
 )
@@ -151,7 +153,7 @@ def test_no_output_can_cost_a_frame(
     time.sleep(SECONDS / 2)
     pipes.leave("out") if out == "pipe" else None
     pipes.leave("err") if err == "pipe" else None
-    got = process.wait(60.0)
+    got = process.wait(600.0)
     assert time.monotonic() - began < SECONDS + BUSY * STOP + 10.0
     assert recorded(path, traffic, SECONDS - 0.5) == ""
     assert got == code if code is not None else got in (DONE, NOT_WRITTEN)
@@ -170,7 +172,7 @@ def test_no_output_can_cost_a_frame(
 def test_a_reader_that_does_not_read_delays_no_end(
     verb: str, kind: str, number: signal.Signals, tmp_path: Path, pipes: Pipes, traffic: Traffic
 ) -> None:
-    """The first signal ends it within 2 s, the recording whole; a FIFO for --json that nobody opens is no hindrance."""
+    """The first signal ends it within 2 s, the recording whole; a FIFO for --json that is never opened does not matter."""
     path = tmp_path / "drive.blf"
     json = tmp_path / "fifo"
     words: tuple[object, ...] = ("--json", "-")
@@ -185,7 +187,7 @@ def test_a_reader_that_does_not_read_delays_no_end(
     time.sleep(1.2)
     asked = time.monotonic()
     process.send_signal(number)
-    got = process.wait(60.0)
+    got = process.wait(600.0)
     assert time.monotonic() - asked < BUSY * STOP
     assert recorded(path, traffic, 0.8) == ""
     assert got in (NOT_WRITTEN, 128 + number)
@@ -198,7 +200,7 @@ def test_what_was_closed_is_not_written_into_the_recording(tmp_path: Path, traff
     command = ["live", *WORDS, "--record", path, "--vehicle", "generic", "--duration", SECONDS]
     words = ["sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-', sys.executable, "-c", code, *map(str, command)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    assert subprocess.run(words, env=environment, check=False, timeout=60).returncode == NOT_WRITTEN
+    assert subprocess.run(words, env=environment, check=False, timeout=600).returncode == NOT_WRITTEN
     log = open_log(path)
     assert len(list(log)) > 0.5 * RATE * SECONDS
     assert log.damage is None
@@ -207,10 +209,10 @@ def test_what_was_closed_is_not_written_into_the_recording(tmp_path: Path, traff
 
 def test_all_that_an_end_waits_for_makes_less_than_what_is_promised() -> None:
     """The estimators, --json and the standard streams one after the other: each may take all of its time."""
-    assert session.FINISH_S + sessions.PATIENCE + streams.PATIENCE < STOP - 0.2
+    assert session.FINISH_S + live_session.JSON_PATIENCE_S + streams.STREAM_PATIENCE_S < STOP - 0.2
 
 
-def test_an_output_that_nobody_reads_is_waited_for_once(tmp_path: Path) -> None:
+def test_an_unread_output_is_waited_for_once(tmp_path: Path) -> None:
     """The second `finish` waits no more, and counts nothing again."""
     os.mkfifo(tmp_path / "fifo")
     output = DetachedOutput(Output("--json", str(tmp_path / "fifo"), output_kinds.JSON))
@@ -218,5 +220,5 @@ def test_an_output_that_nobody_reads_is_waited_for_once(tmp_path: Path) -> None:
     said = output.finish(0.1)
     began = time.monotonic()
     assert output.finish(60.0) == said
-    assert "has left 1 pieces unread" in said
+    assert "left 1 pieces unread" in said
     assert time.monotonic() - began < 30.0

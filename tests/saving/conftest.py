@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import pytest
 
-from canid import logs, pipeline
-from canid.frames import open_log
-from canid.types import Frame
+from canid import drive_reader, pipeline
+from canid.frame_columns import columns_of
+from canid.logs import open_log
+from canid.types import Columns, Frame
 from canid.vehicle import Vehicle, read_vehicle
 
 LOG = Path(__file__).parents[2] / "replay_logs" / "following_urban.blf"
@@ -21,13 +22,13 @@ class Driven(NamedTuple):
 
     vehicle: Vehicle
     running: pipeline.Pipeline
-    frames: list[Frame]
-    states: list[pipeline.State]  # after each frame; states share most of what they hold
-    outputs: list[list[pipeline.Output]]  # of each frame
+    chunks: list[Columns]  # of 100 ms each
+    states: list[pipeline.State]  # after each chunk; states share most of what they hold
+    outputs: list[list[pipeline.Output]]  # of each chunk
 
     def at(self, t: float) -> int:
-        """Index of the first frame from `t` s on."""
-        return next(i for i, frame in enumerate(self.frames) if frame.t >= t)
+        """Index of the first chunk from `t` s on."""
+        return next(i for i, chunk in enumerate(self.chunks) if chunk.t[0] >= t)
 
 
 @pytest.fixture(scope="session")
@@ -35,10 +36,13 @@ def driven() -> Driven:
     """Two minutes of following; do not change it."""
     vehicle = read_vehicle("generic")
     running = pipeline.build(vehicle)
-    frames = list(logs.window(open_log(LOG), 0.0, SECONDS))
+    parts: dict[int, list[Frame]] = {}
+    for frame in drive_reader.window(open_log(LOG), 0.0, SECONDS):
+        parts.setdefault(int(frame.t / 0.1), []).append(frame)
+    chunks = [columns_of(part) for part in parts.values()]
     state, states, outputs = running.init(), [], []
-    for frame in frames:
-        state, out = running.step(state, frame)
+    for chunk in chunks:
+        state, out = running.step(state, chunk)
         states.append(state)
-        outputs.append(out)
-    return Driven(vehicle, running, frames, states, outputs)
+        outputs.append([item for _, item in out])
+    return Driven(vehicle, running, chunks, states, outputs)

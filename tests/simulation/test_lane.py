@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from canid.frame_columns import columns_of
 from canid.simulation import DriverTruth, Steering, frames, simulate
-from canid.types import Reading
 from canid.vehicle import decoder, read_vehicle
 
 
@@ -23,7 +23,7 @@ def test_without_noise_the_armax_equation_is_exact():
 
 
 def test_what_the_equation_leaves_is_the_stated_noise():
-    """With noise, what A and B leave is C(q) e with the stated standard deviation and colour."""
+    """With noise, what A and B leave is C(q) e with the stated standard deviation and spectrum."""
     drive = simulate(20, 3, "lane")
     model, left = drive.truth["armax"], left_over(drive)
     c, sd = model["C"][1], drive.truth["noise"]["sd"]
@@ -47,15 +47,15 @@ def test_its_log_decodes_to_offset_and_angle():
     vehicle, drive = read_vehicle("generic_lane"), simulate(0.5, 1, "lane")
     assert (vehicle.driver.task, vehicle.driver.output) == ("lane_keeping", "steering_angle")
     init, step = decoder(vehicle)
-    state, worst = init(), {"lateral_offset": 0.0, "steering_angle": 0.0}
-    for frame in frames(drive, vehicle):
-        state, out = step(state, frame)
-        for item in out:
-            if isinstance(item, Reading) and item.role in worst:
-                true = np.interp(item.t, drive.columns["t"], drive.columns[item.role])
-                worst[item.role] = max(worst[item.role], abs(item.value - true))
-            elif isinstance(item, Reading) and item.role in ("gap", "range_rate"):
-                assert np.isnan(item.value)
+    worst = {"lateral_offset": 0.0, "steering_angle": 0.0}
+    chunk = columns_of(frames(drive, vehicle))
+    _, decoded = step(init(), chunk)
+    for role, row, value in decoded.roles:
+        if role in worst:
+            true = np.interp(chunk.t[row], drive.columns["t"], drive.columns[role])
+            worst[role] = float(np.abs(value - true).max())
+        elif role in ("gap", "range_rate"):
+            assert np.isnan(value).all()
     assert 0 < worst["lateral_offset"] < 0.0026
     assert 0 < worst["steering_angle"] < 0.051
 

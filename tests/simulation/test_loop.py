@@ -132,7 +132,7 @@ def test_a_given_driver_is_the_truth():
 
 
 def test_a_cut_in_shortens_the_gap_at_once():
-    """The gap jumps down at the moment of the cut-in and nowhere else."""
+    """The gap jumps down at the cut-in and nowhere else."""
     columns = simulate(1.0, 2, cut_in=30.0).columns
     jumps = np.flatnonzero(np.abs(np.diff(columns["gap"])) > 1.0)
     assert (jumps + 1).tolist() == [3000]

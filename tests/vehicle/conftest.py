@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from canid.frames.columns import chunks
+from canid.frame_columns import chunks
 from canid.types import Event, Frame, Reading, TrackReading
 from canid.vehicle import Decoding, Vehicle, decoder
-from canid.vehicle.column_decoding import column_decoder
 
 ROOT = Path(__file__).parents[2]
 DATA = (ROOT / "../shared/data").resolve()
@@ -23,62 +22,56 @@ def measured() -> Path:
     return DATA
 
 
-Said = list[Reading | TrackReading | Event]
+Readings = list[Reading | TrackReading | Event]
 
 
-def by_frames(vehicle: Vehicle, frames: Iterable[Frame]) -> tuple[Decoding, list[Said]]:
-    """What each frame says."""
+def decode(vehicle: Vehicle, frames: list[Frame], size: int) -> tuple[Decoding, list[Readings]]:
+    """What each frame holds, decoded `size` frames at a time."""
     init, step = decoder(vehicle)
-    state, out = init(), []
-    for frame in frames:
-        state, made = step(state, frame)
-        out.append(made)
-    return state, out
-
-
-def by_columns(vehicle: Vehicle, frames: list[Frame], size: int) -> tuple[Decoding, list[Said]]:
-    """The same, decoded `size` frames at a time."""
-    init, step = column_decoder(vehicle)
     state = init()
-    out: list[Said] = []
+    out: list[Readings] = []
     for chunk in chunks(frames, size):
-        state, said = step(state, chunk)
-        rows: list[Said] = [[] for _ in chunk.t]
-        for row, event in said.events:
+        state, decoded = step(state, chunk)
+        rows: list[Readings] = [[] for _ in chunk.t]
+        for row, event in decoded.events:
             rows[row].append(event)
-        for role, row, value in said.roles:
+        for role, row, value in decoded.roles:
             for k, x in zip(row.tolist(), value.tolist(), strict=True):
                 rows[k].append(Reading(float(chunk.t[k]), role, x))
-        for track, row, *columns in said.tracks:
+        for track, row, *columns in decoded.tracks:
             for k, *numbers in zip(row.tolist(), *(column.tolist() for column in columns), strict=True):
                 rows[k].append(TrackReading(float(chunk.t[k]), track, *numbers))
         out += rows
     return state, out
 
 
-def check_columns(vehicle: Vehicle, frames: list[Frame], sizes: Iterable[int] = (1, 7, 1000)) -> None:
-    """Columns say what frames say, to the last bit, and remember the same."""
-    state, said = by_frames(vehicle, frames)
+def check_chunks(
+    vehicle: Vehicle, frames: list[Frame], sizes: Iterable[int] = (7, 1000)
+) -> tuple[Decoding, list[Readings]]:
+    """Frames one by one and in chunks hold the same, to the last bit, and leave the same state."""
+    state, readings = decode(vehicle, frames, 1)
     for size in sizes:
-        other_state, other = by_columns(vehicle, frames, size)
+        other_state, other = decode(vehicle, frames, size)
         assert other_state == state
         # repr: NaN is NaN, -0.0 is not 0.0, and a numpy number is no float
-        assert [repr(sorted(made, key=repr)) for made in other] == [
-            repr(sorted(made, key=repr)) for made in said
-        ]
+        assert [repr(sorted(of, key=repr)) for of in other] == [repr(sorted(of, key=repr)) for of in readings]
+    return state, readings
 
 
 @pytest.fixture(scope="session")
-def same_by_columns():
-    return check_columns
+def same_in_chunks():
+    return check_chunks
+
+
+@pytest.fixture(scope="session")
+def decode_chunks():
+    return decode
 
 
 @pytest.fixture
 def decode_all():
-    def run(vehicle: Vehicle, frames: Iterable[Frame]) -> tuple[Decoding, Said]:
-        frames = list(frames)
-        check_columns(vehicle, frames)
-        state, said = by_frames(vehicle, frames)
-        return state, [item for made in said for item in made]
+    def run(vehicle: Vehicle, frames: Iterable[Frame]) -> tuple[Decoding, Readings]:
+        state, readings = check_chunks(vehicle, list(frames))
+        return state, [item for of in readings for item in of]
 
     return run

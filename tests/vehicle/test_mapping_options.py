@@ -184,14 +184,17 @@ def test_tracks_in_their_own_words(decode_all, tmp_path):
     [
         (LEAD.replace("02", "03"), r'lead.tracks: no message "OBJ_03" in .*did you mean "OBJ_0'),
         (LEAD.replace("{01..02}", "{0-2}"), r'lead.tracks: write it as "TRACK_\{0..15\}"'),
-        (LEAD.replace("{01..02}", "{2..1}"), r"is no range of 1 to 256 tracks"),
-        (LEAD.replace("{01..02}", "{0..99999999}"), r"is no range of 1 to 256 tracks"),
+        (LEAD.replace("{01..02}", "{2..1}"), r"is not a range of 1 to 256 tracks"),
+        (LEAD.replace("{01..02}", "{0..99999999}"), r"is not a range of 1 to 256 tracks"),
         (
             LEAD.replace('"Dist"', '"Dst"'),
             r'lead.distance: no signal "Dst" in message OBJ_01 \(did you mean "Dist"',
         ),
-        (LEAD.replace('rate = "Rel"\n', ""), r"lead.rate: is missing; radar tracks need it"),
-        (LEAD.replace('"Rel"', '"Dist"'), r'lead.rate: Dist has the unit "m", which is not m/s'),
+        (LEAD.replace('rate = "Rel"\n', ""), r"lead.rate: is missing; lead.tracks needs it"),
+        (
+            LEAD.replace('"Rel"', '"Dist"'),
+            r'lead.rate: Dist has the unit "m", which cannot be converted to m/s',
+        ),
     ],
 )
 def test_mistakes_in_lead_are_told(tmp_path, lead, says):

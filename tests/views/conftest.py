@@ -1,4 +1,4 @@
-"""Reports as the diagnosis makes them, built by hand from a drive of a few lines: what is shown can be tested without it."""
+"""Reports like those of a diagnosis, built from a simulated drive of a few lines, to test the views without the engine."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NOT = Interval()
 
 
 class Drive(NamedTuple):
-    """What happened, what the two models make of it, and what was left out."""
+    """A drive, its simulation by two models, and the samples left out."""
 
     t: Array
     inputs: Mapping[str, Array]  # by role
@@ -52,19 +52,19 @@ def lag(x: Array, tau: float, dead_time: float) -> Array:
 
 
 def drive(minutes: float, seed: int = 1) -> Drive:
-    """A driver who ignores small headway errors, a model that does not know it, and one that does."""
+    """A driver with a headway dead zone, a model without it, and one with it."""
     n = round(minutes * 600)
     rng = np.random.default_rng(seed)
 
-    def wandering(sd: float, tau: float) -> Array:
+    def random_signal(sd: float, tau: float) -> Array:
         a = np.exp(-DT / tau)
         return lfilter([sd * np.sqrt(1 - a * a)], [1, -a], rng.standard_normal(n))
 
-    range_rate = wandering(1.4, 4.0)
-    error = wandering(0.45, 9.0)
-    speed = np.clip(20 + wandering(6.0, 40.0), 3.0, 33.0)
+    range_rate = random_signal(1.4, 4.0)
+    error = random_signal(0.45, 9.0)
+    speed = np.clip(20 + random_signal(6.0, 40.0), 3.0, 33.0)
     dead = error - np.clip(error, -0.35, 0.35)
-    noise = wandering(1.9, 1.2)
+    noise = random_signal(1.9, 1.2)
     true = 14 + 7.8 * lag(dead, 0.5, 0.5) + 6.6 * lag(range_rate, 0.35, 0.6)
     before = 14 + 4.4 * lag(error, 1.1, 0.3) + 6.9 * lag(range_rate, 0.5, 0.6)
     t = DT * np.arange(n)
@@ -80,7 +80,7 @@ def drive(minutes: float, seed: int = 1) -> Drive:
 
 
 def fit(d: Drive, simulated: Array, channels: Mapping[str, Channel]) -> Fit:
-    """How well it does."""
+    """Fit of a simulation."""
     error = (d.pedal - simulated)[d.used]
     spread = np.std(d.pedal[d.used])
     sd = float(np.sqrt(np.mean(error**2)))
@@ -122,7 +122,7 @@ def operating_map(d: Drive, x: str, y: str) -> OperatingMap:
 
 
 def spectra(d: Drive) -> Spectra:
-    """Where in frequency."""
+    """Spectra of the residual."""
     residuals = [np.nan_to_num(d.pedal - s) for s in (d.before, d.after)]
     of = {"fs": 1 / DT, "nperseg": min(256, len(d.t))}
     f, before = welch(residuals[0], **of)
@@ -182,7 +182,10 @@ def tried(named: tuple[str, ...], rivals: tuple[str, ...]) -> tuple[Tried, ...]:
             elif step == 2 and effect in (*named, *rivals):
                 continue
             elif step == 1 and effect in ("speed_gain", "asymmetric_gain"):
-                evidence, why = 41.3, "above the threshold, but nothing is left of it beside the dead zone"
+                evidence, why = (
+                    41.3,
+                    "above the threshold, but nothing of it is left once the dead zone is in the model",
+                )
             rows.append(Tried(effect, where(effect), step, evidence, 15.8, expected, outcome, why))
     return tuple(rows)
 
@@ -221,7 +224,7 @@ def checks(failed: bool) -> tuple[Check, ...]:
 
 
 def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1) -> Report:
-    """Build a report with this verdict."""
+    """A report with this verdict."""
     if verdict is Verdict.NOT_ENOUGH_DATA:
         return nothing(minutes)
     d = drive(minutes, seed)
@@ -263,7 +266,7 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         Verdict.ADEQUATE: "nothing that this drive can show is wrong with the simulation (30 causes tried)",
         Verdict.NAMED: "the driver does not react to small headway errors (±0.34 [0.28, 0.41] s); "
         "the simulation's error variance falls by 31 % [24, 37] on data that chose nothing",
-        Verdict.ONE_OF: "headway_dead_zone or speed_gain: this drive cannot tell which",
+        Verdict.ONE_OF: "headway_dead_zone or speed_gain: not distinguishable on this drive",
         Verdict.UNEXPLAINED: "something is wrong that no known cause explains; "
         "headway_dead_zone helps and leaves structure behind",
     }[verdict]
@@ -299,7 +302,7 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
                 ("standstill_gap", "range_offset"),
                 "same shape: a stop behind the lead, or a second range sensor, decides",
             ),
-            NotTestable(("second_lag",), "below 0.5 Hz it cannot be told from dead time"),
+            NotTestable(("second_lag",), "below 0.5 Hz not distinguishable from dead time"),
             NotTestable(("power_limit",), "the pedal never went above 60 %: full load on a slope would show it"),
         ),
         len(CANDIDATES),
@@ -323,7 +326,7 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         spectra(d),
         closed,
         shifts,
-        ("10 min of urban following (3 to 14 m/s) tells standstill_gap from range_offset",),
+        ("10 min of urban following (3 to 14 m/s) distinguishes standstill_gap from range_offset",),
         (
             "5 % of the drive left out: cruise control",
             "baseline fitted jointly with AR(8) noise: residual 2.6 % pedal",
@@ -343,7 +346,7 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
 
 
 def nothing(minutes: float) -> Report:
-    """The report of a drive that is too short to tell anything."""
+    """The report of a drive that is too short for any result."""
     n = max(round(minutes * 600), 1)
     return Report(
         Verdict.NOT_ENOUGH_DATA,
@@ -375,7 +378,7 @@ def nothing(minutes: float) -> Report:
 
 @pytest.fixture(scope="session")
 def report_of() -> Callable[..., Report]:
-    """Make a report: of a verdict, so many minutes long."""
+    """Makes a report of a verdict, of so many minutes."""
     return made
 
 

@@ -24,7 +24,7 @@ PART = ("--vehicle", "generic", "--stop", "5")
 
 
 class Ran(NamedTuple):
-    """What a command has left."""
+    """Exit code and output of a command."""
 
     code: int
     out: str
@@ -38,7 +38,7 @@ def canid(
     tmp_path: Path,
     report_of: Callable[..., Report],
 ) -> Callable[..., Ran]:
-    """Run `canid diagnose ...` in an empty folder, with the verdict that the engine shall give."""
+    """Run `canid diagnose ...` in an empty folder, with a given verdict of the engine."""
     monkeypatch.chdir(tmp_path)
 
     def run(*words: object, verdict: Verdict = Verdict.NAMED) -> Ran:
@@ -47,7 +47,7 @@ def canid(
             return report_of(verdict, minutes=2)
 
         engine = SimpleNamespace(diagnose=diagnose)
-        monkeypatch.setitem(sys.modules, "canid.diagnosis.diagnosing", engine)
+        monkeypatch.setitem(sys.modules, "canid.diagnosis.diagnose", engine)
         capsys.readouterr()
         code = main(["diagnose", *map(str, words)])
         return Ran(code, *capsys.readouterr())
@@ -84,16 +84,16 @@ def test_a_named_page_replaces_what_was_there(canid: Callable[..., Ran], tmp_pat
 
 
 def test_json_alone_is_on_standard_output(canid: Callable[..., Ran]) -> None:
-    """With `--json -` the words are talk; one log is an object, several are a list in their order."""
+    """With `--json -` the text goes to standard error; one log gives an object, several a list in their order."""
     ran = canid(URBAN, *PART, "--json", "-")
-    told = json.loads(ran.out)
-    assert told["verdict"] == "named"
-    assert told["provenance"]["versions"]["canid"]
-    assert re.fullmatch(r"[0-9a-f]{64}", told["provenance"]["log_sha256"])
+    result = json.loads(ran.out)
+    assert result["verdict"] == "named"
+    assert result["provenance"]["versions"]["canid"]
+    assert re.fullmatch(r"[0-9a-f]{64}", result["provenance"]["log_sha256"])
     assert "canid: NAMED: " in ran.err
     other = ROOT / "replay_logs/following_mixed.blf"
-    told = json.loads(canid(URBAN, other, *PART, "--json", "-").out)
-    assert [one["log"] for one in told] == [str(URBAN), str(other)]
+    result = json.loads(canid(URBAN, other, *PART, "--json", "-").out)
+    assert [one["log"] for one in result] == [str(URBAN), str(other)]
 
 
 def test_several_logs_get_a_page_each(canid: Callable[..., Ran], tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_a_verdict_is_no_failure_unless_checked(canid: Callable[..., Ran], verdi
 
 
 def test_a_damaged_log_is_4_and_still_diagnosed(canid: Callable[..., Ran], tmp_path: Path) -> None:
-    """What was whole is used; the 4 stands before the 1 of --check."""
+    """Intact data are used; exit 4 takes precedence over the 1 of --check."""
     cut = tmp_path / "cut.blf"
     whole = URBAN.read_bytes()
     cut.write_bytes(whole[: len(whole) // 2])
@@ -126,7 +126,7 @@ def test_a_damaged_log_is_4_and_still_diagnosed(canid: Callable[..., Ran], tmp_p
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((URBAN, *PART, "--report", URBAN), "is no .html file"),
+        ((URBAN, *PART, "--report", URBAN), "is not an .html file"),
         ((URBAN, URBAN, *PART, "-o", "one.html"), "for one log only"),
         ((URBAN, URBAN, *PART, "--report"), "two logs would write following_urban.diagnosis.html"),
         ((URBAN,), "--vehicle"),
@@ -134,7 +134,7 @@ def test_a_damaged_log_is_4_and_still_diagnosed(canid: Callable[..., Ran], tmp_p
     ],
 )
 def test_wrong_use_is_one_line_and_2(canid: Callable[..., Ran], words: tuple[object, ...], says: str) -> None:
-    """Above all: a log given where a page's name belongs is not written over."""
+    """A log given in the place of the page's name is not overwritten."""
     before = URBAN.read_bytes()
     ran = canid(*words)
     assert ran.code == USAGE
@@ -144,7 +144,7 @@ def test_wrong_use_is_one_line_and_2(canid: Callable[..., Ran], words: tuple[obj
 
 
 def test_a_page_that_cannot_be_written_is_5(canid: Callable[..., Ran], tmp_path: Path) -> None:
-    """The verdict was told all the same; and who fails before leaves the old page as it was."""
+    """The verdict is printed all the same; a failure before it leaves the old page as it was."""
     (tmp_path / "full.html").symlink_to("/dev/full")
     ran = canid(URBAN, *PART, "-o", tmp_path / "full.html")
     assert (ran.code, ran.err.count("\n")) == (NOT_WRITTEN, 1)

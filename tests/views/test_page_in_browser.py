@@ -1,4 +1,4 @@
-"""The page in a real browser: no complaint, every plot drawn, light, dark and on paper, and its words without a script."""
+"""The page in a real browser: no error, every plot drawn, light, dark and printed, and its text without JavaScript."""
 
 import os
 import re
@@ -52,14 +52,14 @@ def file(named: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def short(report_of: ReportOf, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two minutes: drawn in no time."""
+    """A page of two minutes, which is drawn quickly."""
     path = tmp_path_factory.mktemp("page") / "short.html"
     path.write_text(page(report_of(Verdict.ONE_OF, minutes=2)), encoding="utf-8")
     return path
 
 
-class Looked:
-    """A page that was opened, and what went wrong on the way."""
+class OpenPage:
+    """An opened page, and the errors on the way."""
 
     def __init__(self, browser: Any, file: Path, **options: Any) -> None:
         self.context = browser.new_context(viewport={"width": 1180, "height": 900}, **options)
@@ -74,20 +74,20 @@ class Looked:
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.goto(file.as_uri())
 
-    def drawn(self) -> "Looked":
+    def drawn(self) -> "OpenPage":
         self.page.wait_for_function("document.documentElement.dataset.drawn === 'all'")
         return self
 
-    def tell(self, script: str) -> Any:
+    def evaluate(self, script: str) -> Any:
         return self.page.evaluate(script)
 
 
 @pytest.fixture
-def look(browser: Any, file: Path) -> Iterator[Callable[..., Looked]]:
-    opened: list[Looked] = []
+def open_page(browser: Any, file: Path) -> Iterator[Callable[..., OpenPage]]:
+    opened: list[OpenPage] = []
 
-    def of(at: Path = file, **options: Any) -> Looked:
-        opened.append(Looked(browser, at, **options))
+    def of(at: Path = file, **options: Any) -> OpenPage:
+        opened.append(OpenPage(browser, at, **options))
         return opened[-1]
 
     yield of
@@ -98,45 +98,45 @@ def look(browser: Any, file: Path) -> Iterator[Callable[..., Looked]]:
 PER_PLOT = "[...document.querySelectorAll('.plot')].map(p => p.querySelectorAll('{}').length)"
 
 
-def test_every_plot_is_drawn_and_nothing_is_asked_for(look: Callable[..., Looked], file: Path) -> None:
-    """No error, no warning, no request beside the file itself, and shapes of data in each of the seven plots."""
-    seen = look().drawn()
+def test_every_plot_is_drawn_and_nothing_is_asked_for(open_page: Callable[..., OpenPage], file: Path) -> None:
+    """No error, no warning, no request but for the file itself, and shapes of data in each of the seven plots."""
+    seen = open_page().drawn()
     assert seen.wrong == []
     assert seen.asked == [file.as_uri()]
-    shapes = seen.tell(PER_PLOT.format(".plot path.js-line, .plot .heatmaplayer image, .plot .bars path"))
+    shapes = seen.evaluate(PER_PLOT.format(".plot path.js-line, .plot .heatmaplayer image, .plot .bars path"))
     assert len(shapes) == 7
     assert min(shapes) > 0
-    assert seen.tell("document.documentElement.scrollWidth <= window.innerWidth")
+    assert seen.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 
-def test_colours_follow_the_reader(look: Callable[..., Looked], short: Path) -> None:
-    """Night draws light lines on dark ground, day dark ones on light; changing over redraws."""
+def test_colors_follow_the_reader(open_page: Callable[..., OpenPage], short: Path) -> None:
+    """The dark scheme draws light lines on dark ground, the light one the reverse; a change redraws."""
     line = "getComputedStyle(document.querySelector('.plot path.js-line')).stroke"
     ground = "getComputedStyle(document.documentElement).backgroundColor"
-    seen = look(short, color_scheme="dark").drawn()
-    night = (seen.tell(line), seen.tell(ground))
+    seen = open_page(short, color_scheme="dark").drawn()
+    night = (seen.evaluate(line), seen.evaluate(ground))
     seen.page.emulate_media(color_scheme="light")
     seen.page.wait_for_function(f"{line} !== '{night[0]}'")
-    day = (seen.tell(line), seen.tell(ground))
+    day = (seen.evaluate(line), seen.evaluate(ground))
 
-    def bright(colour: str) -> float:
-        return sum(int(x) for x in colour[colour.index("(") + 1 :].rstrip(")").split(",")[:3]) / 3
+    def bright(color: str) -> float:
+        return sum(int(x) for x in color[color.index("(") + 1 :].rstrip(")").split(",")[:3]) / 3
 
     assert bright(night[0]) > 150 > 60 > bright(night[1])
     assert bright(day[0]) < 100 < 200 < bright(day[1])
     assert seen.wrong == []
 
 
-def test_it_prints_on_a4(look: Callable[..., Looked], short: Path, tmp_path: Path) -> None:
-    """From a dark screen: plots no wider than the paper and in the light colours, and all as before afterwards."""
-    seen = look(short, color_scheme="dark").drawn()
+def test_it_prints_on_a4(open_page: Callable[..., OpenPage], short: Path, tmp_path: Path) -> None:
+    """Printed from the dark scheme: plots no wider than the paper, in the light colors; afterwards all is as before."""
+    seen = open_page(short, color_scheme="dark").drawn()
     widths = "[...document.querySelectorAll('.plot .main-svg')].map(svg => svg.getBoundingClientRect().width)"
-    before = seen.tell(widths)
-    seen.tell("window.dispatchEvent(new Event('beforeprint'))")
-    assert max(seen.tell(widths)) <= (210 - 2 * 12) / 25.4 * 96
-    assert "255, 255, 255" in seen.tell("getComputedStyle(document.documentElement).backgroundColor")
-    seen.tell("window.dispatchEvent(new Event('afterprint'))")
-    assert seen.tell(widths) == before
+    before = seen.evaluate(widths)
+    seen.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert max(seen.evaluate(widths)) <= (210 - 2 * 12) / 25.4 * 96
+    assert "255, 255, 255" in seen.evaluate("getComputedStyle(document.documentElement).backgroundColor")
+    seen.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert seen.evaluate(widths) == before
     out = seen.page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True, print_background=True)
     assert out.startswith(b"%PDF")
     boxes = {tuple(float(x) for x in box.split()[2:]) for box in _boxes(out)}
@@ -149,17 +149,24 @@ def _boxes(pdf: bytes) -> list[str]:
     return [found.decode() for found in re.findall(rb"/MediaBox\s*\[([^\]]+)\]", pdf)]
 
 
-def test_zoom_is_kept_when_the_window_changes(look: Callable[..., Looked], short: Path) -> None:
-    """Who has zoomed into half a minute still sees it after turning the screen."""
-    seen = look(short).drawn()
-    seen.tell("Plotly.relayout(document.querySelector('[data-figure=strip]'), {'xaxis.range': [20, 50]})")
+def test_zoom_is_kept_when_the_window_changes(open_page: Callable[..., OpenPage], short: Path) -> None:
+    """The zoomed range stays when the window is resized."""
+    seen = open_page(short).drawn()
+    seen.evaluate(
+        "Plotly.relayout(document.querySelector('[data-figure=whole-drive]'), {'xaxis.range': [20, 50]})"
+    )
     seen.page.set_viewport_size({"width": 900, "height": 900})
-    seen.page.wait_for_function("document.querySelector('[data-figure=strip]')._fullLayout.width < 900")
-    assert seen.tell("document.querySelector('[data-figure=strip]')._fullLayout.xaxis.range") == [20, 50]
+    seen.page.wait_for_function("document.querySelector('[data-figure=whole-drive]')._fullLayout.width < 900")
+    assert seen.evaluate("document.querySelector('[data-figure=whole-drive]')._fullLayout.xaxis.range") == [
+        20,
+        50,
+    ]
 
 
-def test_without_javascript_the_words_and_tables_are_there(look: Callable[..., Looked], file: Path) -> None:
-    seen = look(file, java_script_enabled=False)
+def test_without_javascript_the_words_and_tables_are_there(
+    open_page: Callable[..., OpenPage], file: Path
+) -> None:
+    seen = open_page(file, java_script_enabled=False)
     text = seen.page.inner_text("body")
     for words in ("headway dead zone", "31 [24, 37] %", "The plots need JavaScript", "canid diagnose"):
         assert words in text
@@ -168,11 +175,11 @@ def test_without_javascript_the_words_and_tables_are_there(look: Callable[..., L
 
 @pytest.mark.parametrize("verdict", [Verdict.UNEXPLAINED, Verdict.NOT_ENOUGH_DATA])
 def test_other_verdicts_open_without_complaint(
-    look: Callable[..., Looked], report_of: ReportOf, tmp_path: Path, verdict: Verdict
+    open_page: Callable[..., OpenPage], report_of: ReportOf, tmp_path: Path, verdict: Verdict
 ) -> None:
     path = tmp_path / "other.html"
     path.write_text(page(report_of(verdict, minutes=2)), encoding="utf-8")
-    seen = look(path)
+    seen = open_page(path)
     if verdict is not Verdict.NOT_ENOUGH_DATA:
         seen.drawn()
     assert seen.wrong == []

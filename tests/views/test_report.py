@@ -12,14 +12,14 @@ import pytest
 
 from canid.findings import Report, Verdict
 from canid.types import Interval
-from canid.views.report import page, writing
+from canid.views.report import page, report_page
+from canid.views.report.decimation import MAX_POINTS, min_max_indices
+from canid.views.report.evidence_bars import evidence_bars, order
 from canid.views.report.figure import script
-from canid.views.report.ladder import ladder, order
-from canid.views.report.strip import runs, strip
-from canid.views.report.thinning import MOST, kept
+from canid.views.report.time_series import whole_drive
 
 ReportOf = Callable[..., Report]
-# DESIGN and reference: the order in which an engineer asks
+# the order in which an engineer asks
 SECTIONS = [
     "verdict",
     "time",
@@ -32,7 +32,7 @@ SECTIONS = [
     "steps",
     "provenance",
 ]
-FIGURES = {"strip", "windows", "map-1", "map-2", "frequency", "ladder", "closed-loop"}
+FIGURES = {"whole-drive", "worst-windows", "map-1", "map-2", "spectra", "evidence-bars", "closed-loop"}
 # attributes with which an element loads or leads somewhere
 LOADING = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href")
 # elements without an end
@@ -40,7 +40,7 @@ VOID = {"meta", "link", "br"}
 
 
 class Read(HTMLParser):
-    """What stands in a page: tags, attributes, text by element."""
+    """Content of a page: tags, attributes, text by element."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -74,7 +74,7 @@ class Read(HTMLParser):
 
 
 def figures(html: str) -> dict:
-    """The plots as the script will find them."""
+    """The specifications of the plots in the page."""
     return json.loads(
         re.search(r'<script type="application/json" id="figures">(.*?)</script>', html, re.S)[1]
     )
@@ -136,22 +136,22 @@ def test_all_plots_are_there_and_each_has_words(html: str) -> None:
 
 
 def test_plotly_knows_every_property(html: str) -> None:
-    """plotly's own schema accepts data and layout, once colours stand for their names."""
+    """plotly's own schema accepts data and layout, once colors replace their names."""
 
-    def coloured(value: object) -> object:
+    def colored(value: object) -> object:
         if isinstance(value, str):
             return "#123456" if value.startswith("@") else value
         if isinstance(value, list):
-            return [coloured(x) for x in value]
-        return {key: coloured(x) for key, x in value.items()} if isinstance(value, dict) else value
+            return [colored(x) for x in value]
+        return {key: colored(x) for key, x in value.items()} if isinstance(value, dict) else value
 
     for name, spec in figures(html).items():
-        drawn = go.Figure(coloured({"data": spec["data"], "layout": spec["layout"]}))
+        drawn = go.Figure(colored({"data": spec["data"], "layout": spec["layout"]}))
         assert len(drawn.data) == len(spec["data"]) > 0, name
 
 
-def test_every_colour_is_in_the_style_sheet(html: str) -> None:
-    """A colour that the style sheet does not have would be drawn black, on black at night."""
+def test_every_color_is_in_the_style_sheet(html: str) -> None:
+    """A color that the style sheet does not have would be drawn black, on black in dark mode."""
     wanted = set(re.findall(r'"@([\w-]+)"', json.dumps(figures(html))))
     assert len(wanted) > 8
     css = next(data for tag, data in Read(html).text if tag == "style")
@@ -161,7 +161,7 @@ def test_every_colour_is_in_the_style_sheet(html: str) -> None:
 
 
 def test_what_the_log_says_is_escaped(named: Report) -> None:
-    """A file or a signal may be called anything; nothing of it becomes markup or ends a script."""
+    """No name of a file or a signal becomes markup or ends a script."""
     evil = '</script><img src=x onerror="alert(1)">&{{ 7*7 }}'
     finding = named.findings[0]._replace(
         effect=evil, says=evil, parameters={evil: Interval(1, 0, 2)}, units={evil: evil}, rivals=(evil,)
@@ -214,7 +214,7 @@ def test_unused_models_and_empty_reports_say_so(report_of: ReportOf) -> None:
         "No cause was found",
         "Nothing could be simulated",
         "No cause was tried",
-        "Nothing could be told",
+        "No parameter could be estimated",
     ):
         assert words in read.words()
     assert "drive 5 min" in read.words()
@@ -222,7 +222,7 @@ def test_unused_models_and_empty_reports_say_so(report_of: ReportOf) -> None:
 
 def test_without_plotly_the_page_says_how_to_get_it(named: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     """No plots, every table, and one line on what to install."""
-    monkeypatch.setattr(writing, "find_spec", lambda name: None)
+    monkeypatch.setattr(report_page, "find_spec", lambda name: None)
     read = Read(page(named))
     assert read.of("script") == []
     assert [attrs for attrs in read.of("div") if attrs.get("class") == "plot"] == []
@@ -240,40 +240,40 @@ def test_the_same_report_is_the_same_page(named: Report, html: str) -> None:
 
 def test_ten_minutes_are_drawn_sample_by_sample(named: Report) -> None:
     """6,000 samples are all in the plot, with the log's own times and values to five digits."""
-    figure = strip(named)
+    figure = whole_drive(named)
     measured = next(trace for trace in figure.data if trace["name"] == "measured")
     assert len(measured["x"]) == len(named.t) == 6000
     assert np.allclose(measured["x"], named.t, atol=1e-3)
     assert np.allclose(measured["y"], named.measured, rtol=1e-4)
-    assert "thinned" not in figure.says
+    assert "thinned" not in figure.caption
 
 
 def test_an_hour_is_thinned_and_says_so(report_of: ReportOf) -> None:
-    """About MOST points per line, all of them in the worst windows, both extremes of the drive kept."""
+    """About MAX_POINTS points per line, all of them in the worst windows, both extremes of the drive kept."""
     report = report_of(Verdict.NAMED, minutes=60)
-    figure = strip(report)
+    figure = whole_drive(report)
     worst = np.zeros(len(report.t), dtype=bool)
     for window in report.worst:
         worst |= (report.t >= window.start) & (report.t <= window.stop)
     for trace in figure.data:
-        assert len(trace["x"]) < 1.2 * MOST + worst.sum(), trace["name"]
+        assert len(trace["x"]) < 1.2 * MAX_POINTS + worst.sum(), trace["name"]
     measured = next(trace for trace in figure.data if trace["name"] == "measured")
     assert np.isin(np.round(report.t[worst], 3), measured["x"]).all()
     assert max(measured["y"]) == pytest.approx(report.measured.max(), rel=1e-4)
-    assert "thinned to the smallest and the largest of every 12 samples" in figure.says
+    assert "thinned to the minimum and the maximum of every 12 samples" in figure.caption
     # an hour's page is no more than twice that of ten minutes, without plotly.js
-    specs = [len(script([strip(r)])) for r in (report, report_of())]
+    specs = [len(script([whole_drive(r)])) for r in (report, report_of())]
     assert specs[0] < 2 * specs[1]
 
 
 def test_thinning_loses_no_peak_and_closes_no_gap() -> None:
-    """Against a plain loop: every bucket's extremes are there, and what was not measured stays a gap."""
+    """Compared with a plain loop: the extremes of every bucket are kept, and gaps remain gaps."""
     rng = np.random.default_rng(3)
     for n in (6001, 20_000, 36_007):
         y = rng.standard_normal(n).cumsum()
         y[rng.random(n) < 0.02] = np.nan
         y[n // 3 : n // 2] = np.nan
-        at = kept(y, np.zeros(n, dtype=bool), most=2000)
+        at = min_max_indices(y, np.zeros(n, dtype=bool), most=2000)
         assert (np.diff(at) > 0).all()
         size = math.ceil(2 * n / 2000)
         for start in range(0, n, size):
@@ -289,10 +289,10 @@ def test_thinning_loses_no_peak_and_closes_no_gap() -> None:
 
 
 def test_masked_and_unused_stretches_and_worst_windows_are_shaded(named: Report) -> None:
-    """Every masked stretch and every worst window is in a shade's path; what is masked is not shaded twice."""
+    """Every masked range and every worst window is shaded; masked ranges are not shaded twice."""
     used = named.used.copy()
     used[100:150] = False
-    figure = strip(named._replace(used=used))
+    figure = whole_drive(named._replace(used=used))
     shades = {shape["name"]: shape["path"] for shape in figure.layout["shapes"]}
     assert shades["left out: masked"].count("Z") == len(named.masked)
     assert shades["worst windows"].count("Z") == len(named.worst)
@@ -301,13 +301,13 @@ def test_masked_and_unused_stretches_and_worst_windows_are_shaded(named: Report)
         assert f"M{window.start:.3f},0V1H{window.stop:.3f}V0Z" in shades["worst windows"]
 
 
-def test_the_ladder_has_one_bar_per_candidate(report_of: ReportOf) -> None:
-    """Every candidate of a step has its row once: a bar as long as the root of its evidence, or the words why not."""
+def test_the_chart_has_one_bar_per_candidate(report_of: ReportOf) -> None:
+    """Every candidate of a step has one row: a bar as long as the root of its evidence, or the reason for none."""
     report = report_of(Verdict.ONE_OF)
-    figure = ladder(report)
+    figure = evidence_bars(report)
     names = order(report)
     assert sorted(names) == sorted({row.effect for row in report.tried})
-    assert names[:2] == ["headway_dead_zone", "speed_gain"]  # found, and its rival beside it
+    assert names[:2] == ["headway_dead_zone", "speed_gain"]  # found, followed by its rival
     for axis, step in (("x", 1), ("x2", 2)):
         rows = [row for row in report.tried if row.step == step]
         bars = {y: x for trace in figure.data if trace["type"] == "bar" and trace["xaxis"] == axis
@@ -328,18 +328,4 @@ def test_the_ladder_has_one_bar_per_candidate(report_of: ReportOf) -> None:
     # the bracket joins the two, and there is none where nobody rivals
     ends = {y for shape in figure.layout["shapes"] for y in (shape["y0"], shape["y1"])}
     assert ends == {len(names) - 1 + 0.35, len(names) - 2 - 0.35}
-    assert ladder(report_of()).layout["shapes"] == []
-
-
-def test_runs_are_found_as_a_loop_finds_them() -> None:
-    rng = np.random.default_rng(5)
-    for n in (0, 1, 2, 50):
-        flags = rng.random(n) < 0.5
-        expected, start = [], None
-        for k, flag in enumerate([*flags, False]):
-            if flag and start is None:
-                start = k
-            elif not flag and start is not None:
-                expected.append((start, k - 1))
-                start = None
-        assert runs(flags) == expected
+    assert evidence_bars(report_of()).layout["shapes"] == []

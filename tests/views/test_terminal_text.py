@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from canid.types import Event
-from canid.views.screen import BusLine, View, render
+from canid.views.live_view import HealthLine, View, render
 from canid.views.terminal_text import terminal_text
 
 # with lone surrogates: a file name that is not UTF-8 has them
@@ -36,10 +36,10 @@ def test_two_names_that_differ_are_shown_differently_unless_they_spell_an_escape
 
 @given(ANY_TEXT, ANY_TEXT, ANY_TEXT)
 def test_the_live_view_shows_no_foreign_control_character(title: str, line: str, says: str) -> None:
-    """The picture of a view with hostile names has no escape sequence when colours are off."""
+    """The live view with hostile names has no escape sequence when colors are off."""
     file = io.StringIO()
     view = View(
-        title, lines=(BusLine(line),), events=(Event(0.0, "x", says),), output=title, truth=((line, says),)
+        title, lines=(HealthLine(line),), events=(Event(0.0, "x", says),), output=title, truth=((line, says),)
     )
     console = Console(file=file, width=100, color_system=None, force_terminal=False)
     console.print(render(view))

@@ -21,7 +21,7 @@ class Settings(NamedTuple):
 
     ratio: float  # error reduction below which a term is none; 0: the criterion alone
     criterion: str  # "bic", "aic", ...; "": the ratio alone
-    memory: int  # samples of the past beside the columns
+    memory: int  # samples of the past in addition to the columns
 
 
 def select(X: Array, y: Array, ratio: float, criterion: str, most: int) -> list[tuple[int, float]]:

@@ -13,29 +13,30 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.hidden_effects.planted import Array
 from canid.diagnosis import masks
-from canid.diagnosis.diagnosing import lacking, ready
-from canid.diagnosis.driver_data import DriverData
-from canid.diagnosis.driver_model import K1, TAU1, bound, lagged, pedal, with_effects
-from canid.diagnosis.holds import SHORTEST
-from canid.diagnosis.search import starts
-from canid.diagnosis.solved import Solved
-from canid.effects.cause import Effect
+from canid.diagnosis.diagnose import lacking, ready
+from canid.diagnosis.driver.driver_candidates import starts
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import K1, TAU1, lagged, pedal
+from canid.diagnosis.driver.pedal_holds import MIN_HOLD_S
+from canid.diagnosis.fitting.fitted_model import extended
+from canid.effects.effect import Effect, Kind
 from canid.findings import Flags
 from canid.types import Trace
+from tests.plants.planted_drive import Array
 
 LEAST = 90.0  # s, as canid
 # of a parameter's scale; a difference over which the baseline is straight
-STEP = 1e-3
+DIFFERENCE_STEP = 1e-3
 # s at which a driver may decide, and phases of each that are tried
 INTERVALS, PHASES = (0.5, 0.7, 1.0, 1.4, 2.0), 4
 # %; far below the step of any sensor
 SAME = 1e-6
-# Hz within which a rhythm is looked for: below it is the driver's slow noise, above it no foot swings
-RHYTHM = (0.03, 0.5)
-# cosines over the drive that a wandering wish is made of
-WAVES = 4
+# Hz within which a line is searched: below it is the driver's slow noise, above it no driver moves the pedal
+LINE_HZ = (0.03, 0.5)
+# cosines over the drive of the random walk of the desired headway
+WALK_COSINES = 4
 # of a column's variance that the baseline's own directions must leave
 LEFT = 1e-4
 
@@ -53,7 +54,7 @@ class Fitted(NamedTuple):
     """A drive at canid's fit of the baseline."""
 
     data: DriverData
-    solved: Solved
+    solved: FittedDriver
     rows: Flags  # (n,) samples that are measured, and free of the floor
 
 
@@ -107,13 +108,17 @@ def library(at: Fitted, catalogue: Sequence[Effect]) -> Library:
     return Library(tuple(names), X, y / y.std(), np.flatnonzero(rows))
 
 
-def slopes(data: DriverData, solved: Solved, rows: Flags) -> Array:
+def slopes(data: DriverData, solved: FittedDriver, rows: Flags) -> Array:
     """Derivatives (m, k) of the baseline's pedal by its free parameters."""
-    model, function = solved.model, bound(solved.model, data)
+    model, function = solved.model, solved.model.bind(data)
     here = function(solved.q)
     columns = []
     for k in model.free():
-        h = STEP * model.scale[k] * (-1.0 if solved.q[k] + STEP * model.scale[k] > model.high[k] else 1.0)
+        h = (
+            DIFFERENCE_STEP
+            * model.scale[k]
+            * (-1.0 if solved.q[k] + DIFFERENCE_STEP * model.scale[k] > model.high[k] else 1.0)
+        )
         moved = solved.q.copy()
         moved[k] += h
         columns.append((function(moved) - here)[rows] / h)
@@ -128,9 +133,9 @@ Choices = list[tuple[Array, bool]]  # (column, may its coefficient have either s
 
 def made(effect: Effect, at: Fitted) -> list[Choices]:
     """Columns of an effect: of each list one will be chosen."""
-    if effect.where != "driver" or not effect.planted:
+    if effect.where != "driver" or not effect.found_at:
         return []
-    if effect.kind == "curve":
+    if effect.kind is Kind.PARAMETRIC:
         return [[(column, False) for column in bent(effect, at)]]
     if effect.id == "periodic_task":
         return [[(wave, True)] for wave in rhythm(at)]
@@ -145,7 +150,7 @@ def made(effect: Effect, at: Fitted) -> list[Choices]:
 
 def bent(effect: Effect, at: Fitted) -> list[Array]:
     """What a parametric cause adds, at each strength at which a search begins."""
-    model = with_effects((*at.solved.model.effects, effect))
+    model = extended(at.solved.model, effect)
     here = at.solved.fitted.model
     return [pedal(model, at.data, q) - here for q in starts(effect, at.data, at.solved)]
 
@@ -156,17 +161,17 @@ def rhythm(at: Fitted) -> list[Array]:
     left = np.where(rows, data.output.y - solved.fitted.model, 0.0)
     f = np.fft.rfftfreq(len(left), data.output.dt)
     power = np.abs(np.fft.rfft(left)) ** 2
-    within = (f >= RHYTHM[0]) & (f <= RHYTHM[1])
+    within = (f >= LINE_HZ[0]) & (f <= LINE_HZ[1])
     turn = 2.0 * np.pi * f[np.flatnonzero(within)[np.argmax(power[within])]] * data.seen.t
     return [np.sin(turn), np.cos(turn)]
 
 
 def waves(at: Fitted) -> list[Array]:
-    """What a wish that wanders slowly adds: cosines of half a period and more, answered as the headway is."""
+    """What a slow random walk of the desired headway adds: cosines of half a period and more, answered as the headway is."""
     t, q = at.data.seen.t, at.solved.q
     return [
         lagged(q[K1] * np.cos(np.pi * k * t / t[-1]), float(q[TAU1]), at.data.output.dt)
-        for k in range(1, WAVES + 1)
+        for k in range(1, WALK_COSINES + 1)
     ]
 
 
@@ -179,7 +184,7 @@ def stood_still(at: Fitted) -> Array:
     top = float(y[at.rows].max())
     for a, b in pairwise(moves.tolist()):
         # at its end the pedal rests for other reasons
-        if (b - a) * dt >= SHORTEST and y[a] < top:
+        if (b - a) * dt >= MIN_HOLD_S and y[a] < top:
             still[a:b] = True
     return np.where(still & at.rows, y - at.solved.fitted.model, 0.0)
 
@@ -198,7 +203,7 @@ def decided(at: Fitted) -> list[Array]:
 
 
 def remembered(lib: Library, memory: int) -> tuple[tuple[str, ...], Array, Array]:
-    """Add what was before: the residual's and the columns' own last samples, for a noise that has a colour.
+    """Add what was before: the residual's and the columns' own last samples, for autocorrelated noise.
 
     Args:
         lib: a library.

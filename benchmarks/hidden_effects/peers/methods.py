@@ -11,16 +11,16 @@ from benchmarks.hidden_effects.peers import frols, naive, stlsq
 from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answer
 from benchmarks.hidden_effects.peers.library import fitted, library, remembered, strongest
 from benchmarks.identification.peers.peer import ELSEWHERE, Peer, call, missing
-from canid.effects.cause import Effect
+from canid.effects.effect import Effect
 from canid.types import Trace
 
 Sets = tuple[tuple[str, ...], ...]
 
-OLD = "SysIdentPy needs numpy < 2.4; --peers-python PATH names an interpreter that has both"
-FROLS = Peer("FROLS", frols.select, "sysidentpy", old=OLD)
+NEEDS_OLD_NUMPY = "SysIdentPy needs numpy < 2.4; --peers-python PATH names an interpreter that has both"
+FROLS = Peer("FROLS", frols.select, "sysidentpy", old=NEEDS_OLD_NUMPY)
 STLSQ = Peer("STLSQ", stlsq.select, "pysindy")
 # terms that FROLS may choose; with more it only gets slower
-MOST = 8
+MAX_CAUSES = 8
 
 # Found by `python -m benchmarks.hidden_effects.peers.tuning` (seeds 70000 to 70159: 64 clean drives, 32 with one cause).
 # Scores: naive 0.73, STLSQ 0.58, FROLS 0.63. Naive had 0.76 with one cause at most, but then it could never name two.
@@ -85,7 +85,7 @@ def ask_frols(trace: Trace, catalogue: Sequence[Effect], settings: frols.Setting
         if at is None:
             return ()
         names, X, y = remembered(library(at, catalogue), settings.memory)
-        kept = call(FROLS, X, y, settings.ratio, settings.criterion, MOST + settings.memory)
+        kept = call(FROLS, X, y, settings.ratio, settings.criterion, MAX_CAUSES + settings.memory)
         return strongest([(names[k], ratio) for k, ratio in kept])
 
     apart = bool(os.environ.get(ELSEWHERE))

@@ -8,14 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.hidden_effects.peers.library import Fitted, library
-from benchmarks.hidden_effects.planted import Array
-from canid.diagnosis import search
-from canid.diagnosis.driver_model import bound, with_effects
-from canid.diagnosis.least_squares import fit
-from canid.diagnosis.likelihood import Noise
-from canid.diagnosis.solved import Solved, solve
-from canid.effects.cause import Effect
+from canid.diagnosis.driver import driver_candidates
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import with_effects
+from canid.diagnosis.fitting.fitted_model import FittedModel, extended, problem, solve
+from canid.diagnosis.fitting.least_squares import fit
+from canid.diagnosis.fitting.likelihood import Noise
+from canid.effects.effect import Effect, Kind
 from canid.findings import Flags
+from tests.plants.planted_drive import Array
 
 # candidates that a step fits in full: those whose columns promise most
 FITTED = 3
@@ -29,30 +30,20 @@ class Settings(NamedTuple):
 
 
 def white(n: int) -> Noise:
-    """Noise without colour, of one size."""
+    """White noise of constant variance."""
     return Noise(np.array([1.0]), 1.0, np.ones(n), np.empty(0))
 
 
 def select(at: Fitted, catalogue: Sequence[Effect], most: int) -> list[tuple[str, float]]:
     """Select forwards; returns each step's cause and its difference of BIC, until one brings less than nothing.
 
-    What is no function of its parameters (episodes, a rhythm, a wish that wanders) enters by its columns.
+    What is no function of its parameters (episodes, a rhythm, a random walk of the desired headway) enters by its columns.
     """
     data, solved, rows = at
     n = len(data.output.y)
     model = with_effects(())
-    begin = fit(
-        data.output,
-        rows,
-        white(n),
-        bound(model, data),
-        solved.q,
-        model.free(),
-        model.low,
-        model.high,
-        model.scale,
-    )
-    own = Solved(model, begin, white(n), rows, 0.0)
+    begin = fit(problem(data, model, white(n), rows)._replace(ties=None), solved.q)
+    own: FittedDriver = FittedModel(model, begin, white(n), rows, 0.0)
     m = int(rows.sum())
     added = np.zeros(n)  # by columns
     steps: list[tuple[str, float]] = []
@@ -60,17 +51,16 @@ def select(at: Fitted, catalogue: Sequence[Effect], most: int) -> list[tuple[str
         left = data._replace(output=data.output._replace(y=data.output.y - added))
         here = _squares(own, left.output.y)
         have = {name for name, _ in steps}
-        options: list[tuple[float, str, Solved | Array]] = []
+        options: list[tuple[float, str, FittedDriver | Array]] = []
         lib = library(Fitted(left, own, rows), [e for e in catalogue if e.id not in have])
-        curves = {e.id: e for e in catalogue if e.kind == "curve"}
+        curves = {e.id: e for e in catalogue if e.kind is Kind.PARAMETRIC}
         promised = sorted(
             {name for name in lib.names if name in curves},
             key=lambda name: -abs(float(lib.X[:, lib.names.index(name)] @ lib.y)),
         )
         for name in promised[:FITTED]:
-            best = search.screen(curves[name], left, own)[0]
-            effects = (*own.model.effects, curves[name])
-            tried = solve(left, effects, best.q, white(n), rows, turns=1)
+            best = driver_candidates.screen(curves[name], left, own)[0]
+            tried = solve(left, extended(own.model, curves[name]), best.q, white(n), rows, turns=1)
             # `solve` puts the noise at its size; a next step begins again with 1
             tried = _plain(tried, left.output.y, rows)
             k = len(tried.fitted.free) - len(own.fitted.free)
@@ -89,14 +79,14 @@ def select(at: Fitted, catalogue: Sequence[Effect], most: int) -> list[tuple[str
         if won <= 0.0:
             break
         steps.append((name, won))
-        if isinstance(what, Solved):
+        if isinstance(what, FittedModel):
             own = what
         else:
             added = added + what
     return steps
 
 
-def _plain(solved: Solved, y: Array, rows: Flags) -> Solved:
+def _plain(solved: FittedDriver, y: Array, rows: Flags) -> FittedDriver:
     """A fit with noise of sd 1 again."""
     scored = solved.fitted.scored
     e = np.where(rows, y - solved.fitted.model, 0.0)
@@ -105,7 +95,7 @@ def _plain(solved: Solved, y: Array, rows: Flags) -> Solved:
     return solved._replace(fitted=again, noise=white(len(y)))
 
 
-def _squares(solved: Solved, y: Array) -> float:
+def _squares(solved: FittedDriver, y: Array) -> float:
     return float(np.sum((y - solved.fitted.model)[solved.rows] ** 2))
 
 

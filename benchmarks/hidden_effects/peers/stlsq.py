@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.hidden_effects.planted import Array
+from tests.plants.planted_drive import Array
 
 
 class Settings(NamedTuple):
@@ -15,7 +15,7 @@ class Settings(NamedTuple):
 
     threshold: float  # of a coefficient, target and columns of variance 1
     alpha: float  # ridge
-    memory: int  # samples of the past beside the columns
+    memory: int  # samples of the past in addition to the columns
 
 
 def select(X: Array, y: Array, threshold: float, alpha: float) -> list[tuple[int, float]]:

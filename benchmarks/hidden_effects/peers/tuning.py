@@ -21,11 +21,11 @@ from benchmarks.hidden_effects.drives import CLEAN, ONE, Drive, drives
 from benchmarks.hidden_effects.hiding import hide
 from benchmarks.hidden_effects.peers import frols, naive, stlsq
 from benchmarks.hidden_effects.peers.library import fitted, library, remembered, strongest
-from benchmarks.hidden_effects.peers.methods import FROLS, MOST, STLSQ, cut
-from benchmarks.hidden_effects.sensed import trace
+from benchmarks.hidden_effects.peers.methods import FROLS, MAX_CAUSES, STLSQ, cut
 from benchmarks.hidden_effects.table import STRONG
 from benchmarks.identification.peers.peer import ELSEWHERE, call, missing
 from canid.effects import CATALOGUE
+from tests.plants.measurement import trace
 
 WHO = ("naive", "stlsq", "frols")
 NAIVE = tuple(
@@ -65,7 +65,7 @@ def said(drive: Drive, peers: Sequence[str]) -> Iterator[Said]:
             sets = strongest([(names[k], size) for k, size in call(STLSQ, X, y, threshold, alpha)])
             yield Said(stlsq.Settings(threshold, alpha, memory), hidden, tuple(n for (n,) in sets))
         for criterion in CRITERIA if "frols" in peers else ():
-            kept = call(FROLS, X, y, 0.0, criterion, MOST + memory)
+            kept = call(FROLS, X, y, 0.0, criterion, MAX_CAUSES + memory)
             for ratio in RATIOS:
                 sets = strongest([(names[k], err) for k, err in kept if err >= ratio])
                 yield Said(frols.Settings(ratio, criterion, memory), hidden, tuple(n for (n,) in sets))

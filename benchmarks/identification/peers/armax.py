@@ -12,7 +12,7 @@ from benchmarks.identification.peers.peer import Peer
 from benchmarks.identification.peers.regressors import lagged
 from benchmarks.identification.peers.tracking import Steps, filterpy_steps, padasip_steps, river_steps
 
-OLD = "needs numpy < 2.4: give --peers-python an interpreter that has it"
+NEEDS_OLD_NUMPY = "needs numpy < 2.4: give --peers-python an interpreter that has it"
 
 
 def sippy(y: np.ndarray, u: np.ndarray, mode: str) -> np.ndarray:
@@ -108,8 +108,8 @@ def octave_armax(y: np.ndarray, u: np.ndarray) -> np.ndarray:
 ARMAX = (
     Peer("SIPPY ARMAX, OPT (CasADi)", sippy_opt, "sippy_unipi"),
     Peer("SIPPY ARMAX, ILLS", sippy_ills, "sippy_unipi"),
-    Peer("SIPPY ARMAX, RLLS", sippy_rlls, "sippy_unipi", old=OLD),
-    Peer("SysIdentPy, FROLS + ELS", sysidentpy, "sysidentpy", old=OLD),
+    Peer("SIPPY ARMAX, RLLS", sippy_rlls, "sippy_unipi", old=NEEDS_OLD_NUMPY),
+    Peer("SysIdentPy, FROLS + ELS", sysidentpy, "sysidentpy", old=NEEDS_OLD_NUMPY),
     Peer("numpy least squares, ARX", least_squares),
     Peer("statsmodels RecursiveLS, ARX", statsmodels, "statsmodels"),
     Peer("padasip RLS, ARX", padasip, "padasip"),

@@ -8,7 +8,7 @@ import io
 import numpy as np
 
 from benchmarks.identification.peers import octave, process
-from benchmarks.identification.peers.armax import OLD
+from benchmarks.identification.peers.armax import NEEDS_OLD_NUMPY
 from benchmarks.identification.peers.peer import Peer
 
 
@@ -83,6 +83,6 @@ FOLLOWING = (
     Peer("ARX order 11 per input, then process fit (Grover)", grover_per_input),
     Peer("output error, both inputs (curve_fit)", output_error),
     Peer("SIPPY ARMAX(2,2,1), ILLS", sippy, "sippy_unipi"),
-    Peer("SysIdentPy, FROLS + ELS", sysidentpy, "sysidentpy", old=OLD),
+    Peer("SysIdentPy, FROLS + ELS", sysidentpy, "sysidentpy", old=NEEDS_OLD_NUMPY),
     Peer("Octave-control n4sid, order 3", octave_n4sid, "octave-cli", program=True),
 )

@@ -24,7 +24,7 @@ def table(settings: Settings) -> list[Table]:
     )
     for world, make, names in worlds:
         for estimator in ("armax", "fopdt"):
-            # a look at one run first: an estimator that makes no such promise is not watched for hours
+            # one run first: an estimator that makes no such promise is not watched for hours
             first = make(slow.first_seed, estimator, names, 240.0)
             if all(np.isnan(row[2]) for row in first):
                 rows += [
@@ -34,18 +34,18 @@ def table(settings: Settings) -> list[Table]:
                 continue
             done = each(slow, make, estimator, names, 60.0 * MINUTES)
             for i, name in enumerate(names):
-                cells = np.array([run[i] for run in done], float)  # naive miss, looks, anytime miss, ratio
-                told = cells[:, 1] > 0
+                cells = np.array([run[i] for run in done], float)  # naive miss, updates, anytime miss, ratio
+                reported = cells[:, 1] > 0
                 rows.append(
                     (
                         world,
                         estimator,
                         f"K {name}",
-                        _of(np.mean, cells[told, 0]),
-                        _of(np.mean, cells[told, 2]),
+                        _of(np.mean, cells[reported, 0]),
+                        _of(np.mean, cells[reported, 2]),
                         _of(np.median, cells[:, 3]),
                         _of(np.median, cells[:, 4]),
-                        int(told.sum()),
+                        int(reported.sum()),
                     )
                 )
     return [
@@ -62,7 +62,7 @@ def table(settings: Settings) -> list[Table]:
                 "runs",
             ),
             rows,
-            ("Width ratio: median over looks of anytime over plain, then over runs.",),
+            ("Width ratio: median over updates of anytime over plain, then over runs.",),
         )
     ]
 
@@ -87,7 +87,7 @@ def _following(seed: int, estimator: str, names: tuple[str, ...], seconds: float
 def _watch(
     estimator: str, names: tuple[str, ...], y: np.ndarray, u: np.ndarray, truth: tuple[float, ...]
 ) -> list[tuple[float, ...]]:
-    """Per input: did the plain interval ever miss, how many looks, did the anytime one, median width ratio (all, late)."""
+    """Per input: did the plain interval ever miss, how many updates, did the anytime one, median width ratio (all, late)."""
     missed = [[False, False] for _ in names]
     ratios: list[list[tuple[float, float]]] = [[] for _ in names]
     for estimate in canid_side.live(estimator, names, y, u, 0.1, 1.0):

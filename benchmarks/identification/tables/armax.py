@@ -62,7 +62,7 @@ def _run(seed: int, method: object, decibel: float) -> tuple[np.ndarray, float, 
     if method == "batch":
         return *timed(lambda: canid_side.batch(run.y, run.u)), ""
     state, seconds = timed(lambda: _last(run, method))  # type: ignore[arg-type]
-    theta = np.full(5, np.nan) if state is None else canid_side.told(state)[0]
+    theta = np.full(5, np.nan) if state is None else canid_side.estimates(state)[0]
     return theta, seconds / (N - canid_side.START), ""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.identification import canid_side, loop_a, open_loop, peers
 from benchmarks.identification.bus import GRID, exactly
-from benchmarks.identification.colours import COLOURS, REMNANT, Colour
+from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseModel
 from benchmarks.identification.open_loop import Case
 from benchmarks.identification.table import Settings, Table, each
 
@@ -15,7 +15,7 @@ FIELDS = ("K", "tau", "dead_time", "tau_plus_dead_time")
 
 
 def table(settings: Settings) -> list[Table]:
-    """Print how often each interval holds the truth, and how often it was told."""
+    """Print how often each interval holds the truth, and how often it was reported."""
     out = []
     for title, seconds, every, share in (
         ("20 s at 100 Hz", 20.0, 1, 1),
@@ -24,16 +24,16 @@ def table(settings: Settings) -> list[Table]:
         some = settings.few(share) if share > 1 else settings
         rows: list[tuple[object, ...]] = []
         counted: list[tuple[float, int]] = []
-        for colour in COLOURS:
+        for noise in NOISE_MODELS:
             for cut in CUTS:
-                done = each(some, _canid, colour, cut, seconds, every)
-                rows.append((colour.name, cut, *_cells(done)))
-                counted += [(_share(done, i), _told(done, i)) for i in range(len(FIELDS))]
-        # a share of a few told intervals says nothing of a limit
-        enough = [share for share, told in counted if told >= 0.25 * some.runs]
+                done = each(some, _canid, noise, cut, seconds, every)
+                rows.append((noise.name, cut, *_cells(done)))
+                counted += [(_share(done, i), _reported(done, i)) for i in range(len(FIELDS))]
+        # a share of a few intervals says nothing of a limit
+        enough = [share for share, number in counted if number >= 0.25 * some.runs]
         notes = [
-            "Held of told: an interval that the verdict withholds is not counted. "
-            f"Cells told in at least a quarter of the runs: least {min(enough, default=np.nan):.3f}, "
+            "Coverage of the reported intervals: an interval that the verdict withholds is not counted. "
+            f"Cells with a report in at least a quarter of the runs: least {min(enough, default=np.nan):.3f}, "
             f"mean {np.mean(enough) if enough else np.nan:.3f} of {len(enough)}."
         ]
         out.append(
@@ -52,19 +52,21 @@ def table(settings: Settings) -> list[Table]:
 
 def _closed(settings: Settings) -> Table:
     rows: list[tuple[object, ...]] = []
-    for colour in (*COLOURS, REMNANT):
-        done = each(settings.few(2), _loop, colour)
-        rows.append((colour.name, *_cells(done)))
+    for noise in (*NOISE_MODELS, REMNANT):
+        done = each(settings.few(2), _loop, noise)
+        rows.append((noise.name, *_cells(done)))
     return Table(
-        "Coverage of canid's 95 % intervals, closed loop A by the remnant's colour, 60 s, inputs without sensor",
+        "Coverage of canid's 95 % intervals, closed loop A by the noise model of the remnant, 60 s, inputs without sensor",
         ("remnant", "K1", "K2", "tau2", "dead time 2", "tau2 + dead time 2", "ARMAX K1", "ARMAX K2"),
         rows,
-        (f"{settings.few(2).runs} runs a row, held of told. ARMAX: batch, by moments.",),
+        (
+            f"{settings.few(2).runs} runs a row, coverage of the reported intervals. ARMAX: batch, by moments.",
+        ),
     )
 
 
-def _loop(seed: int, colour: Colour) -> list[bool | None]:
-    drive = loop_a.drive(seed, 60.0 + open_loop.HISTORY, colour=colour)
+def _loop(seed: int, noise: NoiseModel) -> list[bool | None]:
+    drive = loop_a.drive(seed, 60.0 + open_loop.HISTORY, noise_model=noise)
     seen = exactly(drive)
     one, two = drive.channels
     first, second = canid_side.process(seen.output, seen.inputs, GRID).channels
@@ -80,12 +82,12 @@ def _loop(seed: int, colour: Colour) -> list[bool | None]:
 def _peers(settings: Settings) -> Table:
     rows: list[tuple[object, ...]] = []
     for peer in peers.INTERVALS:
-        for colour in COLOURS:
+        for noise in NOISE_MODELS:
             if why := peers.missing(peer):
-                rows.append((peer.name, colour.name, why))
+                rows.append((peer.name, noise.name, why))
                 continue
-            done = each(settings.few(4), _peer, peer, colour)
-            rows.append((peer.name, colour.name, *_cells(done)[:3]))
+            done = each(settings.few(4), _peer, peer, noise)
+            rows.append((peer.name, noise.name, *_cells(done)[:3]))
     return Table(
         "Coverage of nominal 95 % intervals of peers, 20 s at 100 Hz, 20 dB, input below 0.2 Hz",
         ("method", "noise", "K", "tau", "dead time"),
@@ -93,7 +95,7 @@ def _peers(settings: Settings) -> Table:
     )
 
 
-def _told(done: list[list[bool | None]], i: int) -> int:
+def _reported(done: list[list[bool | None]], i: int) -> int:
     return sum(run[i] is not None for run in done)
 
 
@@ -104,20 +106,20 @@ def _share(done: list[list[bool | None]], i: int) -> float:
 
 def _cells(done: list[list[bool | None]]) -> list[str]:
     return [
-        f"{_share(done, i):.3f} of {_told(done, i)}" if _told(done, i) else "not told"
+        f"{_share(done, i):.3f} of {_reported(done, i)}" if _reported(done, i) else "not reported"
         for i in range(len(done[0]))
     ]
 
 
-def _canid(seed: int, colour: Colour, cut: float, seconds: float, every: int) -> list[bool | None]:
-    run = open_loop.process(seed, Case(colour, cut, seconds=seconds), every=every)
+def _canid(seed: int, noise: NoiseModel, cut: float, seconds: float, every: int) -> list[bool | None]:
+    run = open_loop.process(seed, Case(noise, cut, seconds=seconds), every=every)
     channel = canid_side.process(run.y, run.u[:, None], run.dt).channels[0]
     truth = (run.K, run.tau, run.dead_time, run.tau + run.dead_time)
     return [canid_side.inside(channel, field, x) for field, x in zip(FIELDS, truth, strict=True)]
 
 
-def _peer(seed: int, peer: peers.Peer, colour: Colour) -> list[bool | None]:
-    run = open_loop.process(seed, Case(colour))
+def _peer(seed: int, peer: peers.Peer, noise: NoiseModel) -> list[bool | None]:
+    run = open_loop.process(seed, Case(noise))
     value, sd = peers.call(peer, run.y, run.u, run.dt, run.settle)
     error = np.abs(np.asarray(value) - (run.K, run.tau, run.dead_time))
     return [bool(e <= 1.96 * s) if np.isfinite(s) else None for e, s in zip(error, sd, strict=True)]

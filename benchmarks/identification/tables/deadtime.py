@@ -6,14 +6,14 @@ import numpy as np
 
 from benchmarks.identification import bus, canid_side, open_loop
 from benchmarks.identification.bus import Seen, Stream
-from benchmarks.identification.colours import Colour
+from benchmarks.identification.noise_models import NoiseModel
 from benchmarks.identification.open_loop import Case
 from benchmarks.identification.peers import process
 from benchmarks.identification.table import Settings, Table, each
 from canid.types import Driver
 
-# little noise, so that 200 runs tell a bias of a millisecond
-CASE = Case(Colour("OU 0.5 s", time_constant=0.5), cut=0.3, dead_time=0.237, decibel=30.0, seconds=60.0)
+# little noise, so that 200 runs resolve a bias of a millisecond
+CASE = Case(NoiseModel("OU 0.5 s", time_constant=0.5), cut=0.3, dead_time=0.237, decibel=30.0, seconds=60.0)
 LANE = Driver(task="lane_keeping", output="steering_angle")
 FOLLOWING = Driver(task="car_following", output="pedal")
 SPEED = 25.0  # m/s

@@ -1,4 +1,4 @@
-"""The real pedal: at 0 % the foot is off, and then it brakes. Does what is masked bias what is left."""
+"""The real pedal: at 0 % it is released, and then the driver brakes. Does masking bias the estimates."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def table(settings: Settings) -> list[Table]:
             f"Loop B, {SECONDS - 5:.0f} s: mean error (in half-widths of the 95 % interval)",
             ("world", "method", "floor / brake", *(f[0] for f in FIELDS), "K1 held", "K2 held"),
             rows,
-            (f"{settings.few(2).runs} runs. hw: median half-width where told.",),
+            (f"{settings.few(2).runs} runs. hw: median half-width where reported.",),
         )
     ]
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.identification import bounds, bus, canid_side, loop_a, loop_b, peers
 from benchmarks.identification.bus import Seen
-from benchmarks.identification.colours import REMNANT
 from benchmarks.identification.loops import Drive
+from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.open_loop import HISTORY
 from benchmarks.identification.table import Settings, Table, each, rmse
 from canid.types import Driver
@@ -58,10 +58,10 @@ def table(settings: Settings) -> list[Table]:
 
 def _row(name: str, done: list[tuple[np.ndarray, str]]) -> tuple[object, ...]:
     errors = np.array([error for error, _ in done])
-    # a parameter that a method never tells is no failure of a run
-    told = np.isfinite(errors[:, np.isfinite(errors).any(axis=0)])
+    # a parameter that a method never reports is no failure of a run
+    reported = np.isfinite(errors[:, np.isfinite(errors).any(axis=0)])
     bias = ("–" if np.isnan(x) else f"{x:+.3f}" for x in _median(errors))
-    return (name, *map(float, rmse(errors)), *bias, f"{int(told.all(axis=1).sum())}/{len(errors)}")
+    return (name, *map(float, rmse(errors)), *bias, f"{int(reported.all(axis=1).sum())}/{len(errors)}")
 
 
 def _median(errors: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.identification import bounds, canid_side, open_loop, peers
-from benchmarks.identification.colours import COLOURS, Colour
+from benchmarks.identification.noise_models import NOISE_MODELS, NoiseModel
 from benchmarks.identification.open_loop import Case, Process
 from benchmarks.identification.table import Settings, Table, each, rmse, timed
 
@@ -19,11 +19,11 @@ def table(settings: Settings) -> list[Table]:
     methods: list[tuple[str, object]] = [("canid, 100 Hz", 1), ("canid, 10 Hz point samples", 10)]
     methods += [(peer.name, peer) for peer in peers.PROCESS] if settings.peers else []
     for name, method in methods:
-        for colour in COLOURS:
+        for noise in NOISE_MODELS:
             why = peers.missing(method) if isinstance(method, peers.Peer) else ""
-            done = [] if why else each(settings, _run, method, colour)
+            done = [] if why else each(settings, _run, method, noise)
             why = why or peers.broken(done)
-            rows.append((name, colour.name, why) if why else _row(name, colour, done))
+            rows.append((name, noise.name, why) if why else _row(name, noise, done))
     return [
         Table(
             f"K 4.4, tau 0.685 s, dead time {DEAD_TIME} s; 20 s at 100 Hz, input below 0.2 Hz, 20 dB: "
@@ -39,19 +39,19 @@ def table(settings: Settings) -> list[Table]:
                 "ms per fit",
             ),
             rows,
-            ("Each error is divided by the bound of its own run, at 100 Hz with the noise's colour known.",),
+            ("Each error is divided by the bound of its own run, at 100 Hz with the noise model known.",),
         )
     ]
 
 
-def _row(name: str, colour: Colour, done: list[tuple[np.ndarray, float, str]]) -> tuple[object, ...]:
+def _row(name: str, noise: NoiseModel, done: list[tuple[np.ndarray, float, str]]) -> tuple[object, ...]:
     relative = np.array([error for error, *_ in done])
     ratio = rmse(relative)
     gross = (np.abs(relative) > GROSS).any(axis=1) | ~np.isfinite(relative).all(axis=1)
     ms = 1e3 * float(np.nanmedian([seconds for _, seconds, _ in done]))
     return (
         name,
-        colour.name,
+        noise.name,
         *map(float, ratio),
         float(np.max(ratio)),
         f"{int(gross.sum())} of {len(done)}",
@@ -59,8 +59,8 @@ def _row(name: str, colour: Colour, done: list[tuple[np.ndarray, float, str]]) -
     )
 
 
-def _run(seed: int, method: object, colour: Colour) -> tuple[np.ndarray, float, str]:
-    run = open_loop.process(seed, Case(colour, dead_time=DEAD_TIME))
+def _run(seed: int, method: object, noise: NoiseModel) -> tuple[np.ndarray, float, str]:
+    run = open_loop.process(seed, Case(noise, dead_time=DEAD_TIME))
     bound = bounds.of(run)
     why = ""
     if isinstance(method, peers.Peer):

@@ -13,7 +13,7 @@ from benchmarks.identification.peers import process
 from benchmarks.identification.table import Settings, Table
 from benchmarks.identification.tables.following import SECONDS, seen_by_canid
 from canid.estimators import ESTIMATORS
-from canid.types import Gate, Sample
+from canid.types import LearnGate, Sample
 
 NAMES = ("headway_error", "range_rate")
 
@@ -38,27 +38,26 @@ def table(settings: Settings) -> list[Table]:
     rows.append(("fit_process, 60 s at 10 Hz, cold", "", *_both(np.median(cold), one), ""))
     for dt in (0.1, 0.01):
         shares = 0.0
-        # at 100 Hz the window fills more slowly than patience does: a few runs mean a quick look
+        # at 100 Hz the window fills more slowly than patience does: a few runs are a quick check
         seconds = 75.0 if dt == 0.1 or settings.runs >= 20 else 25.0
         drive = loop_a.drive(settings.first_seed, seconds + 1.0)
         every = round(dt / drive.dt)
         y, u = drive.pedal[::every], np.column_stack(drive.inputs)[::every]
-        for name, make in ESTIMATORS:
-            estimator = make(NAMES, dt)
-            state, plain, told = estimator.init(), [], []
+        for estimator in (one.make(NAMES, dt) for one in ESTIMATORS):
+            state, plain, reported = estimator.init(), [], []
             late = seconds - 10.0  # the window is full by then
             for k in range(round(seconds / dt)):
-                sample = Sample(k * dt, float(y[k]), tuple(u[k].tolist()), Gate.OPEN, True, 0, {})
+                sample = Sample(k * dt, float(y[k]), tuple(u[k].tolist()), LearnGate.OPEN, True, 0, {})
                 before = time.process_time()
                 state, estimate = estimator.step(state, sample)
                 passed = time.process_time() - before
                 if sample.t >= late:
-                    (plain if estimate is None else told).append(passed)
-            share = (sum(plain) + sum(told)) / 10.0
+                    (plain if estimate is None else reported).append(passed)
+            share = (sum(plain) + sum(reported)) / 10.0
             shares += share
-            label = f"{name}, {1 / dt:.0f} Hz"
+            label = f"{estimator.name}, {1 / dt:.0f} Hz"
             rows.append((label, "per sample", *_both(np.median(plain) if plain else np.nan, one), ""))
-            rows.append((label, "with estimate", *_both(np.median(told), one), f"{100 * share:.2f} %"))
+            rows.append((label, "with estimate", *_both(np.median(reported), one), f"{100 * share:.2f} %"))
         rows.append((f"all estimators, {1 / dt:.0f} Hz", "", "", "", f"{100 * shares:.2f} %"))
     rows += _peers(settings, seen, one) if settings.peers else []
     return [

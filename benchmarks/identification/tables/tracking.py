@@ -15,7 +15,7 @@ FACTOR = 1.5
 DRIFT = 400.0  # s over which the gain grows by FACTOR
 RAMP_AT = 100.0  # s
 FOLLOWED = 0.15  # relative error below which the change is said to be followed
-HOLDS = 5  # looks, one a second, in a row: a noisy estimate crosses the line by chance
+UPDATES_IN_A_ROW = 5  # updates in a row, one a second: a noisy estimate crosses the line by chance
 FREQUENCY = 0.2  # Hz at which the transfer function is compared
 SINGLE = (0.98, 0.99, 0.995, 0.998, 0.9995)
 
@@ -63,7 +63,7 @@ def table(settings: Settings) -> list[Table]:
             (
                 f"{slow.runs} runs each. Steady: mean over the minute before the step or over the last, the worse. "
                 "s to 15 %: median over runs of the time from which the error stays below for "
-                f"{HOLDS} looks, one a second.",
+                f"{UPDATES_IN_A_ROW} updates, one a second.",
             ),
         )
     ]
@@ -73,7 +73,9 @@ def _figures(errors: np.ndarray) -> list[float]:
     at = round(STEP_AT)
     steady = max(float(np.mean(errors[:, at - 60 : at])), float(np.mean(errors[:, -60:])))
     below = errors[:, at:] < FOLLOWED
-    held = np.array([[row[k : k + HOLDS].all() for k in range(len(row) - HOLDS)] for row in below])
+    held = np.array(
+        [[row[k : k + UPDATES_IN_A_ROW].all() for k in range(len(row) - UPDATES_IN_A_ROW)] for row in below]
+    )
     first = np.where(held.any(axis=1), held.argmax(axis=1), np.inf)
     return [steady, float(np.median(first)), float(np.quantile(first, 0.9, method="higher"))]
 
@@ -91,7 +93,7 @@ def _drift(seed: int, method: object, decibel: float) -> np.ndarray:
 
 
 def _errors(seed: int, method: object, decibel: float, gain: np.ndarray) -> np.ndarray:
-    """Return (s,) relative error at every full second; 1 where nothing is told yet."""
+    """Return (s,) relative error at every full second; 1 where nothing is reported yet."""
     run = open_loop.table1(seed, len(gain), decibel, gain)
     true = response(open_loop.TABLE1)
     out = np.ones(round(len(gain) * DT))
@@ -109,4 +111,4 @@ def steps(
         return
     for k, state in canid_side.recursion(run.y, run.u, method, precision):  # type: ignore[arg-type]
         if (k + 1) % 10 == 0:
-            yield k, canid_side.told(state)[0]
+            yield k, canid_side.estimates(state)[0]

@@ -1,4 +1,4 @@
-"""What can be told apart: canid's verdict per channel against that of the Cramér-Rao bound, by the same limits."""
+"""Identifiability: canid's verdict per channel against that of the Cramér-Rao bound, by the same limits."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from functools import partial
 import numpy as np
 
 from benchmarks.identification import bounds, bus, canid_side, open_loop
-from benchmarks.identification.colours import COLOURS, REMNANT, Colour
 from benchmarks.identification.loops import LEADS, Drive, Lead
+from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseModel
 from benchmarks.identification.open_loop import HISTORY, Case
 from benchmarks.identification.table import Settings, Table, each
 from benchmarks.identification.tables.following import LOOPS, seen_by_canid
-from canid.types import FopdtSettings, Identifiable
+from canid.estimators.fopdt import FopdtSettings
+from canid.types import Identifiable
 
 ORDER = (Identifiable.OK, Identifiable.SUM_ONLY, Identifiable.GAIN_ONLY, Identifiable.NOT)
 CUTS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # Hz
@@ -32,9 +33,9 @@ def table(settings: Settings) -> list[Table]:
 
 def _open(settings: Settings) -> Table:
     cases = [
-        Case(colour, cut, tau=tau, decibel=decibel, seconds=seconds)
-        for colour, cut, tau, decibel, seconds in itertools.product(
-            COLOURS, CUTS, TAUS, (10.0, 20.0), (20.0, 60.0)
+        Case(noise, cut, tau=tau, decibel=decibel, seconds=seconds)
+        for noise, cut, tau, decibel, seconds in itertools.product(
+            NOISE_MODELS, CUTS, TAUS, (10.0, 20.0), (20.0, 60.0)
         )
     ]
     # every case is another world: runs are spread over them
@@ -49,11 +50,11 @@ def _open(settings: Settings) -> Table:
 def _one(seed: int, case: Case) -> tuple[Identifiable, Identifiable, bool]:
     run = open_loop.process(seed, case, every=10)
     # the bound sees the input as it was, and the output where canid sees it
-    fine = open_loop.process(seed, case._replace(colour=Colour("none", white=1.0)))
+    fine = open_loop.process(seed, case._replace(noise=NoiseModel("none", white=1.0)))
     truth = bounds.Lag(run.K, run.tau, run.dead_time)
-    bound = bounds.process([fine.u], [truth], fine.dt, run.sigma, case.colour, fine.settle, 10)[0]
-    told = canid_side.process(run.y, run.u[:, None], run.dt).channels[0].status
-    return bounds.says(truth, bound), told, _near(truth, bound)
+    bound = bounds.process([fine.u], [truth], fine.dt, run.sigma, case.noise, fine.settle, 10)[0]
+    ours = canid_side.process(run.y, run.u[:, None], run.dt).channels[0].status
+    return bounds.says(truth, bound), ours, _near(truth, bound)
 
 
 def _closed(settings: Settings, how: str) -> Table:
@@ -68,8 +69,8 @@ def _closed(settings: Settings, how: str) -> Table:
         [row[:3] for row in done],
     )
     headway = [row for row in done if row[4] == 0]
-    wrong = sum(told is Identifiable.OK and alone is not Identifiable.OK for _, told, _, alone, _ in headway)
-    same = np.mean([told is alone for _, told, _, alone, _ in done])
+    wrong = sum(ours is Identifiable.OK and alone is not Identifiable.OK for _, ours, _, alone, _ in headway)
+    same = np.mean([ours is alone for _, ours, _, alone, _ in done])
     note = (
         f"The bound knows that tau ends at {BOX[0]} s and dead time at {BOX[1]} s, as canid does. With the bound that "
         f"lets them be anything, canid agrees in {100 * same:.1f} %: there a headway lag that nobody can know makes the "
@@ -86,7 +87,7 @@ def _two(
     cut = drive._replace(
         **{x: getattr(drive, x)[-keep:] for x in ("pedal", "brake", "speed", "gap", "range_rate", "exact")}
     )
-    # masked samples tell nothing to the bound either
+    # the bound leaves masked samples out too
     limit = partial(
         bounds.process,
         cut.inputs,
@@ -114,14 +115,14 @@ def _near(truth: bounds.Lag, bound: bounds.Bound) -> bool:
 
 
 def _confusion(title: str, done: list[tuple[Identifiable, Identifiable, bool]]) -> Table:
-    count = Counter((bound, told) for bound, told, _ in done)
+    count = Counter((bound, ours) for bound, ours, _ in done)
     rows: list[tuple[object, ...]] = [
-        (bound.value, *(count[bound, told] for told in ORDER)) for bound in ORDER
+        (bound.value, *(count[bound, ours] for ours in ORDER)) for bound in ORDER
     ]
-    same = np.mean([bound is told for bound, told, _ in done])
-    clear = [bound is told for bound, told, near in done if not near]
-    bold = sum(ORDER.index(told) < ORDER.index(bound) for bound, told, _ in done)
-    ok = sum(told is Identifiable.OK and bound is not Identifiable.OK for bound, told, _ in done)
+    same = np.mean([bound is ours for bound, ours, _ in done])
+    clear = [bound is ours for bound, ours, near in done if not near]
+    bold = sum(ORDER.index(ours) < ORDER.index(bound) for bound, ours, _ in done)
+    ok = sum(ours is Identifiable.OK and bound is not Identifiable.OK for bound, ours, _ in done)
     return Table(
         title,
         ("bound says \\ canid says", *(x.value for x in ORDER)),

@@ -50,7 +50,7 @@ def table(settings: Settings) -> list[Table]:
             rows,
             (
                 f"{slow.runs} runs, 20 dB, learning never paused; the live estimator besides stops learning while nothing "
-                "moves. Covariance: looked at every second.",
+                "moves. Covariance: checked every second.",
             ),
         )
     ]
@@ -61,7 +61,7 @@ def _run(seed: int, method: object) -> tuple[float, float, float, float]:
     active = np.where((t < DRIVING) | (t >= DRIVING + CRUISE), 1.0, STILL)
     run = open_loop.table1(seed, len(t), 20.0, active=active)
     true = response(open_loop.TABLE1)
-    worst, lost, indefinite, looks = 0.0, False, 0, 0
+    worst, lost, indefinite, checks = 0.0, False, 0, 0
     with np.errstate(all="ignore"):
         for k, theta, P in _looks(method, run):
             lost |= not np.isfinite(theta).all()
@@ -69,20 +69,20 @@ def _run(seed: int, method: object) -> tuple[float, float, float, float]:
                 error = abs(response(theta) / true - 1.0)
                 worst = max(worst, min(error, 1e3)) if np.isfinite(error) else 1e3
             if P is not None:
-                looks += 1
+                checks += 1
                 indefinite += not (np.isfinite(P).all() and np.linalg.eigvalsh(_scaled(P)).min() > 0.0)
-    return worst, float(lost), float(indefinite), float(looks)
+    return worst, float(lost), float(indefinite), float(checks)
 
 
 def _looks(method: object, run: open_loop.Armax) -> Iterator[tuple[int, np.ndarray, np.ndarray | None]]:
-    """Look once a second, and at every sample of the last ten seconds; a peer has no covariance in common with canid's."""
+    """Check once a second, and at every sample of the last ten seconds; a peer has no covariance in common with canid's."""
     last = len(run.y) - round(AGAIN / DT)
     if isinstance(method, peers.Peer):
         yield from ((k, theta, None) for k, theta in peers.call(method, run.y, run.u))
         return
     for k, state in canid_side.recursion(run.y, run.u, None, method):  # type: ignore[arg-type]
         if k % 10 == 0 or k >= last:
-            yield k, *canid_side.told(state)
+            yield k, *canid_side.estimates(state)
 
 
 def _scaled(P: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Attacks from outside on what docs/reliability.md promises: each round draws them anew, for every family.
+"""Attacks from outside on what docs/reliability.md promises: each round draws new ones, for every family.
 
 A round runs every family once, several at a time (`TOGETHER`), those that measure times alone; what a family does in
 a round is drawn from the seed, the round and the family's name, so that `--seed S --only FAMILY` does it again.

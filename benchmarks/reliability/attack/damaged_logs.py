@@ -13,12 +13,12 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.damaged_logs.bases import Base, bases
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
 from canid.errors import LogError
-from canid.frames import open_log
-from canid.frames.columns import frames_of
+from canid.frame_columns import frames_of
+from canid.logs import open_log
+from tests.damaged_logs.bases import Base, bases
 
 PROMISE = (
     "damage is always reported: every line or object is a frame, known to be none, or counted as damaged"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import random
-import shutil
 import threading
 from collections.abc import Iterator
 from functools import cache
@@ -13,26 +12,23 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.reliability.attack.measured import canid
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
-from canid.saving.sealed import Refused, seal, unseal
-from canid.vehicle.reading import shipped
+from canid.saving.checksum import Refused, seal, unseal
+from canid.vehicle.vehicle_file import shipped
+from tests.fixtures.measured_process import canid
+from tests.fixtures.vehicle_files import (
+    DBC_HEAD,
+    DBC_SIGNAL,
+    MAX_CPU_S,
+    MAX_MEMORY_BYTES,
+    TOML,
+    write_vehicle,
+)
 
 PROMISE = (
     "a hostile vehicle file, database or state: one line and exit 2, or an event; 5 s and 300 MB at most"
 )
-# s of processor time and bytes
-SECONDS, MEMORY = 5.0, 300e6
-TOML = """
-name = "Car"
-dbc = ["car.dbc"]
-[signals]
-pedal = "ENGINE_DATA.PedalPosition"
-speed = "EGO_SPEED.VehicleSpeed"
-gap = "RADAR_LEAD.LeadDistance"
-range_rate = "RADAR_LEAD.LeadRelSpeed"
-"""
 _SAVING = threading.Lock()
 SECTIONS = {
     "lead": ("in_path", "gap_noise", "range_rate_noise", "rate_sign", "tracks"),
@@ -45,13 +41,8 @@ SECTIONS = {
 
 def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
     """One bomb of a vehicle file or database, and one absurd state now and then."""
-    path = folder / "car.toml"
     kind, toml, dbc = _drawn(rng)
-    path.write_bytes(toml)
-    if dbc is None:
-        shutil.copy(shipped() / "generic.dbc", folder / "car.dbc")
-    else:
-        (folder / "car.dbc").write_bytes(dbc)
+    path = write_vehicle(folder, toml, dbc)
     verb = (
         rng.choice(("check", "check", "init", "identify"))
         if dbc is not None
@@ -70,7 +61,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         wrong.append(f"exit code {ran.code}: {ran.err[-300:]}")
     if ran.code == 2 and (len(ran.err.splitlines()) > 6 or max(map(len, ran.err.splitlines())) > 700):
         wrong.append(f"{len(ran.err.splitlines())} lines, {len(ran.err)} characters: {ran.err[:200]}")
-    if ran.cpu > SECONDS or ran.memory > MEMORY:
+    if ran.cpu > MAX_CPU_S or ran.memory > MAX_MEMORY_BYTES:
         wrong.append(f"{ran.cpu:.1f} s of processor time, {ran.memory / 1e6:.0f} MB")
     about = f" ({verb}, {kind})" if wrong else ""
     yield Outcome(
@@ -109,8 +100,7 @@ def _drawn(rng: random.Random) -> tuple[str, bytes, bytes | None]:
         "random text": "".join(chr(rng.randrange(32, 0x3000)) for _ in range(min(n, 20000))),
         f"bits of the generic one, {n}": _flipped((shipped() / "generic.toml").read_bytes(), rng),
     }
-    head = 'VERSION ""\n\nBU_: X\n\n'
-    one = ' SG_ S : 0|8@1+ (1,0) [0|0] "" X\n'
+    head, one = DBC_HEAD, DBC_SIGNAL
     signals = "".join(
         f"BO_ {2**31 + k} M{k}: 8 X\n"
         + "".join(f' SG_ S{s} : {8 * s}|8@1+ (1,0) [0|0] "" X\n' for s in range(8))
@@ -185,7 +175,7 @@ def _state(folder: Path, rng: random.Random) -> Iterator[Outcome]:
     wrong = []
     if ran.code not in (0, 2) or "Traceback" in ran.err:
         wrong.append(f"exit code {ran.code}: {ran.err[-300:]}")
-    if ran.cpu > SECONDS + usual or ran.memory > MEMORY:
+    if ran.cpu > MAX_CPU_S + usual or ran.memory > MAX_MEMORY_BYTES:
         wrong.append(
             f"{ran.cpu:.1f} s of processor time ({usual:.1f} s with a sound one), {ran.memory / 1e6:.0f} MB"
         )

@@ -1,4 +1,4 @@
-"""Attacks by what lies beside the log: modules, packages, plug-ins and configuration in the current folder."""
+"""Attacks by files next to the log: modules, packages, plug-ins and configuration in the current folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.vehicle.reading import shipped
+from canid.vehicle.vehicle_file import shipped
 
 PROMISE = "no code from the current folder, in any verb or child process"
 VERBS = 2  # in a round
@@ -89,7 +89,7 @@ COMMANDS = {
 
 
 def installed() -> Path | None:
-    """The installed command; None: this interpreter has none beside it."""
+    """The installed command; None: this interpreter has none."""
     path = Path(sys.executable).parent / "canid"
     return path if path.exists() else None
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.vehicle.reading import shipped
+from canid.vehicle.vehicle_file import shipped
 
 PROMISE = "names are data: no control character of a name reaches a terminal or a pipe, JSON stays intact"
 COMMANDS = 2  # in a round
@@ -192,7 +192,7 @@ def _acted(text: str, terminal: bool) -> list[str]:
     """Where a terminal would act on a name."""
     if not terminal:
         return [text[max(k - 30, 0) : k + 30] for k, c in enumerate(text) if _control(c) and c != "\n"][:2]
-    # canid's own colours and cursor movements are sequences before a name too, but end with a letter
+    # canid's own colors and cursor movements are sequences before a name too, but end with a letter
     own = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "\x1b", text)
     bad = [own[max(k - 30, 0) : k + 30] for k, c in enumerate(own) if _control(c) and c not in "\n\r\x1b"]
     evil = [control for control in CONTROLS if len(control) > 1 and f"{control}{TOKEN}" in text]

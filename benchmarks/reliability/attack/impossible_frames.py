@@ -11,10 +11,10 @@ from pathlib import Path
 from benchmarks.reliability.attack import judging
 from benchmarks.reliability.attack.traffic_process import Sender
 from benchmarks.reliability.outcome import Outcome
-from benchmarks.reliability.readers import by_canid
 from benchmarks.reliability.recording import Recording, until
+from tests.fixtures.readers import by_canid
 
-PROMISE = "a frame that no bus can carry costs itself only: counted, told, left out of every format"
+PROMISE = "a frame that no bus can carry costs itself only: counted, reported, left out of every format"
 RATES = (500, 2000, 4000)  # frames/s
 SECONDS = 1.2
 
@@ -34,7 +34,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         time.sleep(0.3)
         code = recording.end()
         said = recording.said
-        told = recording.told() if verb == "record" else None
+        reported = recording.reported() if verb == "record" else None
     wrong = [] if code == 143 else [f"exit code {code}: {said[-300:]}"]
     if path.exists():
         found = judging.read([path])
@@ -42,18 +42,18 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         kept = len(by_canid(path).frames)
     else:
         kept, wrong = 0, [*wrong, "there is no log"]
-    total = len(sender.sent) + sender.strangers
-    if told is not None:
-        bus = told["buses"][0]
-        if told["frames"] + bus["impossible"] + told["drops"] != total:
+    total = len(sender.sent) + sender.foreign
+    if reported is not None:
+        bus = reported["buses"][0]
+        if reported["frames"] + bus["impossible"] + reported["drops"] != total:
             wrong.append(
-                f"{told['frames']} recorded + {bus['impossible']} impossible + {told['drops']} dropped, {total} sent"
+                f"{reported['frames']} recorded + {bus['impossible']} impossible + {reported['drops']} dropped, {total} sent"
             )
-        errors = told["errors"]
-        if told["written"] != kept + errors:
-            wrong.append(f"{told['written']} stated, {kept} + {errors} error frames in the file")
+        errors = reported["errors"]
+        if reported["written"] != kept + errors:
+            wrong.append(f"{reported['written']} stated, {kept} + {errors} error frames in the file")
         if bus["impossible"] and "impossible" not in (folder / "x.events.jsonl").read_text():
-            wrong.append("the journal does not tell it")
+            wrong.append("the journal does not report it")
     if "bus_lost" in said or "lost:" in said:
         wrong.append(f"the bus was lost: {said[-300:]}")
     about = f" ({verb} {suffix}, {rate}/s, {share})" if wrong else ""

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.reliability.attack.traffic_process import Sender
-from benchmarks.reliability.readers import Read, by_canid, by_python_can
-from benchmarks.reliability.traffic import number
+from tests.fixtures.readers import Read, by_canid, by_python_can
+from tests.fixtures.traffic import number
 
-# by how much longer than promised a time may be; tests set more, for a machine that is busy for moments only
+# by how much longer than promised a time may be; tests set more, for a machine that is busy at times
 SLACK = 1.0
 
 
@@ -55,7 +55,7 @@ def _numbers(log: Read) -> Iterator[int]:
 
 
 def missing(found: Found, sender: Sender, since: float = math.inf, until: float = 0.0) -> list[str]:
-    """Why these are not all frames, once and in order, that were sent between two moments (wall clock)."""
+    """Why these are not all frames, once and in order, that were sent between two instants (wall clock)."""
     numbers, wrong = found
     if not numbers:
         return (

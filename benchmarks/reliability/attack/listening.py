@@ -137,10 +137,10 @@ def _judged(
         wrong.append("the adapter refused L, and canid says that it listens only")
     if "record" in done.args or "live" in done.args:
         journal = here / "drive.events.jsonl"
-        told = journal.read_text() if journal.exists() else ""
-        if done.returncode in (0, 5) and ("listen_only" not in told):
-            wrong.append(f"the journal does not say it: {told[-300:]}")
-        if refused and done.returncode in (0, 5) and "could not be verified" not in said + told:
+        reported = journal.read_text() if journal.exists() else ""
+        if done.returncode in (0, 5) and ("listen_only" not in reported):
+            wrong.append(f"the journal does not say it: {reported[-300:]}")
+        if refused and done.returncode in (0, 5) and "could not be verified" not in said + reported:
             wrong.append(f"it is not said that it could not be verified: {said[-300:]}")
     if state == "O":
         wrong.append("it was left active")

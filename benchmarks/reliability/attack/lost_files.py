@@ -15,9 +15,9 @@ from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording, until
 
 PROMISE = "a recording that disappears is noticed within 1 s and goes on: nothing is lost, or exit code 5"
-NOTICED = 1.0  # s
+MAX_NOTICE_S = 1.0  # s
 RATES = (200, 2000, 5000)  # frames/s
-FOREIGN = b"somebody else's file, longer than a line\n" * 50
+FOREIGN = b"another program's file, longer than a line\n" * 50
 
 
 def deleted(path: Path) -> None:
@@ -38,7 +38,7 @@ def replaced(path: Path) -> None:
 
 
 def linked(path: Path) -> None:
-    """A link to somebody else's file takes its name."""
+    """A link to another program's file takes its name."""
     (path.parent / "other").write_bytes(FOREIGN)
     path.unlink()
     path.symlink_to("other")
@@ -82,7 +82,7 @@ def appended(path: Path) -> None:
         file.write(FOREIGN)
 
 
-# with the words of the event, and whether the file's frames so far may be lost (which exit code 5 then tells)
+# with the words of the event, and whether the file's frames so far may be lost (exit code 5 then)
 LOSSLESS: tuple[Callable[[Path], None], ...] = (
     deleted,
     moved,
@@ -121,13 +121,13 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
                 time.sleep(rng.uniform(0.3, 0.8) if k else 0.0)
                 said = len(recording.said)
                 victim = path if k == 0 else _newest(base, suffix)
-                moment = time.time()
+                instant = time.time()
                 act(victim)
                 until(
                     lambda said=said: _told(recording.said[said:]) or recording.process.poll() is not None,
                     30.0,
                 )
-                noticed = max(noticed, time.time() - moment)
+                noticed = max(noticed, time.time() - instant)
             time.sleep(rng.uniform(0.1, 0.5))
             till = time.time()
             code = recording.end()
@@ -136,7 +136,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
     allowed = (143,) if act in LOSSLESS else (5,)
     if code not in allowed:
         wrong.append(f"exit code {code}: {said_all[-500:]}")
-    if noticed > NOTICED * judging.busy():
+    if noticed > MAX_NOTICE_S * judging.busy():
         wrong.append(f"noticed after {noticed:.1f} s")
     logs = [each for each in folder.rglob(f"*{suffix}") if each.is_file() and not each.is_symlink()]
     logs = [each for each in logs if FOREIGN not in each.read_bytes() and each.stat().st_size]
@@ -146,10 +146,10 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         wrong += judging.missing(found, sender, 0.0, till)
     else:
         # what was in the file may be lost; what came from a second later on must not be
-        wrong += judging.missing(found, sender, moment + NOTICED * judging.busy(), till)
+        wrong += judging.missing(found, sender, instant + MAX_NOTICE_S * judging.busy(), till)
     left = {replaced: path, linked: path.parent / "other", overwritten: path}.get(act)
     if left is not None and left.read_bytes() != FOREIGN:
-        wrong.append(f"{left.name}, which is somebody else's, was written into")
+        wrong.append(f"{left.name}, which is another program's, was written into")
     about = f" ({act.__name__} × {times}, {verb} {suffix})" if wrong else ""
     kind = (
         "deleted, moved, replaced, its folder removed or renamed"

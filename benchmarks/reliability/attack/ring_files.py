@@ -14,8 +14,8 @@ from benchmarks.reliability.attack import judging
 from benchmarks.reliability.attack.traffic_process import Sender
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording
-from canid.frames.file_identity import FileIdentity
-from canid.frames.ring_list import Entry
+from canid.files.file_identity import FileIdentity
+from canid.recording.ring_list import Entry
 
 PROMISE = "a ring deletes and writes its own files only: what its list describes, never through a link"
 RATE = 3000.0  # frames/s
@@ -23,7 +23,7 @@ FORMATS = (".blf", ".asc", ".log")
 
 
 class Ring:
-    """A folder with the series x of an earlier session, and foreign files beside it."""
+    """A folder with the series x of an earlier session, and foreign files in it."""
 
     def __init__(self, folder: Path, suffix: str, rng: random.Random):
         """Take the folder as it is."""
@@ -215,12 +215,12 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         till = time.time()
         code = recording.end()
         sender.end()
-        told = recording.told()
+        reported = recording.reported()
         said = recording.said
     if code != 143:
         wrong.append(f"exit code {code}: {said[-300:]}")
-    if told["files"] < 3:
-        wrong.append(f"only {told['files']} files: nothing was tried")
+    if reported["files"] < 3:
+        wrong.append(f"only {reported['files']} files: nothing was tried")
     harmed = ring.harmed()
     wrong += harmed
     new = [p for p in ring.folder.glob(f"x*{suffix}") if p not in ring.foreign and not p.is_symlink()]
@@ -233,7 +233,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         wrong.append(f"{sender.before(till) - found.numbers[-1] - 1} frames at the end are missing")
     about = f" ({[act.__name__ for act in acts]}, {suffix})" if wrong else ""
     yield Outcome(
-        "list forged, damaged or a link; own names reused; links at names to come; files replaced meanwhile",
+        "list forged, damaged or a link; own names reused; links at names to come; files replaced in between",
         math.nan,
         0,
         "; ".join(wrong) + about,
@@ -242,8 +242,8 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
 
 
 def _earlier(ring: Ring) -> None:
-    from canid.frames.rotation import Rotation
-    from canid.frames.series import Series
+    from canid.recording.file_series import Series
+    from canid.recording.rotation import Rotation
     from canid.types import Frame
 
     series = Series(ring.folder / f"x{ring.suffix}", Rotation(time=1.0))

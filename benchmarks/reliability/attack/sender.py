@@ -43,7 +43,7 @@ _MIDDLE, _, _TAIL = _REST.partition(b"\xee" * 8)
 
 
 def good(i: int) -> bytes:
-    """Frame i: its number, and bytes that compress no better than a vehicle's (as benchmarks.reliability.traffic)."""
+    """Frame i: its number, and bytes that compress no better than a vehicle's (as tests.fixtures.traffic)."""
     data = i.to_bytes(4, "big") + (i * 2654435761 & 0xFFFFFFFF).to_bytes(4, "big")
     return _HEAD + b"\xcd" + (i % 2048).to_bytes(2, "big") + _MIDDLE + data + _TAIL
 
@@ -89,7 +89,7 @@ def main(group: str, port: int, rate: float, total: int, path: str, seed: str, s
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
     rng = random.Random(seed)
-    sent, strangers = array.array("d"), 0
+    sent, foreign = array.array("d"), 0
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     began = time.monotonic()
@@ -104,10 +104,10 @@ def main(group: str, port: int, rate: float, total: int, path: str, seed: str, s
                 print("begun", flush=True)
             if share and rng.random() < share:
                 out.sendto(strange(rng), (group, port))
-                strangers += 1
+                foreign += 1
         time.sleep(PAUSE_S)
     with open(path, "wb") as file:
-        file.write(struct.pack("<q", strangers) + sent.tobytes())
+        file.write(struct.pack("<q", foreign) + sent.tobytes())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""An slcan adapter on a pseudo-terminal that keeps every byte which it is sent, and answers as it is told."""
+"""An slcan adapter on a pseudo-terminal that keeps every byte which it is sent, and answers as configured."""
 
 from __future__ import annotations
 
@@ -68,5 +68,5 @@ class SlcanTerminal:
                 number += 1
 
     def _say(self, text: bytes) -> None:
-        with suppress(OSError):  # nobody reads
+        with suppress(OSError):  # no reader
             os.write(self._master, text)

@@ -14,7 +14,7 @@ from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording
 
 PROMISE = "stopping is quick: what came before the stop is on the disk, and the end follows within 2 s"
-STOP = 2.0  # s
+MAX_STOP_S = 2.0  # s
 RATE = 20_000.0  # frames/s
 
 
@@ -36,17 +36,17 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         code = recording.end(number if end == "twice" and recording.process.poll() is None else None)
         took = time.time() - till
         sender.end()
-        told = recording.told() if verb == "record" and end != "twice" else None
+        reported = recording.reported() if verb == "record" and end != "twice" else None
     wrong = []
     # a second signal ends the process at once; after its handlers are gone the system does
     if code != 128 + number and not (end == "twice" and code == -number):
         wrong.append(f"exit code {code}: {recording.said[-300:]}")
-    if took > STOP * judging.busy():
+    if took > MAX_STOP_S * judging.busy():
         wrong.append(f"it ended after {took:.1f} s")
     found = judging.read([path])
-    if told is not None and told["drops"]:  # counted, and stated
-        if len(found.numbers) + told["drops"] < sender.before(till):
-            wrong.append(f"{len(found.numbers)} + {told['drops']} dropped of {sender.before(till)}")
+    if reported is not None and reported["drops"]:  # counted, and stated
+        if len(found.numbers) + reported["drops"] < sender.before(till):
+            wrong.append(f"{len(found.numbers)} + {reported['drops']} dropped of {sender.before(till)}")
     elif end != "twice":
         wrong += judging.missing(found, sender, since, till)
     elif found.numbers != list(range(len(found.numbers))):

@@ -11,7 +11,7 @@ from contextlib import ExitStack, suppress
 # what surely loses whatever is written to it, and what may take all of it
 LOSING = ("closed", "/dev/full", "pipe without reader", "pipe full", "non-blocking pipe full")
 LEAVING = ("reader leaves", "terminal goes away")
-PATIENT = ("terminal nobody reads", "terminal stopped by Ctrl-S", "reader stops reading")
+PATIENT = ("terminal without reader", "terminal stopped by Ctrl-S", "reader stops reading")
 HARMLESS = ("/dev/null", "file")
 KINDS = (*LOSING, *LEAVING, *PATIENT, *HARMLESS)
 

@@ -25,7 +25,7 @@ from benchmarks.reliability.recording import BEGIN, ROOT, until
 
 PROMISE = "talk, view and JSON can fail, block or be absent: no frame is lost, the end comes within 2 s, exit code 5"
 # s within which --duration and the first signal end a recording
-STOP = 2.0
+MAX_STOP_S = 2.0
 # two at a time in a round, of one sender
 CASES = 2
 RATES = (100, 1000, 3000)  # frames/s
@@ -71,7 +71,7 @@ class Case(NamedTuple):
     @property
     def code(self) -> int | None:
         """The exit code; None: it may have lost something or not."""
-        # a background job talks to its terminal, which somebody reads
+        # a background job talks to its terminal, which is read
         ends = [] if self.background else [self.out, self.err]
         normal = 0 if self.end == "duration" else 128 + signal.Signals[self.end]
         json = self.json == "FIFO without a reader" or (self.json == "full disk" and self.verb == "record")
@@ -127,10 +127,10 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
             allowed = {5, 0 if case.end == "duration" else 128 + signal.Signals[case.end]}
             if code != case.code if case.code is not None else code not in allowed:
                 wrong.append(f"exit code {code}")
-            if took > STOP * judging.busy():
+            if took > MAX_STOP_S * judging.busy():
                 wrong.append(f"it ended after {took:.1f} s")
-            told = f"{'; '.join(wrong)} ({case})" if wrong else ""
-            yield Outcome(_group(case), took, 0, told, measure="ended within")
+            reported = f"{'; '.join(wrong)} ({case})" if wrong else ""
+            yield Outcome(_group(case), took, 0, reported, measure="ended within")
 
 
 def _group(case: Case) -> str:
@@ -140,7 +140,7 @@ def _group(case: Case) -> str:
     if case.json not in ("none", "file", "-"):
         return "--json: FIFO without or with a reader that leaves, disk full"
     if any("terminal" in end for end in bad):
-        return "a terminal nobody reads, stopped, gone"
+        return "a terminal without reader, stopped, gone"
     if any(end == "reader leaves" for end in bad):
         return "a reader that leaves, also before the first line"
     if any("pipe" in end or "stops" in end for end in bad):

@@ -12,7 +12,7 @@ from bisect import bisect_left, bisect_right
 from itertools import count
 from pathlib import Path
 
-from benchmarks.reliability.traffic import GROUP
+from tests.fixtures.traffic import GROUP
 
 SCRIPT = Path(__file__).with_name("sender.py")
 # A port of its own for each sender: python-can's receivers get every group's datagrams of their port.
@@ -20,12 +20,12 @@ _PORTS = count(20_000 + os.getpid() * 64 % 40_000)
 
 
 class Sender:
-    """A process that sends frame 0, 1, 2, ...; `end` tells the wall clock before each of them."""
+    """A process that sends frame 0, 1, 2, ...; `end` returns the wall clock before each of them."""
 
     def __init__(self, folder: Path, rate: float, *, total: int = -1, seed: object = 0, strange: float = 0.0):
         """Name its bus. `total`: frames, -1: until `end`; `strange`: other datagrams per frame."""
         self.port = next(_PORTS)
-        self.strangers = 0
+        self.foreign = 0
         self._begun = 0.0
         self.sent: list[float] = []
         self._path = folder / f"sent.{self.port}"
@@ -64,7 +64,7 @@ class Sender:
         process.wait(60.0)
         process.stdout.close()
         data = self._path.read_bytes()
-        (self.strangers,) = struct.unpack_from("<q", data)
+        (self.foreign,) = struct.unpack_from("<q", data)
         self.sent = list(array("d", data[8:]))
         return self
 
@@ -72,13 +72,13 @@ class Sender:
         """Wait until so many s after the first frame; `since_now`: from now."""
         time.sleep(max((time.time() if since_now else self._begun) + seconds - time.time(), 0.0))
 
-    def before(self, moment: float) -> int:
-        """How many frames were sent before this moment (wall clock)."""
-        return bisect_left(self.sent, moment)
+    def before(self, instant: float) -> int:
+        """How many frames were sent before this instant (wall clock)."""
+        return bisect_left(self.sent, instant)
 
-    def first_after(self, moment: float) -> int:
-        """Number of the first frame that was sent after this moment."""
-        return bisect_right(self.sent, moment)
+    def first_after(self, instant: float) -> int:
+        """Number of the first frame that was sent after this instant."""
+        return bisect_right(self.sent, instant)
 
     def __enter__(self) -> Sender:
         return self.start()

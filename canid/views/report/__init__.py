@@ -1,5 +1,5 @@
 """The diagnosis as one self-contained HTML page."""
 
-from canid.views.report.writing import page
+from canid.views.report.report_page import page
 
 __all__ = ["page"]

@@ -1,6 +1,7 @@
-"""What a figure of the page is: data and layout as plotly takes them, with the words that stand under it.
+"""Figure specifications: data and layout as plotly takes them, with caption and alternative text.
 
-Colours are names, `"@before"`; the page's script puts in what the style sheet says for light, dark and paper.
+Colors are names such as `"@before"`; the page's script replaces them by those of the style sheet for light, dark and
+print.
 """
 
 from __future__ import annotations
@@ -16,12 +17,10 @@ from canid.types import Array
 
 Spec = dict[str, Any]
 
-# px between the panels of a grid
-GUTTER = 58
 # px that a figure leaves for its axes: left, right, top (legend), bottom
-MARGIN = {"l": 62, "r": 18, "t": 34, "b": 44}
-# digits that a plot can show: a screen has some 2,000 px, which is 4 digits
-DIGITS = 5
+MARGIN_PX = {"l": 62, "r": 18, "t": 34, "b": 44}
+# significant digits of plotted values: a screen has some 2,000 px, which is 4 digits
+PLOT_DIGITS = 5
 
 
 class Figure(NamedTuple):
@@ -29,15 +28,15 @@ class Figure(NamedTuple):
 
     name: str  # id in the page
     title: str
-    says: str  # what to see in it, under the figure
-    alt: str  # what it is, for those who do not see it
+    caption: str  # what to see in it
+    alt: str  # alternative text: what it shows
     height: int  # px
     data: list[Spec]
     layout: Spec
 
 
 def script(figures: Sequence[Figure]) -> str:
-    r"""Write figures as the JSON that stands in the page's script element.
+    r"""Figures as JSON for a script element of the page.
 
     Example:
         >>> script([Figure("a", "", "", "", 100, [{"x": [1.0], "name": "</script>"}], {})])
@@ -47,20 +46,20 @@ def script(figures: Sequence[Figure]) -> str:
     return json.dumps(specs, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
-def listed(array: Array) -> list[Any]:
-    """Write an array as lists that JSON can hold: five digits, null for NaN.
+def to_list(array: Array) -> list[Any]:
+    """An array as nested lists for JSON: five significant digits, null for NaN.
 
     Example:
-        >>> listed(np.array([[0.1234567, np.nan]]))
+        >>> to_list(np.array([[0.1234567, np.nan]]))
         [[0.12346, None]]
     """
     if array.ndim > 1:
-        return [listed(row) for row in array]
-    return [float(f"{x:.{DIGITS}g}") if math.isfinite(x) else None for x in array.tolist()]
+        return [to_list(row) for row in array]
+    return [float(f"{x:.{PLOT_DIGITS}g}") if math.isfinite(x) else None for x in array.tolist()]
 
 
 def times(t: Array) -> list[float]:
-    """Write times: to a millisecond, however late in the log.
+    """Times rounded to a millisecond, however late in the log.
 
     Example:
         >>> times(np.array([35999.1004]))
@@ -70,12 +69,12 @@ def times(t: Array) -> list[float]:
 
 
 def line(
-    x: list[Any], y: Array, name: str, colour: str, *, axes: tuple[str, str] = ("x", "y"), **more: Any
+    x: list[Any], y: Array, name: str, color: str, *, axes: tuple[str, str] = ("x", "y"), **more: Any
 ) -> Spec:
-    """Draw a line. One name is one entry in the legend, and clicking it hides all that have it."""
+    """A line. Lines of the same name share one entry in the legend, which hides and shows them together."""
     return {
-        "type": "scatter", "mode": "lines", "x": x, "y": listed(y), "name": name, "legendgroup": name,
-        "xaxis": axes[0], "yaxis": axes[1], "line": {"color": f"@{colour}", "width": 1.2}, **more,
+        "type": "scatter", "mode": "lines", "x": x, "y": to_list(y), "name": name, "legendgroup": name,
+        "xaxis": axes[0], "yaxis": axes[1], "line": {"color": f"@{color}", "width": 1.2}, **more,
     }  # fmt: skip
 
 
@@ -88,9 +87,9 @@ def axis(title: str = "", **more: Any) -> Spec:
 
 
 def layout(axes: Mapping[str, Spec], **more: Any) -> Spec:
-    """The layout that all figures share: legend above, no title of its own, colours of the page."""
+    """The layout that all figures share: legend above, no title, colors of the page."""
     return {
-        "margin": dict(MARGIN), "paper_bgcolor": "@page", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "closest",
+        "margin": dict(MARGIN_PX), "paper_bgcolor": "@page", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "closest",
         "font": {"family": "system-ui, 'Segoe UI', 'DejaVu Sans', sans-serif", "size": 12, "color": "@ink"},
         "hoverlabel": {"bgcolor": "@panel", "bordercolor": "@rule", "font": {"color": "@ink"}},
         "legend": {"orientation": "h", "font": {"size": 11}, "x": 0, "xanchor": "left", "xref": "container",
@@ -99,39 +98,39 @@ def layout(axes: Mapping[str, Spec], **more: Any) -> Spec:
     }  # fmt: skip
 
 
-def spans(count: int, gap: float) -> list[tuple[float, float]]:
-    """Divide 0 to 1 into equal spans with a gap between them.
+def equal_domains(count: int, gap: float) -> list[tuple[float, float]]:
+    """Equal domains of axes between 0 and 1, with a gap between neighbours.
 
     Example:
-        >>> spans(2, 0.1)
+        >>> equal_domains(2, 0.1)
         [(0.0, 0.45), (0.55, 1.0)]
     """
     width = (1.0 - gap * (count - 1)) / count
     return [(round(k * (width + gap), 6), round(k * (width + gap) + width, 6)) for k in range(count)]
 
 
-def suffix(k: int) -> str:
-    """Plotly's count of axes: "", "2", "3", ...
+def axis_suffix(k: int) -> str:
+    """Suffix of the k-th axis in plotly: "", "2", "3", ...
 
     Example:
-        >>> suffix(0), suffix(1)
+        >>> axis_suffix(0), axis_suffix(1)
         ('', '2')
     """
     return "" if k == 0 else str(k + 1)
 
 
-def note(text: str, x: float, y: float, **more: Any) -> Spec:
-    """A text on the figure; x and y are shares of the plot unless `xref`, `yref` say otherwise."""
+def annotation(text: str, x: float, y: float, **more: Any) -> Spec:
+    """A text on the figure; x and y are fractions of the plot unless `xref` or `yref` is given."""
     return {"text": text, "x": x, "y": y, "xref": "paper", "yref": "paper", "showarrow": False, **more}
 
 
-def dashed(**where: Any) -> Spec:
-    """A dashed line: a threshold."""
+def threshold_line(**where: Any) -> Spec:
+    """A threshold_line line: a threshold."""
     return {"type": "line", "line": {"color": "@muted", "width": 1, "dash": "dash"}, **where}
 
 
 def running_rms(x: Array, samples: int) -> Array:
-    """Root mean square over the samples around each one; NaN where half of them or more are not measured.
+    """Centred running root mean square; NaN where half of the window or more is not measured.
 
     Example:
         >>> running_rms(np.array([0.0, 3.0, 3.0, 3.0, np.nan, np.nan]), 3).round(2)
@@ -148,7 +147,7 @@ def running_rms(x: Array, samples: int) -> Array:
 
 
 def rms(x: Array) -> float:
-    """Root mean square of what is measured; NaN for nothing.
+    """Root mean square of the finite values; NaN for none.
 
     Example:
         >>> float(rms(np.array([3.0, np.nan, -3.0])))

@@ -1,23 +1,24 @@
-"""What the better model is worth where it counts: gap and speed in closed loop, behind the lead of the log."""
+"""Trajectories of gap and speed in closed-loop simulation, with the lead vehicle of the log."""
 
 from __future__ import annotations
 
 from canid.findings import Report, Trajectory
 from canid.types import Array
-from canid.views.diagnosed import told_apart
-from canid.views.measures import number, percent, role_unit, spoken
-from canid.views.report.figure import MARGIN, Figure, Spec, axis, layout, line, rms, suffix, times
-from canid.views.report.strip import inside
-from canid.views.report.thinning import MOST, kept
+from canid.views.diagnosis_text import has_extended
+from canid.views.names import readable
+from canid.views.numbers import number, percent, role_unit
+from canid.views.report.decimation import MAX_POINTS, min_max_indices
+from canid.views.report.figure import MARGIN_PX, Figure, Spec, axis, axis_suffix, layout, line, rms, times
+from canid.views.report.time_series import inside
 
-ROW_HEIGHT = 270  # px, trajectory and error of one quantity
-# shares of a figure's height: between two panels, and of a quantity's own
-GAP = 0.03
-TRAJECTORY, ERROR = 0.58, 0.42
+ROW_HEIGHT_PX = 270  # trajectory and error of one quantity
+# fractions of the figure's height: between two panels, and of one quantity's row
+PANEL_GAP = 0.03
+TRAJECTORY_SHARE, ERROR_SHARE = 0.58, 0.42
 
 
 def trajectories(report: Report) -> Figure | None:
-    """Draw one row per quantity; None where no closed loop was simulated."""
+    """One row per quantity; None where no closed loop was simulated."""
     if not report.closed_loop:
         return None
     keep = inside(report.t, [(w.start, w.stop) for w in report.worst])
@@ -25,60 +26,63 @@ def trajectories(report: Report) -> Figure | None:
     data: list[Spec] = []
     axes: Spec = {}
     top = 1.0
-    room = 1.0 - GAP * (len(panels) - 1)
+    available = 1.0 - PANEL_GAP * (len(panels) - 1)
     for k, (title, share, lines) in enumerate(panels):
-        height = room * share / len(report.closed_loop)
-        for name, y, colour in lines:
-            at = kept(y, keep)
+        height = available * share / len(report.closed_loop)
+        for name, y, color in lines:
+            at = min_max_indices(y, keep)
             x, shown = times(report.t[at]), k == 0
-            data.append(line(x, y[at], name, colour, axes=("x", f"y{suffix(k)}"), showlegend=shown))
+            data.append(line(x, y[at], name, color, axes=("x", f"y{axis_suffix(k)}"), showlegend=shown))
         domain = [max(top - height, 0.0), top]
-        axes[f"yaxis{suffix(k)}"] = axis(title, domain=domain, hoverformat=".2f", nticks=5)
-        top -= height + GAP
-    bottom = f"y{suffix(len(panels) - 1)}"
+        axes[f"yaxis{axis_suffix(k)}"] = axis(title, domain=domain, hoverformat=".2f", nticks=5)
+        top -= height + PANEL_GAP
+    quantities = " and ".join(readable(of.role) for of in report.closed_loop)
+    bottom = f"y{axis_suffix(len(panels) - 1)}"
     axes["xaxis"] = axis("time in the log (s)", anchor=bottom, domain=[0, 1], hoverformat=".1f")
     return Figure(
         "closed-loop",
         "Trajectories in closed loop",
-        _says(report),
-        f"{' and '.join(spoken(of.role) for of in report.closed_loop)} over time: measured, simulated in closed loop, error",
-        MARGIN["t"] + MARGIN["b"] + ROW_HEIGHT * len(report.closed_loop),
+        _caption(report),
+        f"{quantities} over time: measured, simulated in closed loop, error",
+        MARGIN_PX["t"] + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(report.closed_loop),
         data,
         layout(axes, hovermode="x"),
     )
 
 
 def _panels(report: Report, of: Trajectory) -> list[tuple[str, float, list[tuple[str, Array, str]]]]:
-    """The trajectory, and under it its error: title, share of the height, lines with name and colour."""
+    """The trajectory and below it its error: title, fraction of the height, lines with name and color."""
     sides = [(_before(report), of.before, "before")]
-    sides += [("extended model", of.after, "after")] if told_apart(of) else []
+    sides += [("extended model", of.after, "after")] if has_extended(of) else []
     unit = role_unit(of.role)
     return [
-        (f"{spoken(of.role)} ({unit})", TRAJECTORY, [("measured", of.measured, "measured"), *sides]),
-        (f"error ({unit})", ERROR, [(name, y - of.measured, colour) for name, y, colour in sides]),
+        (f"{readable(of.role)} ({unit})", TRAJECTORY_SHARE, [("measured", of.measured, "measured"), *sides]),
+        (f"error ({unit})", ERROR_SHARE, [(name, y - of.measured, color) for name, y, color in sides]),
     ]
 
 
 def _before(report: Report) -> str:
-    return "baseline" if any(map(told_apart, report.closed_loop)) else "simulation"
+    return "baseline" if any(map(has_extended, report.closed_loop)) else "simulation"
 
 
-def _says(report: Report) -> str:
-    says = (
-        "The lead is the log's; driver and car are simulated, so that an error of one second is in all that follows. "
-        "Each stretch begins with what was measured."
+def _caption(report: Report) -> str:
+    caption = (
+        "The lead vehicle is the one in the log; driver and car are simulated, so that errors accumulate. Each segment "
+        "starts from the measured state."
     )
     for of in report.closed_loop:
         unit = role_unit(of.role)
-        says += f" {spoken(of.role).capitalize()}: error {number(rms(of.before - of.measured), unit)} rms"
-        if told_apart(of):
-            says += (
+        caption += (
+            f" {readable(of.role).capitalize()}: error {number(rms(of.before - of.measured), unit)} rms"
+        )
+        if has_extended(of):
+            caption += (
                 f" → {number(rms(of.after - of.measured), unit)}, its variance reduced by {percent(of.gain)} "
-                "on data that chose nothing"
+                "on held-out data"
             )
-        says += "."
-    if len(report.t) > MOST:
-        says += (
+        caption += "."
+    if len(report.t) > MAX_POINTS:
+        caption += (
             " Lines are thinned to the extremes of each bucket; in the worst windows every sample is drawn."
         )
-    return says
+    return caption

@@ -1,0 +1,1 @@
+"""Benchmarks of canid: `python -m benchmarks` lists them."""

@@ -1,0 +1,1 @@
+"""Live estimates on simulated drives: against the truth, and against each other."""

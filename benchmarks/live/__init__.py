@@ -1,0 +1,1 @@
+"""Latency, CPU and start-up of the live path."""

@@ -1,0 +1,1 @@
+"""False alarms, delay and cost of the change monitor."""

@@ -1,0 +1,1 @@
+"""CPU and losses of `canid record`, against python-can's logger."""

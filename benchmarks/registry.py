@@ -1,0 +1,88 @@
+"""Every benchmark: its name, its module, its usual duration and what it measures."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Benchmark(NamedTuple):
+    """An entry of the list that `python -m benchmarks` prints."""
+
+    name: str
+    module: str  # runs as `python -m MODULE`
+    duration: str  # of the usual form, on two cores
+    measures: str
+    needs: str = ""  # an optional package without which it does not start
+
+
+BENCHMARKS = (
+    Benchmark(
+        "live",
+        "benchmarks.live",
+        "2 min",
+        "latency from frame to estimate, CPU and start-up of the live path",
+    ),
+    Benchmark("replay", "benchmarks.replay", "1 min", "speed of `canid replay --speed max`, by stage"),
+    Benchmark(
+        "reading", "benchmarks.reading", "3 min", "reading and decoding logs, against python-can and asammdf"
+    ),
+    Benchmark(
+        "recording", "benchmarks.recording", "2 min", "CPU and losses of `canid record`, against can.logger"
+    ),
+    Benchmark(
+        "reliability",
+        "benchmarks.reliability",
+        "1 h",
+        "promises about kills, power cuts, faulty disks and buses",
+    ),
+    Benchmark(
+        "damaged_logs",
+        "benchmarks.damaged_logs",
+        "10 min",
+        "mutated and hostile logs: frames lost, time, memory",
+    ),
+    Benchmark(
+        "fuzz",
+        "benchmarks.damaged_logs.fuzz",
+        "unlimited",
+        "coverage-guided fuzzing of the log readers",
+        "atheris",
+    ),
+    Benchmark(
+        "truth", "benchmarks.estimates.truth", "3 min", "coverage of the live intervals on simulated drives"
+    ),
+    Benchmark(
+        "agreement",
+        "benchmarks.estimates.agreement",
+        "5 min",
+        "how often the two estimators contradict each other",
+    ),
+    Benchmark(
+        "identification",
+        "benchmarks.identification",
+        "2 h",
+        "estimators against peers and the Cramér–Rao bound",
+    ),
+    Benchmark(
+        "hidden_effects", "benchmarks.hidden_effects", "2 h", "diagnosis of effects planted in 500 drives"
+    ),
+    Benchmark(
+        "hidden_effects_tuning",
+        "benchmarks.hidden_effects.peers.tuning",
+        "1 h",
+        "settings of the peers of hidden_effects",
+    ),
+    Benchmark(
+        "measured_drives",
+        "benchmarks.measured_drives",
+        "5 min",
+        "diagnosis of the measured drives, and of halves",
+    ),
+    Benchmark(
+        "change_detection",
+        "benchmarks.monitor",
+        "30 min",
+        "false alarms, delay and cost of the change monitor",
+    ),
+    Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
+)

@@ -1,0 +1,1 @@
+"""Speed of `canid replay`, by stage."""

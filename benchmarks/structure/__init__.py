@@ -1,0 +1,1 @@
+"""Sizes, names and words of the source tree, before and after a change."""

@@ -1,0 +1,222 @@
+"""An open bus that can only be received from, whatever the interface."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from canid import timestamps
+from canid.buses import listen_only
+from canid.buses.device_watch import DeviceWatch
+from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, why_impossible
+from canid.buses.listen_only import ListenOnly
+from canid.buses.received_frame import Received, Receiver
+from canid.buses.timestamp_source import TimestampSource
+from canid.errors import BusError, one_line
+from canid.types import NAN, Flag
+
+_EXTENDED, _FD = int(Flag.EXTENDED), int(Flag.FD)
+
+Filters = Sequence[Mapping[str, Any]]
+
+
+class Opened(NamedTuple):
+    """A bus that was opened."""
+
+    receiver: Receiver
+    listen_only: ListenOnly
+    waiting: Callable[[], int] | None = None  # how many frames wait to be read; None: unknown
+
+
+class ReceiveOnlyBus:
+    """A bus that can be received from; it has no method that sends.
+
+    Every frame passes `frame_check` here: what no bus can carry is counted in `impossible` and dropped.
+    """
+
+    def __init__(
+        self,
+        opener: Callable[[], Opened],
+        *,
+        interface: str,
+        channel: str,
+        bitrate: float = NAN,
+        data_bitrate: float = NAN,
+        filtered: bool = False,
+        filters: Filters = (),
+        hide_fd: bool = False,
+        configured_by: tuple[str, ...] = (),
+        device: DeviceWatch | None = None,
+    ):
+        """`filters`, `hide_fd`: applied here; `filtered`: by python-can, in software perhaps.
+
+        `device`: the network device of a SocketCAN bus.
+        """
+        self.interface = interface
+        self.channel = channel
+        self.name = f"{interface} {channel}".strip()
+        self.bitrate = bitrate  # bit/s, NaN: unknown
+        self.data_bitrate = data_bitrate
+        self.filtered = filtered  # software filters may make recv(0) return None with frames left
+        self.configured_by = (
+            configured_by  # files and environment variables, as in `BusConfiguration.sources`
+        )
+        self.impossible = 0  # messages that no bus can carry, left out
+        self.impossible_why = ""  # the latest of them
+        self.hidden = 0  # frames that filters left out
+        self.passed_over_ns = 0  # when the latest of both was received, ns since 1970; 0: unknown
+        self._filters = [(int(f["can_id"]), int(f["can_mask"]), f.get("extended")) for f in filters]
+        self._hides = bool(filters) or hide_fd
+        self._hide_fd = hide_fd
+        self._opener = opener
+        self._device = device
+        self._receiver: Receiver | None
+        self._receiver, self.listen_only, self._waiting = opener()
+        self._news = [("listen_only", self.listen_only.says)] if self.listen_only.warns else []
+        self._offset: int | None = None
+        self._lost_drops = 0
+
+    def recv(self, timeout: float) -> Received | None:
+        """Wait up to `timeout` s for a frame, its time in ns since 1970; None: none came. Raises BusError.
+
+        With a timeout of 0 one message is taken, and None may also mean that it was left out. Stamps of an interface
+        that counts from a zero of its own (since boot, say) are set against the host's clock once, at the first frame.
+        """
+        receiver = self._receiver
+        if receiver is None:
+            raise BusError(f"{self.name} is closed")
+        end = 0.0
+        while True:
+            try:
+                got = receiver.recv(timeout)
+                if got is None:
+                    return None
+                why = why_impossible(got)
+                if not why:
+                    if self._offset != 0:
+                        got = self._since_1970(got)
+                    if not self._hides or not self._hidden(got):
+                        return got
+                    self.hidden += 1
+                    self.passed_over_ns = got.ns
+                else:
+                    self._left_out(why, got.ns if type(got.ns) is int and self._offset == 0 else 0)
+            except ImpossibleFrameError as error:
+                self._left_out(str(error), error.ns)
+            if not timeout:
+                return None
+            now = time.monotonic()
+            end = end or now + timeout
+            if now >= end:
+                return None
+            timeout = end - now
+
+    def _since_1970(self, got: Received) -> Received:
+        """Set a stamp of the interface's own against the host's clock. Raises ImpossibleFrameError."""
+        if self._offset is None:
+            epoch = got.ns >= timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S
+            self._offset = 0 if epoch else time.time_ns() - got.ns
+        ns = got.ns + self._offset
+        if not 0 <= ns <= MAX_STAMP_NS:
+            raise ImpossibleFrameError("a time stamp that no log can hold")
+        return got._replace(ns=ns)
+
+    def _hidden(self, got: Received) -> bool:
+        """Whether filters drop a frame, as `can.BusABC.set_filters` defines it."""
+        if self._hide_fd and got.flags & _FD:
+            return True
+        extended = bool(got.flags & _EXTENDED)
+        return bool(self._filters) and not any(
+            (of is None or bool(of) == extended) and not (id_ ^ got.id) & mask
+            for id_, mask, of in self._filters
+        )
+
+    def _left_out(self, why: str, ns: int) -> None:
+        self.impossible += 1
+        self.impossible_why = why
+        self.passed_over_ns = ns
+
+    @property
+    def left_out(self) -> int:
+        """Messages that were taken and not handed on: impossible or hidden."""
+        return self.impossible + self.hidden
+
+    def waiting(self) -> int | None:
+        """How many frames wait to be read; None where that is unknown."""
+        return self._waiting() if self._waiting else None
+
+    @property
+    def state(self) -> str:
+        """The word "open" or "closed"."""
+        return "closed" if self._receiver is None else "open"
+
+    @property
+    def clock(self) -> TimestampSource:
+        """Which clock stamps the frames; unknown before the first one."""
+        return self._receiver.clock if self._receiver else TimestampSource.UNKNOWN
+
+    def controller(self) -> str:
+        """The controller's state as the driver reports it, as in `BusStats`; "" where it does not."""
+        return self._receiver.controller() if self._receiver else ""
+
+    @property
+    def drops(self) -> int:
+        """Frames that the kernel dropped because they were read too late; 0 where the interface does not count them."""
+        return self._lost_drops + (self._receiver.drops if self._receiver else 0)
+
+    def shutdown(self) -> None:
+        """Close; a second call does nothing."""
+        if self._device is not None:
+            self._device.close()
+        self._close()
+
+    def _close(self) -> None:
+        receiver, self._receiver = self._receiver, None
+        if receiver is not None:
+            self._lost_drops += receiver.drops
+            try:
+                receiver.close()
+            except Exception as error:
+                raise BusError(f"{self.name} could not be closed: {one_line(error)}") from None
+
+    def resumed(self) -> bool:
+        """Whether the open socket receives again by itself: SocketCAN, and its device is up again.
+
+        The socket has kept what came since then. Raises BusError while that device is down: no other one is used instead.
+        """
+        return self._device is not None and self._receiver is not None and self._device.resumed()
+
+    @property
+    def holds_socket(self) -> bool:
+        """Whether a lost bus still has its socket: its device may only be down."""
+        return self._device is not None and self._receiver is not None
+
+    def news(self) -> list[tuple[str, str]]:
+        """Changes of the device since the last call, as (what, says) of events: name, mode, bit rate.
+
+        The first call reports a bus that may take part: one that is not known to listen only.
+        """
+        own, self._news = self._news, []
+        if self._device is None:
+            return own
+        news, device = self._device.news(), self._device.device
+        if news and device is not None:
+            self.channel, self.name = device.name, f"{self.interface} {device.name}"
+            self.bitrate = device.bitrate
+            self.listen_only = listen_only.of_device(device.name, device)
+        return own + news
+
+    def reopen(self) -> None:
+        """Receive again after the bus was lost. Raises BusError."""
+        if self.resumed():
+            return
+        with contextlib.suppress(BusError):  # it is lost: an error at closing is not news
+            self._close()
+        self._offset = None
+        before = self.listen_only
+        self._receiver, self.listen_only, self._waiting = self._opener()
+        # `DeviceWatch` reports the changes of a SocketCAN device
+        if self._device is None and self.listen_only != before:
+            self._news.append(("listen_only_changed", self.listen_only.says))

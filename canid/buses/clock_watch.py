@@ -1,0 +1,49 @@
+"""Detection of steps of the clock that stamps a bus's frames."""
+
+from __future__ import annotations
+
+# ns; smaller steps cannot be distinguished from delays on a busy machine
+MIN_STEP_NS = 500_000_000
+
+
+class ClockWatch:
+    """Compares time stamps with the times of arrival on the monotonic clock.
+
+    A reader that lags makes stamps late, never early: so a step forward is one beyond the largest lead so far, and a
+    step back is a stamp before the previous one.
+
+    >>> watch = ClockWatch()
+    >>> watch.update(10**18, 5.0), watch.update(10**18 + 10**9, 6.0)
+    (0.0, 0.0)
+    >>> round(watch.update(10**18 + 61 * 10**9, 6.0), 3)
+    60.0
+    """
+
+    def __init__(self) -> None:
+        """Begin without a stamp."""
+        self._last = 0  # ns
+        self._ahead: float | None = None  # ns, the largest lead of a stamp before its arrival
+
+    def update(self, ns: int, at: float) -> float:
+        """Process the stamp of a frame that arrived at `at` s; returns the step in s, 0 where there was none."""
+        ahead = ns - at * 1e9
+        before, largest = self._last, self._ahead
+        self._last = ns
+        if largest is None or largest < ahead <= largest + MIN_STEP_NS:
+            self._ahead = ahead
+        elif ns < before - MIN_STEP_NS:
+            self._ahead = ahead
+            return (ns - before) * 1e-9
+        elif ahead > largest:
+            self._ahead = ahead
+            return (ahead - largest) * 1e-9
+        return 0.0
+
+    @property
+    def lead_ns(self) -> float | None:
+        """The largest lead of a stamp before its arrival so far: of the frame that was delayed least; None: unknown."""
+        return self._ahead
+
+    def forget(self) -> None:
+        """The bus was opened again: its clock may count from another zero."""
+        self._ahead = None

@@ -1,0 +1,33 @@
+"""Lines for the user: results on standard output, messages on standard error.
+
+All text that reaches the terminal passes here. It may contain names from files, and comes out as plain text in one line
+(`terminal_text`).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+from canid.views.terminal_text import terminal_text
+
+
+def info(text: str) -> None:
+    """Write one line to standard error; a line that cannot be written ends nothing."""
+    _write_line(sys.stderr, f"canid: {text}")
+
+
+def print_line(text: str) -> None:
+    """Write one line of a result to standard output."""
+    _write_line(sys.stdout, text)
+
+
+def line_printer(json: str | None) -> Callable[[str], None]:
+    """Where lines of a result go: to standard output, or to standard error where JSON takes standard output."""
+    return info if json == "-" else print_line
+
+
+def _write_line(stream: object, text: str) -> None:
+    if stream is not None:  # a program that uses canid as a library may have none
+        stream.write(terminal_text(text) + "\n")  # type: ignore[attr-defined]
+        stream.flush()  # type: ignore[attr-defined]

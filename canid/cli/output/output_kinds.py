@@ -1,0 +1,135 @@
+"""Kinds of output files, and how the content of an existing file shows its kind.
+
+An existing file is replaced only by a file of its own kind. The kind is read from the content, never from the name; a
+name with the suffix of another kind is refused before the content is read.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable
+from typing import NamedTuple
+
+from canid.logs.formats import FORMATS
+
+# bytes of an existing file from which its kind is recognised
+HEAD_BYTES = 65_536
+
+
+class Kind(NamedTuple):
+    """A kind of output file."""
+
+    name: str  # "JSON text"
+    suffixes: tuple[str, ...]  # usual ones; others are allowed, except those of `FOREIGN_SUFFIXES`
+    # from the first `HEAD_BYTES` bytes of a file that is not empty; None: the writer protects existing files itself
+    recognise: Callable[[bytes], bool] | None
+
+
+def _json_values(head: bytes) -> list[object] | None:
+    """Parse the JSON values at the beginning of a file; None: not JSON; []: the first one does not end in it."""
+    try:
+        text = head.decode("utf-8", "strict" if len(head) < HEAD_BYTES else "ignore")
+    except UnicodeDecodeError:
+        return None
+    if not text.lstrip().startswith(("{", "[")):
+        return None
+    values: list[object] = []
+    decoder, space = json.JSONDecoder(), re.compile(r"\s*")
+    at = space.match(text).end()  # type: ignore[union-attr]  # it always matches
+    while at < len(text):
+        try:
+            value, at = decoder.raw_decode(text, at)
+        except (ValueError, RecursionError):
+            # the last value may continue beyond the head
+            return values if len(head) == HEAD_BYTES and not re.search(r"[\x00-\x08]", text) else None
+        values.append(value)
+        at = space.match(text, at).end()  # type: ignore[union-attr]
+    return values
+
+
+def is_json(head: bytes) -> bool:
+    r"""JSON text, except canid's own files: a saved state, the journal of a recording.
+
+    Example:
+        >>> is_json(b'{"log": "a.blf"}\n'), is_json(b'{"canid_state": 1,\n"sha256": "0"}'), is_json(b"LOGG\x90")
+        (True, False, False)
+    """
+    values = _json_values(head)
+    if values is None or b'"canid_state"' in head[:64]:
+        return False
+    first = values[0] if values else None
+    return not (isinstance(first, dict) and {"t", "utc", "what", "says"} == set(first))
+
+
+def is_truth(head: bytes) -> bool:
+    """The truth of a simulated drive: a JSON object with channels."""
+    values = _json_values(head)
+    first = values[0] if values else None
+    return isinstance(first, dict) and "channels" in first
+
+
+def is_page(head: bytes) -> bool:
+    """A page of `canid diagnose --report`."""
+    start = head.lstrip()[:15].lower()
+    return start.startswith(b"<!doctype html") and b"canid diagnosis" in head
+
+
+def is_samples_or_estimates(head: bytes) -> bool:
+    r"""A table of `canid export`.
+
+    Example:
+        >>> is_samples_or_estimates(b"t,gap,output,gate,learn\n"), is_samples_or_estimates(b"timestamp,id\n")
+        (True, False)
+    """
+    columns = head.partition(b"\n")[0].strip().split(b",")
+    return columns[0] == b"t" and bool({b"learn", b"can_tell"} & set(columns))
+
+
+def is_vehicle(head: bytes) -> bool:
+    """A vehicle file: TOML that names a DBC."""
+    try:
+        return "dbc" in tomllib.loads(head.decode("utf-8"))
+    except (ValueError, RecursionError):
+        return False
+
+
+JSON = Kind("JSON text", (".json", ".jsonl", ".ndjson"), is_json)
+TRUTH = Kind("the truth of a simulated drive", (".truth.json",), is_truth)
+PAGE = Kind("a page of canid diagnose", (".html", ".htm"), is_page)
+CSV = Kind("a table of canid export", (".csv",), is_samples_or_estimates)
+PARQUET = Kind("a Parquet table", (".parquet",), lambda head: head.startswith(b"PAR1"))
+VEHICLE_FILE = Kind("a vehicle file", (".toml",), is_vehicle)
+# canid.files.state_file replaces saved states only
+STATE = Kind("a saved state", (".json", ".state"), None)
+# canid.cli.simulate replaces simulated logs only
+SIMULATED = Kind("a simulated log", (".blf", ".asc", ".log"), None)
+# canid.logs never overwrites: it takes the next free name
+RECORDING = Kind("a recording", (".blf", ".asc", ".log"), None)
+
+# Suffixes of files that other options or programs write: no option writes another kind under them.
+FOREIGN_SUFFIXES = {
+    **dict.fromkeys((*FORMATS, ".gz", ".mdf", ".pcap", ".pcapng"), "a log"),
+    **dict.fromkeys((".dbc", ".kcd", ".sym", ".arxml", ".xls", ".xlsx", ".cdd", ".ldf"), "a CAN database"),
+    **dict.fromkeys((".toml", ".conf", ".ini", ".cfg", ".canrc"), "a configuration"),
+    **dict.fromkeys((".py", ".pyc", ".so", ".pth", ".sh", ".m", ".ipynb"), "a program"),
+    ".html": "a page",
+    ".htm": "a page",
+    ".parquet": "a table",
+    ".events.jsonl": "a recording's journal",
+    ".truth.json": "the truth of a simulated drive",
+    ".series": "the list of a recording's files",
+}
+
+
+def foreign_kind(name: str, kind: Kind) -> str:
+    """What a file of this name usually is, if its suffix belongs to another kind; "": it does not.
+
+    Example:
+        >>> foreign_kind("drive.BLF", JSON), foreign_kind("drive.events.jsonl", JSON), foreign_kind("drive.jsonl", JSON)
+        ('a log', "a recording's journal", '')
+    """
+    lower = name.lower()
+    fits = [suffix for suffix in FOREIGN_SUFFIXES if lower.endswith(suffix) and suffix not in kind.suffixes]
+    return FOREIGN_SUFFIXES[fits[0]] if fits else ""

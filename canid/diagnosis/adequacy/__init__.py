@@ -1,0 +1,1 @@
+"""Is the fitted model adequate: tests on what it leaves."""

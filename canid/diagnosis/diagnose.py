@@ -1,0 +1,427 @@
+"""Diagnosis of a drive: where the simulation is wrong, the cause, the extended model, and what it gains."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis import corrections, masks, overall_verdict, residual_maps
+from canid.diagnosis.adequacy import adequacy
+from canid.diagnosis.driver import (
+    closed_loop,
+    cross_validation,
+    detectability,
+    driver_intervals,
+    held_out,
+    pedal_holds,
+)
+from canid.diagnosis.driver.driver_data import DriverData, prepare
+from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
+from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.vehicle.vehicle_block import Vehicle
+from canid.effects import CATALOGUE
+from canid.effects.effect import Detector, Effect, Kind
+from canid.findings import (
+    Blocked,
+    Check,
+    Finding,
+    Fit,
+    Flags,
+    Masked,
+    NotTestable,
+    Report,
+    Tried,
+    Verdict,
+    masked_for,
+    no_fit,
+)
+from canid.identification.confidence import SIGMAS
+from canid.types import NAN, Array, Interval, LearnGate, Trace
+
+# s of driving that a diagnosis needs: in less than two minutes no cause stands out from chance (evidence grows with time)
+MIN_DRIVING_S = 90.0
+# m/s and output units; a lead whose speed varies less excites nothing, an output that varies less answers nothing
+STILL_RATE, STILL_OUTPUT = 0.05, 1e-3
+# innovation over residual below which the output's noise has no content at this rate (a smoothed acceleration):
+# whitening it would amplify rounding, so every second sample is left out until it has
+MIN_INNOVATION_SHARE = 0.04
+MAX_SAMPLE_TIME_S = 0.8
+# of the error's variance; a quick cause may make a slow simulation worse by so much and still predict better
+MAX_SLOW_LOSS = 0.05
+
+NO_ANSWER = (
+    "the output answers neither headway nor relative speed by more than chance: is it the right signal? "
+    "If it is, drive longer behind a lead whose speed changes"
+)
+
+
+class Prepared(NamedTuple):
+    """A drive that can be diagnosed."""
+
+    trace: Trace
+    data: DriverData
+    fitted: FittedDriver
+
+
+def diagnose(
+    trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum: float = MIN_DRIVING_S
+) -> Report:
+    """Diagnose a drive: its sensors first, then the car, then the driver.
+
+    Args:
+        trace: from `read_trace`.
+        catalogue: the effects that may be named.
+        minimum: s of driving that must be there.
+
+    Returns:
+        a `Report`. A drive that decides nothing gets a verdict as well, never an exception.
+
+    Example:
+        >>> import canid
+        >>> report = canid.diagnose(canid.read_trace("replay_logs/following_urban.blf", "generic"))
+        >>> report.verdict.value
+        'adequate'
+    """
+    context = corrections.diagnose_context(trace, catalogue)
+    given, trace, usable, masked = trace, context.trace, context.usable, context.masked
+    steps = [f"{trace.t.size} samples at {trace.dt:g} s"]
+    if masked:
+        spans = (f"{effect} {seconds:.0f} s" for effect, seconds in masked_for(masked).items())
+        steps.append(f"masked before any fit: {', '.join(spans)}")
+    missing = lacking(trace, usable, masked, minimum)
+    if missing:
+        return overall_verdict.with_context(nothing(trace, missing, masked, steps), context)
+    prepared = ready(trace, usable)
+    if prepared is None:
+        why = "too few samples in a row in which a person drives behind a lead"
+        return overall_verdict.with_context(nothing(trace, why, masked, steps), context)
+    silent = not answered(prepared.data, prepared.fitted)
+    # a pedal that stands at its ceiling most of the time still answers below it
+    if silent and pedal_holds.detect(prepared.data, prepared.fitted).pattern is not Detector.PEDAL_CEILING:
+        return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
+    if prepared.trace.dt > trace.dt * 1.5:
+        steps.append(
+            f"the output has no content above {0.5 / prepared.trace.dt:.2g} Hz: sampled every {prepared.trace.dt:.1f} s"
+        )
+    drivers = tuple(
+        effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
+    )
+    searched, refused = cross_validation.search_causes(prepared.data, drivers, prepared.fitted)
+    steps += refused
+    if silent and not searched.solved.model.effects and not answered(searched.data, searched.solved):
+        return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
+    report = overall_verdict.join(
+        _report(prepared, searched, drivers, masked, steps, context.vehicle), context
+    )
+    raw = None if trace is given else ready(given, usable)
+    if raw is not None:
+        # what a wrong sensor did to the driver's parameters
+        before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
+        report = report._replace(shifts=_shifts(before, report.extended))
+    return report
+
+
+def ready(trace: Trace, usable: Flags) -> Prepared | None:
+    """Fit the baseline at the rate at which the output has content."""
+    while True:
+        data = prepare(trace, usable)
+        fitted = baseline(data)
+        if fitted is None:
+            return None
+        left = (data.output.y - fitted.fitted.model)[data.output.usable & ~data.output.below]
+        if (
+            fitted.noise.sd >= MIN_INNOVATION_SHARE * float(np.std(left))
+            or 2 * trace.dt > MAX_SAMPLE_TIME_S + 1e-9
+        ):
+            return Prepared(trace, data, fitted)
+        trace, usable = thinned(trace), usable[::2]
+
+
+def thinned(trace: Trace) -> Trace:
+    """Every second sample."""
+    return trace._replace(
+        dt=2 * trace.dt,
+        t=trace.t[::2],
+        output=trace.output[::2],
+        inputs=trace.inputs[::2],
+        gate=trace.gate[::2],
+        learn=trace.learn[::2],
+        segment=trace.segment[::2],
+        signals={role: x[::2] for role, x in trace.signals.items()},
+    )
+
+
+def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: float) -> str:
+    """Say what is missing for a diagnosis, and what to do; "": nothing."""
+    need = f"drive {minimum / 60:.2g} min or more behind a lead whose speed changes"
+    if trace.input_names != ("headway_error", "range_rate"):
+        return "the diagnosis knows car following only: this vehicle's task is another one"
+    n = trace.t.size
+    if n * trace.dt < minimum:
+        return f"the log lasts {n * trace.dt:.0f} s{_rest(masked)}; {need}"
+    for role in ("speed", "gap", "range_rate"):
+        known = np.isfinite(trace.signals.get(role, np.full(n, NAN)))
+        if known.sum() * trace.dt < minimum:
+            what = "no speed" if role == "speed" else "no lead"
+            return f"{what}: `{role}` is there for {known.sum() * trace.dt:.0f} s only; {need}"
+    if np.isfinite(trace.output).sum() * trace.dt < minimum:
+        return "the driver's output is not in the log; map it in the vehicle file ([driver] output)"
+    follows = np.array([g in (LearnGate.OPEN, LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) for g in trace.gate])
+    seconds = float((usable & follows).sum() * trace.dt)
+    if seconds < minimum:
+        return f"a person follows a lead for {seconds:.0f} s only{_rest(masked)}; {need}"
+    here = usable & follows & np.isfinite(trace.output) & np.isfinite(trace.signals["range_rate"])
+    if float(np.std(trace.output[here])) < STILL_OUTPUT:
+        return "the driver's output never moves: is it the right signal, and does a person drive?"
+    if float(np.std(trace.signals["range_rate"][here])) < STILL_RATE:
+        return f"the lead's speed never changes, so nothing is answered; {need}"
+    return ""
+
+
+def _rest(masked: tuple[Masked, ...]) -> str:
+    """Masked times, for a sentence."""
+    spans = [f"{effect} for {seconds:.0f} s" for effect, seconds in masked_for(masked).items()]
+    return f" ({', '.join(spans)} masked)" if spans else ""
+
+
+def nothing(trace: Trace, why: str, masked: tuple[Masked, ...], steps: list[str]) -> Report:
+    """Report of a drive that is too short or too quiet for a diagnosis."""
+    n = trace.t.size
+    return Report(
+        verdict=Verdict.NOT_ENOUGH_DATA, says=f"NOT ENOUGH DATA: {why}", output=masks.output_role(trace), t=trace.t,
+        measured=trace.output, used=np.zeros(n, dtype=bool), baseline=no_fit(n), extended=no_fit(n), findings=(),
+        unexplained=Interval(), gain=Interval(), not_testable=(), candidates_tried=0, tried=(), checks=(),
+        masked=masked, blocks=(), worst=(), maps=(), spectra=None, closed_loop=(), shifts={}, advice=(why,),
+        steps=(*steps, "stopped: not enough data"),
+    )  # fmt: skip
+
+
+def _report(
+    prepared: Prepared,
+    searched: Search,
+    drivers: tuple[Effect, ...],
+    masked: tuple[Masked, ...],
+    steps: list[str],
+    vehicle: Vehicle,
+) -> Report:
+    trace, original = prepared.trace, prepared.data
+    dt = trace.dt
+    before, solved = searched.baseline, searched.solved
+    held = adequacy.assess(searched, original, _explained(searched))
+    before_out = before.fitted.model
+    after_out = held_out.simulated(searched, searched.data, solved, searched.random_walk)
+    used = original.output.usable & ~original.output.below
+    base = _fit(before, before_out, original, dt, original)
+    extended = _fit(solved, after_out, original, dt, searched.data)
+    folds = held_out.folds(original, searched)
+    errors = held_out.errors(original, searched, folds) if searched.named else None
+    total = Interval() if errors is None else held_out.gain(*errors, dt)
+    sound = held.passed and not (solved.model.effects and _worse(total, original, searched, folds, dt))
+    fitted = driver_intervals.parameters(solved, searched.data)
+    findings = tuple(_finding(one, searched, original, fitted, sound, total) for one in searched.named)
+    verdict = _verdict(findings, sound)
+    priced = detectability.shown(drivers, original, before)
+    expected = {one.effect.id: one.expected for one in priced}
+    undecided = detectability.undecided(priced, original, len(drivers))
+    tried = _tried(searched, findings, expected)
+    r0 = np.where(used, original.output.y - before_out, 0.0)
+    r1 = np.where(used, original.output.y - after_out, 0.0)
+    seen = original.seen
+    steps = [
+        *steps,
+        f"baseline fitted on {int(before.rows.sum())} samples; noise autoregressive of order {before.noise.A.size - 1}",
+        *(_step(one) for one in searched.named),
+        f"{len({s.effect.id for s in searched.steps})} causes fitted in full, of {len(drivers)} tried",
+        "residual adequate" if held.passed else "residual not adequate: " + "; ".join(_failed(held)),
+    ]
+    says = _says(verdict, findings, held, total, len(drivers))
+    role = masks.output_role(trace)
+    loop = closed_loop.simulate(trace, original, role, folds, searched.holds, vehicle)
+    return Report(
+        verdict=verdict, says=says, output=role, t=trace.t, measured=trace.output, used=used,
+        baseline=base, extended=extended, findings=findings, unexplained=_unexplained(held), gain=total,
+        not_testable=tuple(undecided), candidates_tried=len(drivers), tried=tried,
+        checks=_adequacy_checks(held), masked=masked,
+        blocks=(Blocked("driver", _state(verdict), says),),
+        worst=residual_maps.worst(trace.t, r0, r1, used, dt),
+        maps=(
+            residual_maps.operating_map(("speed", seen.speed), ("headway", seen.headway), r0, r1, used, dt),
+            residual_maps.operating_map(("range_rate", seen.range_rate), ("gap", seen.gap), r0, r1, used, dt),
+        ),
+        spectra=residual_maps.spectra(r0, r1, {"headway_error": seen.headway, "range_rate": seen.range_rate}, used, dt),
+        closed_loop=loop, shifts=_shifts(base, extended) if findings else {},
+        advice=tuple(dict.fromkeys(_advice(undecided, findings, drivers))), steps=tuple(steps),
+    )  # fmt: skip
+
+
+def _worse(
+    total: Interval, original: DriverData, searched: Search, folds: tuple[held_out.Fold, ...], dt: float
+) -> bool:
+    """Do the causes make the simulation of held-out data worse? Then they are not the causes.
+
+    A small loss of the simulation does not count where the one-step predictions gain.
+    """
+    if not total.value < 0:
+        return False
+    if total.value <= -MAX_SLOW_LOSS:
+        return True
+    quick = held_out.gain(*held_out.errors(original, searched, folds, predicted_errors=True), dt)
+    return not quick.low > 0
+
+
+def _tried(searched: Search, findings: tuple[Finding, ...], expected: dict[str, float]) -> tuple[Tried, ...]:
+    """Every step of the search, with its outcome and the evidence that a typical strength would have."""
+    rivals = {rival for finding in findings for rival in finding.rivals}
+    return tuple(
+        Tried(
+            s.effect.id, s.effect.where, s.step, s.evidence, s.needed, expected.get(s.effect.id, NAN),
+            "accepted" if s.accepted else "rival" if s.effect.id in rivals else "rejected",
+            "" if s.accepted else "another one explained more" if s.evidence > s.needed else "chance explains as much",
+        )
+        for s in searched.steps
+    )  # fmt: skip
+
+
+def _fit(
+    solved: FittedDriver, out: Array, data: DriverData, dt: float, fitted: DriverData | None = None
+) -> Fit:
+    used = data.output.usable & ~data.output.below
+    y = data.output.y[used]
+    left = y - out[used]
+    variation = float(np.linalg.norm(y - y.mean()))
+    percent = 100 * (1 - float(np.linalg.norm(left)) / variation) if variation > 0 else NAN
+    shown = np.maximum(out, 0.0) if data.pedal else out
+    return Fit(driver_intervals.channels(solved, dt, fitted), percent, shown, float(np.std(left)))
+
+
+def _finding(
+    one: Named,
+    searched: Search,
+    data: DriverData,
+    fitted: dict[str, dict[str, Interval]],
+    passed: bool,
+    gain: Interval,
+) -> Finding:
+    estimates = dict(fitted.get(one.effect.id, {}))
+    if one.estimate is not None:
+        estimates = {one.effect.parameters[0].name: one.estimate}
+    if one.episodes and Detector.PEDAL_CEILING not in one.effect.detectors:
+        estimates = _rhythm(one, float((data.output.usable.sum()) * data.output.dt))
+    says = one.effect.says
+    for name, iv in estimates.items():
+        says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+    return Finding(
+        effect=one.effect.id, where=one.effect.where, rivals=one.rivals, surrogate=not passed, parameters=estimates,
+        units={p.name: p.unit for p in one.effect.parameters}, gain=gain, says=says, evidence=one.evidence,
+        needed=one.needed, episodes=one.episodes,
+    )  # fmt: skip
+
+
+def _rhythm(one: Named, seconds: float) -> dict[str, Interval]:
+    """How often and how long, or at what interval, from the episodes themselves."""
+    lengths = np.array([stop - start for start, stop in one.episodes])
+    n = len(lengths)
+    names = [parameter.name for parameter in one.effect.parameters]
+    if Detector.PEDAL_RHYTHM in one.effect.detectors:
+        # half a step of the frequency grid to either side
+        half = 0.5 * pedal_holds.RHYTHM_STEP_HZ * one.level**2
+        return {names[0]: Interval(one.level, one.level - half, one.level + half)}
+    rate = 60 * n / seconds
+    # the standard deviation of a count is its square root; that of a mean is its values' over the root of their number
+    wide = SIGMAS * rate / np.sqrt(n)
+    mean, sd = float(lengths.mean()), float(lengths.std(ddof=1) / np.sqrt(n)) if n > 1 else NAN
+    return {
+        names[0]: Interval(rate, max(rate - wide, 0.0), rate + wide),
+        names[1]: Interval(mean, mean - SIGMAS * sd, mean + SIGMAS * sd),
+    }
+
+
+def _verdict(findings: tuple[Finding, ...], passed: bool) -> Verdict:
+    if not passed:
+        return Verdict.UNEXPLAINED
+    if not findings:
+        return Verdict.ADEQUATE
+    return Verdict.ONE_OF if any(finding.rivals for finding in findings) else Verdict.NAMED
+
+
+def _state(verdict: Verdict) -> str:
+    return {Verdict.ADEQUATE: "adequate", Verdict.UNEXPLAINED: "unexplained"}.get(verdict, "wrong")
+
+
+def _explained(searched: Search) -> float:
+    """Variance that the causes took from the residual, over what they left, on the samples that both models count."""
+    rows = searched.baseline.rows & searched.solved.rows
+    y = searched.data.output.y
+    left = float(np.var((y - searched.solved.fitted.model)[rows]))
+    return max(float(np.var((y - searched.baseline.fitted.model)[rows])) / max(left, 1e-12) - 1, 0.0)
+
+
+def _failed(held: adequacy.Adequacy) -> list[str]:
+    return [f"{f.says} (p {f.p:.1g}, {100 * f.share:.0f} % of the residual)" for f in held.failed]
+
+
+def _says(
+    verdict: Verdict, findings: tuple[Finding, ...], held: adequacy.Adequacy, gain: Interval, tried: int
+) -> str:
+    better = ""
+    if gain.value == gain.value:
+        change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
+        better = f" Error variance {change:+.0f} % [{low:+.0f}, {high:+.0f}] on held-out data."
+    if verdict is Verdict.ADEQUATE:
+        return (
+            f"ADEQUATE: none of {tried} causes explains more than chance, "
+            "and the residual holds nothing of the inputs."
+        )
+    if verdict is Verdict.UNEXPLAINED:
+        what = "; ".join(_failed(held)) or "a structure that does not carry over to other parts of the drive"
+        helped = ", ".join(finding.effect for finding in findings)
+        surrogate = f" {helped} helps, but is not the cause." if findings else ""
+        return f"UNEXPLAINED: the residual holds {what}.{surrogate}{better}"
+    if verdict is Verdict.ONE_OF:
+        sets = " and ".join("one of {" + ", ".join((f.effect, *f.rivals)) + "}" for f in findings)
+        return f"ONE OF: {sets}.{better}"
+    return f"CAUSE: {' '.join(finding.says for finding in findings)}{better} The residual holds nothing more."
+
+
+def _unexplained(held: adequacy.Adequacy) -> Interval:
+    """Share of the residual's variance that the strongest failed family would explain."""
+    if not held.failed:
+        return Interval(0.0, 0.0, max((f.share for f in held.families), default=0.0))
+    worst = max(held.failed, key=lambda f: f.share)
+    # the statistic is a noncentral chi-squared: its standard deviation is sqrt(2 (k + 2 λ))
+    half = SIGMAS * float(np.sqrt(2 * (worst.dimensions + 2 * worst.statistic))) / max(worst.statistic, 1e-9)
+    return Interval(worst.share, max(worst.share * (1 - half), 0.0), min(worst.share * (1 + half), 1.0))
+
+
+def _adequacy_checks(held: adequacy.Adequacy) -> tuple[Check, ...]:
+    return tuple(
+        Check(f.name, f not in held.failed, f.p, held.bound,
+              f"{f.says}: chance {f.p:.2g} over {f.dimensions} directions, {100 * f.share:.1f} % of the residual's variance",
+              gate=True)
+        for f in held.families
+    )  # fmt: skip
+
+
+def _shifts(before: Fit, after: Fit) -> dict[str, tuple[Interval, Interval]]:
+    out = {}
+    for name, channel in after.channels.items():
+        first = before.channels[name]
+        for what in ("K", "tau", "dead_time", "tau_plus_dead_time"):
+            out[f"{name} {what}"] = (getattr(first, what), getattr(channel, what))
+    return out
+
+
+def _step(one: Named) -> str:
+    return f"{one.effect.id} accepted: evidence {one.evidence:.0f}, needed {one.needed:.0f}"
+
+
+def _advice(
+    undecided: list[NotTestable], findings: tuple[Finding, ...], drivers: tuple[Effect, ...]
+) -> list[str]:
+    by = {effect.id: effect for effect in drivers}
+    rivals = [f"{f.effect}: {by[f.effect].decides}" for f in findings if f.rivals and by[f.effect].decides]
+    return rivals + [
+        f"{' or '.join(n.effects)}: {by[n.effects[0]].decides}" for n in undecided if by[n.effects[0]].decides
+    ]

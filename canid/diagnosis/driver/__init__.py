@@ -1,0 +1,1 @@
+"""The driver's block: model, fit, search for causes, detectors."""

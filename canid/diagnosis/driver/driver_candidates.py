@@ -1,0 +1,133 @@
+"""Candidates of the search: screened along their direction, then fitted in full."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+
+from canid.diagnosis.driver import change_point
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import (
+    DESIRED,
+    K1,
+    K2,
+    OFFSET,
+    TAU1,
+    TAU2,
+    THETA2,
+    DriverModel,
+    lagged,
+    parts,
+)
+from canid.diagnosis.fitting.candidates import MIN_EXPLAINED, Candidate, Guess, best_fit, price, screened
+from canid.diagnosis.fitting.fitted_model import extended, polished
+from canid.diagnosis.fitting.likelihood import whitened
+from canid.effects.effect import DriveFeatures, Effect, Kind, Screening
+from canid.types import Array
+
+# quantiles of the headway at which a desired one is tried, where an effect makes it identifiable: a driver with a wide
+# dead zone drives at its edge
+DESIRED_QUANTILES = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98)
+# at most so many candidates are fitted in full per step
+MAX_FULL_FITS = 9
+# and from so many starts where the cost has several local minima
+MAX_STARTS = 2
+# evidence from which on a candidate may win, and its fit is polished
+POLISH_EVIDENCE = 8.0
+# of the best one's evidence, from which on another candidate is polished as well
+POLISH_SHARE = 0.4
+# s by which a dead time may have come out too short, each an initial guess
+DEAD_TIME_OFFSETS_S = (0.15, 0.35, 0.7)
+
+
+DriverCandidate = Candidate[DriverModel]
+
+
+def starts(effect: Effect, data: DriverData, without: FittedDriver) -> Iterator[Array]:
+    """Parameters at which a cause may begin: the model without it, and the cause's own."""
+    free = data.output.usable & ~data.output.below
+    base = without.q
+    known = DriveFeatures(data.seen.duration, data.seen.speed[free], data.output.y[free])
+    own = [parameter.guesses(known) for parameter in effect.parameters]
+    desired = (
+        [float(x) for x in np.quantile(data.seen.headway[free], DESIRED_QUANTILES)]
+        if effect.shows_desired_headway and not without.model.centred
+        else [float(base[DESIRED])]
+    )
+    for headway, values in product(desired, product(*own)):
+        q = np.r_[base, values]
+        q[OFFSET] += q[K1] * (headway - q[DESIRED])
+        q[DESIRED] = headway
+        yield q
+
+
+def with_longer_dead_time(without: FittedDriver, by: float) -> Array:
+    """Initial guess with a dead time `by` s longer, which an effect with one gain compensates."""
+    q: Array = np.r_[without.q, by * without.q[K2]]
+    q[THETA2] += by
+    return q
+
+
+def screen(effect: Effect, data: DriverData, without: FittedDriver) -> list[Guess]:
+    """Price every initial guess by what its direction explains of the residual; the best first.
+
+    A guess far from the model without it is priced by its gains, fitted anew, as well: a direction is the first step only.
+    """
+    model = extended(without.model, effect)
+    out = screened(effect, data, without, starts(effect, data, without))
+    if all(each.pedal is None for each in model.effects):
+        # every guess, and what its gains explain, one after the other
+        out = [one for guess in out for one in (guess, regained(model, data, without, guess.q))]
+    return sorted(out, key=lambda guess: -guess.explains)
+
+
+def regained(model: DriverModel, data: DriverData, without: FittedDriver, q: Array) -> Guess:
+    """Fit offset and both gains by linear least squares, everything else fixed."""
+    dt, noise = data.output.dt, without.noise
+    of = parts(model, data, q)
+    first = lagged(of.gain * of.e, float(q[TAU1]), dt)
+    second = lagged(of.gain * of.w, float(q[TAU2]), dt)
+    extra = lagged(of.extra + np.zeros_like(first), float(q[TAU2]), dt)
+    rows = without.fitted.scored.slope == -1.0
+    X = whitened(noise, np.stack([np.ones_like(first), first, second], axis=1))[rows]
+    y = whitened(noise, data.output.y - extra)[rows]
+    gains = np.linalg.lstsq(X, y, rcond=None)[0]
+    left, before = y - X @ gains, without.fitted.scored.e[rows]
+    q = q.copy()
+    q[[OFFSET, K1, K2]] = np.clip(gains, model.low[[OFFSET, K1, K2]], model.high[[OFFSET, K1, K2]])
+    return Guess(q, max(float(before @ before - left @ left), 0.0))
+
+
+def tried(effect: Effect, data: DriverData, without: FittedDriver, guesses: list[Guess]) -> DriverCandidate:
+    """Fit a candidate in full, from its best initial guesses."""
+    some = [guess.q for guess in guesses[: MAX_STARTS if effect.shows_desired_headway else 1]]
+    some += [with_longer_dead_time(without, by) for by in DEAD_TIME_OFFSETS_S if effect.shortens_dead_time]
+    best = best_fit(effect, data, without, some)
+    return price(effect, change_point.refined(data, best), without, data.output.dt)
+
+
+def candidates(effects: tuple[Effect, ...], data: DriverData, without: FittedDriver) -> list[DriverCandidate]:
+    """Try every cause that is not in the model yet; best first."""
+    have = {effect.id for effect in without.model.effects}
+    screened = [
+        (effect, screen(effect, data, without))
+        for effect in effects
+        if effect.kind is Kind.PARAMETRIC and effect.id not in have
+    ]
+    screened.sort(key=lambda pair: (pair[0].screening is not Screening.NONE, -pair[1][0].explains))
+    worth = [
+        pair
+        for pair in screened
+        if pair[1][0].explains > MIN_EXPLAINED or pair[0].screening is Screening.NONE
+    ][:MAX_FULL_FITS]
+    found = [tried(effect, data, without, begins) for effect, begins in worth]
+    least = max(POLISH_EVIDENCE, POLISH_SHARE * max((one.evidence for one in found), default=0.0))
+    return [
+        price(one.effect, polished(data, one.solved), without, data.output.dt)
+        if one.evidence > least
+        else one
+        for one in found
+    ]

@@ -1,0 +1,67 @@
+"""The baseline of the driver: initial guesses, and whether the output answers anything at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_model import (
+    DESIRED,
+    K1,
+    K2,
+    OFFSET,
+    TAU1,
+    TAU2,
+    THETA1,
+    THETA2,
+    DriverModel,
+    with_effects,
+)
+from canid.diagnosis.fitting import fitted_model
+from canid.diagnosis.fitting.fitted_model import FittedModel, Start, solve
+
+FittedDriver = FittedModel[DriverModel]
+
+# a driver as in the literature: the initial guess of every first fit (Grover 2021, table 4.2; reaction times in following)
+INITIAL = {K1: 5.0, K2: 5.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
+# s, further dead times from which the baseline's fit begins: the cost has a local minimum for each
+INITIAL_THETA2 = (0.2, 0.6, 1.0)
+# the noise model that pedals mostly have, and its standard deviation in parts of the output's
+INITIAL_A, INITIAL_SD = (1.0, -0.9, 0.0), 0.4
+# samples; with fewer no noise model of two seconds' memory can be estimated
+MIN_SAMPLES = 200
+# chance that an output that answers nothing is taken for one that does
+ANSWER_CHANCE = 1e-4
+
+
+def baseline(data: DriverData) -> FittedDriver | None:
+    """Fit the driver without any effect; None: too few samples."""
+    output = data.output
+    free = output.usable & ~output.below
+    if int(np.count_nonzero(free)) < MIN_SAMPLES:
+        return None
+    model = with_effects(())
+    q = np.zeros(len(model.low))
+    for k, value in INITIAL.items():
+        q[k] = value
+    q[DESIRED] = float(np.median(data.seen.headway[free]))
+    q[OFFSET] = float(np.median(output.y[free]))
+    guesses = []
+    for theta in (q[THETA2], *INITIAL_THETA2):
+        guesses.append(q.copy())
+        guesses[-1][THETA2] = theta
+    sd = max(float(np.std(output.y[free])) * INITIAL_SD, 1e-6)
+    return fitted_model.baseline(data, model, Start(guesses, np.array(INITIAL_A), sd, rounds=2, turns=1))
+
+
+def answered(data: DriverData, fitted: FittedDriver) -> bool:
+    """Does the output answer headway or relative speed at all, by more than chance?
+
+    Without an answer there is nothing that a cause could change.
+    """
+    q = fitted.q.copy()
+    q[[K1, K2]] = 0.0
+    silent = solve(data, with_effects(()), q, fitted.noise, fitted.rows, free=(OFFSET,))
+    freed = len(fitted.fitted.free) - 1
+    return silent.deviance - fitted.deviance > float(chi2.isf(ANSWER_CHANCE, freed))

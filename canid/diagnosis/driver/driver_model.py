@@ -1,0 +1,281 @@
+"""The pedal that a driver with some causes in him would give, from what he saw: open loop, whole drives at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.fitting.model import box
+from canid.effects.effect import Effect, Params, Seen, Value
+from canid.types import Array
+
+# of the baseline, in this order, before those of the causes
+BASE = ("offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired")
+OFFSET, K1, K2, TAU1, TAU2, THETA1, THETA2, DESIRED = range(8)
+# physical box: gains of either sign, so that a sign error shows; lags and dead times as in FopdtSettings
+LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2)
+HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0)
+# s; standard deviation of the difference of both answers' lags, and of their dead times. They share the same perception
+# and the same pedal, and each is a second at most (reaction times in following: Grover 2021, table 4.2; Green 2000). A
+# steady drive shows little of the headway's, and late there is the same as more of K2: error(t − δ) = error − δ·rate/v
+TIE_SD_S = 0.5
+# m/s; below it a headway means nothing
+MIN_HEADWAY_SPEED = 1.0
+# dead times whose inputs are kept: those of a point, and of the steps around it
+CACHED_DEAD_TIMES = 6
+# of a standard normal (Abramowitz & Stegun 1964, table 25.10, scaled)
+NODES = ((-math.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (math.sqrt(3.0), 1 / 6))
+SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5)
+
+Bend = Callable[[Params, Value, Seen], Value]
+
+
+class DriverModel(NamedTuple):
+    """The baseline and some causes, as a function of their parameters."""
+
+    effects: tuple[Effect, ...]
+    low: Array  # (k,)
+    high: Array
+    scale: Array
+    where: tuple[slice, ...]  # each effect's parameters in q
+
+    @property
+    def delays(self) -> tuple[tuple[int, int], ...]:
+        """Lag and dead time of each channel, the one that moves more first."""
+        return ((TAU2, THETA2), (TAU1, THETA1))
+
+    @property
+    def one_signed(self) -> bool:
+        """Strengths of drivers' effects have one sign each."""
+        return True
+
+    @property
+    def centred(self) -> bool:
+        """Is the desired headway itself visible?"""
+        return any(effect.shows_desired_headway for effect in self.effects)
+
+    def with_effects(self, effects: Sequence[Effect]) -> DriverModel:
+        """Return the driver with these effects."""
+        return with_effects(effects)
+
+    def free(self) -> tuple[int, ...]:
+        """Parameters that a fit may move."""
+        fixed = {
+            k
+            for effect, where in zip(self.effects, self.where, strict=True)
+            for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
+            if p.fixed
+        }
+        return tuple(k for k in range(len(self.low)) if k not in fixed and (k != DESIRED or self.centred))
+
+    def bind(self, data: DriverData) -> Callable[[Array], Array]:
+        """Return the simulated output as a function of the parameters alone."""
+        recalled: dict[float, Seen] = {}
+        return lambda q: pedal(self, data, q, recalled)
+
+    def ties(self, data: DriverData) -> Array | None:
+        """Both answers share a pedal, so their lags and dead times are alike. An acceleration adds those of the car."""
+        if not data.pedal:
+            return None
+        out = np.zeros((2, self.low.size))
+        for row, (one, other) in zip(out, ((TAU1, TAU2), (THETA1, THETA2)), strict=True):
+            row[one], row[other] = 1 / TIE_SD_S, -1 / TIE_SD_S
+        return out
+
+    def noise_features(self, data: DriverData, simulated: Array) -> Array | None:
+        """How much is answered, and how fast the car is; (n, 3), standardised."""
+        free = data.output.usable & ~data.output.below
+
+        def standard(x: Array) -> Array:
+            sd = float(np.std(x[free]))
+            out: Array = np.clip((x - np.mean(x[free])) / sd, -3, 3) if sd > 1e-9 else np.zeros_like(x)
+            return out
+
+        away = simulated - np.median(simulated[free])
+        return np.stack([standard(np.abs(away)), standard(away), standard(data.seen.speed)], axis=1)
+
+
+def with_effects(effects: Sequence[Effect]) -> DriverModel:
+    """Return the driver with some effects."""
+    return DriverModel(*box(effects, LOW, HIGH, SCALE))
+
+
+def delayed(x: Array, delay: float, dt: float) -> Array:
+    """Return x(t − delay), straight between samples; before the first sample it stood still.
+
+    Example:
+        >>> delayed(np.array([0.0, 1.0, 2.0]), 0.15, 0.1)
+        array([0. , 0. , 0.5])
+    """
+    steps = delay / dt
+    whole = math.floor(steps)
+    part = steps - whole
+    n = x.size
+    padded = np.concatenate([np.full(min(whole + 1, n), x[0]), x[: max(n - whole, 0)]])[: n + 1]
+    out: Array = part * padded[:n] + (1 - part) * padded[1 : n + 1]
+    return out
+
+
+def seen_late(data: DriverData, delay: float | Array) -> Seen:
+    """What the driver acts on: everything but the clock is late by his dead time."""
+    seen, known, dt = data.seen, data.known, data.output.dt
+    columns = (known.gap, known.range_rate, known.lead_accel)
+    if isinstance(delay, float):
+        gap, rate, accel = (_recalled(column, delay, dt) for column in columns)
+        speed = delayed(seen.speed, delay, dt)
+    else:
+        gap, rate, accel = (_recalled_at(column, delay, dt) for column in columns)
+        speed = np.interp(seen.t - delay, seen.t, seen.speed)
+    headway = gap / np.maximum(speed, MIN_HEADWAY_SPEED)
+    return seen._replace(headway=headway, range_rate=rate, gap=gap, speed=speed, lead_accel=accel)
+
+
+def _once(data: DriverData, delay: float | Array, recalled: dict[float, Seen] | None) -> Seen:
+    """Recall at a dead time, or take it from what was recalled."""
+    if recalled is None or not isinstance(delay, float):
+        return seen_late(data, delay)
+    if delay not in recalled:
+        if len(recalled) >= CACHED_DEAD_TIMES:
+            recalled.pop(next(iter(recalled)))
+        recalled[delay] = seen_late(data, delay)
+    return recalled[delay]
+
+
+def _doubt(sd: Array, delay: float | Array, dt: float) -> float:
+    """Standard deviation of what is recalled; of a delay that changes, at its mean."""
+    return float(np.interp(np.mean(delay) / dt, np.arange(sd.size), sd))
+
+
+def _recalled(lags: Array, delay: float, dt: float) -> Array:
+    """Return x(t − delay) as known at t: between two lags straight, beyond the last one delayed further."""
+    last = lags.shape[1] - 1
+    steps = delay / dt
+    if steps >= last:
+        return delayed(lags[:, last], delay - last * dt, dt)
+    whole = math.floor(steps)
+    part = steps - whole
+    out: Array = (1 - part) * lags[:, whole] + part * lags[:, whole + 1]
+    return out
+
+
+def _recalled_at(lags: Array, delay: Array, dt: float) -> Array:
+    """Return the same for a delay (n,) that changes."""
+    steps = np.minimum(delay / dt, lags.shape[1] - 1.001)
+    whole = steps.astype(np.int64)
+    part = steps - whole
+    rows = np.arange(len(lags))
+    out: Array = (1 - part) * lags[rows, whole] + part * lags[rows, whole + 1]
+    return out
+
+
+def lagged(x: Array, tau: float, dt: float) -> Array:
+    """Return x through 1/(1 + τs), exact for an x that is straight between samples; begins at rest.
+
+    Example:
+        >>> lagged(np.array([1.0, 1.0, 1.0]), 0.5, 0.1)
+        array([1., 1., 1.])
+    """
+    if tau < 1e-4:
+        return x
+    decay = math.exp(-dt / tau)
+    ramp = tau / dt * (1 - decay)
+    now, before = 1 - ramp, ramp - decay
+    out: Array = lfilter([now, before], [1.0, -decay], x, zi=[(1 - now) * x[0]])[0]
+    return out
+
+
+class Parts(NamedTuple):
+    """The demand before the lag, (n,) each."""
+
+    e: Array  # s, acted upon
+    w: Array  # m/s, acted upon
+    gain: Array | float
+    extra: Array | float
+
+
+def blurred(bend: Bend, p: Params, x: Array, seen: Seen, sd: Array | float) -> Array:
+    """Return the mean of a bend over what the input may have been, (n,).
+
+    The input is known as a conditional mean. A straight answer to it needs no more; the corner of a bent one is
+    rounded by the uncertainty. Fitted without that, a dead zone comes out too small. Three-node Gauss-Hermite.
+
+    Example:
+        >>> seen = Seen(0.0, 600.0, 2.0, -1.0, 60.0, 33.0, 0.0)
+        >>> blurred(lambda p, x, seen: abs(x), (), np.array([0.0, 3.0]), seen, 0.5).round(2)
+        array([0.29, 3.  ])
+    """
+    out: Array = np.sum([weight * bend(p, x + node * sd, seen) for node, weight in NODES], axis=0)
+    return out
+
+
+def parts(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, Seen] | None = None) -> Parts:
+    """What enters the lag.
+
+    Args:
+        model: which causes.
+        data: what he saw.
+        q: (k,) parameters.
+        recalled: what was recalled at a dead time before; a derivative by another parameter needs it again.
+    """
+    theta1: float | Array = float(q[THETA1])
+    theta2: float | Array = float(q[THETA2])
+    for effect, where in zip(model.effects, model.where, strict=True):
+        if effect.dead_time is not None:
+            added = effect.dead_time(q[where], data.seen)
+            theta1, theta2 = np.maximum(theta1 + added, 0.0), np.maximum(theta2 + added, 0.0)
+    first, second = (_once(data, theta, recalled) for theta in (theta1, theta2))
+    e, w = first.headway - q[DESIRED], second.range_rate
+    gain: Array | float = 1.0
+    extra: Array | float = 0.0
+    for effect, where in zip(model.effects, model.where, strict=True):
+        p = q[where]
+        if effect.headway is not None:
+            sd = _doubt(data.known.gap_sd, theta1, data.output.dt) / np.maximum(
+                first.speed, MIN_HEADWAY_SPEED
+            )
+            e = blurred(effect.headway, p, e, first, sd)
+        if effect.range_rate is not None:
+            sd = _doubt(data.known.range_rate_sd, theta2, data.output.dt)
+            w = blurred(effect.range_rate, p, w, second, sd)
+        if effect.gain is not None:
+            gain = gain * effect.gain(p, second)
+        if effect.extra is not None:
+            extra = extra + effect.extra(p, second)
+    return Parts(e, w, gain, extra)
+
+
+def pedal(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, Seen] | None = None) -> Array:
+    """Return the output that the driver would give, without noise and before its limits.
+
+    Args:
+        model: which causes.
+        data: what he saw.
+        q: (k,) parameters, in the order of `BASE` and then the causes'.
+        recalled: as in `parts`.
+
+    Returns:
+        (n,) output unit.
+    """
+    dt = data.output.dt
+    of = parts(model, data, q, recalled)
+    first = lagged(of.gain * q[K1] * of.e, float(q[TAU1]), dt)
+    out: Array = q[OFFSET] + first + lagged(of.gain * q[K2] * of.w + of.extra, float(q[TAU2]), dt)
+    for effect, where in zip(model.effects, model.where, strict=True):
+        if effect.pedal is None:
+            continue
+        p = q[where]
+        if effect.pedal.column is not None:
+            out = effect.pedal.column(p, out, dt)
+        else:
+            state = effect.pedal.init(p, float(out[0]))
+            step, moved = effect.pedal.step, []
+            for demand in out.tolist():
+                state, y = step(p, state, demand, dt)
+                moved.append(y)
+            out = np.array(moved)
+    return out

@@ -1,0 +1,168 @@
+"""Step-by-step simulation of a fitted driver, several stretches side by side: inputs up to now -> demand.
+
+The same hooks of the same effects as in `driver_model`; arrays (m,) hold one value per stretch. The inputs are the
+simulated ones, without sensor noise, so nothing is estimated from reports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver.driver_model import (
+    DESIRED,
+    K1,
+    K2,
+    MIN_HEADWAY_SPEED,
+    OFFSET,
+    TAU1,
+    TAU2,
+    THETA1,
+    THETA2,
+    DriverModel,
+)
+from canid.effects.effect import Effect, Seen, Value
+from canid.findings import Flags
+from canid.types import Array
+
+# s of what was seen before a stretch begins: the longest dead time, and its drift
+HISTORY_S = 4.0
+
+
+class Late(NamedTuple):
+    """Inputs, one row per sample and one column per stretch; later rows are not used."""
+
+    gap: Array  # m
+    range_rate: Array  # m/s
+    speed: Array  # m/s
+    lead_accel: Array  # m/s²
+    t: Array  # s
+
+
+class SimulatedDriver(NamedTuple):
+    """Parameters of the driver of each stretch."""
+
+    model: DriverModel
+    q: Array  # (parameters, m)
+    begun: tuple[Array, Array]  # (m,) what both lags hold at the begin
+    added: Array  # (samples, m) output unit: contribution of a random walk of the desired headway
+    held: Flags  # (samples, m) the pedal stands still
+    ceiling: float  # output unit
+    duration: float  # s, of the whole drive
+
+
+class State(NamedTuple):
+    """What the next step depends on."""
+
+    inputs: tuple[Array, Array] | None  # into both lags; None: at the begin
+    lags: tuple[Array, Array]
+    pedals: tuple[tuple[Any, ...], ...]  # of each cause behind the lags, of each stretch
+    output: Array | None
+
+
+Step = Callable[[State, Late, int], tuple[State, Array]]
+
+
+def recalled(x: Array, k: int, delay: Array, dt: float) -> Array:
+    """Return x(t_k − delay) of each column, straight between samples.
+
+    Example:
+        >>> x = np.stack([np.arange(5.0), 10 * np.arange(5.0)], axis=1)
+        >>> recalled(x, 4, np.array([0.15, 0.2]), 0.1).tolist()
+        [2.5, 20.0]
+    """
+    # a delay of whole samples must not fall between two by rounding
+    at = np.round(k - delay / dt, 9)
+    whole = np.floor(at).astype(np.int64)
+    part = at - whole
+    columns = np.arange(x.shape[1])
+    out: Array = (1 - part) * x[whole, columns] + part * x[np.minimum(whole + 1, k), columns]
+    return out
+
+
+def _own_parameters(of: SimulatedDriver) -> list[tuple[Array, Effect]]:
+    """Each effect of the model with its parameters (k, m)."""
+    return [(of.q[where], effect) for effect, where in zip(of.model.effects, of.model.where, strict=True)]
+
+
+def _seen(of: SimulatedDriver, late: Late, k: int, delay: Array, dt: float) -> Seen:
+    """Inputs at sample k, `delay` (m,) s earlier."""
+    columns = (late.gap, late.range_rate, late.speed, late.lead_accel)
+    gap, rate, speed, accel = (recalled(x, k, delay, dt) for x in columns)
+    return Seen(late.t[k], of.duration, gap / np.maximum(speed, MIN_HEADWAY_SPEED), rate, gap, speed, accel)
+
+
+def _lag_inputs(
+    of: SimulatedDriver, own: list[tuple[Array, Effect]], late: Late, k: int, dt: float
+) -> tuple[Array, Array]:
+    """Inputs of both lags at sample k, (m,) each."""
+    q = of.q
+    clock = Seen(late.t[k], of.duration, 0.0, 0.0, 0.0, 0.0, 0.0)
+    delays = [q[THETA1], q[THETA2]]
+    for p, effect in own:
+        if effect.dead_time is not None:
+            delays = [delay + effect.dead_time(p, clock) for delay in delays]
+    first, second = (_seen(of, late, k, np.clip(delay, 0.0, HISTORY_S - dt), dt) for delay in delays)
+    e: Value = first.headway - q[DESIRED]
+    w: Value = second.range_rate
+    gain: Value = 1.0
+    extra: Value = 0.0
+    for p, effect in own:
+        if effect.headway is not None:
+            e = effect.headway(p, e, first)
+        if effect.range_rate is not None:
+            w = effect.range_rate(p, w, second)
+        if effect.gain is not None:
+            gain = gain * effect.gain(p, second)
+        if effect.extra is not None:
+            extra = extra + effect.extra(p, second)
+    return gain * q[K1] * e, gain * q[K2] * w + extra
+
+
+def driver(of: SimulatedDriver, dt: float) -> tuple[Callable[[], State], Step]:
+    """Return `init()` and `step(state, late, k)` -> state, demand (m,) in the output's unit, before the floor.
+
+    Args:
+        of: the drivers.
+        dt: s.
+    """
+    q = of.q
+    own = _own_parameters(of)
+    pedals = [(p, effect.pedal) for p, effect in own if effect.pedal is not None]
+    tau = np.maximum(q[[TAU1, TAU2]], 1e-4)
+    decay = np.exp(-dt / tau)
+    ramp = tau / dt * (1 - decay)
+
+    def init() -> State:
+        return State(None, of.begun, (), None)
+
+    def step(state: State, late: Late, k: int) -> tuple[State, Array]:
+        now = _lag_inputs(of, own, late, k, dt)
+        lags = state.lags
+        if state.inputs is not None:
+            # exact for an input that is straight between samples
+            first, second = (
+                decay[c] * lags[c] + (ramp[c] - decay[c]) * state.inputs[c] + (1 - ramp[c]) * now[c]
+                for c in (0, 1)
+            )
+            lags = (first, second)
+        demand: Array = q[OFFSET] + lags[0] + lags[1]
+        before = state.pedals or tuple(
+            tuple(pedal.init(p[:, m], float(x)) for m, x in enumerate(demand)) for p, pedal in pedals
+        )
+        after = []
+        for (p, pedal), states in zip(pedals, before, strict=True):
+            moved = [
+                pedal.step(p[:, m], one, float(x), dt)
+                for m, (one, x) in enumerate(zip(states, demand, strict=True))
+            ]
+            after.append(tuple(one for one, _ in moved))
+            demand = np.array([y for _, y in moved])
+        demand = np.minimum(demand + of.added[k], of.ceiling)
+        if state.output is not None:
+            demand = np.where(of.held[k], state.output, demand)
+        return State(now, lags, tuple(after), demand), demand
+
+    return init, step

@@ -1,0 +1,132 @@
+"""Random walk of the desired headway: a variance component, estimated by its marginal likelihood (Harville 1977).
+
+The desired headway is linear between knots 30 s apart, its steps are normal with one variance q². Integrated out, the
+residual's covariance is that of the noise plus B Σ(q) B′; the best q against q = 0 is the evidence. The noise model is
+refitted with the random walk subtracted: before, it contains the walk as an unlikely slow root.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, qr
+
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import K1, TAU1, THETA1, delayed, lagged
+from canid.diagnosis.fitting.fitted_model import problem
+from canid.diagnosis.fitting.least_squares import jacobian
+from canid.diagnosis.fitting.likelihood import Noise, fit_noise, score, whitened
+from canid.effects.effect import KNOT_SPACING_S
+from canid.identification.confidence import CHI_SQUARED_QUANTILE
+from canid.types import Array, Interval
+
+# s per knot, steps of the desired headway that are tried: from invisible ones to erratic ones
+STEP_SIZES_S = np.geomspace(0.01, 1.0, 25)
+# walk and noise model, fitted in turn
+WALK_ALTERNATIONS = 3
+# s per knot, step of a brisk walk: one search begins with all that such a walk can take
+BRISK_STEP_S = 0.2
+# with fewer knots the variance of the steps is not identifiable
+MIN_KNOTS = 6
+
+
+class RandomWalk(NamedTuple):
+    """An estimated random walk of the desired headway."""
+
+    evidence: float  # 2 Δ log likelihood
+    sd: Interval  # s, of the desired headway over the drive
+    added: Array  # (n,) output unit, what it does to the output
+    desired_headway: Array  # (n,) s, deviation of the desired headway from its mean
+    noise: Noise
+
+
+def shapes(data: DriverData, q: Array) -> Array:
+    """Response of the output to one second of desired headway at each knot: (n, knots)."""
+    t = data.seen.t
+    knots = int(np.ceil(data.seen.duration / KNOT_SPACING_S)) + 1
+    at = t / KNOT_SPACING_S
+    columns = np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(knots)[None, :]))
+    dt = data.output.dt
+    return np.stack(
+        [-q[K1] * lagged(delayed(c, float(q[THETA1]), dt), float(q[TAU1]), dt) for c in columns.T], axis=1
+    )
+
+
+def detect(data: DriverData, solved: FittedDriver) -> RandomWalk | None:
+    """Estimate a random walk in what a model leaves; None: too short, or no answer to headway.
+
+    A slow root of the noise and a random walk explain the same residual, and each is a local optimum: the search starts
+    from both.
+    """
+    B = shapes(data, solved.q)
+    knots = B.shape[1]
+    if knots < MIN_KNOTS or abs(solved.q[K1]) < 1e-3:
+        return None
+    walk = np.tril(np.ones((knots, knots)))[:, 1:]  # steps -> desired headway
+    shape = B @ walk
+    left = np.where(solved.rows, data.output.y - solved.fitted.model, 0.0)
+    within = np.where(solved.rows[:, None], shape, 0.0)
+    ridge = float(np.var(left[solved.rows])) / BRISK_STEP_S**2 * np.eye(knots - 1)
+    away = shape @ np.linalg.solve(within.T @ within + ridge, within.T @ left)
+    p = solved.noise.A.size - 1
+    quicker = fit_noise(data.output, data.output.y - solved.fitted.model - away, p, solved.noise.size)
+    return max(
+        (_found(data, solved, shape, walk, noise) for noise in (solved.noise, quicker)),
+        key=lambda found: found.evidence,
+    )
+
+
+def _found(data: DriverData, solved: FittedDriver, shape: Array, walk: Array, noise: Noise) -> RandomWalk:
+    """Estimate from one initial noise model."""
+    plain = _explained(data, solved, shape, solved.noise).without
+    best: RandomWalk | None = None
+    profile = np.empty(STEP_SIZES_S.size)
+    for _ in range(WALK_ALTERNATIONS):
+        gram, b, without = _explained(data, solved, shape, noise)
+        for k, q in enumerate(STEP_SIZES_S):
+            factor = cho_factor(np.eye(len(b)) + q * q * gram)
+            won = q * q * float(b @ cho_solve(factor, b))
+            profile[k] = without - won + 2 * float(np.log(np.diag(factor[0])).sum())
+        k = int(np.argmin(profile))
+        variance = float(STEP_SIZES_S[k])
+        steps = variance**2 * cho_solve(cho_factor(np.eye(len(b)) + variance**2 * gram), b)
+        added, headway = shape @ steps, walk @ steps
+        noise = fit_noise(
+            data.output, data.output.y - solved.fitted.model - added, noise.A.size - 1, noise.size
+        )
+        evidence = float(plain - profile[k])
+        if best is None or evidence > best.evidence:
+            inside = STEP_SIZES_S[profile <= profile[k] + CHI_SQUARED_QUANTILE]
+            curve = np.interp(data.seen.t, KNOT_SPACING_S * np.arange(len(walk)), headway)
+            sd = float(np.std(curve))
+            # the standard deviation of a random walk over the drive is proportional to its step
+            interval = Interval(sd, float(sd * inside.min() / variance), float(sd * inside.max() / variance))
+            added = added - added[solved.rows].mean()
+            best = RandomWalk(evidence, interval, added, curve - curve.mean(), noise)
+    assert best is not None
+    return best
+
+
+class Explained(NamedTuple):
+    """Normal equations of the steps for a residual, the model's own directions projected out."""
+
+    gram: Array  # (k, k)
+    b: Array  # (k,)
+    without: float  # −2 log likelihood of no step at all
+
+
+def _explained(data: DriverData, solved: FittedDriver, shape: Array, noise: Noise) -> Explained:
+    """Normal equations under a noise model."""
+    scored = score(data.output, solved.rows, noise, solved.fitted.model)
+    rows = scored.slope == -1.0
+    X = np.where(rows[:, None], whitened(noise, shape), 0.0)
+    # the model's directions as this noise model weighs them
+    of = problem(data, solved.model, noise, rows, solved.fitted.free)
+    J = jacobian(of, solved.q, solved.fitted.model, scored.slope)
+    Q = qr(J, mode="economic")[0]
+    e = np.where(rows, scored.e, 0.0)
+    e = e - Q @ (Q.T @ e)
+    X = X - Q @ (Q.T @ X)
+    return Explained(X.T @ X, X.T @ e, 2 * int(rows.sum()) * float(np.log(noise.sd)) + float(e @ e))

@@ -1,0 +1,149 @@
+"""Detection of a spectral line in the residual: a swing with a rhythm of its own.
+
+No driver keeps a rhythm like a clock: its phase drifts, and an interval of the frequency that assumes a fixed phase is
+too narrow. The drift is estimated from the phase in consecutive parts of the drive.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.diagnosis.driver.driver_candidates import DriverCandidate
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import pedal
+from canid.diagnosis.fitting.candidates import price
+from canid.diagnosis.fitting.fitted_model import extended, solve
+from canid.diagnosis.fitting.likelihood import fit_noise
+from canid.diagnosis.fitting.robust_covariance import needed
+from canid.effects.effect import Effect
+from canid.identification.confidence import SIGMAS
+from canid.types import Array, Interval
+
+# Hz; slower is a drift, and no driver swings faster
+MIN_LINE_HZ, MAX_LINE_HZ = 0.03, 1.2
+# bins either side from which the height of the spectrum around a line is estimated, and bins left out next to it
+NEIGHBOUR_BINS, GUARD_BINS = 25, 2
+# a part of the drive whose phase is estimated: least s and least swings; and parts needed to estimate a walk of the phase
+MIN_PART_S, MIN_PART_CYCLES, MIN_PARTS = 40.0, 5, 5
+# a random walk's straight line: its slope has 6/5 of the variance of the way from end to end
+SLOPE_VARIANCE_RATIO = 1.2
+# of the evidence needed, that a bin or a rhythm must have before anything is fitted: the fit explains more than the
+# direction that screens it
+SCREEN_SHARE = 0.6
+# of a line's height above its surroundings, that its evidence is at most: the fit may place it between two bins
+MAX_FIT_EXCESS = 1.15
+
+
+def spectrum(e: Array, dt: float) -> tuple[Array, Array]:
+    """Frequencies (m,) Hz and twice the periodogram over its own surroundings (m,): chi-squared with 2 if no line.
+
+    A smooth spectrum is divided out by the surroundings; a line is one bin wide.
+
+    Example:
+        >>> t = np.arange(6000) * 0.1
+        >>> f, over = spectrum(np.random.default_rng(1).normal(size=6000) + 0.3 * np.sin(2 * np.pi * 0.2 * t), 0.1)
+        >>> round(float(f[np.argmax(over)]), 3)
+        0.2
+    """
+    power: Array = np.abs(np.fft.rfft(e)) ** 2
+    f: Array = np.fft.rfftfreq(e.size, dt).astype(np.float64)
+    index = np.flatnonzero((f >= MIN_LINE_HZ) & (f <= MAX_LINE_HZ))
+    return f[index], above(power, index)
+
+
+def above(power: Array, index: npt.NDArray[np.int64]) -> Array:
+    """Twice the power at some bins over that of their surroundings, (m,).
+
+    Example:
+        >>> above(np.r_[np.ones(30), 5.0, np.ones(30)], np.array([30])).round(1)
+        array([6.9])
+    """
+    over = np.empty(index.size)
+    for k, at in enumerate(index.tolist()):
+        near = np.r_[
+            power[max(at - NEIGHBOUR_BINS, 1) : max(at - GUARD_BINS, 1)],
+            power[at + GUARD_BINS + 1 : at + NEIGHBOUR_BINS + 1],
+        ]
+        # the median of an exponential is ln 2 of its mean
+        over[k] = 2 * power[at] / (np.median(near) / np.log(2)) if near.size else 0.0
+    return over
+
+
+def detect(
+    effect: Effect, data: DriverData, without: FittedDriver, tried: int
+) -> tuple[DriverCandidate | None, float]:
+    """Detect a line; None where none stands out. Also returns the evidence needed.
+
+    Args:
+        effect: with `Detector.SPECTRAL_LINE`; parameters amplitude, frequency, phase.
+        data: what is explained.
+        without: the model so far.
+        tried: candidates of the whole search.
+    """
+    rows, dt, t = without.rows, data.output.dt, data.seen.t
+    residual = np.where(rows, data.output.y - without.fitted.model, 0.0)
+    # before whitening as well: a noise model of high order takes a line for a root of its own and whitens it away
+    f, over = spectrum(without.fitted.scored.e, dt)
+    over = np.maximum(over, spectrum(residual, dt)[1])
+    if not f.size:
+        return None, np.inf
+    bound = needed(2, tried * f.size)
+    at = int(np.argmax(over))
+    if over[at] < SCREEN_SHARE * bound:
+        return None, bound
+    phase = 2 * np.pi * f[at] * t
+    shape = np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    a, b = np.linalg.lstsq(shape[rows], residual[rows], rcond=None)[0]
+    own = [float(np.hypot(a, b)), float(f[at]), float(np.arctan2(b, a))]
+    model = extended(without.model, effect)
+    left = data.output.y - without.fitted.model - shape @ np.array([a, b])
+    bare = fit_noise(data.output, left, without.noise.A.size - 1, without.noise.size)
+    begins = (without.noise, bare._replace(state=without.noise.state))
+    tried_fits = [solve(data, model, np.r_[without.q, own], noise, rows) for noise in begins]
+    solved = min(tried_fits, key=lambda one: one.deviance)
+    found = price(effect, solved, without, dt)
+    # limited by its height above the surroundings: a broad peak of the noise is no line
+    return found._replace(evidence=min(found.evidence, float(over[at]) * MAX_FIT_EXCESS)), bound
+
+
+def with_phase_drift(
+    data: DriverData, solved: FittedDriver, where: slice, narrow: dict[str, Interval]
+) -> dict[str, Interval]:
+    """Widen the intervals of a line by the drift of its phase.
+
+    The steps of the phase from part to part are those of a random walk plus the difference of two errors; the errors
+    are correlated at one step, the walk's steps are not.
+
+    Args:
+        data: what was fitted.
+        solved: the fit.
+        where: the line's parameters in q.
+        narrow: intervals for a fixed phase.
+    """
+    rows, dt, t = solved.rows & ~data.output.hidden, data.output.dt, data.seen.t
+    amplitude, frequency = (float(x) for x in solved.q[where][:2])
+    bare = solved.q.copy()
+    bare[where.start] = 0.0
+    left = np.where(rows, data.output.y - pedal(solved.model, data, bare), 0.0)
+    size = round(max(MIN_PART_S, MIN_PART_CYCLES / frequency) / dt)
+    parts = t.size // size
+    if parts < MIN_PARTS:
+        return narrow
+    turned = (left * np.exp(-2j * np.pi * frequency * t))[: parts * size].reshape(parts, size).sum(axis=1)
+    swing = 2 * turned / np.maximum(rows[: parts * size].reshape(parts, size).sum(axis=1), 1)
+    ahead = swing[1:] * swing[:-1].conj()
+    mean = complex(ahead.mean())
+    steps = np.angle(ahead * np.conj(mean))
+    walk = max(float(np.mean(steps**2) + 2 * np.mean(steps[1:] * steps[:-1])), 0.0)
+    off = SIGMAS * float(np.sqrt(SLOPE_VARIANCE_RATIO * walk / parts)) / (2 * np.pi * size * dt)
+    # a drifting swing cancels in part over the whole drive, and less within a part
+    lost = max(float(np.sqrt(abs(mean))) - amplitude, 0.0) if walk > 0.0 else 0.0
+    f, a = narrow["frequency"], narrow["amplitude"]
+    half = float(np.hypot(f.high - f.value, off)), float(np.hypot(f.value - f.low, off))
+    return {
+        **narrow,
+        "frequency": Interval(f.value, f.value - half[1], f.value + half[0]),
+        "amplitude": Interval(a.value + lost, a.low, a.high + lost),
+    }

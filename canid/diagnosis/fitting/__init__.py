@@ -1,0 +1,1 @@
+"""Likelihood, least squares and intervals that the blocks share."""

@@ -1,0 +1,123 @@
+"""Least squares of whitened residuals within bounds: small problems, many of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.fitting.likelihood import Noise, Output, Scored, score, whitened
+from canid.findings import Flags
+from canid.identification.levenberg_marquardt import Damping, Local, minimise
+from canid.types import Array
+
+# of a parameter's scale; a difference smaller than this drowns in rounding, a larger one bends with the model
+DIFFERENCE_STEP = 1e-4
+ITERATIONS = 25
+# a fit has ended where the cost falls by less than a millionth of it
+DAMPING = Damping(1e-3, up=6.0, down=5.0, least=1e-8, tries=8, iterations=ITERATIONS, tolerance=1e-6)
+
+Model = Callable[[Array], Array]  # parameters (k,) -> (n,)
+
+
+class Problem(NamedTuple):
+    """What is fitted to what."""
+
+    output: Output  # what is explained
+    rows: Flags  # (n,) samples that count
+    noise: Noise  # held
+    model: Model
+    free: tuple[int, ...]  # indices of the parameters that are fitted
+    low: Array  # (k,) bounds
+    high: Array
+    scale: Array  # (k,) typical size of each parameter
+    ties: Array | None = None  # (m, k) prior knowledge: each row times q is normal with mean 0 and variance 1
+
+
+class Fitted(NamedTuple):
+    """A fit."""
+
+    q: Array  # (k,) all parameters
+    free: tuple[int, ...]  # those that were fitted
+    model: Array  # (n,)
+    scored: Scored
+    jacobian: Array  # (n, free) d whitened residual / d free parameter; 0 where a sample does not count
+    ties: Array  # (m, free) of what is known beforehand
+    tied: float  # −2 log of its density at q
+
+
+def jacobian(of: Problem, q: Array, at: Array, slope: Array) -> Array:
+    """Derivatives of the whitened residuals (n, free), by forward differences away from the bounds.
+
+    Args:
+        of: the problem.
+        q: (k,) parameters.
+        at: (n,) the model's output there.
+        slope: (n,) d whitened residual / d whitened model.
+    """
+    out = np.empty((of.output.y.size, len(of.free)))
+    for column, k in enumerate(of.free):
+        h = DIFFERENCE_STEP * of.scale[k]
+        moved = q.copy()
+        moved[k] += -h if q[k] + h > of.high[k] else h
+        out[:, column] = (of.model(moved) - at) / (moved[k] - q[k])
+    out = whitened(of.noise, out) * slope[:, None]
+    out[~of.rows] = 0.0
+    return out
+
+
+def fit(of: Problem, q: Array, iterations: int = ITERATIONS) -> Fitted:
+    """Fit the free parameters.
+
+    Args:
+        of: the problem.
+        q: (k,) initial guess.
+        iterations: at most so many steps.
+
+    Returns:
+        the best that was found: never worse than the initial guess.
+    """
+    index, low, high = list(of.free), of.low, of.high
+    ties = np.zeros((0, q.size)) if of.ties is None else of.ties
+    own = ties[:, index]
+    J = np.empty((0, 0))
+
+    def point(q: Array) -> _Point:
+        at = of.model(q)
+        scored = score(of.output, of.rows, of.noise, at)
+        return _Point(q, at, scored, scored.cost + float(np.sum((ties @ q) ** 2)))
+
+    def local(here: _Point) -> Local[_Point] | None:
+        nonlocal J
+        J = jacobian(of, here.q, here.model, here.scored.slope)
+        q, gradient = here.q, J.T @ here.scored.e + own.T @ (ties @ here.q)
+        # a parameter that stands at its bound and wants beyond it does not move
+        stuck = ((q[index] <= low[index]) & (gradient > 0)) | ((q[index] >= high[index]) & (gradient < 0))
+        moving = np.flatnonzero(~stuck)
+        if not moving.size:
+            return None
+        H = (J.T @ J + own.T @ own)[np.ix_(moving, moving)]
+        where = [index[m] for m in moving]
+
+        def move(step: Array) -> _Point:
+            tried = q.copy()
+            tried[where] = np.clip(q[where] + step, low[where], high[where])
+            return point(tried)
+
+        return Local(gradient[moving], H, np.diag(H) + 1e-12 * (np.trace(H) + 1.0), move)
+
+    found = minimise(
+        point(np.clip(q, low, high)), lambda at: at.cost, local, DAMPING._replace(iterations=iterations)
+    )
+    q, at, scored, _ = found.point
+    if found.exhausted:
+        J = jacobian(of, q, at, scored.slope)
+    return Fitted(q, of.free, at, scored, J, own, float(np.sum((ties @ q) ** 2)))
+
+
+class _Point(NamedTuple):
+    q: Array  # (k,)
+    model: Array  # (n,)
+    scored: Scored
+    cost: float

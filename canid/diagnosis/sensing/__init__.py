@@ -1,0 +1,1 @@
+"""The sensing block: signals that must agree with each other."""

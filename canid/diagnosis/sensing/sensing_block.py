@@ -1,0 +1,145 @@
+"""Sensing block: two measurements of one quantity must agree, whoever drives.
+
+Relations are estimated by `relations`; the effects of the catalogue say what a coefficient means (`redundancy`). Where
+nothing else measures the same, that is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.masks import mask_input
+from canid.diagnosis.sensing.relations import RELATIONS, Related, SensorColumns, critical_value
+from canid.effects import CATALOGUE
+from canid.effects.effect import Effect
+from canid.effects.redundancy import Pattern, Relation
+from canid.findings import Blocked, Check, Finding, NotTestable
+from canid.types import Interval, Trace
+
+
+class SensingFindings(NamedTuple):
+    """Result of the block."""
+
+    findings: tuple[Finding, ...]
+    not_testable: tuple[NotTestable, ...]
+    checks: tuple[Check, ...]
+    block: Blocked
+    tried: int  # relations that were estimated
+
+
+def diagnose_sensing(trace: Trace, catalogue: tuple[Effect, ...] = CATALOGUE) -> SensingFindings:
+    """Compare redundant signals.
+
+    Args:
+        trace: of a drive.
+        catalogue: effects that may be named; those with a `redundancy` are tested.
+
+    Returns:
+        findings, what this drive cannot decide, the checks that were made, and the block's line.
+    """
+    columns = _columns(trace, catalogue)
+    if columns is None:
+        nothing = Blocked("sensing", "not_testable", "No gap, range rate and speed to be compared.")
+        return SensingFindings((), (), (), nothing, 0)
+    related: list[Related] = []
+    for estimate in RELATIONS:
+        related += estimate(columns)
+        columns = columns._replace(range_rate=columns.range_rate / _ratio(related))
+    effects = tuple(effect for effect in catalogue if effect.redundancy is not None)
+    findings = tuple(finding for one in related for finding in _findings(one, effects))
+    checks = tuple(one.check for one in related)
+    tried = sum(check.passed is not None for check in checks)
+    return SensingFindings(findings, _not_testable(related, effects), checks, _line(findings, checks), tried)
+
+
+def _columns(trace: Trace, catalogue: tuple[Effect, ...]) -> SensorColumns | None:
+    """Lay out the columns; None: one of the three that are always needed is missing."""
+    signals, n = trace.signals, trace.t.size
+    gap = signals.get("gap_reported", signals.get("gap"))
+    rate = signals.get("range_rate_reported", signals.get("range_rate"))
+    speed = signals.get("speed")
+    if gap is None or rate is None or speed is None or n < 2:
+        return None
+    masked, drive = np.zeros(n, dtype=bool), mask_input(trace)
+    for effect in catalogue:
+        if effect.mask is not None and effect.breaks_redundancy:
+            masked |= effect.mask(drive)
+    # a window must not extend from one lead to the next: a False between them
+    masked[1:] |= np.diff(trace.segment) != 0
+    return SensorColumns(gap, rate, speed, signals.get("gnss_speed"), signals.get("accel"), ~masked, trace.dt)
+
+
+def _ratio(related: list[Related]) -> float:
+    """What the range rate has to be divided by before its age is estimated."""
+    newest = related[-1]
+    if newest.relation is not Relation.RANGE_RATE or newest.coefficient is None or newest.check.passed:
+        return 1.0
+    return newest.coefficient.estimate.value
+
+
+def _findings(of: Related, effects: tuple[Effect, ...]) -> list[Finding]:
+    """Effects that a coefficient means; one without parameters first, as a sign before the scale that is left."""
+    if of.coefficient is None:
+        return []
+    found: list[tuple[Effect, Pattern]] = []
+    for effect in effects:
+        redundancy = effect.redundancy
+        if redundancy is None or redundancy.relation is not of.relation or redundancy.recognise is None:
+            continue
+        pattern = redundancy.recognise(of.coefficient)
+        if pattern is not None:
+            found.append((effect, pattern))
+    found.sort(key=lambda pair: len(pair[0].parameters))
+    rivals = _of_relations(effects, of.confounded)
+    return [
+        _finding(effect, pattern, of, of.gain if k == 0 else Interval(), rivals)
+        for k, (effect, pattern) in enumerate(found)
+    ]
+
+
+def _of_relations(effects: Iterable[Effect], relations: tuple[Relation, ...]) -> tuple[str, ...]:
+    return tuple(e.id for e in effects if e.redundancy is not None and e.redundancy.relation in relations)
+
+
+def _finding(
+    effect: Effect, pattern: Pattern, of: Related, gain: Interval, rivals: tuple[str, ...]
+) -> Finding:
+    estimates = {p.name: iv for p, iv in zip(effect.parameters, pattern.parameters, strict=True)}
+    says = effect.says
+    for name, iv in estimates.items():
+        says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+    return Finding(
+        effect=effect.id, where=effect.where, rivals=rivals, surrogate=False, parameters=estimates,
+        units={p.name: p.unit for p in effect.parameters}, gain=gain, says=says,
+        evidence=(pattern.deviation / of.sd) ** 2, needed=critical_value(of.dof) ** 2,
+    )  # fmt: skip
+
+
+def _not_testable(related: list[Related], effects: tuple[Effect, ...]) -> tuple[NotTestable, ...]:
+    """What this drive cannot decide; effects with one reason in common are one line."""
+    out: dict[str, tuple[str, ...]] = {}
+    reasons: dict[Relation | None, str] = {one.relation: one.not_testable for one in related}
+    for relation in (*reasons, None):
+        for effect in effects:
+            if effect.redundancy is None or effect.redundancy.relation is not relation:
+                continue
+            why = effect.absorbed if relation is None else reasons[relation]
+            if why:
+                why = f"{why}; what would decide: {effect.decides}"
+                out[why] = (*out.get(why, ()), effect.id, *effect.rivals)
+    return tuple(NotTestable(ids, why) for why, ids in out.items())
+
+
+def _line(findings: tuple[Finding, ...], checks: tuple[Check, ...]) -> Blocked:
+    if findings:
+        return Blocked("sensing", "wrong", " ".join(finding.says for finding in findings))
+    failed = [check.says for check in checks if check.passed is False]
+    if failed:
+        return Blocked("sensing", "unexplained", " ".join(failed))
+    if any(check.passed for check in checks):
+        numbers = " ".join(check.says for check in checks if check.passed)
+        return Blocked("sensing", "adequate", f"The sensors agree. {numbers}")
+    return Blocked("sensing", "not_testable", "No two signals of this drive measure the same quantity.")

@@ -1,0 +1,1 @@
+"""The vehicle's block: model, fit, search for causes."""

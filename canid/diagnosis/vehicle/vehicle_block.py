@@ -1,0 +1,325 @@
+"""Diagnosis of the vehicle: does the car follow its pedal, and if not, why; and the fitted car."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver.held_out import FOLD_BLOCK_S, FOLDS, gain
+from canid.diagnosis.fitting.candidates import direction, model_directions
+from canid.diagnosis.fitting.fitted_model import dropped, extended, solve, without_parameters
+from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.model import place
+from canid.diagnosis.fitting.robust_covariance import needed
+from canid.diagnosis.fitting.score_test import independent, score_test
+from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.vehicle import vehicle_data, vehicle_fit
+from canid.diagnosis.vehicle.vehicle_data import VehicleData
+from canid.diagnosis.vehicle.vehicle_fit import FittedVehicle
+from canid.diagnosis.vehicle.vehicle_model import DRAG, LAG, ROLLING, STRENGTH, accel, with_effects
+from canid.diagnosis.vehicle.vehicle_search import VehicleSearch, features, search_vehicle
+from canid.effects import CATALOGUE
+from canid.effects.effect import DriveFeatures, Effect, Screening, Unavailable
+from canid.findings import Blocked, Check, Finding, Flags, NotTestable, Tried
+from canid.identification.confidence import SIGMAS
+from canid.types import NAN, Array, Interval, Trace
+
+VEHICLE = tuple(effect for effect in CATALOGUE if effect.where == "vehicle")
+# s; engines follow their pedal within 0.2 to 0.6 s. A longer lag may be of another part of the car
+SLOWEST_ENGINE_S = 0.8
+# of the residual's variance, and of what the causes explained: what is left is material only above both (as in `adequacy`)
+VEHICLE_MATERIAL_SHARE, VEHICLE_LEFT_BEHIND_SHARE = 0.02, 0.1
+# of the error's variance on held-out data, that the interval of a named cause's gain must exceed: a cause with an
+# approximate form leaves some per cent to a neighbour
+MIN_HELD_OUT_GAIN = 0.02
+# probability that a car with the right model fails the adequacy test
+VEHICLE_FALSE_ALARM = 0.005
+# s after which scores are independent
+VEHICLE_SCORE_LAG_S = 5.0
+
+
+class Vehicle(NamedTuple):
+    """Findings of the block, and the cars for the closed loop."""
+
+    findings: tuple[Finding, ...]
+    tried: tuple[Tried, ...]
+    not_testable: tuple[NotTestable, ...]
+    checks: tuple[Check, ...]
+    block: Blocked
+    cars: (
+        tuple[FittedVehicle, FittedVehicle] | None
+    )  # without and with what was named; None: nothing could be fitted
+    slope: Array  # (n,) what the car's step takes for the road's slope
+    gear: Array  # (n,)
+    left: Array  # (n,) m/s², measured less modelled; while braking this is the brake
+
+
+def diagnose_vehicle(trace: Trace, usable: Flags, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
+    """Diagnose the vehicle.
+
+    Args:
+        trace: of a drive.
+        usable: (n,) samples that no mask has taken.
+        catalogue: effects that may be named.
+
+    Returns:
+        a `Vehicle`. What the drive cannot decide is in `not_testable`, never an exception.
+    """
+    data = vehicle_data.prepare(trace, usable)
+    if isinstance(data, str):
+        return _nothing(trace, data, catalogue)
+    before = vehicle_fit.baseline(data)
+    if before is None:
+        why = "it drives unbraked, with a person at the pedal, for less than 40 s in a row"
+        return _nothing(trace, why, catalogue)
+    known = features(data, before)
+    effects = tuple(effect for effect in catalogue if _unavailable(effect, known) is None)
+    expected = {effect.id: _expected(effect, data, before) for effect in effects}
+    shown = tuple(effect for effect in effects if expected[effect.id] >= needed(1, len(effects)))
+    found = search_vehicle(data, shown, before)
+    adequate = _adequacy(found, data)
+    candidates = (
+        _finding(one, found, data, passed=adequate.passed is not False)
+        for one in found.named
+        if _unusual(one, found, data)
+    )
+    # only what surely simulates held-out data better: otherwise a bent map is named in addition to other causes
+    findings = tuple(finding for finding in candidates if finding.gain.low > MIN_HELD_OUT_GAIN)
+    return Vehicle(
+        findings, _tried(found, effects, expected), _not_testable(known, catalogue, effects, expected),
+        (*_checks(found, data), adequate), _line(findings, found, adequate, data),
+        (_without(found, data, findings), found.solved), data.seen.slope, data.seen.gear,
+        data.output.y - found.solved.fitted.model,
+    )  # fmt: skip
+
+
+def _without(found: VehicleSearch, data: VehicleData, findings: tuple[Finding, ...]) -> FittedVehicle:
+    """The car with what every car has, and without what was named."""
+    return (
+        dropped(data, found.solved, *(finding.effect for finding in findings)) if findings else found.solved
+    )
+
+
+def _nothing(trace: Trace, why: str, catalogue: tuple[Effect, ...]) -> Vehicle:
+    ids, n = tuple(effect.id for effect in catalogue), trace.t.size
+    return Vehicle(
+        (), (), (NotTestable(ids, why),) if ids else (), (),
+        Blocked("vehicle", "not_testable", f"The car could not be diagnosed: {why}."), None,
+        np.zeros(n), np.zeros(n), np.full(n, NAN),
+    )  # fmt: skip
+
+
+def _unavailable(effect: Effect, drive: DriveFeatures) -> Unavailable | None:
+    """Reason why an effect cannot be tested on this drive; None: it can."""
+    why = effect.unavailable(drive)
+    if why is None and not effect.identifiable:
+        return Unavailable(f"{effect.absorbed}; what would decide: {effect.decides}")
+    return why
+
+
+def _expected(effect: Effect, data: VehicleData, before: FittedVehicle) -> float:
+    """Evidence that a typical strength of an effect would leave on this drive; infinite where that does not screen it."""
+    if effect.screening is not Screening.DETECTABLE:
+        return np.inf
+    model = extended(before.model, effect)
+    q = np.concatenate([before.q, [parameter.typical for parameter in effect.parameters]])
+    d = direction(data, before, model_directions(before), model.bind(data)(q) - before.fitted.model)
+    return float(d @ d)
+
+
+def _unusual(one: Named, found: VehicleSearch, data: VehicleData) -> bool:
+    """Is it more than every car and road has?"""
+    at = place(found.solved.model, one.effect.id).start
+    value = float(found.solved.q[at])
+    wide = SIGMAS * float(vehicle_fit.standard_errors(found.solved, data.output.dt)[at])
+    return one.effect.unusual(Interval(value, value - wide, value + wide), features(data, found.solved))
+
+
+def _finding(one: Named, found: VehicleSearch, data: VehicleData, *, passed: bool) -> Finding:
+    effect, model, q = one.effect, found.solved.model, found.solved.q
+    where = place(model, effect.id)
+    sd = vehicle_fit.standard_errors(found.solved, data.output.dt)
+    estimates, says = {}, effect.says
+    for parameter, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
+        value, wide = float(q[k]), SIGMAS * float(sd[k])
+        estimates[parameter.name] = Interval(
+            value, max(value - wide, parameter.low), min(value + wide, parameter.high)
+        )
+        iv = estimates[parameter.name]
+        says = says.replace("{" + parameter.name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+    return Finding(
+        effect=effect.id, where=effect.where, rivals=one.rivals, surrogate=not passed, parameters=estimates,
+        units={p.name: p.unit for p in effect.parameters}, gain=_gain(one, found, data), says=says,
+        evidence=one.evidence, needed=one.needed,
+    )  # fmt: skip
+
+
+def _gain(one: Named, found: VehicleSearch, data: VehicleData) -> Interval:
+    """Gain of the cause over the model with all others, on held-out stretches."""
+    n, dt, solved = data.output.y.size, data.output.dt, found.solved
+    fold = (np.arange(n) // round(FOLD_BLOCK_S / dt)) % FOLDS
+    other, q = without_parameters(solved, one.effect.id)
+    errors = np.full((2, n), NAN)
+    for k in range(FOLDS):
+        rows = solved.rows & (fold != k)
+        for row, model, begin in zip(errors, (other, solved.model), (q, solved.q), strict=True):
+            left = data.output.y - solve(data, model, begin, solved.noise, rows, turns=1).fitted.model
+            row[fold == k] = (left**2)[fold == k]
+    return gain(errors[0], errors[1], data.output.usable, dt)
+
+
+def _adequacy(found: VehicleSearch, data: VehicleData) -> Check:
+    """Adequacy of the fitted car: score test of its residual against functions of pedal and speed."""
+    solved, dt = found.solved, data.output.dt
+    fine = solved.rows
+
+    def standard(x: Array) -> Array:
+        sd = float(np.std(x[fine]))
+        return np.clip((x - np.mean(x[fine])) / max(sd, 1e-9), -4, 4)
+
+    drive = standard(accel(with_effects(()), data.seen, solved.q[:4], dt) + _drag(solved, data))
+    v, t = standard(data.seen.speed), standard(data.seen.t)
+    inverse = standard(1 / np.maximum(data.seen.speed, 3.0))
+    columns = np.stack(
+        [drive**2, drive**3, drive * v, drive * drive * v, drive * inverse, v**3, inverse, drive * t], axis=1
+    )
+    X = whitened(solved.noise, columns)
+    X[~fine] = 0.0
+    Q = model_directions(solved)
+    X = X - Q @ (Q.T @ X)
+    turn, e = independent(X), solved.fitted.scored.e
+    k = turn.shape[1]
+    if not k:
+        return Check(
+            "vehicle gate",
+            None,
+            NAN,
+            VEHICLE_FALSE_ALARM,
+            "The drive moves the car too little to test the residual.",
+            gate=True,
+        )
+    tested = score_test(X, turn, e, round(VEHICLE_SCORE_LAG_S / dt))
+    p = tested.p
+    share = max(tested.gain - tested.expected, 0.0) / max(float(e @ e), 1e-9)
+    explained = max(1 - solved.noise.sd**2 / found.baseline.noise.sd**2, 0.0)
+    passed = not (
+        p < VEHICLE_FALSE_ALARM
+        and share > VEHICLE_MATERIAL_SHARE
+        and share > VEHICLE_LEFT_BEHIND_SHARE * explained
+    )
+    says = (
+        f"The car's residual {'does not depend' if passed else 'still depends'} on pedal and speed: "
+        f"chance {p:.2g} over {k} directions, {100 * share:.1f} % of its variance."
+    )
+    return Check("vehicle gate", passed, p, VEHICLE_FALSE_ALARM, says, gate=True)
+
+
+def _drag(solved: FittedVehicle, data: VehicleData) -> Array:
+    out: Array = solved.q[ROLLING] + solved.q[DRAG] * data.seen.speed**2
+    return out
+
+
+def _checks(found: VehicleSearch, data: VehicleData) -> tuple[Check, ...]:
+    use = data.output.usable
+    y = data.output.y[use]
+    left = float(np.var(y - found.solved.fitted.model[use])) / max(float(np.var(y)), 1e-12)
+    q, sd = found.solved.q, vehicle_fit.standard_errors(found.solved, data.output.dt)
+
+    def estimate(k: int, unit: str) -> str:
+        return f"{q[k]:.3g} ± {SIGMAS * sd[k]:.2g} {unit}"
+
+    says = (
+        f"Pedal and speed explain {100 * (1 - left):.0f} % of the acceleration ({data.signal}): "
+        f"{estimate(STRENGTH, 'm/s² per %')}, lag {estimate(LAG, 's')}, "
+        f"rolling and slope {estimate(ROLLING, 'm/s²')}, drag {estimate(DRAG, '1/m')}."
+    )
+    late = (
+        f"The pull follows the pedal by {estimate(LAG, 's')}; engines do within {SLOWEST_ENGINE_S} s. "
+        "A longer lag is an actuator's or a charger's, and only a changing load shows which."
+    )
+    return (
+        Check("vehicle fit", left < 0.5, 1 - left, 0.5, says),
+        Check(
+            "vehicle lag",
+            q[LAG] - SIGMAS * sd[LAG] <= SLOWEST_ENGINE_S,
+            float(q[LAG]),
+            SLOWEST_ENGINE_S,
+            late,
+            "s",
+        ),
+    )
+
+
+def _tried(
+    found: VehicleSearch, effects: tuple[Effect, ...], expected: dict[str, float]
+) -> tuple[Tried, ...]:
+    rivals = {rival for one in found.named for rival in one.rivals}
+    seen = {step.effect.id for step in found.steps}
+    out = [
+        Tried(
+            s.effect.id, s.effect.where, s.step, s.evidence, s.needed, expected[s.effect.id],
+            "accepted" if s.accepted else "rival" if s.effect.id in rivals else "rejected",
+            "" if s.accepted else "another one explained more" if s.evidence > s.needed else "chance explains as much",
+        )
+        for s in found.steps
+    ]  # fmt: skip
+    for effect in effects:
+        if effect.id not in seen:
+            enough = expected[effect.id] >= needed(1, len(effects))
+            out.append(
+                Tried(
+                    effect.id, effect.where, 1, NAN, needed(len(effect.parameters), len(effects)), expected[effect.id],
+                    "rejected" if enough else "not_testable",
+                    "its direction explains next to nothing" if enough else "this drive would not show it",
+                )
+            )  # fmt: skip
+    return tuple(out)
+
+
+def _not_testable(
+    known: DriveFeatures,
+    catalogue: tuple[Effect, ...],
+    effects: tuple[Effect, ...],
+    expected: dict[str, float],
+) -> tuple[NotTestable, ...]:
+    """What this drive cannot decide; effects with one reason in common are one line."""
+    reasons: dict[str, tuple[str, ...]] = {}
+    for effect in catalogue:
+        unavailable = _unavailable(effect, known)
+        if unavailable is not None and not unavailable.ruled_out:
+            reasons[unavailable.why] = (*reasons.get(unavailable.why, ()), effect.id)
+        elif unavailable is None and expected[effect.id] < needed(1, len(effects)):
+            why = f"a typical one would leave evidence {expected[effect.id]:.0f} on this drive; it takes {effect.decides}"
+            reasons[why] = (effect.id,)
+    out = [NotTestable(ids, why) for why, ids in sorted(reasons.items(), key=lambda pair: len(pair[1]))]
+    why = (
+        "the car's strength, rolling and drag take up its mass, its drag area and a constant slope; "
+        "they take a torque signal, a coast-down or a known mass"
+    )
+    out.append(NotTestable(("mass", "drag_area", "constant_grade"), why))
+    return tuple(out)
+
+
+def _line(findings: tuple[Finding, ...], found: VehicleSearch, adequate: Check, data: VehicleData) -> Blocked:
+    named = {finding.effect for finding in findings}
+    rest = [one for one in found.named if one.effect.id not in named]
+    ordinary = [_briefly(one.effect, found) for one in rest if not _unusual(one, found, data)]
+    unsure = [_briefly(one.effect, found) for one in rest if _unusual(one, found, data)]
+    usual = f" As usual, and in the model: {', '.join(ordinary)}." if ordinary else ""
+    usual += f" Helps, but not reliably on held-out data: {', '.join(unsure)}." if unsure else ""
+    if adequate.passed is False:
+        return Blocked("vehicle", "unexplained", adequate.says + usual)
+    if findings:
+        return Blocked("vehicle", "wrong", " ".join(finding.says for finding in findings) + usual)
+    left = found.solved.fitted.model - data.output.y
+    sd = float(np.std(left[data.output.usable]))
+    return Blocked("vehicle", "adequate", f"The car does what its pedal asks for, to {sd:.2g} m/s².{usual}")
+
+
+def _briefly(effect: Effect, found: VehicleSearch) -> str:
+    """An effect with its first parameter."""
+    model = found.solved.model
+    first = place(model, effect.id).start
+    unit = effect.parameters[0].unit
+    return f"{effect.id} {found.solved.q[first]:.2g}{' ' + unit if unit != '1' else ''}"

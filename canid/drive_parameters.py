@@ -1,0 +1,119 @@
+"""A drive's parameters: over sliding windows, as live, and over the whole drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from canid.estimators import ESTIMATORS
+from canid.estimators.estimator import AnyRunning, WholeDrive
+from canid.estimators.windows import reported_estimates
+from canid.identification.armax import order_selection
+from canid.identification.armax.armax_batch import ArmaxFit
+from canid.identification.armax.order_selection import Candidate
+from canid.types import NAN, Channel, Estimate, ResidualTests, Sample, Trace
+
+
+class ArmaxDrive(NamedTuple):
+    """The ARMAX model of the whole drive."""
+
+    fit: ArmaxFit
+    channels: Mapping[str, Channel]
+    residual_tests: ResidualTests
+
+
+class Identified(NamedTuple):
+    """Parameters of the driver of one drive."""
+
+    duration: float  # s
+    driver_time: float  # s in which a person drove and followed
+    windows: tuple[Estimate, ...]
+    whole: Mapping[str, WholeDrive | None]  # estimator -> its result over the whole drive; None: it has none
+    orders: tuple[Candidate, ...]  # of ARMAX, compared on this drive, best first
+
+    @property
+    def channels(self) -> Mapping[str, Channel]:
+        """FOPDT over the whole drive: input name -> Channel."""
+        found = self.whole.get("fopdt")
+        return {} if found is None else found.channels
+
+    @property
+    def fit_percent(self) -> float:
+        """Fit of FOPDT over the whole drive."""
+        found = self.whole.get("fopdt")
+        return NAN if found is None or found.fit_percent is None else found.fit_percent
+
+    @property
+    def armax(self) -> ArmaxDrive | None:
+        """ARMAX over the whole drive; None: too few data, or no stable model."""
+        found = self.whole.get("armax")
+        if found is None or found.residual_tests is None:
+            return None
+        return ArmaxDrive(found.model, found.channels, found.residual_tests)
+
+
+def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Identified:
+    """Identify the driver of a whole drive.
+
+    Args:
+        trace: from `read_trace`.
+        select_orders: compare other orders of ARMAX as well.
+        **settings: by estimator: `armax=ArmaxSettings(...)`, `fopdt=FopdtSettings(...)`; or None: its defaults.
+
+    Returns:
+        an `Identified`; what is not identifiable from the drive is NaN, never an exception.
+
+    Raises:
+        TypeError: settings of an estimator that does not exist.
+
+    Example:
+        >>> import canid
+        >>> drive = canid.read_trace("replay_logs/following_urban.blf", "generic")
+        >>> found = canid.identify(drive, select_orders=False)
+        >>> found.channels["range_rate"].K.low < 5.62 < found.channels["range_rate"].K.high  # its truth
+        True
+    """
+    unknown = sorted(settings.keys() - {estimator.name for estimator in ESTIMATORS})
+    if unknown:
+        names = ", ".join(estimator.name for estimator in ESTIMATORS)
+        raise TypeError(f"identify: no estimator is called {', '.join(unknown)}; there are {names}")
+    usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
+    return Identified(
+        duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
+        driver_time=float(usable.sum() * trace.dt),
+        windows=tuple(windows(trace, **settings)),
+        whole={
+            estimator.name: estimator.identify(trace, settings.get(estimator.name) or estimator.settings())
+            for estimator in ESTIMATORS
+            if estimator.identify is not None
+        },
+        orders=tuple(
+            order_selection.compare(trace.output, trace.inputs, usable, segment=trace.segment)
+            if select_orders
+            else ()
+        ),
+    )
+
+
+def windows(trace: Trace, **settings: Any) -> list[Estimate]:
+    """Estimates of each estimator along the drive, one every 10 s: the same numbers as live."""
+    running: list[AnyRunning] = [
+        estimator.make(trace.input_names, trace.dt, settings.get(estimator.name)) for estimator in ESTIMATORS
+    ]
+    return reported_estimates(running, samples(trace))
+
+
+# rows that are made samples at once: a whole drive's would take 20 MB an hour
+ROWS_AT_ONCE = 1024
+
+
+def samples(trace: Trace) -> Iterator[Sample]:
+    """The trace row by row, as the estimators take it."""
+    for a in range(0, len(trace.t), ROWS_AT_ONCE):
+        part = slice(a, a + ROWS_AT_ONCE)
+        numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment)
+        rows = zip(*(column[part].tolist() for column in numbers), trace.gate[part], strict=True)
+        for t, y, u, learn, segment, gate in rows:
+            yield Sample(t, y, tuple(u), gate, learn, segment, {})

@@ -1,0 +1,379 @@
+"""A recorded log through the pipeline: outputs one by one, or whole columns."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing
+from itertools import chain
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from canid import pipeline
+from canid.errors import CanidError, ConfigError, LogError
+from canid.estimators.status import ESTIMATE_EVERY_S
+from canid.files import state_file
+from canid.frame_columns import gather, select
+from canid.logs import Log, open_log
+from canid.saving import checksum
+from canid.saving.saved_state import SAVE_INTERVAL_S, resume, saver
+from canid.types import (
+    TASK_INPUTS,
+    Array,
+    Columns,
+    Damage,
+    Driver,
+    Estimate,
+    Event,
+    Frame,
+    Sample,
+    Signal,
+    Trace,
+)
+from canid.vehicle import Vehicle, decoder, mapped_ids, missing, read_vehicle
+
+# frames of mapped ids: what is decoded together need not be put together; with 64 bytes of data each they are 21 MB
+FRAMES_PER_DECODED_CHUNK = 262_144
+
+# frames of whatever id: numpy's overhead is spread over them
+FRAMES_PER_CHUNK = 65_536
+
+# frames between two updates of a display: 2 s of a full 500 kbit/s bus
+FRAMES_PER_ESTIMATED_CHUNK = 4096
+
+
+class Health(NamedTuple):
+    """What reading a log has shown apart from its numbers; each entry is a sentence."""
+
+    frames: int
+    duration: float  # s
+    mapped: int  # roles that came at least once; radar tracks are one
+    damage: Damage | None
+    back_in_time: str  # "" or what was left out
+    counters: dict[str, int]  # "gap: no target" -> n
+    missing: tuple[str, ...]
+    events: tuple[Event, ...]
+
+
+class Step(NamedTuple):
+    """One chunk of a log through the pipeline."""
+
+    state: pipeline.State  # after it
+    chunk: Columns
+    out: list[pipeline.Output]
+
+
+class Drive(NamedTuple):
+    """All that came out of one log."""
+
+    trace: Trace
+    estimates: tuple[Estimate, ...]
+    health: Health
+
+
+def window(frames: Iterable[Frame], start: float, stop: float) -> Iterator[Frame]:
+    """Frames of [start, stop] s; they keep their times.
+
+    Example:
+        >>> [f.t for f in window([Frame(t, 0, 1, b"") for t in (0.0, 1.0, 2.0)], 0.5, 1.5)]
+        [1.0]
+    """
+    return (frame for frame in frames if start <= frame.t <= stop)
+
+
+def as_vehicle(vehicle: Vehicle | str | Path) -> Vehicle:
+    """Read the vehicle file, unless it was read before."""
+    return vehicle if isinstance(vehicle, Vehicle) else read_vehicle(vehicle)
+
+
+def run(
+    log: Log,
+    vehicle: Vehicle,
+    *,
+    estimating: bool = True,
+    dt: float = pipeline.DT,
+    start: float = 0.0,
+    stop: float = float("inf"),
+    keep: str | Path | None = None,
+    span: float = float("inf"),
+) -> Generator[Step, None, None]:
+    """Run a log through the pipeline, chunk by chunk.
+
+    Args:
+        log: from `open_log`.
+        vehicle: from `read_vehicle`.
+        estimating: run the estimators as well.
+        dt: step of the grid, s.
+        start: s, leave out what is earlier.
+        stop: s, leave out what is later.
+        keep: go on from the state in this file, and save there every 10 s and at the end.
+        span: s of the log that a chunk may last.
+
+    Raises:
+        ConfigError: the state file cannot be read.
+        OutputError: the state cannot be saved.
+    """
+    running = pipeline.build(vehicle, estimating=estimating, dt=dt)
+    chunks = _chunks(log, start, stop, FRAMES_PER_ESTIMATED_CHUNK if estimating else FRAMES_PER_CHUNK, span)
+    steps = _plain(running, chunks) if keep is None else _kept(running, chunks, keep, log, vehicle, dt)
+    with closing(steps):
+        for state, chunk, out in steps:
+            # the grid begins a little before the first frame: there is nothing there
+            yield Step(state, chunk, [item for item in out if item.t >= start])
+
+
+def _chunks(log: Log, start: float, stop: float, size: int, span: float) -> Iterator[Columns]:
+    """The log's frames of [start, stop] s, about `size` at once and at most `span` s of them."""
+    for chunk in gather(log.columns(), size):
+        if start > 0.0 or stop < float("inf"):
+            chunk = select(chunk, (chunk.t >= start) & (chunk.t <= stop))
+        n = len(chunk.t)
+        if not n:
+            continue
+        cuts = set(range(0, max(n - size // 2, 1), size))
+        if span < float("inf"):
+            part = np.floor(np.maximum.accumulate(chunk.t) / span)
+            cuts |= set((np.flatnonzero(np.diff(part)) + 1).tolist())
+        ends = sorted(cuts)
+        for begin, end in zip(ends, [*ends[1:], n], strict=True):
+            yield chunk if end - begin == n else select(chunk, np.arange(begin, end))
+
+
+def _plain(running: pipeline.Pipeline, chunks: Iterable[Columns]) -> Generator[Step, None, None]:
+    state = running.init()
+    for chunk in chunks:
+        state, out = running.step(state, chunk)
+        yield Step(state, chunk, [item for _, item in out])
+
+
+def _kept(
+    running: pipeline.Pipeline,
+    chunks: Iterator[Columns],
+    path: str | Path,
+    log: Log,
+    vehicle: Vehicle,
+    dt: float,
+) -> Generator[Step, None, None]:
+    saved = state_file.read(path)
+    state_file.check_writable(path)
+    first = next(chunks, None)
+    if first is None:
+        return
+    t = float(first.t[0])
+    # a log without a date is taken to begin now
+    begins = log.start_utc if math.isfinite(log.start_utc) else time.time() - t
+    saving, state, events = saver(vehicle, running, dt), running.init(), []
+    if saved is not None:
+        state, event = resume(running, saving, saved, begins + t, t)
+        events.append(event)
+    writable = saved is None or checksum.ours(saved)
+
+    def save() -> None:
+        known = pipeline.known(state)
+        if known is not None and writable:
+            state_file.write(path, saving.save(known, begins + t))
+
+    due = time.monotonic() + SAVE_INTERVAL_S
+    try:
+        for chunk in chain([first], chunks):
+            state, out = running.step(state, chunk)
+            t = float(chunk.t[-1])
+            yield Step(state, chunk, [*events, *(item for _, item in out)])
+            events = []
+            if time.monotonic() >= due:
+                due = time.monotonic() + SAVE_INTERVAL_S
+                save()
+    finally:
+        save()
+
+
+def health(
+    log: Log,
+    vehicle: Vehicle,
+    state: pipeline.State | None,
+    frames: int,
+    last: float,
+    events: Iterable[Event],
+) -> Health:
+    """Sum up what reading a log has shown."""
+    if state is None:
+        return Health(frames, last, 0, log.damage, "", {}, (), tuple(events))
+    back, decoding = state.sampler.clock, state.sampler.decoding
+    says = (
+        f"{back.dropped} frames go back in time (by up to {back.worst:.3g} s) and were left out"
+        if back.dropped
+        else ""
+    )
+    never = tuple(missing(vehicle, decoding))
+    return Health(
+        frames, last, len(decoding.seen), log.damage, says, dict(decoding.counters), never, tuple(events)
+    )
+
+
+def trace(samples: list[Sample], driver: Driver, dt: float) -> Trace:
+    """Samples as columns; rows that the log skips are NaN."""
+    names = TASK_INPUTS[driver.task]
+    roles = sorted({role for sample in samples for role in sample.signals})
+    return Trace(
+        dt=dt,
+        t=np.array([s.t for s in samples]),
+        output=np.array([s.output for s in samples]),
+        inputs=np.array([s.inputs for s in samples]).reshape(len(samples), len(names)),
+        input_names=names,
+        gate=tuple(s.gate for s in samples),
+        learn=np.array([s.learn for s in samples], dtype=bool),
+        segment=np.array([s.segment for s in samples], dtype=np.int64),
+        signals={role: np.array([s.signals.get(role, np.nan) for s in samples]) for role in roles},
+    )
+
+
+def read_drive(
+    path: str | Path,
+    vehicle: Vehicle | str | Path,
+    *,
+    dt: float = pipeline.DT,
+    estimating: bool = True,
+    start: float = 0.0,
+    stop: float = float("inf"),
+    log: Log | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Drive:
+    """Run a whole log through the pipeline.
+
+    Args:
+        path: the log.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        dt: step of the grid, s.
+        estimating: run the estimators as well.
+        start: s, leave out what is earlier.
+        stop: s, leave out what is later.
+        log: the opened log, where the caller has it.
+        progress: called now and then with the fraction that was read.
+
+    Raises:
+        ConfigError: the vehicle file is wrong, nothing in the log is mapped by it, or the part holds no frames.
+        LogError: the log cannot be read.
+    """
+    car = as_vehicle(vehicle)
+    log = open_log(path) if log is None else log
+    parts: list[Trace] = []
+    estimates: list[Estimate] = []
+    events: list[Event] = []
+    state, frames, last = None, 0, 0.0
+    for after, chunk, out in run(log, car, estimating=estimating, dt=dt, start=start, stop=stop):
+        state = after
+        frames += len(chunk.t)
+        last = float(chunk.t[-1])
+        parts.append(trace([item for item in out if isinstance(item, Sample)], car.driver, dt))
+        estimates += [item for item in out if isinstance(item, Estimate)]
+        events += [item for item in out if isinstance(item, Event)]
+        if progress is not None:
+            progress(log.progress)
+    if state is None:
+        raise nothing_read(path, start, stop, log.damage)
+    shown = health(log, car, state, frames, last, events)
+    if not shown.mapped:
+        raise nothing_mapped(path, car, frames)
+    return Drive(_joined(parts), tuple(estimates), shown)
+
+
+def _joined(parts: list[Trace]) -> Trace:
+    """Put traces together that follow each other."""
+    filled = [part for part in parts if part.t.size] or parts[:1]
+    first = filled[0]
+    return Trace(
+        dt=first.dt,
+        t=np.concatenate([part.t for part in filled]),
+        output=np.concatenate([part.output for part in filled]),
+        inputs=np.concatenate([part.inputs for part in filled]),
+        input_names=first.input_names,
+        gate=tuple(gate for part in filled for gate in part.gate),
+        learn=np.concatenate([part.learn for part in filled]),
+        segment=np.concatenate([part.segment for part in filled]),
+        signals={role: np.concatenate([part.signals[role] for part in filled]) for role in first.signals},
+    )
+
+
+def nothing_read(path: str | Path, start: float, stop: float, damage: Damage | None) -> CanidError:
+    """The error for a log, or a part of one, without any frame."""
+    if damage:
+        return LogError(f"{path}: {damage.says}")
+    if start > 0 or stop < float("inf"):
+        return ConfigError(
+            f"{path}: no frames between {start:g} and {stop:g} s; look with `canid check {path}`"
+        )
+    return LogError(f"{path} holds no frames")
+
+
+def nothing_mapped(path: str | Path, vehicle: Vehicle, frames: int) -> ConfigError:
+    """The error for a log in which no mapped id occurs."""
+    return ConfigError(
+        f"{path}: none of its {frames:,} frames has an id that {vehicle.name} maps "
+        f"(is it this vehicle's log? `canid check LOG` lists its ids)"
+    )
+
+
+def read_trace(path: str | Path, vehicle: Vehicle | str | Path, dt: float = pipeline.DT) -> Trace:
+    """Read a log as uniform columns: signals decoded, lead chosen and smoothed, gates judged.
+
+    Args:
+        path: .blf, .asc, candump .log, .csv, .trc or .mf4.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        dt: step of the grid, s.
+
+    Returns:
+        a `Trace`; NaN = not measured.
+    """
+    return read_drive(path, vehicle, dt=dt, estimating=False).trace
+
+
+def read_signals(path: str | Path, vehicle: Vehicle | str | Path) -> dict[str, Signal]:
+    """Read the mapped signals as they came, in SI, unsampled.
+
+    Args:
+        path: the log.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+
+    Returns:
+        role -> `Signal(t, value)`, t in s since the log's first frame. Radar tracks are left out: `read_trace` has the lead.
+    """
+    car = as_vehicle(vehicle)
+    init, step = decoder(car)
+    state = init()
+    times: dict[str, list[Array]] = {}
+    values: dict[str, list[Array]] = {}
+    for chunk in gather(open_log(path).columns(mapped_ids(car)), FRAMES_PER_DECODED_CHUNK):
+        state, decoded = step(state, chunk)
+        of_rows = {id(row): chunk.t[row] for _, row, _ in decoded.roles}
+        for role, row, value in decoded.roles:
+            times.setdefault(role, []).append(of_rows[id(row)])
+            values.setdefault(role, []).append(value)
+    # signals of the same frames share their times
+    joined = {tuple(map(id, parts)): np.concatenate(parts) for parts in times.values()}
+    return {
+        role: Signal(joined[tuple(map(id, times[role]))], np.concatenate(values[role]))
+        for role in sorted(times)
+    }
+
+
+def replay(
+    path: str | Path, vehicle: Vehicle | str | Path, *, state: str | Path | None = None
+) -> Iterator[Estimate]:
+    """Estimates from a log, one by one, as they would have come live.
+
+    Args:
+        path: the log.
+        vehicle: a vehicle file, its name, or what `read_vehicle` returned.
+        state: go on from what was learnt before and saved in this file; save there every 10 s and at the end.
+
+    Yields:
+        an `Estimate` of each estimator every half second of the log.
+    """
+    # closed early, it saves a state that is at most half a second of the log ahead of the last estimate
+    span = float("inf") if state is None else ESTIMATE_EVERY_S
+    with closing(run(open_log(path), as_vehicle(vehicle), keep=state, span=span)) as steps:
+        for step in steps:
+            yield from (item for item in step.out if isinstance(item, Estimate))

@@ -1,0 +1,1 @@
+"""Effects in the driver: other responses, drifts, thresholds, episodes."""

@@ -1,0 +1,52 @@
+"""Second, neuromuscular lag (McRuer & Jex 1967): below 0.5 Hz it is the same as a dead time."""
+
+from __future__ import annotations
+
+import math
+
+from scipy.signal import lfilter
+
+from canid.effects.effect import Effect, Kind, Parameter, Params, PedalDynamics
+from canid.types import Array
+
+
+def init(p: Params, first: float) -> float:
+    """Start at rest."""
+    return first
+
+
+def step(p: Params, state: float, demand: float, dt: float) -> tuple[float, float]:
+    """Advance 1/(1 + T2 s) by one step.
+
+    Example:
+        >>> y, pedal = step((0.1,), 0.0, 1.0, 0.1)
+        >>> round(pedal, 3)
+        0.632
+    """
+    decay = math.exp(-dt / p[0]) if p[0] > 0 else 0.0
+    y = decay * state + (1 - decay) * demand
+    return y, y
+
+
+def column(p: Params, demand: Array, dt: float) -> Array:
+    """Return the same along a drive, (n,)."""
+    decay = math.exp(-dt / p[0]) if p[0] > 0 else 0.0
+    out: Array = lfilter([1 - decay], [1, -decay], demand, zi=[decay * demand[0]])[0]
+    return out
+
+
+EFFECT = Effect(
+    id="second_lag",
+    says="The pedal follows the demand with a second lag of {tau} s.",
+    where="driver",
+    kind=Kind.PARAMETRIC,
+    parameters=(Parameter("tau", "s", 0.0, 1.5, (0.2,), 0.2),),
+    needs=(),
+    source="McRuer & Jex 1967",
+    rivals=("radar_latency",),
+    absorbed="below 0.5 Hz a second lag is the same as a dead time",
+    decides="a pedal signal at 50 Hz or more and a lead that excites above 1 Hz: no drive on a road does",
+    identifiable=False,
+    pedal=PedalDynamics(init, step, column),
+    silent_at=((0.02,),),
+)

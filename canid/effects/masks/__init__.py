@@ -1,0 +1,1 @@
+"""Masks: stretches without a person who drives, or without valid inputs."""

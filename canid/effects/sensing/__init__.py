@@ -1,0 +1,1 @@
+"""Effects in the sensors, seen by two signals that must agree."""

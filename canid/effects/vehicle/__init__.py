@@ -1,0 +1,1 @@
+"""Effects in the vehicle, from pedal to speed."""

@@ -1,0 +1,357 @@
+"""The live loop: the estimators in a process of their own, where they may raise, hang or die, and cost no frame.
+
+`Estimating` is the parent's side, used by `canid.session`; `main` is the child, which runs `canid.pipeline`.
+Frames go to the child over its standard input as columns, every `CHUNK_S`; outputs come back over its standard
+output, both pickled. The child is restarted when it dies or does not answer; what it had in hand is lost for the
+estimates, never for the recording, and is counted. What it knows it hands over now and then; the next child goes on
+from there.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+from canid.child_process import command as child_command
+from canid.errors import CanidError
+from canid.frame_columns import columns_of
+from canid.types import Columns, Event, Frame
+
+# frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, some 60 MB
+MAX_WAITING_FRAMES = 100_000
+# s between two chunks of frames, at least: a chunk costs 1 to 2 ms however few frames it has, and samples are 0.3 to
+# 0.6 s old by design. 0.05 s costs less at low rates, but brings the slowest 1 % of estimates past 0.1 s at 8,000
+# frames/s (`python -m benchmarks live`)
+CHUNK_S = 0.03
+# frames of a chunk at most: 50 ms at 8,000 frames/s. Where so many wait, the next chunk follows at once
+MAX_CHUNK_FRAMES = 400
+# s without an answer to frames that were sent, before the child is taken for hung; a refit takes 10 ms on a laptop,
+# and 200 frames with several refits more than 5 s on an emulated machine
+ANSWER_TIMEOUT_S = 20.0
+# s that a child may take to import its mathematics: 3 s on a laptop, 60 s on an emulated machine
+START_TIMEOUT_S = 180.0
+# s between restarts of a child that keeps dying: the last one is repeated
+RESTART_DELAYS_S = (0.0, 1.0, 2.0, 5.0, 10.0)
+# bytes of memory of its own that a child may have: four times what it needs; what takes more has no end
+CHILD_MEMORY_BYTES = 1024**3
+# s that a child which was ended by force may take to be gone
+KILL_TIMEOUT_S = 1.0
+# s between two checks for a child that hangs
+HANG_CHECK_S = 0.2
+
+
+class Counts(NamedTuple):
+    """What became of the frames that were offered."""
+
+    offered: int
+    done: int
+    dropped: int  # there was no room, or the child died with them
+    restarts: int
+    ready: bool
+
+
+class Estimating:
+    """Owns the child process and the three threads that serve it."""
+
+    def __init__(
+        self,
+        vehicle: str,
+        on_output: Callable[[float, Any], None],
+        command: Sequence[str] | None = None,
+        state: bytes | None = None,
+    ) -> None:
+        """Start the child.
+
+        Args:
+            vehicle: path of the vehicle file.
+            on_output: called, from a thread, with the time of the frame that completed it and each Sample,
+                Estimate, Screened and Event.
+            command: of the child; the tests put faulty ones here.
+            state: that was saved before, to go on from.
+        """
+        self.state = state  # the newest one
+        self._command = list(command or child_command("canid.estimator_process", vehicle))
+        self._on_output = on_output
+        self._waiting: deque[Frame] = deque()
+        self._wake = threading.Condition()
+        self._offered = self._sent = self._done = self._dropped = self._lost = self._restarts = 0
+        self._closing = self._finished = self._ended = False
+        self._ready = False
+        self._latest = 0.0  # s, session time of the newest frame
+        self._answered = time.monotonic()
+        self.counters: dict[str, int] = {}
+        self.missing: list[str] = []
+        self.output = ""
+        self._child: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._supervise, name="canid-estimating", daemon=True)
+        self._thread.start()
+
+    def put(self, frames: Sequence[Frame]) -> None:
+        """Offer frames; never blocks. Without room the new ones are dropped, and counted."""
+        with self._wake:
+            room = max(MAX_WAITING_FRAMES - len(self._waiting), 0)
+            self._offered += len(frames)
+            self._latest = frames[-1].t if frames else self._latest
+            self._dropped += max(len(frames) - room, 0)
+            self._waiting.extend(frames[:room])
+            self._wake.notify()
+
+    def counts(self) -> Counts:
+        """Return the counts so far."""
+        return Counts(
+            self._offered, self._done - self._lost, self._dropped + self._lost, self._restarts, self._ready
+        )
+
+    def close(self, timeout: float) -> bool:
+        """Let the child finish what was offered, at most `timeout` s, then end it. Returns False where it was ended.
+
+        What it did not get to is counted as dropped. A second call does nothing.
+        """
+        with self._wake:
+            self._closing = True
+            self._wake.notify()
+        self._thread.join(timeout)
+        clean = not self._thread.is_alive()
+        if not clean:
+            self._ended = True
+            child = self._child
+            if child is not None and child.poll() is None:
+                child.kill()
+            self._thread.join(KILL_TIMEOUT_S)
+        return clean
+
+    # --- the threads ---
+
+    def _supervise(self) -> None:
+        while True:
+            given = self.state
+            try:
+                self._run_child(given)
+            except OSError as error:  # no memory for a process, say
+                self._why = error.strerror or str(error)
+            if self._finished:
+                return
+            if self.state is given:
+                # it may be this state that has ended the child: no other one shall begin with it
+                self.state = None
+            lost = self._sent - self._done
+            self._lost += lost
+            self._done = self._sent
+            if self._closing:
+                # there is no time for another child: what still waits is missing in the estimates as well
+                with self._wake:
+                    self._dropped += len(self._waiting)
+                    self._waiting.clear()
+                if not self._ended:
+                    self._on_output(
+                        self._latest, Event(self._latest, "estimator_ended", f"the estimator: {self._why}")
+                    )
+                return
+            wait = RESTART_DELAYS_S[min(self._restarts, len(RESTART_DELAYS_S) - 1)]
+            self._restarts += 1
+            says = f"the estimator is restarted ({self._why}); {lost} frames are missing in the estimates"
+            self._on_output(self._latest, Event(self._latest, "estimator_restarted", says))
+            with self._wake:
+                self._wake.wait_for(lambda: self._closing, wait)
+
+    def _run_child(self, state: bytes | None) -> None:
+        self._why = "it ended"
+        self._ready = False
+        self._answered = time.monotonic()
+        self._child = child = subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            # standard error may be a pipe that nobody reads: what has happened comes as a message
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        _bound(child.pid)
+        assert child.stdin is not None
+        assert child.stdout is not None
+        feeder = threading.Thread(target=self._feed, args=(child, child.stdin, state), daemon=True)
+        watcher = threading.Thread(target=self._watch, args=(child,), daemon=True)
+        feeder.start()
+        watcher.start()
+        try:
+            self._collect(child.stdout)
+        finally:
+            child.kill()
+            child.wait()
+            with self._wake:
+                self._wake.notify_all()
+            feeder.join()
+            watcher.join()
+            child.stdout.close()
+
+    def _collect(self, stream: IO[bytes]) -> None:
+        while True:
+            try:
+                kind, payload = pickle.load(stream)
+                if kind == "out":
+                    done, outputs, self.counters, self.missing = payload
+                    self._done += done
+                    for t, item in outputs:
+                        self._on_output(t, item)
+                elif kind == "state":
+                    self.state = bytes(payload)
+                elif kind == "event":
+                    # the child does not know what time it is before it has seen a frame
+                    self._on_output(self._latest, payload._replace(t=self._latest))
+            except EOFError:
+                return
+            except (
+                Exception
+            ):  # of any kind: bytes that are no message can make pickle raise whatever there is
+                self._why = "it answers nonsense"
+                return
+            self._answered = time.monotonic()
+            if kind == "ready":
+                self._ready, self.output = True, payload or ""
+            elif kind == "failed":
+                self._why = payload
+            elif kind == "end":
+                self._finished = True
+
+    def _feed(self, child: subprocess.Popen[bytes], stream: IO[bytes], state: bytes | None) -> None:
+        sent_at = -CHUNK_S
+        try:
+            if state is not None:
+                pickle.dump(state, stream, protocol=5)
+                stream.flush()
+            while child.poll() is None:
+                with self._wake:
+                    self._wake.wait_for(
+                        lambda: self._waiting or self._closing or child.poll() is not None, timeout=1.0
+                    )
+                if len(self._waiting) < MAX_CHUNK_FRAMES and not self._closing:
+                    time.sleep(max(sent_at + CHUNK_S - time.monotonic(), 0.0))
+                with self._wake:
+                    n = min(len(self._waiting), MAX_CHUNK_FRAMES)
+                    frames = [self._waiting.popleft() for _ in range(n)]
+                    end = self._closing and not frames
+                if frames:
+                    sent_at = time.monotonic()
+                    if self._sent == self._done:
+                        # nothing was outstanding: the wait for an answer begins now
+                        self._answered = sent_at
+                    self._sent += n
+                    pickle.dump(tuple(columns_of(frames)), stream, protocol=5)
+                    stream.flush()
+                if end:
+                    break
+        except OSError:
+            pass  # the child is gone: the collector sees it too
+        finally:
+            with suppress(OSError):
+                stream.close()
+
+    def _watch(self, child: subprocess.Popen[bytes]) -> None:
+        while child.poll() is None:
+            time.sleep(HANG_CHECK_S)
+            silent = time.monotonic() - self._answered
+            outstanding = self._sent > self._done
+            if (self._ready and outstanding and silent > ANSWER_TIMEOUT_S) or (
+                not self._ready and silent > START_TIMEOUT_S
+            ):
+                self._why = f"no answer for {silent:.0f} s"
+                child.kill()
+                return
+
+
+def _bound(pid: int) -> None:
+    """Let the child have `CHILD_MEMORY_BYTES` and an ordinary priority; where memory runs out, it is ended first."""
+    try:
+        import resource
+
+        resource.prlimit(pid, resource.RLIMIT_DATA, (CHILD_MEMORY_BYTES, CHILD_MEMORY_BYTES))
+    except (ImportError, AttributeError, OSError):
+        pass  # not Linux, or it is gone already
+    with suppress(OSError):
+        Path(f"/proc/{pid}/oom_score_adj").write_text("500", encoding="ascii")
+    with suppress(AttributeError, OSError):
+        os.setpriority(os.PRIO_PROCESS, pid, max(os.getpriority(os.PRIO_PROCESS, pid), 0))
+
+
+def main() -> int:
+    """Run as the child: frames in, outputs out, until the input ends."""
+    for ignored in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(ignored, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent to answer
+    # one core is enough, and a second one belongs to the recorder
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    source, sink = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # nothing that a library prints gets between the messages
+
+    def send(kind: str, payload: Any = None) -> None:
+        pickle.dump((kind, payload), sink, protocol=5)
+        sink.flush()
+
+    try:
+        _estimate(sys.argv[1], source, send)
+    except Exception as error:
+        import traceback
+
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        send(
+            "failed",
+            f"{type(error).__name__}: {error} ({os.path.basename(where.filename)}, line {where.lineno})",
+        )
+        return 1
+    return 0
+
+
+def _estimate(vehicle_path: str, source: IO[bytes], send: Callable[..., None]) -> None:
+    """Chunks of frames, or a saved state, from `source` through the pipeline, until it ends."""
+    from canid import pipeline
+    from canid.saving.saved_state import SAVE_INTERVAL_S, resume, saver
+    from canid.vehicle import missing, read_vehicle
+
+    vehicle = read_vehicle(vehicle_path)
+    running = pipeline.build(vehicle)
+    saving = saver(vehicle, running)
+    state = running.init()
+    send("ready", vehicle.driver.output)
+
+    def hand_over() -> None:
+        known = pipeline.known(state)
+        try:
+            if known is not None:
+                send("state", saving.save(known, time.time()))
+        except CanidError as error:
+            send("event", Event(0.0, "state_not_saved", str(error)))
+
+    due = time.monotonic() + SAVE_INTERVAL_S
+    while True:
+        try:
+            message = pickle.load(source)
+        except EOFError:
+            break
+        if isinstance(message, bytes):
+            state, event = resume(running, saving, message, time.time())
+            send("event", event)
+            continue
+        chunk = Columns(*message)
+        state, out = running.step(state, chunk)
+        decoding = state.sampler.decoding
+        outputs = [(float(chunk.t[row]), item) for row, item in out]
+        send("out", (len(chunk.t), outputs, dict(decoding.counters), missing(vehicle, decoding)))
+        if time.monotonic() >= due:
+            due = time.monotonic() + SAVE_INTERVAL_S
+            hand_over()
+    hand_over()
+    send("end")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""One ARMAX model of a whole drive: fit, gains and delays, residual tests, and their presentation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from canid.estimators.estimator import WholeDrive
+from canid.identification import residual_tests
+from canid.identification.armax import gain_and_delay
+from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
+from canid.types import Channel, ResidualTests, Trace
+
+
+def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
+    """Fit all usable samples of a drive; None: too few data, or no stable model."""
+    usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
+    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment)
+    if fit is None:
+        return None
+    tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
+    covariance = residual_tests.variance_inflation(tests) * fit.covariance
+    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, covariance, trace.dt)
+    return WholeDrive(
+        channels,
+        fit,
+        residual_tests=tests,
+        specification=_specification(orders),
+        details=_details(fit, channels, tests),
+        lines=(f"poles {', '.join(map(_pole, fit.poles))}",),
+    )
+
+
+def _specification(o: Orders) -> str:
+    return f"({o.na},{o.nb},{o.nc}), dead time {o.nk} sample{'s' * (o.nk > 1)}"
+
+
+def _pole(p: complex) -> str:
+    return f"{p.real:.3f}{p.imag:+.3f}j" if p.imag else f"{p.real:.3f}"
+
+
+def _details(fit: ArmaxFit, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
+    """Keys of `armax` in JSON, see docs/json.md."""
+    return {
+        "orders": fit.orders,
+        "A": fit.A,
+        "B": dict(zip(channels, fit.B, strict=True)),
+        "C": fit.C,
+        "offset": fit.offset,
+        "sigma": float(fit.sigma),
+        "K": {name: channel.K for name, channel in channels.items()},
+        "poles": [[float(p.real), float(p.imag)] for p in fit.poles],
+        "whiteness": {
+            "white": tests.white,
+            "statistic": tests.statistic,
+            "bound": tests.bound,
+            "lags": fit.whiteness.lags,
+        },
+        "cross": {
+            name: {"causal": name not in tests.left_over, "feedback": name in tests.feedback}
+            for name in channels
+        },
+    }

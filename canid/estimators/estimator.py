@@ -1,0 +1,108 @@
+"""The estimator contract: settings, pure functions of a state, and whole-drive identification, as one value.
+
+An estimator is a file in this folder that defines such a value, and a line in `ESTIMATORS`. Its name is also the
+section of the vehicle file that holds its settings, and its key in JSON.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from canid.types import Channel, Estimate, ResidualTests, Sample, Trace
+
+Settings = TypeVar("Settings")
+Setup = TypeVar("Setup")
+State = TypeVar("State")
+
+
+class WholeDrive(NamedTuple):
+    """What an estimator finds in all data of a drive at once."""
+
+    channels: Mapping[str, Channel]  # input name -> Channel
+    model: Any = None  # the estimator's own fit, for callers in Python
+    fit_percent: float | None = None  # NaN: not known; None: the method has none
+    residual_tests: ResidualTests | None = None
+    specification: str = ""  # follows the estimator's name in text: "(2,2,1), dead time 1 sample"
+    details: Mapping[
+        str, Any
+    ] = {}  # more keys in JSON: numbers, texts, arrays, NamedTuples and mappings of such
+    lines: tuple[str, ...] = ()  # more lines in text
+
+
+class Running(NamedTuple, Generic[State]):
+    """An estimator bound to its inputs, its grid and its settings."""
+
+    name: str
+    init: Callable[[], State]
+    advance: Callable[[State, Sample], tuple[State, bool]]
+    estimate: Callable[[State, Sample], tuple[State, Estimate]]
+    check_state: Callable[[State], Iterable[str]]  # problems of a restored state
+
+    def step(self, state: State, sample: Sample) -> tuple[State, Estimate | None]:
+        """Take one sample; the estimate, where one is due."""
+        state, due = self.advance(state, sample)
+        return self.estimate(state, sample) if due else (state, None)
+
+
+class Estimator(NamedTuple, Generic[Settings, Setup, State]):
+    """One identification method, unbound.
+
+    State and settings are NamedTuples. The annotations of the state's fields are what saves, restores and checks it
+    (`saving.state_codec`, `state_constraints`); those of the settings, with pydantic's constraints, are what checks the
+    vehicle file's section. All functions are pure.
+    """
+
+    name: str
+    settings: type[Settings]  # every field has a default
+    configure: Callable[
+        [tuple[str, ...], float, Settings], Setup
+    ]  # input names, dt [s]; ValueError: no sense in it
+    init: Callable[[Setup], State]
+    # Take a sample, and say whether an estimate is due: when the kind of status changes, and every
+    # `status.ESTIMATE_EVERY_S` (see `status.due`).
+    advance: Callable[[Setup, State, Sample], tuple[State, bool]]
+    # Make the estimate that is due. A caller that reports few of them does not ask for the others: see `windows.py`.
+    estimate: Callable[[Setup, State, Sample], tuple[State, Estimate]]
+    identify: Callable[[Trace, Settings], WholeDrive | None] | None = (
+        None  # None: windows only; returns None: no model
+    )
+    check_state: Callable[[Setup, State], Iterable[str]] | None = (
+        None  # why a restored state is not of this setup
+    )
+
+    def make(
+        self, input_names: tuple[str, ...], dt: float, settings: Settings | None = None
+    ) -> Running[State]:
+        """Bind inputs, grid and settings.
+
+        Args:
+            input_names: in the order of `Sample.inputs`.
+            dt: s, the grid of the samples.
+            settings: None: the defaults.
+
+        Raises:
+            ValueError: settings that make no sense.
+
+        >>> from canid.estimators.fopdt import FOPDT
+        >>> from canid.types import LearnGate
+        >>> estimator = FOPDT.make(("range_rate",), 0.1)
+        >>> first = Sample(0.0, 20.0, (0.1,), LearnGate.OPEN, True, 0, {})
+        >>> state, estimate = estimator.step(estimator.init(), first)
+        >>> estimate.status
+        <Status.CONVERGING: 'converging'>
+        """
+        setup = self.configure(input_names, dt, self.settings() if settings is None else settings)
+        check_state = partial(self.check_state, setup) if self.check_state is not None else lambda state: ()
+        return Running(
+            self.name,
+            partial(self.init, setup),
+            partial(self.advance, setup),
+            partial(self.estimate, setup),
+            check_state,
+        )
+
+
+AnyEstimator = Estimator[Any, Any, Any]
+AnyRunning = Running[Any]

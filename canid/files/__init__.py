@@ -1,0 +1,1 @@
+"""Files: created without overwriting, identified, followed when they move, replaced atomically."""

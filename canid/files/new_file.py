@@ -1,0 +1,279 @@
+"""A new file on the disk: never over another one, never empty where it has a header, with errors of one line."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+
+from canid.errors import OutputError
+from canid.files import file_location
+from canid.files.file_location import Place, Whereabouts
+
+# macOS and Windows have no fdatasync.
+_to_disk = getattr(os, "fdatasync", os.fsync)
+# Readable too: what was written must be readable after the name was deleted. Zero: not on this system.
+_NEW_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+_EXCLUSIVE_FLAGS = os.O_EXCL | _NO_LINK
+_MODE = 0o666  # less the umask, as open() does
+# For a file that lines are appended to, by its name. No link is followed, opening a FIFO does not block, and no
+# terminal becomes the controlling one.
+APPEND_FLAGS = (
+    os.O_RDWR
+    | os.O_APPEND
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+# bytes copied at once
+_COPY_SIZE = 1 << 20
+# temporary names that are tried: each is random, so one is enough unless another program interferes
+_TEMPORARY_TRIES = 8
+
+
+class TakenError(OutputError):
+    """A file of that name exists already."""
+
+
+class ChangedError(OutputError):
+    """Another program has truncated the file, or written into it."""
+
+
+class Disk:
+    """A new file. `size` bytes of it are whole; a write that fails leaves `size` as it was."""
+
+    def __init__(self, path: Path, *, head: bytes = b""):
+        """Create it. With a `head` the name appears only once the head is on the disk: no cut leaves it empty."""
+        self.path = path
+        self.size = 0
+        self.taken = 0  # bytes of an `append` that failed which are in the file, until `keep`
+        self.changed = ""  # the error where another program wrote into it; then nothing more is written
+        self.closing: Callable[[Disk], object] | None = None  # called before the descriptor is closed
+        self._entry_synced = False
+        self._fd = -1
+        try:
+            self._fd = _open(path, head=head)
+        except FileExistsError:
+            message = f"{path} exists already: choose another name"
+            raise TakenError(message) from None
+        except OSError as error:
+            raise OutputError(f"cannot create {path}: {error.strerror}") from None
+        self.size = len(head)
+        # Some network file systems have no lasting inode numbers: there only a failing write shows that a file is gone. A
+        # device (/dev/null) has no size.
+        self._findable = file_location.find(self._fd, path).place is Place.HERE
+        self._sized = self.size_on_disk() == self.size
+        self._proved = False  # that the size follows what is written, as some network file systems' does not
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file is closed."""
+        return self._fd < 0
+
+    def fileno(self) -> int:
+        """Return the descriptor; raises ValueError where it is closed."""
+        if self._fd < 0:
+            raise ValueError("the file is closed")
+        return self._fd
+
+    def append(self, data: bytes) -> None:
+        """Write at the end."""
+        self._check_size()
+        self.taken = 0
+        try:
+            self._write(self.size, data)
+        except OutputError:
+            self.taken = max(min(self.size_on_disk() - self.size, len(data)), 0)
+            raise
+        self.size += len(data)
+        if not self._proved:
+            self._proved = True
+            self._sized = self._sized and self.size_on_disk() == self.size
+
+    def keep(self, count: int) -> None:
+        """After an `append` that failed: its first `count` bytes count as written, what follows them is cut off."""
+        self.size += count
+        self.taken = 0
+        self._cut()
+
+    def put(self, at: int, data: bytes) -> None:
+        """Write at byte `at`, over what was written before; raises OutputError."""
+        self._check_size()
+        self._write(at, data)
+
+    def sync(self) -> None:
+        """Sync all of it to the disk itself, its name in the folder too; raises OutputError."""
+        try:
+            _to_disk(self.fileno())
+            if not self._entry_synced:
+                _sync_folder(self.path.parent)
+                self._entry_synced = True
+        except OSError as error:
+            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+
+    def find(self) -> Whereabouts:
+        """Where the file is now."""
+        if not self._findable or self.closed:
+            return Whereabouts(Place.HERE, self.path)
+        return file_location.find(self.fileno(), self.path)
+
+    def moved(self, path: Path) -> None:
+        """Note the file's new name."""
+        self.path = path
+        self._entry_synced = False
+
+    def read(self, at: int, count: int) -> bytes:
+        """Read back what was written, whether or not the file still has a name. Raises OSError."""
+        return _read(self.fileno(), at, count)
+
+    def copy(self, path: Path) -> Disk:
+        """Copy what was written into a new file, on the disk. Raises OutputError, TakenError."""
+        copied = Disk(path)
+        try:
+            while copied.size < self.size:
+                chunk = self.read(copied.size, min(_COPY_SIZE, self.size - copied.size))
+                if not chunk:
+                    raise OutputError(f"{self.path} cannot be read back beyond byte {copied.size}")
+                copied.append(chunk)
+            copied.sync()
+        except (OSError, OutputError) as error:
+            copied.close()
+            raise OutputError(str(error)) from None
+        return copied
+
+    def size_on_disk(self) -> int:
+        """Bytes that the file has now; `size` where that is unknown."""
+        try:
+            return os.fstat(self.fileno()).st_size
+        except OSError:
+            return self.size
+
+    def close(self) -> None:
+        """Close, and cut off what a failed write left after the last whole byte."""
+        if self.closed:
+            return
+        self._cut()
+        if self.closing is not None:
+            self.closing(self)
+        fd, self._fd = self._fd, -1
+        # some file systems report a failed write here and nowhere else; the last sync was reported already
+        with contextlib.suppress(OSError):
+            os.close(fd)
+
+    def _cut(self) -> None:
+        # what a full disk took in part would read as damage; where even this fails, it stays
+        with contextlib.suppress(OSError):
+            if self._sized and self.size_on_disk() > self.size:
+                os.ftruncate(self.fileno(), self.size)
+
+    def _check_size(self) -> None:
+        """Raise ChangedError where another program has changed the size: writing on would leave a hole."""
+        if self._sized and (found := self.size_on_disk()) != self.size:
+            self._sized = False  # nothing is cut off any more: another program writes it
+            self.changed = f"{self.path} was changed by another program: it has {found:,} bytes, {self.size:,} were written"
+        if self.changed:
+            raise ChangedError(self.changed)
+
+    def _write(self, at: int, data: bytes) -> None:
+        try:
+            _write(self.fileno(), at, data)
+        except OSError as error:
+            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+
+
+def _open(path: Path, *, head: bytes) -> int:
+    """Open a new file that begins with `head`; unbuffered, so that a kill loses nothing that was written."""
+    if head:
+        linked = _open_linked(path, head)
+        if linked >= 0:
+            return linked
+    fd = os.open(path, _NEW_FLAGS | _EXCLUSIVE_FLAGS, _MODE)
+    try:
+        _write(fd, 0, head)
+    except OSError:
+        os.close(fd)
+        raise
+    return fd
+
+
+def _open_linked(path: Path, head: bytes) -> int:
+    """Write the head under another name first, then link it: the name never stands for an empty file.
+
+    -1 where the file system has no hard links (FAT, some FUSE).
+    """
+    if os.path.lexists(path):
+        raise FileExistsError
+    fd, other = _open_temporary(path)
+    try:
+        _write(fd, 0, head)
+        _to_disk(fd)
+        os.link(other, path)
+    except FileExistsError:
+        os.close(fd)
+        raise
+    except OSError as error:
+        os.close(fd)
+        # full, or a write error: the plain way would fail as well, and leave an empty file
+        if error.filename is None:
+            raise
+        return -1
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(other)
+    return _reopened(fd, path)
+
+
+def _reopened(fd: int, path: Path) -> int:
+    """The same file, opened under its own name: the system reports a moved file by the name it was opened with."""
+    try:
+        named = os.open(path, _NEW_FLAGS & ~os.O_CREAT | _NO_LINK)
+    except OSError:
+        return fd  # write permission may be missing by the umask, or the name be gone already: later checks notice that
+    if os.path.samestat(os.fstat(named), os.fstat(fd)):
+        os.close(fd)
+        return named
+    os.close(named)
+    return fd
+
+
+def _open_temporary(path: Path) -> tuple[int, Path]:
+    """Create a file under a random name in the same folder; no existing file or link is opened."""
+    for _ in range(_TEMPORARY_TRIES):
+        other = path.with_name(f".{path.name}.{secrets.token_hex(8)}.new")
+        with contextlib.suppress(FileExistsError):
+            return os.open(other, _NEW_FLAGS | _EXCLUSIVE_FLAGS, _MODE), other
+    raise OSError(None, "no temporary name is free")
+
+
+def _write(fd: int, at: int, data: bytes) -> None:
+    done = 0
+    if hasattr(os, "pwrite"):
+        while done < len(data):  # a nearly full disk takes a part
+            done += os.pwrite(fd, data[done:] if done else data, at + done)
+        return
+    os.lseek(fd, at, os.SEEK_SET)  # Windows
+    while done < len(data):
+        done += os.write(fd, data[done:])
+
+
+def _read(fd: int, at: int, count: int) -> bytes:
+    if hasattr(os, "pread"):
+        return os.pread(fd, count, at)
+    os.lseek(fd, at, os.SEEK_SET)  # Windows
+    return os.read(fd, count)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Sync the folder's entries: a file whose name is lost is lost."""
+    # Windows cannot open folders, and some network file systems cannot sync them
+    with contextlib.suppress(OSError):
+        fd = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(fd)
+        finally:
+            os.close(fd)

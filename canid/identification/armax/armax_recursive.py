@@ -1,0 +1,329 @@
+"""ARMAX sample by sample: recursive prediction errors (Ljung & Söderström 1983, ch. 3.7) at several memories.
+
+Every array holds all memories at once, because a call of numpy costs as much for five as for one. Arrays are
+float64, or float32 where `begin` is asked for it.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.identification.armax import forgetting_mixture, polynomial, square_root_covariance
+from canid.identification.armax.armax_batch import ArmaxFit, Orders
+from canid.state_constraints import NOT_NEGATIVE, POSITIVE
+from canid.types import Array
+
+# Per sample, ascending: memories of 5, 10, 20 and 50 s at 10 Hz, and one that keeps everything.
+FORGETTING = (0.98, 0.99, 0.995, 0.998, 1.0)
+
+# Zeros of C stay within: at 10 Hz a zero at 0.995 remembers for 20 s, longer than any movement lasts.
+MAX_ZERO_RADIUS = 0.995
+
+# Samples after which is forgotten, and whose summed score is compared with that of white innovations: 2 s at
+# 10 Hz.
+BLOCK_SAMPLES = 20
+
+# Samples over which the variance is formed that a change is tested against: 10 s at 10 Hz.
+RECENT_SAMPLES = 100
+
+# Blocks over which the autocorrelation of the innovations is judged: 100 s at 10 Hz.
+WHITENESS_BLOCKS = 50
+
+# An innovation of more than three standard deviations (squared: 9) counts as three in the noise's variance: a
+# jerk is no noise.
+MAX_SQUARED_INNOVATION = 9.0
+
+# A refuted memory begins anew with this many times the standard deviations of the memory it begins from: a
+# quarter of that one's information, most of which is from after the change, but some from before.
+RESTART_WIDENING = 2.0
+
+
+class Noise(NamedTuple):
+    """Variance of the innovations, each weighted by the information of its sample on the parameters.
+
+    So weighted, twenty quiet minutes of cruise do not reduce the variance of the noise under which the rest was learnt.
+    """
+
+    power: Annotated[float, POSITIVE]  # sum of leverage times squared innovation
+    leverage: Annotated[float, POSITIVE]  # sum of psi' P psi with the covariance P at the start
+    recent: Annotated[float, NOT_NEGATIVE]  # variance over the last RECENT_SAMPLES samples
+
+    @property
+    def variance(self) -> float:
+        """Of the innovations."""
+        return self.power / self.leverage
+
+
+class BlockSample(NamedTuple):
+    """One sample of the present block."""
+
+    psi: Array  # (k, 1, n)
+    e: tuple[float, ...]  # (k,) innovations
+    square: float  # of the innovation, in the mean the variance of the noise
+
+
+class State(NamedTuple):
+    """What the next sample needs; k memories, the longest last, n parameters in the order of ArmaxFit."""
+
+    forgetting: Array  # (k,) per sample
+    theta: Array  # (k, 1, n)
+    root: Array  # (k, n, n), S S' times the variance of the noise is the covariance
+    y: tuple[float, ...]  # newest first
+    u: tuple[tuple[float, ...], ...]  # per input, newest first
+    e: Array  # (k, 1, nc) innovations, newest first
+    psi: tuple[Array, ...]  # the last nc gradients (k, 1, n), newest first
+    trust: forgetting_mixture.Trust
+    noise: Noise
+    block: tuple[BlockSample, ...]
+    weights: Annotated[Array, POSITIVE]  # (2, k) sums of the samples' weights and of their squares
+    score: Array  # (2, n) forgotten sums of squared block scores; of what white innovations would give
+    anchor: Array  # (n, n) root of the longest memory when it began
+    anchored: float  # samples that it knew then
+    restarts: int  # times that the longest memory was refuted
+
+
+def begin(
+    fit: ArmaxFit,
+    forgetting: Sequence[float] = FORGETTING,
+    dtype: npt.DTypeLike = np.float64,
+) -> State:
+    """Go on from a batch fit, with the lags that it ended with.
+
+    Args:
+        fit: of the samples up to now.
+        forgetting: per sample, one or more in (0, 1]; the largest must be the last.
+        dtype: float64 or float32, of the recursion.
+
+    Raises:
+        ValueError: the fit's covariance is not positive definite: not every parameter was excited.
+
+    >>> rng = np.random.default_rng(0)
+    >>> u, e, y = rng.normal(size=500), 0.1 * rng.normal(size=500), np.zeros(500)
+    >>> for t in range(1, 500): y[t] = 0.8 * y[t-1] + 0.5 * u[t-1] + e[t] + 0.3 * e[t-1]
+    >>> from canid.identification.armax.armax_batch import fit_armax
+    >>> o = Orders(1, 1, 1, 1)
+    >>> state = begin(fit_armax(y[:150], u[:150, None], np.full(150, True), o))
+    >>> for t in range(150, 500): state, _ = step(state, o, y[t], (u[t],))
+    >>> estimate(state)[0].round(1)
+    array([-0.8,  0.5, -0. ,  0.3])
+    """
+    k, n, variance = len(forgetting), len(fit.theta), max(fit.sigma**2, 1e-12)
+    plain = fit.covariance / (fit.variance_inflation * variance)
+    root = square_root_covariance.factor(plain).astype(dtype)
+    information = np.diag(np.linalg.inv(plain)) * variance
+    lags = fit.lags
+    return State(
+        np.array(forgetting, dtype),
+        np.tile(fit.theta, (k, 1, 1)).astype(dtype),
+        np.tile(root, (k, 1, 1)),
+        lags.y,
+        lags.u,
+        np.tile(np.array(lags.e, dtype), (k, 1, 1)),
+        tuple([np.tile(np.array(psi, dtype), (k, 1, 1)) for psi in lags.psi]),
+        forgetting_mixture.begin(forgetting),
+        Noise(n * variance, float(n), variance),
+        (),
+        np.full((2, k), float(fit.used)),
+        np.array([fit.variance_inflation * information, information]),
+        root,
+        float(fit.used),
+        0,
+    )
+
+
+def rest(state: State) -> State:
+    """Forget the lags, keep the knowledge: after a gap."""
+    return state._replace(y=(), u=())
+
+
+def step(
+    state: State, o: Orders, output: float, inputs: Sequence[float], learn: bool = True
+) -> tuple[State, float]:
+    """Take in one usable sample.
+
+    Args:
+        state: as left by the sample before.
+        o: orders.
+        output: finite.
+        inputs: (m,) finite.
+        learn: False: only the lags move on.
+
+    Returns:
+        The new state and the innovation; NaN while the lags fill.
+    """
+    u_now = tuple([(x, *past) for x, past in zip(inputs, state.u or ((),) * len(inputs), strict=True)])
+    keep = o.nb + o.nk - 1
+    u_next = tuple([past[:keep] for past in u_now])
+    y_next = (output, *state.y)[: max(o.na, 1)]
+    theta = state.theta
+    n = theta.shape[2]
+    if len(state.y) < o.na or len(u_now[0]) <= keep:
+        zero = np.zeros_like(theta)
+        return state._replace(y=y_next, u=u_next, e=zero[:, :, : o.nc], psi=(zero,) * o.nc), math.nan
+
+    known = [-x for x in state.y[: o.na]]
+    for past in u_now:
+        known += past[o.nk :]
+    known.append(1.0)
+    phi = np.empty_like(theta)
+    phi[:, 0, : n - o.nc] = known
+    phi[:, :, n - o.nc :] = state.e
+    psi = phi
+    for i, old in enumerate(state.psi, n - o.nc):
+        # a product of (1, 1) by (1, n): matmul makes it in half the time of a broadcast
+        psi = psi - theta[:, :, i : i + 1] @ old
+    column = phi.swapaxes(1, 2)
+    e = output - theta @ column
+    errors = e.ravel().tolist()
+    if not math.isfinite(sum(errors)):  # a model that has run away begins again with real lags
+        return rest(state), math.nan
+    innovation = sum(map(operator.mul, state.trust.weights, errors))
+    psi_next = (psi, *state.psi)[: o.nc]
+    if not learn:
+        return state._replace(y=y_next, u=u_next, e=_newest(e, state.e, o.nc), psi=psi_next), innovation
+
+    done = square_root_covariance.update(state.root, psi)
+    new = theta + e @ done.gain
+    if o.nc:
+        _keep_stable(new, theta, o.nc)
+    # the residual with the new parameters is the better guess of the innovation
+    after = output - new @ column
+    noise = state.noise
+    worst = max(noise.variance, noise.recent)
+    # the shortest memory follows every change, so that its errors are noise alone; their product has the noise's
+    # variance in the mean
+    square = min(errors[0] * after.item(0), MAX_SQUARED_INNOVATION * worst)
+    moved = State(
+        state.forgetting,
+        new,
+        done.root,
+        y_next,
+        u_next,
+        _newest(after, state.e, o.nc),
+        psi_next,
+        forgetting_mixture.step(state.trust, errors, done.spread.ravel().tolist(), worst),
+        Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / RECENT_SAMPLES),
+        (*state.block, BlockSample(psi, tuple(errors), square)),
+        state.weights,
+        state.score,
+        state.anchor,
+        state.anchored,
+        state.restarts,
+    )
+    if len(moved.block) == BLOCK_SAMPLES:
+        moved = _closed(moved)
+    best = forgetting_mixture.refuted(moved.trust)
+    return (moved if best is None else _renewed(moved, best)), innovation
+
+
+def _newest(e: Array, before: Array, nc: int) -> Array:
+    return e if nc == 1 else np.concatenate([e, before], axis=2)[:, :, :nc]
+
+
+def _keep_stable(new: Array, old: Array, nc: int) -> None:
+    """Shorten a step that would make 1/C unstable until it does not (Ljung & Söderström 1983, sec. 6.6)."""
+    every, sufficient = new[:, 0, -nc:].tolist(), MAX_ZERO_RADIUS**nc
+    for i, c in enumerate(every):
+        # the first is sufficient and, for one zero, all that is to be asked
+        if sum(map(abs, c)) < sufficient or polynomial.is_stable(c, MAX_ZERO_RADIUS):
+            continue
+        for _ in range(6):
+            new[i] = 0.5 * (new[i] + old[i])
+            if polynomial.is_stable(new[i, 0, -nc:].tolist(), MAX_ZERO_RADIUS):
+                break
+        else:
+            new[i] = old[i]
+
+
+def _closed(state: State) -> State:
+    """End a block: forget, and compare its score with that of white innovations."""
+    psi = np.concatenate([one.psi for one in state.block], axis=1)
+    lead = _lead(state)
+    e = np.array([one.e[lead] for one in state.block])
+    own = psi[lead].astype(np.float64)
+    noise = state.noise
+    leverage = ((psi[-1] @ state.anchor) ** 2).sum(axis=1, dtype=np.float64)
+    noise = noise._replace(
+        power=noise.power + float(leverage @ [one.square for one in state.block]),
+        leverage=noise.leverage + float(leverage.sum()),
+    )
+    score = np.array([(e @ own) ** 2, (own * own).sum(axis=0) * noise.variance])
+    fade = state.forgetting.astype(np.float64) ** BLOCK_SAMPLES
+    return state._replace(
+        root=square_root_covariance.forget(state.root, psi, state.forgetting),
+        noise=noise,
+        block=(),
+        weights=state.weights * [fade, fade * fade] + BLOCK_SAMPLES,
+        score=state.score * (1.0 - 1.0 / WHITENESS_BLOCKS) + score,
+    )
+
+
+def _renewed(state: State, best: int) -> State:
+    """Let the longest memory, which was refuted, and the shortest begin anew from `best`."""
+    k = len(state.trust.weights)
+    of = [best, *range(1, k - 1), best]
+    widening = np.ones((k, 1, 1), state.root.dtype)
+    widening[[0, -1]] = RESTART_WIDENING
+    root = widening * state.root[of]
+    weights = state.weights[:, of]
+    weights[:, [0, -1]] /= RESTART_WIDENING**2
+    return state._replace(
+        theta=state.theta[of],
+        root=root,
+        e=state.e[of],
+        psi=tuple([psi[of] for psi in state.psi]),
+        trust=forgetting_mixture.renew(state.trust),
+        block=tuple([one._replace(psi=one.psi[of]) for one in state.block]),
+        weights=weights,
+        anchor=root[-1],
+        anchored=float(weights[0, -1]),
+        restarts=state.restarts + 1,
+    )
+
+
+def estimate(state: State) -> tuple[Array, Array]:
+    """Return theta (n,) and its covariance (n, n): the mean of the memories, and the covariance within and between them.
+
+    The information of a memory counts samples with exponential weights w; the estimate's variance is that
+    with w squared (half of P in the long run), inflated by the autocorrelation of the innovations, as
+    residual_tests.long_run_inflation does for a batch.
+    """
+    shares = np.array(forgetting_mixture.shares(state.trust))
+    theta = state.theta[:, 0].astype(np.float64)
+    mean: Array = shares @ theta
+    away = theta - mean
+    w1, w2 = state.weights
+    root = state.root.astype(np.float64) * np.sqrt(shares * w2 / w1)[:, None, None]
+    own = (root @ root.swapaxes(1, 2)).sum(axis=0) * _variance(state)
+    covariance: Array = own + (shares[:, None] * away).T @ away
+    return mean, covariance
+
+
+def leading(state: State) -> list[float]:
+    """Return theta (n,) of the memory that is believed most."""
+    theta: list[float] = state.theta[_lead(state), 0].tolist()
+    return theta
+
+
+def _lead(state: State) -> int:
+    return max(range(len(state.trust.weights)), key=state.trust.weights.__getitem__)
+
+
+def longest(state: State) -> tuple[Array, Array, Array]:
+    """Return theta (n,) of the longest memory, its covariance now, and that when it began (both (n, n))."""
+    root, anchor = state.root[-1].astype(np.float64), state.anchor.astype(np.float64)
+    variance = _variance(state)
+    return state.theta[-1, 0].astype(np.float64), root @ root.T * variance, anchor @ anchor.T * variance
+
+
+def _variance(state: State) -> float:
+    """Of the innovations, inflated by their autocorrelation."""
+    moving = state.score[1] > 0.0
+    ratio = float(np.mean(state.score[0][moving] / state.score[1][moving])) if moving.any() else 1.0
+    return state.noise.variance * max(1.0, ratio)

@@ -1,0 +1,1 @@
+"""First order plus dead time (FOPDT): basis, rows, fit and posterior."""

@@ -1,0 +1,541 @@
+"""First order plus dead time for every input jointly, y = b + sum K_i x_i(tau_i, theta_i) + AR(p) noise.
+
+One window or a whole drive, from the rows of regression_rows.py. The search is the posterior's own grid: it starts
+on the whole physical box (or where the last window's posterior was), closes in, and refits the noise model each
+time; there is no descent that could stop in a local minimum. K and the offset are linear inside (Golub & Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.identification import autoregression, residual_tests
+from canid.identification.confidence import NORMAL_QUANTILE
+from canid.identification.fopdt import fopdt_posterior, reduced_basis
+from canid.identification.fopdt import regression_rows as rows
+from canid.identification.fopdt.prior import Prior, log_density
+from canid.state_constraints import FINITE
+from canid.types import NAN, Array, Channel
+
+# Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), autocorrelated plus white noise
+# ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
+NOISE_ORDER = 5
+
+# Every how many rows may be used. An output that was smoothed (an acceleration from speeds) has noise
+# without content above some frequency. Whitening would lift that empty band and fit K, tau and dead time to
+# what leaked into it: on data/openacc at 10 Hz the halves of one drive then disagree by ten of their own sd.
+# Point samples further apart limit the likelihood to the band that is left; the model is exact at any of them.
+STRIDES = (1, 2, 4, 8)
+# Least power, in shares of a flat spectrum's, that every eighth of the band must hold after whitening. White,
+# Ornstein-Uhlenbeck, mixed and resonant noise keep 0.3 to 0.8 (a resonance at 0.6 Hz the least), noise that ends at
+# 1 or 0.5 Hz 0.00 to 0.05 until the stride has left the empty band out.
+MIN_BAND_POWER = 0.25
+
+# Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
+MAX_PASSES = 16
+# Passes on a fine grid after which the noise model is kept: with few samples two noise models can lead to each other
+# for ever.
+MAX_NOISE_REFITS = 4
+
+# %. Below this fit the noise has twice the output's variance: it must cancel the answer that it is said to be
+# independent of, and the numbers rest on the last few samples' changes alone. A feedback loop makes the two oppose
+# each other too, but not so far: of 690 estimates on simulated drives 4 were there, on real logs only absurd ones
+# (a gain ten times the rest at a fit of -1240 %). This is no gate on a good fit, which proves nothing.
+MIN_FIT_PERCENT = 100.0 * (1.0 - 2.0**0.5)
+
+
+class Point(NamedTuple):
+    """One value of every parameter, noise aside."""
+
+    K: Array  # (m,)
+    tau: Array  # (m,) s
+    dead_time: Array  # (m,) s
+    offset: float
+    w: Array  # (m b,) the simulated output is the offset and the basis' answers times these
+
+
+class SearchGrid(NamedTuple):
+    """Cells of the grid search, with the basis weights of each."""
+
+    regions: Annotated[tuple[fopdt_posterior.Region, ...], FINITE]
+    cells: Annotated[tuple[fopdt_posterior.Cells, ...], FINITE]
+    W: Annotated[tuple[Array, ...], FINITE]  # per channel (c, b)
+    belief: Array | None  # log of the declared prior at each pair of cells
+
+
+class Start(NamedTuple):
+    """Initial guess that the next window takes over from this one."""
+
+    point: Annotated[Point, FINITE]
+    search_grid: SearchGrid
+
+
+class ProcessFit(NamedTuple):
+    """The joint fit. NaN values and `Identifiable.NOT` where the data do not identify it."""
+
+    channels: tuple[Channel, ...]
+    point: Point  # the posterior's mean
+    noise: Array  # (p,) autoregression of every `stride`-th row
+    stride: int
+    sigma: float  # of the whitened residual
+    variance_inflation: float  # >= 1: inflation of variances by the autocorrelation that whitening left
+    fit_percent: float  # of the simulated answer
+    used: int  # rows
+    start: Start | None  # for the next window
+
+
+def fit_process(
+    output: Array,
+    inputs: Array,
+    usable: npt.NDArray[np.bool_],
+    dt: float,
+    *,
+    segment: npt.NDArray[np.int64] | None = None,
+    tau_max: float = 3.0,
+    dead_time_max: float = 1.5,
+    prior: Prior | None = None,
+    start: Start | None = None,
+) -> ProcessFit:
+    """Fit all channels jointly.
+
+    Args:
+        output: (n,) in its unit, NaN where not measured.
+        inputs: (n, m), one or two columns, each in its unit, NaN where not measured.
+        usable: (n,) whether the output may be learnt from; the inputs drive the lags all the same.
+        dt: s.
+        segment: (n,), changes where the inputs' history breaks.
+        tau_max: s, end of the box.
+        dead_time_max: s, end of the box.
+        prior: declared belief; None: the box alone.
+        start: of an overlapping window: saves passes, changes nothing else.
+
+    Raises:
+        ValueError: shapes that do not fit, or more than two inputs.
+
+    >>> from canid.identification.first_order import scan
+    >>> rng = np.random.default_rng(0)
+    >>> u = scan(rng.normal(size=600), np.array([0.82]))
+    >>> x = scan(0.22 * u, np.array([0.78]))  # a lag of 0.4 s
+    >>> y = 3.0 + 5.6 * np.roll(x, 2) + 0.05 * rng.normal(size=600)
+    >>> fit = fit_process(y, u[:, None], np.full(600, True), 0.1)
+    >>> fit.channels[0].K.low < 5.6 < fit.channels[0].K.high
+    True
+    """
+    inputs = np.asarray(inputs, float)
+    if (
+        inputs.ndim != 2
+        or inputs.shape[1] not in (1, 2)
+        or len(output) != len(inputs)
+        or len(usable) != len(inputs)
+    ):
+        raise ValueError(
+            f"output {np.shape(output)}, inputs {inputs.shape}: expected (n,) and (n, 1) or (n, 2)"
+        )
+    layout = row_layout(inputs.shape[1], dt, tau_max, dead_time_max)
+    parts = np.zeros(len(output)) if segment is None else np.asarray(segment, float)
+    samples = np.column_stack([np.asarray(output, float), usable, parts, inputs])
+    most = len(samples) // layout.per_row + 1
+    both, ready = np.empty((_height(layout), most)), np.zeros(most, bool)
+    state, n = rows.State(), 0
+    for i in range(0, len(samples), CHUNK_ROWS):
+        state, more = rows.put(layout, state, samples[i : i + CHUNK_ROWS], tau_max + dead_time_max)
+        part = slice(n, n + len(more))
+        both[:, part], ready[part] = _columns(layout, more)
+        n += len(more)
+    return _fit(layout, both[:, :n], ready[:n], start, prior)
+
+
+# samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
+# hour; whatever is made of all of them is made in such pieces.
+CHUNK_ROWS = 2048
+
+
+def row_layout(m: int, dt: float, tau_max: float, dead_time_max: float) -> rows.Layout:
+    """Return the layout of the rows that `fit_rows` takes."""
+    return rows.make_layout(
+        reduced_basis.basis(reduced_basis.Box(reduced_basis.TAU_MIN, tau_max, dead_time_max)), m, dt
+    )
+
+
+class _Data(NamedTuple):
+    """Rows made ready: finite, means taken out, zero where not usable."""
+
+    both: Array  # (m b + 1, n) answers and output
+    usable: npt.NDArray[np.bool_]  # (n,)
+    y_mean: float
+    X_mean: Array  # (m b,)
+
+    @property
+    def X(self) -> Array:  # noqa: N802
+        """Return (m b, n) the basis' answers."""
+        answered: Array = self.both[:-1]
+        return answered
+
+    @property
+    def y(self) -> Array:
+        """Return (n,) the output."""
+        output: Array = self.both[-1]
+        return output
+
+
+def _height(layout: rows.Layout) -> int:
+    """Answers and output."""
+    return layout.inputs * layout.basis.size + 1
+
+
+def _columns(layout: rows.Layout, window: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Answers and output of rows (m b + 1, n), and which are usable."""
+    both = np.empty((_height(layout), len(window)))
+    both[:-1], both[-1] = window[:, 2 + layout.inputs :].T, window[:, 0]
+    return both, window[:, 1] > 0.0
+
+
+def _ready(both: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
+    """Make ready in place."""
+    if count < len(usable):
+        both[:, ~usable] = 0.0
+    mean = both.sum(axis=1) / count
+    both -= mean[:, None]
+    if count < len(usable):
+        both[:, ~usable] = 0.0
+    return _Data(both, usable, float(mean[-1]), mean[:-1])
+
+
+def fit_rows(
+    layout: rows.Layout, window: Array, start: Start | None = None, prior: Prior | None = None
+) -> ProcessFit:
+    """Fit a window of rows.
+
+    Args:
+        layout: of the rows.
+        window: (n, width) from `rows.put`.
+        start: of an overlapping window.
+        prior: declared belief; None: the box alone.
+    """
+    return _fit(layout, *_columns(layout, window), start, prior)
+
+
+def _fit(
+    layout: rows.Layout,
+    both: Array,
+    usable: npt.NDArray[np.bool_],
+    start: Start | None,
+    prior: Prior | None,
+) -> ProcessFit:
+    """Fit answers and output (m b + 1, n), which are used up."""
+    m = layout.inputs
+    count = int(usable.sum())
+    # a tenth of a window: below this the noise model and the response are not identifiable separately
+    if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
+        return no_fit(m, count)
+    return _search(layout, _ready(both, usable, count), count, start, prior)
+
+
+def _search(
+    layout: rows.Layout, data: _Data, count: int, start: Start | None, prior: Prior | None
+) -> ProcessFit:
+    """Close in on the posterior from the whole box, or from another window's."""
+    m, box = layout.inputs, layout.basis.box
+    known = start if start is not None else _initial(layout, data, prior)
+    simulated = known.point.w @ data.X
+    noise = _estimate_noise(layout, data, known.point, simulated)
+    finished = 0
+    for _ in range(MAX_PASSES):
+        moments, grid = _evaluate(layout, data, known.search_grid, noise)
+        regions = tuple(fopdt_posterior.gather(grid, i, box) for i in range(m))
+        fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
+        fine = fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(m))
+        point = _posterior_point(layout, data, grid, fine)
+        stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
+        known = Start(point, known.search_grid if stays else _search_grid(layout, regions, prior))
+        last, simulated = simulated, point.w @ data.X
+        moved = _power(simulated - last) / max(_power(noise.residual), 1e-300)
+        same = moved <= SAME_SHARE**2
+        # a residual that was mostly misfit, and went: the search goes on, no noise model leads to another
+        finished += fine and moved <= 0.5
+        if fine and (same or finished > MAX_NOISE_REFITS):
+            break
+        if finished < MAX_NOISE_REFITS:
+            # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
+            noise = _estimate_noise(layout, data, point, simulated, noise.stride if finished else 1)
+    fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
+    credible = fit_percent >= MIN_FIT_PERCENT
+    if not credible and start is not None:
+        # the window before may have led here: once more from the whole box
+        return _search(layout, data, count, None, prior)
+    return ProcessFit(
+        channels=fopdt_posterior.channels(
+            grid, box, _limits(layout, moments, grid, known.point), prior is not None
+        )
+        if credible
+        else (Channel(),) * m,
+        point=known.point,
+        noise=noise.ar,
+        stride=noise.stride,
+        sigma=(grid.residual / int(noise.rows.sum())) ** 0.5,
+        variance_inflation=noise.variance_inflation,
+        fit_percent=fit_percent,
+        used=count,
+        start=known,
+    )
+
+
+class _Noise(NamedTuple):
+    """Noise model at one point."""
+
+    ar: Array  # (p,) coefficients of the autoregression
+    stride: int  # rows from one that is used to the next
+    first: int  # the first that is used; the newest always is
+    rows: npt.NDArray[np.bool_]  # (n/stride,) whose predecessors are usable too
+    residual: Array  # (n,) not whitened, zero where not usable
+    variance_inflation: float
+
+
+def no_fit(m: int, used: int = 0) -> ProcessFit:
+    """Return the fit of m inputs without an estimate."""
+    point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN, np.zeros(0))
+    return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, NAN, used, None)
+
+
+def _search_grid(
+    layout: rows.Layout, regions: tuple[fopdt_posterior.Region, ...], prior: Prior | None
+) -> SearchGrid:
+    cells = tuple(fopdt_posterior.make_cells(region, layout.basis.box) for region in regions)
+    side = fopdt_posterior.CELLS_PER_AXIS
+    tau = np.concatenate([c.tau[::side] for c in cells])
+    dead_time = np.concatenate([c.dead_time for c in cells]).reshape(-1, side)
+    every = reduced_basis.weights_on_grid(layout.basis, tau, dead_time)
+    W = tuple(every.reshape(len(cells), side * side, -1))
+    return SearchGrid(regions, cells, W, log_density(prior, cells) if prior is not None else None)
+
+
+@cache
+def _whole(box: reduced_basis.Box) -> tuple[fopdt_posterior.Region, fopdt_posterior.Cells, Array]:
+    region = fopdt_posterior.whole_box(box)
+    cells = fopdt_posterior.make_cells(region, box)
+    return region, cells, reduced_basis.weights(reduced_basis.basis(box), cells.tau, cells.dead_time)
+
+
+def _initial(layout: rows.Layout, data: _Data, prior: Prior | None) -> Start:
+    """Initial guess: the whole box with white noise; its least residual gives the noise model."""
+    m, n = layout.inputs, len(data.y)
+    region, cells, W = _whole(layout.basis.box)
+    every = (cells,) * m
+    search_grid = SearchGrid(
+        (region,) * m, every, (W,) * m, log_density(prior, every) if prior is not None else None
+    )
+    white = _Noise(np.zeros(0), 1, 0, data.usable, np.zeros(n), 1.0)
+    return Start(
+        _posterior_point(layout, data, _evaluate(layout, data, search_grid, white)[1], False), search_grid
+    )
+
+
+def _by_channel(layout: rows.Layout, w: Array) -> Array:
+    """(m, m b) from (m, b): row i picks channel i's answer from those of all channels."""
+    out = np.zeros((layout.inputs, w.size))
+    for i, row in enumerate(w):
+        out[i, i * len(row) : (i + 1) * len(row)] = row
+    return out
+
+
+def _power(x: Array) -> float:
+    return float(x @ x)
+
+
+def _residual(data: _Data, simulated: Array) -> Array:
+    """(n,) not whitened, mean zero, zero where not usable."""
+    usable = data.usable.astype(float)
+    residual: Array = (data.y - simulated) * usable
+    residual -= float(residual.sum()) / float(usable.sum()) * usable
+    return residual
+
+
+def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, simulated: Array, least: int = 1) -> _Noise:
+    """Estimate the noise model at one point.
+
+    Args:
+        layout: of the rows.
+        data: the window.
+        at: the point.
+        simulated: (n,) the answer there, its mean taken out.
+        least: stride; a shorter one was found too short in this fit already.
+    """
+    residual = _residual(data, simulated)
+    each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
+    answers = np.concatenate([_by_channel(layout, w) for w in each]) @ data.X
+    # counted from the newest row, which is always used
+    phase = (len(residual) - 1) % STRIDES[-1]
+    for stride in STRIDES[STRIDES.index(least) :]:
+        pick = slice(phase % stride, None, stride)
+        r, usable, J = residual[pick], data.usable[pick], answers[:, pick]
+        # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
+        noise = autoregression.fit(r, usable, NOISE_ORDER)
+        explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)))
+        noise = autoregression.fit(np.vstack([r, explained]), usable, NOISE_ORDER)
+        inside = autoregression.whole(usable, len(noise))
+        white = autoregression.whiten(np.vstack([r, J]), noise)
+        if _flat(white[0] * inside):
+            break
+    white = white[:, autoregression.chosen(inside)]
+    e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
+    sd = (_power(e) / max(len(e), 1)) ** 0.5
+    variance_inflation = residual_tests.long_run_inflation(
+        score * e, score * sd, round(residual_tests.HAC_LAG_S / layout.step / stride)
+    )
+    # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
+    long_run = (sd / (1.0 - float(np.sum(noise)))) ** 2
+    effective = _power(r) / max(long_run, 1e-300)
+    return _Noise(
+        noise, stride, phase % stride, inside, residual, variance_inflation * _student(effective) ** 2
+    )
+
+
+# Least degrees of freedom that Student's t is taken for: below, its tails are those of the formula, not of the noise.
+MIN_FREEDOM = 4.0
+
+
+def _student(freedom: float) -> float:
+    """How much wider Student's t is than a Gaussian at 95 % (Fisher & Cornish 1960, to second order).
+
+    >>> round(NORMAL_QUANTILE * _student(10.0), 2)  # tables: 2.23
+    2.23
+    """
+    z2, v = NORMAL_QUANTILE**2, max(freedom, MIN_FREEDOM)
+    return 1.0 + (z2 + 1.0) / (4.0 * v) + (5.0 * z2 * z2 + 16.0 * z2 + 3.0) / (96.0 * v * v)
+
+
+def _explained(
+    layout: rows.Layout, at: Point, answers: Array, r: Array, noise: Array, inside: npt.NDArray[np.bool_]
+) -> Array:
+    """Return (3 m + 1, n): what else the answer and the offset may be, each direction by its own sd.
+
+    Args:
+        layout: of the rows.
+        at: the point.
+        answers: (3 m, n) answers, and their derivatives by tau and by dead time, of unit gain.
+        r: (n,) residual.
+        noise: its autoregression so far.
+        inside: (n,) rows to weigh.
+    """
+    m = layout.inputs
+    J = np.vstack([answers[:m], np.tile(at.K, 2)[:, None] * answers[m:], np.ones(len(r))])
+    white = autoregression.whiten(np.vstack([r, J]), noise)[:, autoregression.chosen(inside)]
+    variance = _power(white[0]) / max(white.shape[1] - len(J), 1)
+    by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)
+    least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
+    information = white[1:] @ white[1:].T + np.diag(variance * least)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    value, vector = np.linalg.eigh(information / np.outer(size, size))
+    known = value > 1e-9
+    root = vector[:, known] / np.sqrt(value[known])
+    out: Array = variance**0.5 * (root.T / size) @ J
+    return out
+
+
+def _flat(e: Array) -> bool:
+    """Whether a whitened residual, zero where there is none, has content up to the end of the band, see MIN_BAND_POWER."""
+    power = np.abs(np.fft.rfft(e)[1:]) ** 2
+    # ten frequencies in a part at least: their mean is then known to a third
+    parts = min(8, len(power) // 10)
+    if parts < 2:
+        return True
+    share = power[len(power) % parts :].reshape(parts, -1).mean(axis=1)
+    return bool(share.min() >= MIN_BAND_POWER * share.mean())
+
+
+def _evaluate(
+    layout: rows.Layout, data: _Data, search_grid: SearchGrid, noise: _Noise
+) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
+    found = [_products(data, noise, i) for i in range(0, len(noise.rows), CHUNK_ROWS)]
+    sums = fopdt_posterior.Products(*(sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
+    known = fopdt_posterior.moments(sums, layout.inputs, int(np.count_nonzero(noise.rows)))
+    grid = fopdt_posterior.evaluate(
+        known, search_grid.W, search_grid.cells, noise.variance_inflation, search_grid.belief
+    )
+    return known, grid
+
+
+def _products(data: _Data, noise: _Noise, first: int) -> fopdt_posterior.Products:
+    """Inner products of a piece of the rows that the noise model uses, from its `first` on."""
+    pick, p = slice(noise.first, None, noise.stride), len(noise.ar)
+    begin = max(first - p, 0)
+    # with the rows before, which whitening needs
+    piece, new = slice(begin, first + CHUNK_ROWS), slice(first - begin, None)
+    r, usable = noise.residual[pick][piece], noise.rows[piece][new].astype(float)
+    nuisance = np.zeros((p + 1, len(r)))
+    nuisance[0] = 1.0
+    for i, row in enumerate(nuisance[1:], 1):
+        row[i:] = r[:-i]
+    white = autoregression.whiten(data.both[:, pick][:, piece], noise.ar)
+    return fopdt_posterior.products(white[:, new] * usable, nuisance[:, new] * usable)
+
+
+def _limits(
+    layout: rows.Layout, moments: fopdt_posterior.Moments, grid: fopdt_posterior.Grid, at: Point
+) -> tuple[fopdt_posterior.Deviations, ...]:
+    """What the data allow at the point that was found."""
+    by_K, by_tau, by_dead_time = (
+        _by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
+    )
+    J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
+    return fopdt_posterior.bounds(moments, J, grid.residual / max(moments.freedom, 1), layout.basis.box)
+
+
+def _posterior_point(layout: rows.Layout, data: _Data, grid: fopdt_posterior.Grid, fine: bool) -> Point:
+    """Posterior mean: where a lag is not identifiable, the most likely cell is an accident.
+
+    On a coarse grid, take the most likely cell with the gains of plain least squares. A mean over local maxima, or the
+    weighted gains, may be far off there and leave a residual that drifts; a noise that drifts would then excuse
+    any gain: a vicious circle.
+    """
+    if not fine:
+        best = np.unravel_index(int(np.argmax(grid.log)), grid.log.shape)
+        taus = np.array([c.tau[k] for c, k in zip(grid.cells, best, strict=True)])
+        dead_times = np.array([c.dead_time[k] for c, k in zip(grid.cells, best, strict=True)])
+        return _plain(
+            data, _by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times)), taus, dead_times
+        )
+    weights = [fopdt_posterior.marginal(grid, i) for i in range(layout.inputs)]
+    taus = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
+    dead_times = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
+    nodes = _by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times))
+    return _point(data, nodes, taus, dead_times, np.array([np.vdot(grid.weight, K) for K in grid.K]))
+
+
+def _plain(data: _Data, nodes: Array, taus: Array, dead_times: Array) -> Point:
+    """Gains and offset by plain least squares on given answers."""
+    gains = np.asarray(np.linalg.lstsq((nodes @ data.X).T, data.y, rcond=None)[0], dtype=np.float64)
+    return _point(data, nodes, taus, dead_times, gains)
+
+
+def _point(data: _Data, nodes: Array, taus: Array, dead_times: Array, gains: Array) -> Point:
+    w = gains @ nodes
+    return Point(gains, taus, dead_times, data.y_mean - float(w @ data.X_mean), w)
+
+
+# share of the residual that a pass may still move the simulation by: its noise model would come out the same
+SAME_SHARE = 0.05
+
+
+def _centred(now: fopdt_posterior.Region, then: fopdt_posterior.Region) -> bool:
+    """Whether a grid around one region still serves another: centre and widths to a quarter of an sd."""
+    return (
+        abs(now.tau - then.tau) <= 0.25 * then.tau_sd
+        and abs(now.dead_time - then.dead_time - then.slope * (now.tau - then.tau)) <= 0.25 * then.rest_sd
+        and 0.8 <= now.tau_sd / then.tau_sd <= 1.25
+        and 0.8 <= now.rest_sd / then.rest_sd <= 1.25
+    )
+
+
+def _fine(region: fopdt_posterior.Region, cells: fopdt_posterior.Cells) -> bool:
+    """Whether the grid resolved the posterior: cells about as wide as one sd."""
+    low, high = 0.95, fopdt_posterior.CELLS_PER_AXIS / 2.0
+    # a spacing of zero happens where the box is only touched
+    return all(
+        low * space <= sd <= high * space
+        for sd, space in ((region.tau_sd, cells.spacing[0]), (region.rest_sd, cells.spacing[1]))
+    )

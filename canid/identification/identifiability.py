@@ -1,0 +1,75 @@
+"""Identifiability of a channel: which of K, tau, dead time and their sum may be quoted. The only place that decides it.
+
+Every method (FOPDT, ARMAX, the diagnosis) judges with its own standard deviations, by the same limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from canid.types import NAN, Channel, Identifiable, Interval
+
+# s. tau and dead time are quoted separately where each is known to half of what drivers differ by (tau 0.4-0.7 s, dead
+# time 0.2-0.4 s; Grover 2021), and the intervals are then believed: radar noise that whitening amplifies moves tau up
+# and dead time down by up to 0.2 s at the same sum, which windows with less information hide in their width.
+# The sum is not moved.
+TAU_SD = 0.10
+DEAD_TIME_SD = 0.05
+# s, half of what the sum differs by between drivers. Without a limit the physical box itself (sd 1 s) would be
+# reported as if it were knowledge.
+SUM_SD = 0.20
+
+# A gain is quoted where it is three standard deviations from zero: then its sign and its size mean something.
+GAIN_RATIO = 3.0
+
+# Fields of a `Channel` that may be quoted.
+QUOTABLE: Mapping[Identifiable, tuple[str, ...]] = {
+    Identifiable.OK: ("K", "tau", "dead_time", "tau_plus_dead_time"),
+    Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
+    Identifiable.GAIN_ONLY: ("K",),
+    Identifiable.NOT: (),
+}
+
+
+def judge(
+    K: Interval, K_sd: float, tau_sd: float, dead_time_sd: float, sum_sd: float, free: bool = True
+) -> Identifiable:
+    """Give the verdict from standard deviations; NaN counts as unknown.
+
+    Args:
+        K: the gain.
+        K_sd: in K's unit.
+        tau_sd: s.
+        dead_time_sd: s.
+        sum_sd: s, of tau + dead_time.
+        free: False where a limit of the search, not the data, ends the intervals of tau or dead time.
+
+    >>> judge(Interval(5.0, 4.0, 6.0), 0.5, 0.3, 0.3, 0.05)
+    <Identifiable.SUM_ONLY: 'sum_only'>
+    """
+    if not (abs(K.value) >= GAIN_RATIO * K_sd and K.low * K.high > 0.0):
+        return Identifiable.NOT
+    if not free:
+        return Identifiable.GAIN_ONLY
+    if tau_sd <= TAU_SD and dead_time_sd <= DEAD_TIME_SD:
+        return Identifiable.OK
+    return Identifiable.SUM_ONLY if sum_sd <= SUM_SD else Identifiable.GAIN_ONLY
+
+
+def channel(
+    status: Identifiable, K: Interval, tau: Interval, dead_time: Interval, total: Interval
+) -> Channel:
+    """Build the channel: NaN for what the verdict withholds.
+
+    >>> channel(Identifiable.GAIN_ONLY, Interval(1, 0.9, 1.1), Interval(0.7, 0.0, 1.9), Interval(), Interval()).tau
+    Interval(value=nan, low=nan, high=nan)
+    """
+    estimated = {"K": K, "tau": tau, "dead_time": dead_time, "tau_plus_dead_time": total}
+    if not all(math.isfinite(x) for name in QUOTABLE[status] for x in estimated[name]):
+        status = Identifiable.NOT
+    withheld = Interval(NAN, NAN, NAN)
+    K, tau, dead_time, total = (
+        iv if name in QUOTABLE[status] else withheld for name, iv in estimated.items()
+    )
+    return Channel(K, tau, dead_time, total, status)

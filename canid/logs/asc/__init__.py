@@ -1,0 +1,1 @@
+"""Vector's text format .asc."""

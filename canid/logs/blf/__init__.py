@@ -1,0 +1,1 @@
+"""Vector's Binary Logging Format .blf."""

@@ -1,0 +1,52 @@
+"""State of reading a log: filled in by a reader, shown by `Log`.
+
+Every line or object of a log is counted in one class, and in one only: a CAN frame, a recorder's event, known to hold
+no CAN frame, or damaged.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from canid.frame_columns import WantedIds
+from canid.types import Columns, Damage, Event, Frame
+
+
+class Note(NamedTuple):
+    """An event that a recorder wrote between the frames."""
+
+    row: int  # how many frames stand before it
+    event: Event  # its time counts from the first frame, as theirs
+
+
+@dataclass
+class ReadState:
+    """One reading of one log."""
+
+    size: int = 0  # bytes of the file
+    done: int = 0  # bytes read so far
+    unpacked: int = 0  # progress within the unpacked data: grows wherever work goes on
+    start_ns: int | None = None  # epoch ns of the first frame, known before it is yielded
+    damage: Damage | None = None  # known when the reading is over
+    # events so far, where they are wanted: the owner of the list may empty it
+    notes: list[Note] | None = None
+    frames: int = 0  # CAN frames that were read, wanted or not
+    events: int = 0  # events of canid's recorder
+    # lines or objects that are known to hold no CAN frame: how many of each kind; kinds are of a closed list
+    other_kinds: Counter[str] = field(default_factory=Counter)
+    damaged: int = 0  # lines, objects or stretches of bytes that could not be read
+
+    @property
+    def others(self) -> int:
+        """Lines or objects that are known to hold no CAN frame."""
+        return self.other_kinds.total()
+
+
+# A reader of one format. Raises LogError where nothing at all can be read.
+Read = Callable[[Path, ReadState], Iterator[Frame]]
+# The same, as columns; of frames with ids that are not wanted (None: all are) some may be left out.
+ReadColumns = Callable[[Path, ReadState, WantedIds | None], Iterator[Columns]]

@@ -1,0 +1,165 @@
+"""Recovery of a damaged log: all that can be read of it, in a new file that other programs read too."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from canid.errors import LogError, OutputError
+from canid.frame_columns import frames_of
+from canid.logs.formats import log_suffix
+from canid.logs.log import Log, open_log
+from canid.logs.log_writer import WRITTEN_SUFFIXES, Writer, check_suffix, open_writer
+from canid.logs.reader_state import Note
+from canid.types import Columns, Damage, Flag, Frame
+
+_CLASSIC_BYTES, _FD_BYTES, _MAX_STANDARD_ID = 8, 64, 0x7FF
+_FD, _ERROR, _EXTENDED = int(Flag.FD), int(Flag.ERROR), int(Flag.EXTENDED)
+
+# epoch ns, the year 2116: a later start is damage, and no format could hold the times that count from it
+_MAX_START_NS = 1 << 62
+# formats whose writers hold events
+_EVENT_SUFFIXES = (".blf", ".asc")
+
+
+class Recovered(NamedTuple):
+    """The result of `recover`."""
+
+    path: Path  # the copy
+    frames: int  # in the copy
+    events: int  # the recorder's own, in the copy
+    others: int  # lines or objects that hold no CAN frame, which the copy does not have
+    start_utc: float  # s, epoch time of the first frame; NaN: not stated in the log
+    damage: Damage | None  # what the log has lost; None: nothing
+    read: int  # objects that were read; of a text log: lines with a frame
+    others_says: str  # how many others there are of each kind; "": none
+
+
+def recovered_path(log: str | os.PathLike[str]) -> Path:
+    """The default path of the copy, next to the log; a format that canid does not write becomes .blf.
+
+    >>> recovered_path("a/drive.blf").name, recovered_path("drive.2.asc.gz").name, recovered_path("x.LOG").name
+    ('drive.recovered.blf', 'drive.2.recovered.blf', 'x.recovered.log')
+    """
+    log, suffix = Path(log), log_suffix(log)
+    stem = log.name[: len(log.name) - len(suffix)]
+    return log.with_name(f"{stem}.recovered{suffix if suffix in WRITTEN_SUFFIXES else '.blf'}")
+
+
+def recover(
+    log: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recovered:
+    """Write what can be read of a log to a new file.
+
+    Kept are absolute time, buses, directions, ids, data, the kinds of frames and their order, and the events that
+    canid's recorder wrote between them (as far as the copy's format can hold them: .blf and .asc hold events).
+    `output`: the copy, its suffix chooses the format; default: `recovered_path`. `progress` is called with the share of
+    the log that was read, 0 to 1. Memory is bounded, however long the log.
+
+    Raises ConfigError for a missing log or a format that is not written, LogError where not one frame can be read,
+    OutputError where the copy exists already or cannot be written.
+
+    >>> import tempfile
+    >>> from canid.logs.log_writer import write_log
+    >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
+    >>> write_log(path, [Frame(0.0, 0, 0x123, b"abc")] * 9, start_utc=1533224087.0)
+    >>> _ = path.write_bytes(path.read_bytes() + b"LOBJ, and then nothing that makes sense")
+    >>> found = recover(path)
+    >>> found.path.name, found.frames, found.damage.spans
+    ('drive.recovered.blf', 9, ((220, 258),))
+    >>> len(list(open_log(found.path)))
+    9
+    """
+    target = recovered_path(log) if output is None else Path(output)
+    check_suffix(target)
+    if target.exists():
+        raise OutputError(f"{target} exists already: choose another name with -o")
+    source = open_log(log)
+    frames, events = _copy(source, target, progress)
+    kept = events if log_suffix(target) in _EVENT_SUFFIXES else 0
+    read = frames + (source.others if log_suffix(log) == ".blf" else 0)
+    if source.damage is not None:
+        read = source.damage.read
+    return Recovered(
+        target, frames, kept, source.others, source.start_utc, source.damage, read, source.others_says
+    )
+
+
+def _copy(source: Log, target: Path, progress: Callable[[float], None] | None) -> tuple[int, int]:
+    """Copy frames and events; returns how many of each. Raises LogError where the log holds no frame."""
+    known = source.start_ns is not None and 0 <= source.start_ns <= _MAX_START_NS
+    start_ns = source.start_ns if known else None
+    lead_ns = _lead(source) if log_suffix(target) == ".asc" else 0
+    writer: Writer | None = None
+    events = row = 0
+    notes: list[Note] = []
+    try:
+        for chunk in source.columns(notes=notes):
+            if writer is None:
+                # not before there is something to write: a failure leaves no empty file
+                writer = open_writer(target, start_ns)
+                writer.lead_ns = lead_ns
+            events += len(notes)
+            for frame in _with_notes(writer, chunk, notes, row):
+                writer.append(frame)
+            row += len(chunk.t)
+            if progress is not None:
+                progress(source.progress)
+        if writer is None:
+            if source.damage is not None or log_suffix(source.path) != ".blf":
+                why = f" ({source.damage.says})" if source.damage else ""
+                raise LogError(f"{source.path} holds no frame that can be read{why}")
+            writer = open_writer(target, start_ns)  # a recording of a silent bus
+        events += len(notes)
+        for note in notes:
+            writer.note(note.event)
+    finally:
+        if writer is not None:
+            writer.close()
+    return writer.frames, events
+
+
+def _with_notes(writer: Writer, chunk: Columns, notes: list[Note], row: int) -> Iterator[Frame]:
+    """Yield the chunk's frames, writing each event before the frame that it precedes; empties `notes`."""
+    waiting = iter(notes)
+    note = next(waiting, None)
+    for k, frame in enumerate(frames_of(chunk), row):
+        while note is not None and note.row <= k:
+            writer.note(note.event)
+            note = next(waiting, None)
+        yield writable(frame)
+    # those after the last frame
+    while note is not None:
+        writer.note(note.event)
+        note = next(waiting, None)
+    notes.clear()
+
+
+def writable(frame: Frame) -> Frame:
+    """Make a frame of a damaged log consistent, so that every format can hold it.
+
+    More than eight bytes make it CAN FD, an id of more than 11 bits makes that extended.
+
+    >>> writable(Frame(0.0, 0, 0x12345, bytes(12))).flags == Flag.EXTENDED | Flag.FD
+    True
+    """
+    flags, data = frame.flags, frame.data
+    if flags & _ERROR:
+        data = data[:_CLASSIC_BYTES]
+    elif frame.id > _MAX_STANDARD_ID:
+        flags |= _EXTENDED
+    if len(data) > _CLASSIC_BYTES:
+        flags |= _FD
+    if flags == frame.flags and len(data) == len(frame.data):
+        return frame
+    return frame._replace(flags=flags, data=data[:_FD_BYTES])
+
+
+def _lead(source: Log) -> int:
+    """How far before the first frame the earliest one is, ns: an .asc cannot hold a time before its start."""
+    earliest = min((float(chunk.t.min()) for chunk in source.columns()), default=0.0)
+    return max(0, round(-earliest * 1e9))

@@ -1,0 +1,332 @@
+"""The files of a rotating recording: names that sort, and a ring buffer that deletes the oldest.
+
+`drive.blf` becomes `drive_20261121T185017Z_000001.blf`, ..., with the UTC start of the recording: they sort by
+name also across restarts. `drive.series` next to them lists what was written under this name (`ring_list`); a file is
+deleted only if it still has the identity in the list (`file_identity`), never through a link.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import re
+import secrets
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from canid.errors import OutputError
+from canid.files import file_identity, file_location
+from canid.files.new_file import Disk, TakenError
+from canid.logs.blf.blf_layout import FILE_HEADER_SIZE
+from canid.logs.formats import log_suffix
+from canid.logs.log_writer import WRITTEN_SUFFIXES, Writer, check_suffix, open_writer
+from canid.recording.ring_list import Entry, RingList
+from canid.recording.rotation import Rotation
+
+_READ = (
+    os.O_RDONLY
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+# all functions that are used here must support dir_fd; on Windows none does
+_BY_FOLDER = {os.open, os.stat, os.unlink, os.rename, os.link} <= os.supports_dir_fd
+# names of files in one event
+_MAX_NAMES_SHOWN = 5
+
+
+class Series:
+    """Names the files, remembers them, deletes the oldest. One thread may begin files while another one prunes."""
+
+    def __init__(
+        self, wanted: Path, rotation: Rotation, report: Callable[[str, str], object] = lambda what, says: None
+    ):
+        """Find a free name and read its list. Raises OutputError, or ConfigError for an unknown suffix.
+
+        `report(what, says)` takes events.
+        """
+        check_suffix(wanted)
+        self._rotation = rotation
+        self._report = report
+        self._suffix = wanted.name[len(wanted.name) - len(log_suffix(wanted)) :]
+        self._folder = wanted.parent
+        self._list = RingList(self._folder, wanted.name[: len(wanted.name) - len(self._suffix)])
+        self._stem = self._list.stem
+        self._fd = _open_folder(self._folder) if _BY_FOLDER else None
+        self._began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+        self._number = 0
+        self._current: Disk | None = None  # the file that this process writes
+        self._open: set[str] = set()  # files that this process has not closed yet
+        # of files that this process has finished: their age must not depend on a clock that is corrected in between
+        self._finished: dict[str, float] = {}  # name -> s, monotonic clock
+        self._lock = threading.Lock()  # never held during disk access
+        own = _own_names(self._stem)
+        for name in [name for name in self._list.entries if not own.fullmatch(name)]:
+            del self._list.entries[name]
+        self._complaints = list(self._list.complaints)
+        unidentified = [
+            name for name in self._list.unidentified if own.fullmatch(name) and self._exists(name)
+        ]
+        if unidentified:
+            self._complaints.append(
+                f"{self._list.path.name} is of an earlier version and does not identify its files: they are kept"
+                f" ({_shown(unidentified)})"
+            )
+        for name in self._list.unidentified:
+            self._list.forget(name)
+        self._list.unidentified = []
+
+    def open_next(self) -> Writer:
+        """Begin the next file. Raises OutputError."""
+        folder = self._folder_now()
+        while True:
+            self._number += 1
+            name = f"{self._stem}_{self._began}_{self._number:06d}{self._suffix}"
+            try:
+                writer = open_writer(folder / name)
+            except TakenError:
+                continue
+            with self._lock:
+                if self._current is not None:
+                    self._finished[self._current.path.name] = time.monotonic()
+                self._current = writer.disk
+                self._open.add(name)
+            writer.disk.closing = partial(self._is_closed, name)
+            with contextlib.suppress(OSError):
+                self._list.note(Entry(name, file_identity.of_new_file(writer.disk.fileno())))
+            return writer
+
+    def own(self, journal: Path, fd: int) -> None:
+        """Note a journal that was just created and written into: it is deleted with its log."""
+        if journal.parent != self._folder:
+            return
+        log = journal.name.split(".events")[0] + self._suffix
+        with contextlib.suppress(OSError, ValueError):
+            identity = file_identity.with_beginning(file_identity.of_new_file(fd), fd, 0)
+            if _own_names(self._stem).fullmatch(journal.name):
+                self._list.note(Entry(journal.name, identity, log))
+
+    def adopt(self, path: Path) -> None:
+        """Note a copy of one of our files: it is deleted in its turn."""
+        if path.parent != self._folder or not _own_names(self._stem).fullmatch(path.name):
+            return
+        with contextlib.suppress(OSError):
+            fd = os.open(path, _READ)
+            try:
+                identity = file_identity.with_beginning(file_identity.of_new_file(fd), fd, _skip(path.name))
+                self._list.note(Entry(path.name, file_identity.with_end(identity, fd, os.fstat(fd).st_size)))
+            finally:
+                os.close(fd)
+            self._finished[path.name] = time.monotonic()
+
+    def prune(self) -> list[Path]:
+        """Delete what the ring does not keep, the oldest first, never one being written; returns what was deleted.
+
+        Maintains the list as well. A file that has not the identity in the list is kept, and an event reports it.
+        """
+        for says in self._complaints:
+            self._report("series_list", says)
+        self._complaints.clear()
+        with contextlib.suppress(OutputError):
+            says = self._list.maintain(self._folder_now())
+            if says:
+                self._report("series_list", says)
+        self._note_beginning()
+        return self._deleted() if self._rotation.ring else []
+
+    def close(self) -> None:
+        """Close list and folder."""
+        self._list.close()
+        with self._lock:
+            fd, self._fd = self._fd, None
+        if fd is not None:
+            os.close(fd)
+
+    def _folder_now(self) -> Path:
+        """The folder's path, also where it was renamed; raises OutputError where it is gone."""
+        if self._fd is not None:
+            folder = file_location.folder_of(self._fd, self._folder)
+            if folder is None:
+                raise OutputError(f"cannot create a file in {self._folder}: the folder is gone")
+            self._folder = folder
+        return self._folder
+
+    # --- the list ---
+
+    def _note_beginning(self) -> None:
+        """Note how the current file begins, once that is written: after a kill nothing else identifies it."""
+        disk = self._current
+        entry = self._list.entries.get(disk.path.name) if disk is not None else None
+        # without pread, reading would move the place at which another thread writes
+        if disk is None or entry is None or entry.identity.head or not hasattr(os, "pread"):
+            return
+        with contextlib.suppress(OSError, ValueError):
+            identity = file_identity.with_beginning(entry.identity, disk.fileno(), _skip(entry.name))
+            if identity.head and self._list.entries.get(entry.name) is entry:
+                self._list.note(entry._replace(identity=identity))
+
+    def _is_closed(self, name: str, disk: Disk) -> None:
+        """Note what the file is, before its descriptor is closed."""
+        with self._lock:
+            self._open.discard(name)
+        entry = self._list.entries.get(name)
+        if entry is None:
+            return
+        with contextlib.suppress(OSError, ValueError):
+            # a recording of a silent bus has a header alone
+            skip = _skip(name) if disk.size > _skip(name) else 0
+            identity = file_identity.with_beginning(entry.identity, disk.fileno(), skip)
+            self._list.note(
+                entry._replace(identity=file_identity.with_end(identity, disk.fileno(), disk.size))
+            )
+
+    # --- deleting ---
+
+    def _deleted(self) -> list[Path]:
+        current = self._current.path.name if self._current is not None else ""
+        logs = [entry for entry in list(self._list.entries.values()) if not entry.log]
+        sizes = {entry.name: self._size(entry.name) for entry in logs}
+        used = sum(sizes.values())
+        try:
+            total = shutil.disk_usage(self._fd if self._fd is not None else self._folder).total
+        except OSError:
+            return []  # the folder is gone: the writer will report
+        limit = self._rotation.keep_share * total  # NaN: no limit
+        deleted, kept = [], []
+        for entry in logs:
+            with self._lock:
+                written = entry.name == current or entry.name in self._open
+            if written:
+                continue
+            if not (used > limit or self._age(entry.name) > self._rotation.keep_time):
+                break
+            try:
+                why = self._delete(entry)
+            except OSError:
+                continue  # it is tried again next time
+            used -= sizes[entry.name]
+            if why:
+                kept.append(f"{entry.name} {why}")
+            else:
+                deleted += [self._folder / entry.name] if why is not None else []
+                self._delete_journals(entry.name)
+            self._list.forget(entry.name)
+            with self._lock:
+                self._finished.pop(entry.name, None)
+        if kept:
+            self._report(
+                "file_kept",
+                f"not what {self._list.path.name} lists, and so never deleted: {_shown(kept)}",
+            )
+        return deleted
+
+    def _delete_journals(self, log: str) -> None:
+        for entry in [each for each in list(self._list.entries.values()) if each.log == log]:
+            with contextlib.suppress(OSError):
+                why = self._delete(entry)
+                if why:
+                    self._report("file_kept", f"{entry.name} {why}, and so is not deleted with its log")
+                self._list.forget(entry.name)
+
+    def _delete(self, entry: Entry) -> str | None:
+        """Delete a file if it is what was noted; returns why it is not, or None where there is none. Raises OSError."""
+        try:
+            fd = os.open(self._at(entry.name), _READ, dir_fd=self._fd)
+        except FileNotFoundError:
+            return None
+        except OSError:
+            if self._is_regular(entry.name):
+                raise
+            return "is no regular file"
+        try:
+            why = file_identity.mismatch(entry.identity, fd)
+            return why or self._unlink(entry.name, fd)
+        finally:
+            os.close(fd)
+
+    def _unlink(self, name: str, fd: int) -> str:
+        """Unlink the name of an open file: renamed first, so that no other file can be put in its place."""
+        aside = f".{name}.{secrets.token_hex(8)}.old"
+        if self._fd is None:  # Windows
+            os.unlink(self._at(name))
+            return ""
+        os.rename(name, aside, src_dir_fd=self._fd, dst_dir_fd=self._fd)
+        found = os.stat(aside, dir_fd=self._fd, follow_symlinks=False)
+        if os.path.samestat(found, os.fstat(fd)):
+            os.unlink(aside, dir_fd=self._fd)
+            return ""
+        # another program has replaced it: that file gets its name back, unless there is a newer one
+        with contextlib.suppress(FileExistsError):
+            os.link(aside, name, src_dir_fd=self._fd, dst_dir_fd=self._fd, follow_symlinks=False)
+            os.unlink(aside, dir_fd=self._fd)
+        return "was replaced in between"
+
+    def _at(self, name: str) -> str:
+        return name if self._fd is not None else str(self._folder / name)
+
+    def _exists(self, name: str) -> bool:
+        return os.path.lexists(self._folder / name)
+
+    def _is_regular(self, name: str) -> bool:
+        try:
+            found = os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False)
+        except OSError:
+            return True  # the reason is another one
+        return (found.st_mode & 0o170000) == 0o100000
+
+    def _size(self, name: str) -> int:
+        try:
+            return os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False).st_size
+        except OSError:
+            return 0
+
+    def _age(self, name: str) -> float:
+        """S since it was finished."""
+        finished = self._finished.get(name)
+        if finished is not None:
+            return time.monotonic() - finished
+        try:
+            return time.time() - os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False).st_mtime
+        except FileNotFoundError:
+            return math.inf  # it was removed
+        except OSError:
+            return 0.0
+
+
+def _open_folder(folder: Path) -> int:
+    # as a path only, where the system has that: listing may not be permitted
+    flags = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
+    try:
+        return os.open(folder, flags)
+    except OSError as error:
+        raise OutputError(f"cannot use the folder {folder}: {error.strerror}") from None
+
+
+def _own_names(stem: str) -> re.Pattern[str]:
+    """Names that files of this series can have.
+
+    >>> bool(_own_names("x").fullmatch("x_20261121T185017Z_000001.blf"))
+    True
+    """
+    log = rf"(-restored(-\d+)?)?({'|'.join(map(re.escape, WRITTEN_SUFFIXES))})"
+    return re.compile(
+        rf"{re.escape(stem)}_\d{{8}}T\d{{6}}Z_\d{{6,}}({log}|\.events(-\d+)?\.jsonl)",
+        re.ASCII | re.IGNORECASE,
+    )
+
+
+def _skip(name: str) -> int:
+    """Bytes at a log's beginning that change while it is written: a .blf's header."""
+    return FILE_HEADER_SIZE if name.lower().endswith(".blf") else 0
+
+
+def _shown(names: list[str]) -> str:
+    more = len(names) - _MAX_NAMES_SHOWN
+    return ", ".join(names[:_MAX_NAMES_SHOWN]) + (f", and {more:,} more" if more > 0 else "")

@@ -1,0 +1,346 @@
+"""The recorder: one reading thread per bus, one that passes frames on, and the log's own threads.
+
+No consumer can cost a frame: readers put frames into an unbounded queue; from there they go to the log first and then
+to the consumer. The log has threads of its own (`log_writer_thread`): a disk that stalls delays neither the buses nor
+the estimates.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+from canid.buses.bus import ReceiveOnlyBus
+from canid.buses.bus_reader import Arrival, BusReader
+from canid.buses.draining import MAX_DRAIN_S
+from canid.buses.socketcan import error_counters, meaning, overflowed
+from canid.buses.timestamp_source import TimestampSource
+from canid.errors import BusError, CanidError
+from canid.recording import bus_load
+from canid.recording.journal import Journal
+from canid.recording.log_writer_thread import LogWriterThread
+from canid.recording.recorder_stats import BusStats, Stats
+from canid.recording.rotation import Rotation
+from canid.recording.thread_join import PROGRESS_S, join
+from canid.types import Event, Flag, Frame
+
+# s that all buses may be lost before the recorder gives up
+ALL_LOST_TIMEOUT_S = 5.0
+# frames taken at once: bounds the consumer's latency, and the work between two readings of the clock
+BATCH_FRAMES = 512
+# s that frames are gathered before they are passed on together: a wake-up for every frame costs ten times the frame
+BATCH_WAIT_S = 0.005
+# s that the passing thread waits before it checks its own clock again
+QUEUE_TIMEOUT_S = 0.2
+# s over which rates and loads are averaged
+RATE_WINDOW_S = 1.0
+# Frames of several buses, and those around the change to a new file, do not arrive in the order of their stamps: the
+# file's zero lies this much before the first frame, so that one stamped earlier has no negative time.
+LEAD_NS = 1_000_000_000
+# interfaces whose error frames are Linux' own (linux/can/error.h)
+LINUX_ERRORS = ("socketcan", "socketcand", "gs_usb")
+_ERROR = int(Flag.ERROR)
+
+__all__ = ["BusStats", "Consumer", "Recorder", "Stats"]
+
+Consumer = Callable[[Sequence[Frame]], object]
+
+
+class Recorder:
+    """Records buses into a log and passes every frame on, in s since the first frame of any bus.
+
+    `consumer` is called with each batch of frames after it was handed to the log. It must be fast: while it runs,
+    nothing more goes to the log. Frames for which it raises are counted; it is called again with the next batch.
+    `rotation`: go on in new files; None: one file.
+    """
+
+    def __init__(
+        self,
+        buses: Sequence[ReceiveOnlyBus],
+        path: str | Path | None,
+        consumer: Consumer | None = None,
+        rotation: Rotation | None = None,
+    ):
+        self._wanted = path
+        self._rotation = rotation
+        self._consumer = consumer
+        self._queue: SimpleQueue[Arrival | None] = SimpleQueue()
+        self._stopping = threading.Event()
+        self._buses = [
+            BusReader(bus, index, self._queue.put, self._stopping, self._report)
+            for index, bus in enumerate(buses)
+        ]
+        self._log: LogWriterThread | None = None
+        self._journal = Journal(None, self._report)
+        self._events: SimpleQueue[Event] = SimpleQueue()
+        self._state = "waiting"
+        self._frames = self._not_passed = 0
+        self._rate, self._lag = 0.0, 0.0
+        self._first_ns: int | None = None
+        self._latest = 0.0
+        self._readers: list[threading.Thread] = []
+        self._passing = threading.Thread(target=self._pass_frames, name="canid-pass", daemon=True)
+
+    def start(self) -> Recorder:
+        """Create the log and begin.
+
+        Raises OutputError, or ConfigError for an unknown suffix; the buses are closed then.
+        """
+        if self._wanted is not None:
+            lead = LEAD_NS if len(self._buses) > 1 or self._rotation else 0
+            try:
+                self._log = LogWriterThread(
+                    Path(self._wanted),
+                    self._rotation,
+                    lead,
+                    self._report,
+                    self._file_begins,
+                    self._journal.follow,
+                )
+                self._journal.created = self._log.files.folders.own_journal
+            except CanidError:
+                self._shut()
+                raise
+            self._journal.follow(self._log.files.path, 0.0)
+            self._log.start()
+        self._state = "recording" if self._log else "listening"
+        self._readers = [
+            threading.Thread(target=reader.run, name=f"canid-read-{reader.index}", daemon=True)
+            for reader in self._buses
+        ]
+        for thread in (self._passing, *self._readers):
+            thread.start()
+        return self
+
+    def alive(self) -> bool:
+        """Return False once every bus has been lost for `ALL_LOST_TIMEOUT_S` s, or after `stop`."""
+        if self._stopping.is_set():
+            return False
+        now = time.monotonic()
+        return any(b.lost_at is None or now - b.lost_at < ALL_LOST_TIMEOUT_S for b in self._buses)
+
+    def stop(self, progress: Callable[[Stats], object] = lambda stats: None) -> Stats:
+        """Drain the buses, write everything, close file and buses: nothing received is lost.
+
+        That waits for the disk, however long it takes. `progress` gets the state a few times a second, in
+        this thread; what it raises ends the waiting, and a signal's handler may end the process.
+        """
+
+        def waiting() -> None:
+            progress(self.stats())
+
+        self._state = "stopping"
+        self._stopping.set()
+        deadline = time.monotonic() + MAX_DRAIN_S + 1.0
+        for thread in self._readers:
+            while thread.is_alive() and time.monotonic() < deadline:
+                thread.join(PROGRESS_S)
+                waiting()
+        self._queue.put(None)
+        join(self._passing, waiting)
+        self._report_drops()
+        if self._log is not None:
+            self._log.close(waiting)
+        self._state = "stopped"
+        self._shut()
+        self._journal.close()
+        return self.stats()
+
+    def journal(self, event: Event) -> None:
+        """Write an event to the journal next to the log. Any thread may; nothing is raised."""
+        self._journal.write(event, self._first_ns)
+
+    def events(self) -> list[Event]:
+        """The recorder's own events since the last call; they are in the journal already."""
+        out = []
+        while not self._events.empty():
+            out.append(self._events.get())
+        return out
+
+    def stats(self) -> Stats:
+        """The present state; any thread may call this at any time."""
+        buses = tuple(
+            BusStats(
+                b.bus.name,
+                b.state,
+                b.frames,
+                b.errors,
+                b.bus.drops,
+                b.load,
+                b.controller,
+                b.clock.name.lower(),
+                tec=b.counters[0] if b.counters else None,
+                rec=b.counters[1] if b.counters else None,
+                impossible=b.bus.impossible,
+            )
+            for b in self._buses
+        )
+        log = self._log
+        return Stats(
+            state=self._state_text(),
+            path=log.files.path if log else None,
+            frames=self._frames,
+            written=log.files.written if log else 0,
+            bytes=log.files.bytes if log else 0,
+            rate=self._rate,
+            errors=sum(b.errors for b in buses),
+            drops_bus=sum(b.drops for b in buses),
+            drops_estimator=self._not_passed,
+            lag=max(self._lag, log.lag if log else 0.0),
+            waiting=self._queue.qsize() + (log.waiting if log else 0),
+            start_ns=self._first_ns,
+            buses=buses,
+            files=log.files.count if log else 0,
+            drops_disk=log.dropped if log else 0,
+            events_unwritten=self._journal.failed,
+        )
+
+    def _state_text(self) -> str:
+        log = self._log
+        if log is not None and log.files.failed:
+            return f"failed: {log.files.failed}"
+        if log is not None and log.files.lost and self._state == "stopped":
+            return f"failed: {log.files.lost}"  # the recording itself went on
+        return self._state
+
+    def _shut(self) -> None:
+        for each in self._buses:
+            try:
+                each.bus.shutdown()
+            except BusError as error:
+                self._report("bus_close", str(error))
+
+    # --- passing on: one thread ---
+
+    def _pass_frames(self) -> None:
+        window = time.monotonic()
+        before = 0
+        ended = False
+        while not ended:
+            batch, ended = self._take(QUEUE_TIMEOUT_S)
+            frames = self._stamped(batch)
+            if frames:
+                if self._log is not None and self._first_ns is not None:
+                    self._log.put(frames, batch[0].at, self._first_ns)
+                self._lag = time.monotonic() - batch[0].at
+                self._pass_on(frames)
+            now = time.monotonic()
+            if now - window >= RATE_WINDOW_S:
+                self._rate = (self._frames - before) / (now - window)
+                for each in self._buses:
+                    each.load, each.busy = each.busy / (now - window), 0.0
+                window, before = now, self._frames
+                self._report_drops()
+
+    def _take(self, timeout: float) -> tuple[list[Arrival], bool]:
+        """Take the queue's frames, up to `BATCH_FRAMES`; True: these are the last ones."""
+        batch: list[Arrival] = []
+        try:
+            # before Python 3.13 a signal may make this wait last until the next frame: of no harm in this thread
+            item = self._queue.get(timeout=timeout)
+            if not self._stopping.is_set():
+                time.sleep(BATCH_WAIT_S)
+            while item is not None:
+                batch.append(item)
+                if len(batch) == BATCH_FRAMES:
+                    return batch, False
+                item = self._queue.get_nowait()
+        except Empty:
+            return batch, False
+        return batch, True
+
+    def _stamped(self, batch: list[Arrival]) -> list[Frame]:
+        frames = []
+        for item in batch:
+            try:
+                frames.append(self._frame(item))
+            except Exception as error:  # an invalid frame of a back end must cost no other frame
+                name = self._buses[item.bus].bus.name
+                self._report("not_understood", f"{name}: a frame cannot be understood: {error}")
+        return frames
+
+    def _frame(self, arrival: Arrival) -> Frame:
+        index, got = arrival.bus, arrival.frame
+        if self._first_ns is None:
+            self._first_ns = got.ns
+        frame = Frame((got.ns - self._first_ns) * 1e-9, index, got.id, got.data, got.flags, got.length)
+        each = self._buses[index]
+        each.busy += bus_load.seconds(frame, each.bus.bitrate, each.bus.data_bitrate)
+        self._latest = frame.t
+        self._check_clock(each, got.ns, arrival.at)
+        each.frames += 1
+        self._frames += 1
+        if got.flags & _ERROR:
+            each.errors += 1
+            self._error_frame(each, frame)
+        return frame
+
+    def _error_frame(self, each: BusReader, frame: Frame) -> None:
+        if each.bus.interface in LINUX_ERRORS:
+            each.counters = error_counters(frame.id, frame.data) or each.counters
+            each.controller_is(meaning(frame.id, frame.data) or "")
+            each.overflows += overflowed(frame.id, frame.data)
+
+    def _check_clock(self, each: BusReader, ns: int, at: float) -> None:
+        step = each.watch.update(ns, at)
+        if step:
+            says = f"{each.bus.name}: the clock that stamps the frames stepped by {step:+.2f} s"
+            self._report("clock_step", says)
+        clock = each.bus.clock
+        if clock not in (each.clock, TimestampSource.UNKNOWN):
+            each.clock = clock
+            self._note_clock(each, self._latest)
+
+    def _note_clock(self, each: BusReader, t: float) -> None:
+        """Note in the log which clock stamps its frames."""
+        if self._log is not None and each.clock is not TimestampSource.UNKNOWN:
+            says = f"{each.bus.name}: times are stamped by {each.clock.value}"
+            self._log.files.note(Event(t, "stamp_clock", says))
+
+    def _file_begins(self, path: Path, zero: float) -> None:
+        self._journal.follow(path, zero)
+        if zero:  # the first one gets it with the first frame of each bus
+            for each in self._buses:
+                self._note_clock(each, zero)
+
+    def _pass_on(self, frames: list[Frame]) -> None:
+        if self._consumer is None:
+            return
+        try:
+            self._consumer(frames)
+        except Exception as error:  # of any kind: recording goes on
+            if not self._not_passed:
+                self._report("consumer_failed", f"the consumer raised {type(error).__name__}: {error}")
+            self._not_passed += len(frames)
+
+    def _report_drops(self) -> None:
+        """Report what the kernel has dropped since the last call."""
+        for each in self._buses:
+            drops = each.bus.drops
+            if drops > each.drops_reported:
+                self._report(
+                    "frames_dropped",
+                    f"{each.bus.name}: {drops - each.drops_reported:,} frames were dropped before canid could read them"
+                    f" ({drops:,} in all)",
+                )
+                each.drops_reported = drops
+            if each.overflows > each.overflows_reported:
+                times = each.overflows - each.overflows_reported
+                self._report(
+                    "rx_overflow",
+                    f"{each.bus.name}: the controller's own receive buffer overflowed ({times:,} error frames,"
+                    f" {each.overflows:,} in all); the frames that were lost there are not counted",
+                )
+                each.overflows_reported = each.overflows
+
+    # --- events: any thread ---
+
+    def _report(self, what: str, says: str) -> None:
+        event = Event(self._latest, what, says)
+        self._events.put(event)
+        self.journal(event)
+        if self._log is not None:
+            self._log.files.note(event)

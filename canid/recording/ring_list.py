@@ -1,0 +1,279 @@
+"""The list of a series, `drive.series`: the files that were written, so that only those are ever deleted.
+
+One line for each thing that happens to a file: a checksum and a JSON object. It is read line by line; what cannot be
+read is skipped, so that a damaged list keeps files longer and deletes no more. It is locked while it is used.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import stat
+import threading
+import zlib
+from itertools import count
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from canid.errors import OutputError
+from canid.files import file_location
+from canid.files.file_identity import FileIdentity
+from canid.files.new_file import APPEND_FLAGS
+
+# bytes that are read of a list: some 50,000 files; files listed beyond that are kept
+_MAX_LIST_BYTES = 1 << 26
+# A list is rewritten where it has this size, in bytes, and this many times what is still needed.
+_MIN_REWRITE_BYTES, _REWRITE_RATIO = 1 << 18, 4
+# names that are tried: others are locked by other recordings, or not ours
+_MAX_NAMES = 1000
+_MODE = 0o600
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_DELETED = "deleted"
+
+
+class Entry(NamedTuple):
+    """One file of the series, or a journal of one."""
+
+    name: str
+    identity: FileIdentity
+    log: str = ""  # of a journal: the log that it belongs to
+
+    def line(self) -> bytes:
+        """Encode it.
+
+        >>> Entry.decoded(Entry("a.blf", FileIdentity(1, 2, 3)).line()).identity.inode
+        3
+        """
+        return _line({"name": self.name, "log": self.log, **self.identity._asdict()})
+
+    @staticmethod
+    def decoded(line: bytes) -> Entry | None:
+        """Decode a line that `line` encoded; None for any other."""
+        fields = _fields(line)
+        if fields is None or set(fields) != {"name", "log", *FileIdentity._fields}:
+            return None
+        name, log = fields.pop("name"), fields.pop("log")
+        if not (isinstance(name, str) and isinstance(log, str)):
+            return None
+        types = {key: type(value) for key, value in FileIdentity()._asdict().items()}
+        if any(type(value) is not types[key] for key, value in fields.items()):
+            return None
+        return Entry(name, FileIdentity(**fields), log)
+
+
+class RingList:
+    """The list's file, locked. `entries`: what was written and not deleted, the oldest first; any thread may note."""
+
+    def __init__(self, folder: Path, stem: str):
+        """Open `stem`.series; where another process has locked it, or another user owns it, the next free name: `stem`-2."""
+        self.entries: dict[str, Entry] = {}
+        self.unidentified: list[str] = []  # names of an earlier version's list, which held nothing but names
+        self.complaints: list[str] = []  # what was wrong with the list
+        self._lock = threading.Lock()
+        self._dirty = False
+        self.stem, self.path, self._fd = self._locked(folder, stem)
+        self._size = os.fstat(self._fd).st_size
+        # where inode numbers do not last, its deletion cannot be detected
+        self._findable = file_location.find(self._fd, self.path).place is file_location.Place.HERE
+        data = _read(self._fd)
+        self._read(data)
+        needed = sum(len(entry.line()) for entry in self.entries.values())
+        if len(data) > max(_MIN_REWRITE_BYTES, _REWRITE_RATIO * needed):
+            with contextlib.suppress(OSError):
+                self._rewrite(replace=True)
+
+    def note(self, entry: Entry) -> None:
+        """Add a file, or what is newly known of one."""
+        with self._lock:
+            self.entries[entry.name] = entry
+            self._append(entry.line())
+
+    def forget(self, name: str) -> None:
+        """Note that a file is deleted, or must not be deleted."""
+        with self._lock:
+            self.entries.pop(name, None)
+            self._append(_line({_DELETED: name}))
+
+    def maintain(self, folder: Path) -> str:
+        """Sync it; rewrite it in `folder` where it is gone. Returns what happened, mostly ""."""
+        with self._lock:
+            if self._fd < 0:
+                return ""
+            with contextlib.suppress(OSError):
+                if self._dirty:
+                    self._dirty = False
+                    os.fsync(self._fd)
+            if not self._findable:
+                return ""
+            where = file_location.find(self._fd, self.path)
+            if where.place is file_location.Place.MOVED and where.path == folder / self.path.name:
+                self.path = where.path  # with its folder
+            elif where.place is not file_location.Place.HERE or os.fstat(self._fd).st_size < self._size:
+                return self._replace(folder / self.path.name)
+            return ""
+
+    def close(self) -> None:
+        """Close it, which unlocks it."""
+        with self._lock:
+            if self._fd >= 0:
+                os.close(self._fd)
+            self._fd = -1
+
+    # --- with the lock ---
+
+    def _append(self, line: bytes) -> None:
+        if self._fd < 0:
+            return
+        # a list that cannot be written keeps files longer, and loses none
+        with contextlib.suppress(OSError):
+            self._size += os.write(self._fd, line)
+        self._dirty = True
+
+    def _replace(self, path: Path) -> str:
+        name, self.path = self.path.name, path
+        try:
+            self._rewrite(replace=False)
+        except OSError as error:
+            os.close(self._fd)
+            self._fd = -1
+            return f"{name} is gone and cannot be rewritten ({error.strerror}): files of this recording stay"
+        return f"{name} was deleted, moved or truncated: it is rewritten"
+
+    def _rewrite(self, *, replace: bool) -> None:
+        """Write the list without what is not needed any more; `replace`: over the old one."""
+        path = self.path.with_name(f".{self.path.name}.new") if replace else self.path
+        fd = os.open(path, APPEND_FLAGS | os.O_CREAT | os.O_EXCL, _MODE)
+        try:
+            _lock(fd)
+            data = b"".join(entry.line() for entry in self.entries.values())
+            data += b"".join(b"+" + os.fsencode(name) + b"\n" for name in self.unidentified)
+            if os.write(fd, data) != len(data):
+                raise OSError(None, "not written whole")
+            os.fsync(fd)
+            if replace:
+                os.replace(path, self.path)
+        except OSError:
+            os.close(fd)
+            with contextlib.suppress(OSError):
+                os.unlink(path)
+            raise
+        os.close(self._fd)
+        self._fd, self._size = fd, len(data)
+
+    # --- opening ---
+
+    def _locked(self, folder: Path, stem: str) -> tuple[str, Path, int]:
+        for number, _ in zip(count(1), range(_MAX_NAMES), strict=False):
+            name = stem if number == 1 else f"{stem}-{number}"
+            path = folder / f"{name}.series"
+            try:
+                fd = self._open(path)
+            except OSError as error:
+                raise OutputError(f"cannot create {path}: {error.strerror}") from None
+            if fd < 0:
+                continue
+            if _lock(fd) and os.fstat(fd).st_nlink:  # without a name: another process has just rewritten it
+                return name, path, fd
+            os.close(fd)
+        raise OutputError(f"cannot create {folder / stem}.series: no name is free")
+
+    def _open(self, path: Path) -> int:
+        """Open the list, or create it; -1 and a complaint where it is not ours alone."""
+        with contextlib.suppress(FileExistsError):
+            return os.open(path, APPEND_FLAGS | os.O_CREAT | os.O_EXCL, _MODE)
+        try:
+            # before it is opened: opening a device can do something
+            why = _not_ours(os.lstat(path))
+            fd = -1 if why else os.open(path, APPEND_FLAGS)
+        except OSError as error:
+            why, fd = f"cannot be opened ({error.strerror})", -1
+        if fd >= 0:
+            found = os.fstat(fd)
+            why = _not_ours(found)
+            if why:
+                os.close(fd)
+                fd = -1
+            elif found.st_mode & _OTHERS_WRITE and hasattr(os, "fchmod"):
+                with contextlib.suppress(OSError):
+                    os.fchmod(fd, stat.S_IMODE(found.st_mode) & ~_OTHERS_WRITE)
+                self.complaints.append(
+                    f"{path.name} could be written by other users, which is no longer permitted"
+                )
+        if why:
+            self.complaints.append(f"{path.name} {why}: it is not used")
+        return fd
+
+    def _read(self, data: bytes) -> None:
+        names: dict[str, None] = {}
+        damaged = 0
+        for line in data.split(b"\n"):
+            entry = Entry.decoded(line)
+            if entry is not None:
+                self.entries[entry.name] = entry
+            elif (fields := _fields(line)) is not None:
+                self.entries.pop(str(fields.get(_DELETED)), None)
+                names.pop(str(fields.get(_DELETED)), None)
+            elif line[:1] == b"+":
+                names[os.fsdecode(line[1:])] = None
+            elif line[:1] == b"-":
+                names.pop(os.fsdecode(line[1:]), None)
+            else:
+                damaged += line != b""
+        self.unidentified = list(names)
+        if data and not data.endswith(b"\n"):
+            self._append(b"\n")  # a killed process left half a line
+        if damaged:
+            self.complaints.append(
+                f"{damaged:,} lines of {self.path.name} are damaged: the files they list are kept"
+            )
+
+
+def _not_ours(found: os.stat_result) -> str:
+    if not stat.S_ISREG(found.st_mode):
+        return "is no regular file"
+    if found.st_nlink > 1:
+        return "has a second name"
+    if hasattr(os, "geteuid") and found.st_uid != os.geteuid():
+        return "belongs to another user"
+    return ""
+
+
+def _read(fd: int) -> bytes:
+    parts: list[bytes] = []
+    os.lseek(fd, 0, os.SEEK_SET)
+    while sum(map(len, parts)) < _MAX_LIST_BYTES and (part := os.read(fd, 1 << 20)):
+        parts.append(part)
+    return b"".join(parts)
+
+
+def _lock(fd: int) -> bool:
+    """Lock the file for this process until it is closed; False where another one has it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: two recordings under one name are up to the user there
+        return True
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # a file system without locks
+    return True
+
+
+def _line(fields: dict[str, Any]) -> bytes:
+    text = json.dumps(fields).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def _fields(line: bytes) -> dict[str, Any] | None:
+    """Fields of a line whose checksum is right; None for any other line."""
+    checksum, _, text = line.strip().partition(b" ")
+    if checksum != b"%08x" % zlib.crc32(text):
+        return None
+    try:
+        fields = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return fields if isinstance(fields, dict) else None

@@ -1,0 +1,266 @@
+"""Choice of the lead (the vehicle ahead): from signals, or among radar tracks; its gap and range rate are smoothed.
+
+A track is chosen that is in the own path, nearest and continuous. A change of target is an event and the start of a
+new history, never a jump in range rate.
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import NamedTuple
+
+from canid.samples import smoothing
+from canid.samples.smoothing import Age, Noise
+from canid.types import NAN, Event, Reading, TrackReading
+from canid.vehicle import Vehicle
+
+# s; a track counts only while it reports: three missed reports at 10 Hz. Shorter than the bridge of the smoothing,
+# so that the same vehicle under another number is still recognised
+TRACK_TIMEOUT_S = 0.3
+# s; a track must have been in the path for this long before it is followed: reflections last a report or two
+MIN_PERSISTENCE_S = 0.25
+# a followed target may move this much further out than a new one may come in, before it is let go
+FOLLOWED_PATH_FACTOR = 1.4
+# m; another track must be this much nearer to be another vehicle in between, not the other end of the same one
+MIN_DISTANCE_STEP_M = 4.0
+# m/s; slower objects over ground are the roadside, unless the own vehicle crawls
+MIN_GROUND_SPEED = 2.0
+# m/s; below this own speed the yaw rate says nothing about the path's curve
+MIN_CURVE_SPEED = 5.0
+# s; the road bends for longer than a lane change swings (its yaw rate reverses after 2 to 3 s)
+YAW_RATE_TIME_CONSTANT_S = 2.0
+
+
+class Settings(NamedTuple):
+    """What the vehicle file says about the lead."""
+
+    from_tracks: bool = False
+    in_path: float = 1.8  # m; half a lane of 3.6 m
+    noise: Noise = Noise()
+    # s; older than this is not measured any more
+    age: Age = Age()  # of gap and range rate
+    silent: float = TRACK_TIMEOUT_S  # of a track's report
+    valid: float | None = None  # of `lead_valid`; None: it is not mapped, and every report is valid
+    speed: float = 0.5
+    yaw_rate: float = 0.5
+
+
+def settings_of(vehicle: Vehicle) -> Settings:
+    """What a vehicle file says about the lead.
+
+    Example:
+        >>> from canid.vehicle import read_vehicle
+        >>> settings_of(read_vehicle("generic")).valid
+        1.0
+    """
+    config, roles = vehicle.lead, vehicle.roles
+
+    def stale(role: str, otherwise: float) -> float:
+        return roles[role].stale if role in roles else otherwise
+
+    tracks = config.tracks is not None
+    usual = Age() if config.stale is None else Age(config.stale, config.stale)
+    return Settings(
+        from_tracks=tracks,
+        in_path=config.in_path,
+        noise=Noise(config.gap_noise, config.range_rate_noise),
+        age=usual if tracks else Age(stale("gap", usual.gap), stale("range_rate", usual.range_rate)),
+        silent=TRACK_TIMEOUT_S if config.stale is None else config.stale,
+        valid=roles["lead_valid"].stale if "lead_valid" in roles else None,
+        speed=stale("speed", Settings().speed),
+        yaw_rate=stale("yaw_rate", Settings().yaw_rate),
+    )
+
+
+class Track(NamedTuple):
+    """A track's latest report, and since when it has been a vehicle in our path."""
+
+    t: float
+    distance: float
+    rate: float
+    since: float  # s; NaN: it is none
+
+
+# no report is being collected
+NO_REPORT = (NAN, NAN, NAN)
+
+
+class State(NamedTuple):
+    """What the next reading's meaning depends on."""
+
+    tracks: dict[int, Track]
+    target: int = -1  # track number; -1: none
+    serial: int = 0  # of the target: grows by one with every change
+    pending: tuple[float, float, float] = NO_REPORT  # t, gap, range rate of the report being collected
+    valid: float = NAN  # lead_valid, where it is a signal; NaN: not known
+    valid_at: float = NAN  # s, of its last reading; NaN: none has come
+    speed: float = NAN  # m/s, own
+    speed_at: float = NAN  # s, of its last reading
+    yaw_rate: float = 0.0  # rad/s, own, left positive, averaged over YAW_RATE_TIME_CONSTANT_S
+    yaw_at: float = NAN  # s, of its last reading
+    smooth: smoothing.State = smoothing.State()
+
+
+Out = list[Reading | Event]
+
+
+def init() -> State:
+    """Return the state before the first reading."""
+    return State(tracks={})
+
+
+def step(state: State, reading: Reading | TrackReading, settings: Settings) -> tuple[State, Out]:
+    """Update the lead with one reading; every other role passes unchanged.
+
+    Returns:
+        the next state, and readings of `gap`, `range_rate`, `lead_valid` and `target` (the target's serial number)
+        in the place of those that came, late by `smoothing.LAG_S`.
+
+    Example:
+        >>> state, out = step(init(), Reading(0.0, "speed", 20.0), Settings())
+        >>> out
+        [Reading(t=0.0, role='speed', value=20.0)]
+    """
+    if isinstance(reading, TrackReading):
+        return _track(state, reading, settings)
+    out: Out = []
+    if not settings.from_tracks and reading.t > state.pending[0]:
+        state, out = _collected(state, settings)
+    role, value = reading.role, reading.value
+    if role in ("gap", "range_rate") and not settings.from_tracks:
+        t, gap, rate = state.pending
+        if t != reading.t:
+            gap = rate = NAN
+        pending = (reading.t, value, rate) if role == "gap" else (reading.t, gap, value)
+        return state._replace(pending=pending), out
+    if role == "lead_valid" and not settings.from_tracks:
+        return state._replace(valid=value, valid_at=reading.t), out
+    if role == "speed":
+        state = state._replace(speed=value, speed_at=reading.t)
+    elif role == "yaw_rate" and value == value:
+        passed = reading.t - state.yaw_at
+        weight = 1.0 - exp(-passed / YAW_RATE_TIME_CONSTANT_S) if passed == passed else 1.0
+        yaw_rate = state.yaw_rate + weight * (value - state.yaw_rate)
+        state = state._replace(yaw_rate=yaw_rate, yaw_at=reading.t)
+    out.append(reading)
+    return state, out
+
+
+def _collected(state: State, settings: Settings) -> tuple[State, Out]:
+    """One frame's gap and range rate are together: smooth them."""
+    t, gap, rate = state.pending
+    valid = validity(state, t, settings)
+    if valid != valid:  # nobody knows whether these numbers mean anything
+        gap = rate = NAN
+    history = state.smooth.history
+    if valid == 0.0 or (gap != gap and not (history and t - history[-1].gap_at <= settings.age.bridge)):
+        return _lost(state, t, settings, valid if valid != valid else 0.0)
+    return _follow(state, t, gap, rate, settings)
+
+
+def validity(state: State, t: float, settings: Settings) -> float:
+    """Whether reports at t [s] are of a vehicle: 0.0 says that they are not, NaN that it is not known (any more)."""
+    if state.valid_at != state.valid_at:
+        return 1.0 if settings.valid is None else NAN
+    if settings.valid is not None and t - state.valid_at > settings.valid:
+        return NAN
+    return state.valid
+
+
+def _readings(points: list[smoothing.Smoothed], serial: int) -> Out:
+    out: Out = []
+    for t, gap, rate in points:
+        out += [Reading(t, "gap", gap), Reading(t, "range_rate", rate)]
+        out += [Reading(t, "lead_valid", 1.0), Reading(t, "target", float(serial))]
+    return out
+
+
+def _lost(state: State, t: float, settings: Settings, valid: float = 0.0) -> tuple[State, Out]:
+    """No target, or none that is known: say so once per report, and give out what was still being smoothed."""
+    out = _readings(smoothing.flush(state.smooth, settings.age), state.serial)
+    if state.smooth.history:
+        out.append(Event(t, "lead_lost", f"{t:.1f} s: the vehicle ahead is gone"))
+    # without a target there is nothing to smooth: said with the same lag, to keep each role's times in order
+    at = t - smoothing.LAG_S
+    latest = state.smooth.history[-1].t if state.smooth.history else -1.0
+    if at > latest:
+        out += [Reading(at, role, NAN) for role in ("gap", "range_rate")] + [Reading(at, "lead_valid", valid)]
+    return state._replace(pending=NO_REPORT, smooth=smoothing.State(), target=-1), out
+
+
+def _follow(state: State, t: float, gap: float, rate: float, settings: Settings) -> tuple[State, Out]:
+    fresh = not state.smooth.history
+    smooth, points, changed = smoothing.step(state.smooth, t, gap, rate, settings.noise, settings.age)
+    out = _readings(points, state.serial)
+    serial = state.serial
+    if changed or (fresh and smooth.history):
+        serial += 1
+        if serial > 1 or changed:
+            says = f"{t:.1f} s: another vehicle ahead, at {gap:.0f} m"
+            out.append(Event(t, "target_change", says))
+    return state._replace(pending=NO_REPORT, smooth=smooth, serial=serial), out
+
+
+def _lateral(state: State, reading: TrackReading, speed: float, settings: Settings) -> float:
+    """Distance from the own path, which bends with the yaw rate: m."""
+    # a yaw rate that is not known bends nothing
+    if not speed > MIN_CURVE_SPEED or not reading.t - state.yaw_at <= settings.yaw_rate:
+        return reading.lateral
+    # circle of curvature yaw_rate / speed, at small angles
+    return reading.lateral - state.yaw_rate / speed * reading.distance**2 / 2
+
+
+def _track(state: State, reading: TrackReading, settings: Settings) -> tuple[State, Out]:
+    """One track's report: keep it, decide who is the lead, smooth the lead's own reports."""
+    t, number = reading.t, reading.track
+    before = state.tracks.get(number)
+    followed = number == state.target
+    reports = reading.valid and reading.distance == reading.distance and reading.rate == reading.rate
+    corridor = settings.in_path * (FOLLOWED_PATH_FACTOR if followed else 1.0)
+    speed = state.speed if t - state.speed_at <= settings.speed else NAN
+    over_ground = speed + reading.rate
+    candidate = reports and abs(_lateral(state, reading, speed, settings)) <= corridor
+    if candidate and not followed:
+        candidate = not (over_ground < MIN_GROUND_SPEED and speed > MIN_GROUND_SPEED)
+    since = t if before is None or before.since != before.since or reading.new else before.since
+    track = Track(t, reading.distance, reading.rate, since if candidate else NAN)
+    state = state._replace(tracks={**state.tracks, number: track})
+
+    known = state.tracks.get(state.target)
+    alive = known is not None and known.since == known.since and t - known.t <= settings.silent
+    if (
+        followed
+        and reading.new
+        and not smoothing.fits(state.smooth, t, reading.distance, reading.rate, settings.noise, settings.age)
+    ):
+        alive = False
+    limit = known.distance - MIN_DISTANCE_STEP_M if alive and known is not None else float("inf")
+    best = _nearest(state, t, limit, settings.silent)
+    out: Out = []
+    if best >= 0 and best != state.target:
+        state, out = _hand_over(state, t, best, settings)
+    elif not alive:
+        state, out = _lost(state, t, settings)
+    if number == state.target and state.tracks[number].since == state.tracks[number].since:
+        state, more = _follow(state, t, reading.distance, reading.rate, settings)
+        out += more
+    return state, out
+
+
+def _nearest(state: State, t: float, limit: float, silent: float) -> int:
+    """Return the nearest track that has persisted in the path, nearer than `limit`; -1: none."""
+    candidates = [
+        (track.distance, number)
+        for number, track in state.tracks.items()
+        if t - track.t <= silent and track.t - track.since >= MIN_PERSISTENCE_S and track.distance < limit
+    ]
+    return min(candidates)[1] if candidates else -1
+
+
+def _hand_over(state: State, t: float, best: int, settings: Settings) -> tuple[State, Out]:
+    """Follow another track; where the filter finds that it is the same vehicle, its history goes on."""
+    track = state.tracks[best]
+    if smoothing.fits(state.smooth, t, track.distance, track.rate, settings.noise, settings.age):
+        return state._replace(target=best), []
+    out = _readings(smoothing.flush(state.smooth, settings.age), state.serial)
+    return state._replace(target=best, smooth=smoothing.State()), out

@@ -1,0 +1,138 @@
+"""May the estimators learn from this sample, and if not, why: a gate with a recovery time, as openpilot's lagd has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from canid.types import NAN, Driver, LearnGate, Sample
+
+# %; one step of an 8-bit pedal sensor: at or below it the pedal may be released
+PEDAL_FLOOR_PERCENT = 0.5
+# m/s; below walking pace headway = gap/speed says nothing and people creep
+CREEP_SPEED = 2.0
+# s after the gate opens again before anything is learnt. The person takes over from cruise or finds a new lead in
+# about 2 s (openpilot waits the same time); the driver changes from brake to accelerator in 1 s; at the floor only the
+# pedal was hidden, not the driver: three samples for the sensor's own lag
+RECOVERY_S = {LearnGate.BRAKE: 1.0, LearnGate.PEDAL_FLOOR: 0.3}
+DEFAULT_RECOVERY_S = 2.0
+
+
+class State(NamedTuple):
+    """What the next sample's gate depends on."""
+
+    t: float = NAN  # of the last sample
+    opens: float = 0.0  # s; learning may go on from here
+    target: float = NAN  # serial number of the lead
+    cruise: float = NAN
+    segment: int = 0
+
+
+def init() -> State:
+    """Return the state before the first sample."""
+    return State()
+
+
+def inputs(values: Mapping[str, float], driver: Driver) -> tuple[float, ...]:
+    """Return the model's inputs, in the order of `TASK_INPUTS`.
+
+    Example:
+        >>> inputs({"headway": 1.5, "range_rate": -0.5}, Driver(headway_desired=2.0))
+        (-0.5, -0.5)
+    """
+    if driver.task == "lane_keeping":
+        return (values.get("lateral_offset", NAN),)
+    return values["headway"] - driver.headway_desired, values["range_rate"]
+
+
+def headway(values: Mapping[str, float]) -> float:
+    """Time headway in s; NaN where the vehicle stands or there is no lead.
+
+    Example:
+        >>> headway({"gap": 30.0, "speed": 20.0})
+        1.5
+    """
+    speed = values.get("speed", NAN)
+    return values.get("gap", NAN) / speed if speed >= CREEP_SPEED / 2 else NAN
+
+
+def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGate:
+    """What is wrong with this instant; `LearnGate.OPEN`: nothing."""
+    output = values.get(driver.output, NAN)
+    speed, cruise = values.get("speed", NAN), values.get("cruise_active", 0.0)
+    if output != output or cruise != cruise or (speed != speed and "speed" in values):
+        return LearnGate.STALE
+    person = driver.output in ("pedal", "steering_angle")
+    if person and cruise:
+        return LearnGate.CRUISE
+    if driver.output == "accel_command" and "cruise_active" in values and not cruise:
+        return LearnGate.NO_CRUISE
+    if speed < CREEP_SPEED:
+        return LearnGate.STANDSTILL
+    if driver.task == "car_following":
+        valid = values.get("lead_valid", NAN)
+        if valid == 0.0:
+            return LearnGate.NO_LEAD
+        if any(x != x for x in inputs(values, driver)):
+            return LearnGate.STALE if valid != valid else LearnGate.NO_LEAD
+        if state.target == state.target and values.get("target", NAN) != state.target:
+            return LearnGate.TARGET_CHANGE
+    elif any(x != x for x in inputs(values, driver)):
+        return LearnGate.STALE
+    if driver.output == "pedal":
+        if values.get("brake", 0.0) > 0.0:
+            return LearnGate.BRAKE
+        if output <= PEDAL_FLOOR_PERCENT:
+            return LearnGate.PEDAL_FLOOR
+    return LearnGate.OPEN
+
+
+def step(
+    state: State, t: float, values: Mapping[str, float], driver: Driver, dt: float
+) -> tuple[State, Sample]:
+    """Turn the roles' values at one grid point into a sample.
+
+    Args:
+        state: from `init()` or the step before.
+        t: s.
+        values: role -> value in its unit; NaN = not measured; roles that the vehicle does not map are absent.
+        driver: whose response is identified.
+        dt: the grid's step, s.
+
+    Example:
+        >>> values = {"pedal": 12.0, "speed": 20.0, "gap": 30.0, "range_rate": 0.1, "lead_valid": 1.0, "brake": 1.0}
+        >>> state, sample = step(init(), 0.0, values, Driver(), 0.1)
+        >>> sample.gate.name, sample.learn
+        ('BRAKE', False)
+    """
+    values = {**values, "headway": headway(values)}
+    gate = judge(state, values, driver)
+    segment = state.segment
+    target = values.get("target", NAN)
+    cruise = values.get("cruise_active", NAN)
+    changed = target == target and state.target == state.target and target != state.target
+    # where the acceleration stands in for the driver, another one drives from here on
+    swapped = (
+        driver.output == "accel"
+        and cruise == cruise
+        and state.cruise == state.cruise
+        and cruise != state.cruise
+    )
+    if changed or swapped or t - state.t > 1.5 * dt:
+        segment += 1
+    opens = state.opens
+    if gate is not LearnGate.OPEN or swapped:
+        opens = t + RECOVERY_S.get(gate, DEFAULT_RECOVERY_S)
+        # a brief gate right after a long one does not cut the long one's recovery short
+        opens = max(opens, state.opens)
+    # half a step against the rounding of t = k·dt
+    learn = gate is LearnGate.OPEN and t >= opens - dt / 2
+    after = State(
+        t,
+        opens,
+        target if target == target else state.target,
+        cruise if cruise == cruise else state.cruise,
+        segment,
+    )
+    output = values.get(driver.output, NAN)
+    return after, Sample(t, output, inputs(values, driver), gate, learn, segment, values)

@@ -1,0 +1,158 @@
+"""The composition of this folder: chunks of frames → samples, with everything that goes on from chunk to chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.samples import lead, lead_readings, learning_gate, sampling_grid, session_clock
+from canid.samples.lead_readings import REPORTED, Made
+from canid.samples.sampling_grid import Ints, Readings, Role
+from canid.types import Array, Columns, Driver, Event, Sample
+from canid.vehicle import Vehicle, decoder
+from canid.vehicle.decoding import Decoding, RoleReadings
+from canid.vehicle.decoding import Step as DecodingStep
+
+# roles that the lead makes, whatever the vehicle maps
+MADE = {
+    "lead_valid": Role(switch=True, stale=1.0),
+    "target": Role(switch=True, stale=60.0),
+}
+
+
+class State(NamedTuple):
+    """Everything that the next chunk's meaning depends on."""
+
+    clock: session_clock.State
+    decoding: Decoding
+    lead: lead.State
+    grid: sampling_grid.State
+    gate: learning_gate.State
+
+
+class Samples(NamedTuple):
+    """What a chunk has completed, each with the row of the frame that completed or caused it."""
+
+    samples: list[tuple[int, Sample]]
+    events: list[tuple[int, Event]]
+
+
+class Sampler(NamedTuple):
+    """A vehicle's path from frames to samples: pure functions."""
+
+    init: Callable[[], State]
+    step: Callable[[State, Columns], tuple[State, Samples]]
+
+
+class _Settings(NamedTuple):
+    """Of a vehicle."""
+
+    decode: DecodingStep
+    lead: lead.Settings | None  # None: no lead is followed
+    roles: Mapping[str, Role]
+    driver: Driver
+    dt: float  # s
+
+
+def sampler(vehicle: Vehicle, dt: float) -> Sampler:
+    """Compose a vehicle's path from frames to samples.
+
+    Args:
+        vehicle: from `read_vehicle`.
+        dt: step of the grid, s.
+
+    Returns:
+        `init() -> state` and `step(state, chunk) -> (state, samples)`. However the frames are divided into chunks,
+        the samples are the same to the last bit.
+    """
+    init_decoding, decode = decoder(vehicle)
+    following = vehicle.driver.task == "car_following"
+    settings = _Settings(
+        decode,
+        lead.settings_of(vehicle) if following else None,
+        sampled_roles(vehicle),
+        vehicle.driver,
+        dt,
+    )
+    init = partial(_init, init_decoding)
+    return Sampler(init, partial(_step, settings))
+
+
+def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
+    """How each role that this vehicle has is brought onto the grid."""
+    needed = {vehicle.driver.output, "speed", "gap", "range_rate", "lateral_offset"}
+    roles = {
+        role: Role(how.switch, how.stale, role in needed and not how.switch)
+        for role, how in vehicle.roles.items()
+        if role != "lead_valid"
+    }
+    if vehicle.driver.task == "car_following":
+        age = lead.settings_of(vehicle).age._asdict()
+        following = {role: Role(stale=age[role], needed=True) for role in REPORTED}
+        reported = {name: Role(stale=age[role]) for role, name in REPORTED.items()}
+        roles |= following | MADE | reported
+    return roles
+
+
+def _init(init_decoding: Callable[[], Decoding]) -> State:
+    return State(
+        session_clock.init(), init_decoding(), lead.init(), sampling_grid.init(), learning_gate.init()
+    )
+
+
+def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
+    clock, timed = session_clock.step(state.clock, chunk)
+    frames, first = timed.frames, state.grid.frames
+    decoding, decoded = of.decode(state.decoding, frames)
+    following, passed = state.lead, decoded.roles
+    events = [*timed.events, *decoded.events]
+    made: Mapping[str, Made] = {}
+    if of.lead is not None:
+        following, found = lead_readings.step(following, decoded, frames, of.lead)
+        passed, made = found.passed, found.made
+        events += found.events
+    grid = sampling_grid.put(state.grid, _by_role(passed, made, frames, first))
+    grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles)
+    gate, samples = state.gate, []
+    for points in parts:
+        columns = (column.tolist() for column in (points.frame - first, points.t, *points.values.values()))
+        for row, t, *values in zip(*columns, strict=True):
+            gate, sample = learning_gate.step(
+                gate, t, dict(zip(points.values, values, strict=True)), of.driver, of.dt
+            )
+            samples.append((row, sample))
+    events.sort(key=_row)
+    if timed.rows is not None:
+        rows = timed.rows.tolist()
+        samples = [(rows[row], sample) for row, sample in samples]
+        events = [(rows[row], event) for row, event in events]
+    return State(clock, decoding, following, grid, gate), Samples(samples, events)
+
+
+def _row(item: tuple[int, Event]) -> int:
+    return item[0]
+
+
+def _by_role(
+    passed: tuple[RoleReadings, ...], made: Mapping[str, Made], frames: Columns, first: int
+) -> dict[str, Readings]:
+    """Readings of each role; of one that has several sources, in the order of the frames."""
+    parts: dict[str, list[Readings]] = {}
+    for role, (t, value, row) in made.items():
+        parts.setdefault(role, []).append(Readings(t, value, first + row))
+    shared: dict[int, tuple[Array, Ints]] = {}  # roles of one message share their rows
+    for role, row, value in passed:
+        if id(row) not in shared:
+            shared[id(row)] = frames.t[row], first + row
+        t, frame = shared[id(row)]
+        parts.setdefault(role, []).append(Readings(t, value, frame))
+    return {role: of[0] if len(of) == 1 else _in_order(of) for role, of in parts.items()}
+
+
+def _in_order(parts: list[Readings]) -> Readings:
+    t, value, frame = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(frame, kind="stable")
+    return Readings(t[order], value[order], frame[order])

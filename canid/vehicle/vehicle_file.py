@@ -1,0 +1,288 @@
+"""Reading of a vehicle file and its DBC files; all their mistakes are reported at once."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from canid.errors import ConfigError
+from canid.estimators import ESTIMATORS
+from canid.parsing import ParseError, Parser
+from canid.types import Driver
+from canid.vehicle import file_bytes
+from canid.vehicle.database import MAX_DBC_BYTES, Dbc, brief_sentence, load, message_map
+from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
+from canid.vehicle.quoting import brief, shown
+from canid.vehicle.roles import DERIVED, NEEDS, OUTPUTS, ROLES
+from canid.vehicle.schema import (
+    MAX_KEYS,
+    MAX_NAME_LENGTH,
+    SECTIONS,
+    DbcFile,
+    DriverSection,
+    LeadSection,
+    SignalEntry,
+    did_you_mean,
+    parse,
+    parse_settings,
+)
+from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, signal_map
+from canid.vehicle.tracks import resolve_tracks, track_age
+
+# fifty times the largest known vehicle file, with its comments
+MAX_TOML_BYTES = 256_000
+# DBC files of one vehicle: one or two a bus, and no vehicle has more buses
+_MAX_DBC_FILES = 64
+# mistakes that are reported at once: more are one mistake repeated, or the file is no vehicle file
+_MAX_MISTAKES = 30
+
+
+def read_vehicle(path: str | Path) -> Vehicle:
+    """Read a vehicle file (TOML) and the DBC files that it names.
+
+    Args:
+        path: the file; or a bare name, such as "generic", of a vehicle that is shipped with canid.
+
+    Returns:
+        The vehicle, with `warnings` on what is questionable but no mistake.
+
+    Raises:
+        ConfigError: with all mistakes at once, one line each: file, key, what is wrong, did you mean.
+
+    Example:
+        >>> vehicle = read_vehicle("generic")
+        >>> vehicle.roles["speed"].message, vehicle.roles["speed"].unit
+        ('EGO_SPEED', 'm/s')
+    """
+    file = locate(path)
+    data = file_bytes.read(file, MAX_TOML_BYTES, "vehicle file")
+    mistakes = Mistakes([], [])
+    with Parser() as parser:
+        try:
+            data.decode("utf-8")
+            table = parser.toml(data)
+        except UnicodeDecodeError as error:
+            raise ConfigError(f"{file} cannot be read: {error}") from None
+        except ParseError as error:
+            raise ConfigError(f"{file} is not valid TOML: {brief_sentence(str(error))}") from None
+        vehicle = _vehicle(file, table, mistakes, parser)
+    if mistakes.errors or vehicle is None:
+        lines = mistakes.errors[:_MAX_MISTAKES]
+        if len(mistakes.errors) > _MAX_MISTAKES:
+            lines.append(f"and {len(mistakes.errors) - _MAX_MISTAKES:,} more mistakes")
+        name = brief(file.name)
+        raise ConfigError(*(f"{name}: {line}" for line in lines))
+    return vehicle
+
+
+def shipped() -> Path:
+    """Find the folder of the vehicles that are shipped with canid: in an installed wheel, or in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "_data" / "dbc"
+    return installed if installed.is_dir() else package.parent / "dbc"
+
+
+def locate(path: str | Path) -> Path:
+    """Find the vehicle file of a path or a bare name.
+
+    Raises:
+        ConfigError: there is none; lists the vehicles that are shipped with canid.
+    """
+    given = Path(path)
+    try:
+        if given.is_file():
+            return given
+        there = given.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        raise ConfigError(f"vehicle file {brief(str(path))} does not exist") from None
+    if there:
+        return given  # a folder, a pipe: reading it gives the error
+    known = {file.stem: file for file in sorted(shipped().glob("*.toml"))}
+    if given.name == str(path) and given.suffix in ("", ".toml") and given.stem in known:
+        return known[given.stem]
+    folder = given.parent if given.parent.is_dir() else Path()
+    near = difflib.get_close_matches(given.name, [p.name for p in folder.glob("*.toml")] + list(known), n=1)
+    hint = f' (did you mean "{near[0]}"?)' if near else ""
+    raise ConfigError(f"vehicle file {given} does not exist{hint}; shipped with canid: {', '.join(known)}")
+
+
+def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: Parser) -> Vehicle | None:
+    errors = mistakes.errors
+    if len(table) > MAX_KEYS:
+        errors.append(f"{len(table):,} keys and sections; the sections are {', '.join(SECTIONS)}")
+        return None
+    errors += [
+        f"{brief(key)}: unknown section{did_you_mean(key, SECTIONS)}" for key in table if key not in SECTIONS
+    ]
+    name = table.get("name", file.stem)
+    if not isinstance(name, str):
+        errors.append(f"name: must be a text, not {shown(name)}")
+    elif len(name) > MAX_NAME_LENGTH:
+        errors.append(f"name: has {len(name):,} characters; at most {MAX_NAME_LENGTH:,}")
+
+    driver, wrong = parse(DriverSection, table.get("driver", {}), "driver")
+    errors += wrong
+    estimators = {}
+    for estimator in ESTIMATORS:
+        section = table.get(estimator.name, {})
+        estimators[estimator.name], wrong = parse_settings(estimator.settings, section, estimator.name)
+        errors += wrong
+    lead, wrong = parse(LeadSection, table.get("lead", {}), "lead")
+    errors += wrong
+
+    entries = _entries(table.get("signals", {}), errors)
+    files = _files(file.parent, table.get("dbc"), mistakes, parser)
+    roles: dict[str, RoleMap] = {}
+    tracks: tuple[TrackMap, ...] | None = None
+    if any(file.messages for file in files):
+        resolved = {role: _role(role, entry, files, mistakes) for role, entry in entries.items()}
+        roles = {role: found for role, found in resolved.items() if found is not None}
+        tracks = resolve_tracks(lead, files, mistakes) if lead is not None else None
+    if driver is not None and lead is not None:
+        errors += _missing(driver, lead, table.get("signals", {}))
+    if errors or driver is None or lead is None:
+        return None
+    return Vehicle(
+        name=str(name),
+        path=str(file),
+        dbc=tuple(str(_relative_to(file.parent, dbc.file)) for dbc in _dbc_entries(table.get("dbc"), [])),
+        roles=roles,
+        lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise, track_age(lead)),
+        messages=_messages(files, [*roles.values(), *(tracks or ())]),
+        driver=Driver(**driver.model_dump()),
+        estimators=estimators,
+        warnings=tuple(mistakes.warnings),
+    )
+
+
+def _entries(section: object, errors: list[str]) -> dict[str, SignalEntry]:
+    if not isinstance(section, dict):
+        errors.append(f"signals: must be a section, not {shown(section)}")
+        return {}
+    if len(section) > MAX_KEYS:
+        errors.append(f"signals: {len(section):,} entries; there are {len(ROLES)} roles")
+        return {}
+    entries: dict[str, SignalEntry] = {}
+    for role, value in section.items():
+        key = f"signals.{brief(role)}"
+        if role in DERIVED:
+            errors.append(f"{key}: {DERIVED[role]}")
+            continue
+        if role not in ROLES:
+            errors.append(f"{key}: unknown role{did_you_mean(role, ROLES)}")
+        entry, wrong = parse(SignalEntry, value, key)
+        errors += wrong
+        if entry is not None and role in ROLES:
+            entries[role] = entry
+    return entries
+
+
+def _dbc_entries(section: object, errors: list[str]) -> list[DbcFile]:
+    listed = section if isinstance(section, list) else [] if section is None else [section]
+    if not listed:
+        errors.append('dbc: is missing; write dbc = ["<vehicle>.dbc"]')
+    if len(listed) > _MAX_DBC_FILES:
+        errors.append(f"dbc: {len(listed):,} files; at most {_MAX_DBC_FILES} are read")
+        return []
+    entries = []
+    for index, value in enumerate(listed):
+        short = {"file": value} if isinstance(value, str) else value
+        entry, wrong = parse(DbcFile, short, f"dbc[{index}]")
+        errors += wrong
+        entries += [entry] if entry is not None else []
+    return entries
+
+
+def _relative_to(folder: Path, file: str) -> Path:
+    """Resolve a path relative to the vehicle file; "a/../b" is shown to the user as "b"."""
+    return Path(os.path.normpath(folder / file))
+
+
+def _files(folder: Path, section: object, mistakes: Mistakes, parser: Parser) -> list[Dbc]:
+    files, bytes_left = [], MAX_DBC_BYTES
+    for entry in _dbc_entries(section, mistakes.errors):
+        try:
+            dbc, warnings, size = load(_relative_to(folder, entry.file), entry.bus, parser, bytes_left)
+        except ConfigError as error:
+            mistakes.errors.append(f"dbc: {error}")
+            # Its place is kept, so that "no message X in ..." names the files that could not be searched.
+            files.append(Dbc(f"{brief(Path(entry.file).name)} (not read)", entry.bus, {}))
+            continue
+        bytes_left -= size
+        files.append(dbc)
+        mistakes.warnings.extend(warnings)
+    return files
+
+
+def _role(role: str, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistakes) -> RoleMap | None:
+    key = f"signals.{role}"
+    message_name, dot, signal_name = entry.signal.partition(".")
+    if not dot or not message_name or not signal_name:
+        mistakes.errors.append(f'{key}: must be "MESSAGE.SIGNAL", not "{brief(entry.signal)}"')
+        return None
+    found = find_message(message_name, entry.bus, files, key)
+    if isinstance(found, str):
+        mistakes.errors.append(found)
+        return None
+    dbc, message = found
+    signal = find_signal(signal_name, message, key)
+    if isinstance(signal, str):
+        mistakes.errors.append(signal)
+        return None
+    how = signal_map(entry, message, signal, ROLES[role], key, mistakes)
+    if how is None:
+        return None
+    return RoleMap(
+        role=role,
+        message=message.name,
+        id=message.id,
+        extended=message.extended,
+        bus=entry.bus if entry.bus is not None else dbc.bus,
+        unit=ROLES[role].unit,
+        stale=entry.stale if entry.stale is not None else ROLES[role].stale,
+        how=how,
+    )
+
+
+def _missing(driver: DriverSection, lead: LeadSection, signals: object) -> list[str]:
+    """List what the task needs and the file does not map; wrong entries are reported elsewhere."""
+    mapped = set(signals) if isinstance(signals, dict) else set()
+    errors = []
+    if driver.output not in OUTPUTS:
+        hint = did_you_mean(driver.output, OUTPUTS)
+        errors.append(f'driver.output: "{brief(driver.output)}" is not one of {", ".join(OUTPUTS)}{hint}')
+    elif driver.output not in mapped:
+        errors.append(f"signals.{driver.output}: is missing; driver.output names it")
+    for role in (*NEEDS[driver.task], *(("lead_valid",) if driver.task == "car_following" else ())):
+        if lead.tracks is not None and role in ("gap", "range_rate", "lead_valid"):
+            if role in mapped:
+                errors.append(f"signals.{role}: is given by lead.tracks already; remove one of the two")
+        elif role not in mapped and role != "lead_valid":
+            also = ", or radar tracks in [lead]" if role in ("gap", "range_rate") else ""
+            errors.append(f"signals.{role}: is missing; {driver.task} needs it{also}")
+    return errors
+
+
+def _messages(files: Sequence[Dbc], mapped: Sequence[RoleMap | TrackMap]) -> tuple[MessageMap, ...]:
+    """List each message that carries something mapped, once per bus, in the order of the vehicle file."""
+    found: dict[tuple[str, int | None], MessageMap] = {}
+    for item in mapped:
+        key = (item.message, item.bus)
+        if key not in found:
+            dbc_and_message = find_message(item.message, item.bus, files, "")
+            assert not isinstance(dbc_and_message, str), "resolved before"
+            found[key] = message_map(dbc_and_message[1], item.bus)
+        # a signal that ends behind its message, as some DBC files have them
+        needed = -(-max(how.bits.end for how in _signal_maps(item)) // 8)
+        found[key] = found[key]._replace(length=max(found[key].length, needed))
+    return tuple(found.values())
+
+
+def _signal_maps(item: RoleMap | TrackMap) -> list[SignalMap]:
+    if isinstance(item, RoleMap):
+        return [item.how]
+    parts = (item.distance, item.rate, item.lateral, item.valid, item.new)
+    return [part for part in parts if part is not None]

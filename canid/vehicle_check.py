@@ -1,0 +1,163 @@
+"""Check of a vehicle file against frames: what came for each role, how often, in which range, and what is missing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from canid import pipeline
+from canid.frame_columns import chunks
+from canid.samples.sampler import sampler
+from canid.types import NAN, Array, Event, Frame, LearnGate
+from canid.vehicle import Vehicle, decoder, missing
+
+# correlation of range rate and change of the gap below which the sign of range rate is reported as wrong
+WRONG_SIGN_CORRELATION = -0.5
+# s over which the change of the gap is taken: a radar's quantisation of 0.1 m is small in it
+GAP_CHANGE_S = 1.0
+# changes of the gap that are needed for a judgement
+MIN_GAP_CHANGES = 20
+# m/s; a gap that changes faster is that of another vehicle, or of a standing one
+MAX_GAP_RATE = 15.0
+
+
+class Row(NamedTuple):
+    """One role."""
+
+    role: str
+    unit: str
+    source: str  # "MESSAGE.SIGNAL (0x123, bus 0)"
+    readings: int
+    rate: float  # 1/s
+    missing_percent: float  # readings that were NaN
+    low: float
+    median: float
+    high: float
+
+
+class Check(NamedTuple):
+    """Result of a check. Problems are sentences that say what to do; without any, the vehicle file fits."""
+
+    frames: int
+    duration: float  # s
+    ids: dict[tuple[int, int], int]  # (bus, id) -> frames
+    rows: tuple[Row, ...]
+    gates: dict[str, float]  # gate -> share of the time, %
+    problems: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+class Contents(NamedTuple):
+    """The ids of a log."""
+
+    frames: dict[tuple[int, int, int], int]  # (bus, id, bytes) -> frames
+    duration: float  # s
+
+
+def contents(frames: Iterable[Frame], on_time: Callable[[float], None] | None = None) -> Contents:
+    """Count frames by bus, id and length.
+
+    Example:
+        >>> contents([Frame(0.0, 0, 0x123, b"ab"), Frame(0.5, 0, 0x123, b"cd")])
+        Contents(frames={(0, 291, 2): 2}, duration=0.5)
+    """
+    counts: Counter[tuple[int, int, int]] = Counter()
+    last = 0.0
+    for frame in frames:
+        counts[frame.bus, frame.id, len(frame.data)] += 1
+        last = max(last, frame.t)
+        if on_time is not None:
+            on_time(frame.t)
+    return Contents(dict(counts), last)
+
+
+def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], None] | None = None) -> Check:
+    """Run frames through decoding, lead selection and learning gate, and report what came.
+
+    Args:
+        frames: of a log or a bus.
+        vehicle: from `read_vehicle`.
+        on_time: called now and then with the time of the log, s.
+    """
+    make = sampler(vehicle, pipeline.DT)
+    state = make.init()
+    ids: Counter[tuple[int, int]] = Counter()
+    values: dict[str, list[Array]] = {}
+    points: dict[str, list[Array]] = {"gap": [], "range_rate": []}
+    tracks = 0
+    times: Counter[LearnGate] = Counter()
+    events: list[Event] = []
+    last = 0.0
+    init_decoding, decode = decoder(vehicle)
+    decoding = init_decoding()
+    for chunk in chunks(frames):
+        ids.update(zip(chunk.bus.tolist(), chunk.id.tolist(), strict=True))
+        last = max(last, float(chunk.t.max()))
+        decoding, decoded = decode(decoding, chunk)
+        for role, row, value in decoded.roles:
+            values.setdefault(role, []).append(value)
+            if role in points:
+                points[role].append(np.column_stack([chunk.t[row], value]))
+        tracks += sum(int(track.valid.sum()) for track in decoded.tracks)
+        state, made = make.step(state, chunk)
+        times.update(sample.gate for _, sample in made.samples)
+        events += [event for _, event in made.events]
+        if on_time is not None:
+            on_time(last)
+    rows = tuple(_row(role, vehicle, values.get(role, []), last) for role in vehicle.roles)
+    gates = {
+        (gate.name.lower() if gate is not LearnGate.OPEN else "driving"): 100 * n / times.total()
+        for gate, n in times.most_common()
+    }
+    problems = list(missing(vehicle, decoding))
+    problems += [
+        f"{row.role}: {row.source} came {row.readings} times, never with a valid value"
+        for row in rows
+        if row.readings and row.missing_percent == 100.0
+    ]
+    problems += [event.says for event in events if event.what == "ambiguous_bus"]
+    if state.clock.dropped:
+        problems.append(f"{state.clock.dropped} frames go back in time, by up to {state.clock.worst:.3g} s")
+    problems += _signs(points["gap"], points["range_rate"])
+    remarks = [f"{what}: {n} times" for what, n in sorted(decoding.counters.items())]
+    if vehicle.lead.tracks is not None:
+        changes = sum(event.what == "target_change" for event in events)
+        remarks.append(f"radar: {tracks} valid track reports; the lead changed {changes} times")
+    return Check(sum(ids.values()), last, dict(ids), rows, gates, tuple(problems), tuple(remarks))
+
+
+def _row(role: str, vehicle: Vehicle, values: list[Array], duration: float) -> Row:
+    how = vehicle.roles[role]
+    bus = "" if how.bus is None else f", bus {how.bus}"
+    source = f"{how.message}.{how.signal} (0x{how.id:X}{bus})"
+    array = np.concatenate([np.zeros(0), *values])
+    known = array[np.isfinite(array)]
+    low, median, high = np.percentile(known, [0, 50, 100]) if known.size else (NAN, NAN, NAN)
+    lost = 100.0 * (1 - known.size / array.size) if array.size else NAN
+    rate = array.size / duration if duration else NAN
+    return Row(role, how.unit, source, array.size, rate, lost, float(low), float(median), float(high))
+
+
+def _signs(gap: list[Array], rate: list[Array]) -> list[str]:
+    """The sign of range rate, which must be positive where the gap grows: the commonest wrong sign in vehicle files.
+
+    Uses the readings as they came: smoothing treats both as consistent already.
+    """
+    g, r = (np.concatenate([np.zeros((0, 2)), *parts]) for parts in (gap, rate))
+    g, r = g[np.isfinite(g[:, 1])], r[np.isfinite(r[:, 1])]
+    if len(g) < 2 or len(r) < 2:
+        return []
+    start = np.arange(max(g[0, 0], r[0, 0]), min(g[-1, 0], r[-1, 0]) - GAP_CHANGE_S, GAP_CHANGE_S)
+    grown = np.interp(start + GAP_CHANGE_S, g[:, 0], g[:, 1]) - np.interp(start, g[:, 0], g[:, 1])
+    predicted = np.interp(start + GAP_CHANGE_S / 2, r[:, 0], r[:, 1]) * GAP_CHANGE_S
+    # where the vehicle ahead changes or disappears, the gap jumps
+    known = np.abs(grown) < MAX_GAP_RATE * GAP_CHANGE_S
+    grown, predicted = grown[known], predicted[known]
+    if len(grown) < MIN_GAP_CHANGES or np.std(grown) == 0 or np.std(predicted) == 0:
+        return []
+    if np.corrcoef(grown, predicted)[0, 1] < WRONG_SIGN_CORRELATION:
+        return ["range_rate: its sign contradicts d(gap)/dt; positive must be opening (set scale = -1)"]
+    return []

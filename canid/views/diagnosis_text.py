@@ -1,0 +1,190 @@
+"""A diagnosis as text for the terminal, and the figures of it that the text, the JSON and the page share."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from canid.findings import Finding, Report, Trajectory, masked_for
+from canid.types import Array, Interval
+from canid.views.names import SYMBOLS, parameter, readable
+from canid.views.numbers import interval, number, percent, role_unit, time_range
+from canid.views.table import columns
+
+# lines of one kind that a terminal shows; the page and the JSON have all
+WORST_SHOWN = 3
+UNDECIDED_SHOWN = 6
+
+
+def text(report: Report, log: str, vehicle: str) -> list[str]:
+    """What `canid diagnose` prints: the verdict first.
+
+    Args:
+        report: the diagnosis.
+        log: name of the log.
+        vehicle: name of the vehicle.
+    """
+    verdict = readable(report.verdict.value).upper()
+    lines = [f"{verdict}: {sentence(report)}", *_about(report, log, vehicle)]
+    for finding in report.findings:
+        lines += ["", *_finding(finding)]
+    blocks = [f"{block.where} ({readable(block.state)}): {block.says}" for block in report.blocks]
+    lines += _headed("blocks of the loop", blocks)
+    masks = [f"{effect}: {number(seconds, 's')}" for effect, seconds in masked_for(report.masked).items()]
+    lines += _headed("masked before the fit: not the driver's response", masks)
+    if math.isfinite(report.unexplained.value):
+        lines += ["", f"share of the residual that no cause explains: {percent(report.unexplained)}"]
+    lines += _headed("not testable on this drive", _undecided(report))
+    lines += _headed("a drive that would decide", advice(report))
+    title = "driver parameters: baseline, extended model" if report.findings else "driver parameters"
+    lines += _headed(title, _parameters(report))
+    lines += _checks(report)
+    lines += _headed("worst windows", _worst(report))
+    lines += _headed(
+        "closed loop, with the lead vehicle of the log", [_closed_loop(of) for of in report.closed_loop]
+    )
+    return lines
+
+
+def _about(report: Report, log: str, vehicle: str) -> list[str]:
+    lines = [
+        f"{log}: {vehicle}, {number(duration(report), 's')}, {number(used_time(report), 's')} of them used"
+    ]
+    before, after = report.baseline.fit_percent, report.extended.fit_percent
+    if before == before:
+        fit = f"fit of the simulation {number(before, '%')}"
+        fit += f", of the extended model {number(after, '%')}" if report.findings else ""
+        lines.append(f"{fit}; {report.candidates_tried} causes tried")
+    return lines
+
+
+def _finding(finding: Finding) -> list[str]:
+    title = f"{finding.effect} ({finding.where}{', surrogate: it helps, but is not the cause' * finding.surrogate})"
+    evidence = f"evidence {number(finding.evidence)} (needed {number(finding.needed)})"
+    lines = [
+        title,
+        f"  {finding.says}",
+        f"  {evidence}, gain {percent(finding.gain)} on held-out data",
+    ]
+    values = [
+        f"{name} {interval(iv, finding.units.get(name, ''))}" for name, iv in finding.parameters.items()
+    ]
+    lines += [f"  {', '.join(values)}"] if values else []
+    lines += [f"  at {', '.join(time_range(*e) for e in finding.episodes)}"] if finding.episodes else []
+    return [*lines, f"  rivals: {', '.join(finding.rivals) or 'none'}"]
+
+
+def _undecided(report: Report) -> list[str]:
+    """One line per reason; causes with the same reason share it."""
+    by_reason: dict[str, list[str]] = {}
+    for of in report.not_testable:
+        by_reason.setdefault(of.why, []).append(" or ".join(of.effects))
+    lines = [f"{', '.join(names)}: {why}" for why, names in by_reason.items()]
+    more = len(lines) - UNDECIDED_SHOWN
+    return [*lines[:UNDECIDED_SHOWN], *([f"and {more} more, in --json and --report"] if more > 0 else [])]
+
+
+def _parameters(report: Report) -> list[str]:
+    rows = []
+    for key, (before, after) in known_parameters(report).items():
+        name, unit = parameter(key, report.output)
+        shown = (before, after) if report.findings else (before,)
+        rows.append((f"{name} ({unit})" if unit else name, *map(interval, shown)))
+    return columns([""] * len(rows[0]), rows)[1:] if rows else []
+
+
+def _checks(report: Report) -> list[str]:
+    made = [c for c in report.checks if c.passed is not None]
+    failed = [c for c in made if not c.passed]
+    lines = [
+        f"✗ {'adequacy, ' * c.gate}{c.name}: {c.says} ({number(c.value, c.unit)}, limit {number(c.limit, c.unit)})"
+        for c in failed
+    ]
+    title = f"checks: {len(made) - len(failed)} of {len(made)} passed"
+    return _headed(title, lines, always=True) if report.checks else []
+
+
+def _worst(report: Report) -> list[str]:
+    unit = role_unit(report.output)
+    return [
+        f"{time_range(w.start, w.stop)}: residual {number(w.before, unit)} rms"
+        + (f", extended model {number(w.after, unit)}" if report.findings else "")
+        for w in report.worst[:WORST_SHOWN]
+    ]
+
+
+def _closed_loop(of: Trajectory) -> str:
+    unit = role_unit(of.role)
+    line = f"{readable(of.role)}: error {number(rms_error(of, of.before), unit)} rms"
+    if not has_extended(of):
+        return line
+    return f"{line}, extended model {number(rms_error(of, of.after), unit)}; gain {percent(of.gain)} on held-out data"
+
+
+def _headed(title: str, lines: list[str] | tuple[str, ...], *, always: bool = False) -> list[str]:
+    return ["", title, *(f"  {line}" for line in lines)] if lines or always else []
+
+
+# --- shared with the JSON and the page ----------------------------------------------------------------------
+
+
+def sentence(report: Report) -> str:
+    """The verdict's sentence without the word in capitals that it may begin with.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> sentence(SimpleNamespace(says="ONE OF: {a, b}."))
+        '{a, b}.'
+    """
+    return re.sub(r"^[A-Z][A-Z ]+: ", "", report.says)
+
+
+def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:
+    """Parameters of the baseline and of the extended model, where at least one of the two has an estimate."""
+    shifts = report.shifts or {
+        f"{name} {what}": (getattr(channel, what), getattr(report.extended.channels.get(name, channel), what))
+        for name, channel in report.baseline.channels.items()
+        for what in SYMBOLS
+    }
+    return {key: both for key, both in shifts.items() if any(math.isfinite(iv.value) for iv in both)}
+
+
+def advice(report: Report) -> list[str]:
+    """What to drive, without what the reasons of `not_testable` contain already."""
+    reasons = " ".join(of.why for of in report.not_testable)
+    return [line for line in report.advice if line.partition(": ")[2] not in reasons or ": " not in line]
+
+
+def rms_error(of: Trajectory, simulated: Array) -> float:
+    """Root mean square of a trajectory's error, where it was simulated."""
+    here = np.isfinite(simulated) & np.isfinite(of.measured)
+    return float(np.sqrt(np.mean((simulated - of.measured)[here] ** 2))) if here.any() else math.nan
+
+
+def has_extended(of: Trajectory) -> bool:
+    """Whether the extended model simulates this trajectory differently from the baseline."""
+    return math.isfinite(of.gain.value)
+
+
+def duration(report: Report) -> float:
+    """Length of the drive, s."""
+    return float(report.t[-1] - report.t[0]) + step(report) if len(report.t) else 0.0
+
+
+def used_time(report: Report) -> float:
+    """Time that the fit uses, s."""
+    return float(report.used.sum()) * step(report)
+
+
+def step(report: Report) -> float:
+    """Step of the grid, s; 0 for less than two samples.
+
+    Example:
+        >>> import numpy as np
+        >>> from types import SimpleNamespace
+        >>> step(SimpleNamespace(t=np.array([5.0, 5.1, 5.2])))
+        0.1
+    """
+    return round(float(report.t[-1] - report.t[0]) / (len(report.t) - 1), 9) if len(report.t) > 1 else 0.0

@@ -1,0 +1,110 @@
+"""Estimates as lines of text: one channel, one estimate, its residual tests, and the monitor's reports."""
+
+from __future__ import annotations
+
+from canid.types import Channel, Estimate, Identifiable, Interval, MonitorReport, ResidualTests, Status
+from canid.views.names import HEADLINE_MARK, readable
+from canid.views.numbers import clock, interval
+
+# decimals of K, τ and θ in lines that follow one another: fixed, so that the eye can compare
+DECIMALS = 2
+
+
+def fixed(iv: Interval) -> str:
+    """Value and 95 % interval with a fixed number of decimals.
+
+    Example:
+        >>> fixed(Interval(4.412, 3.58, 5.21))
+        '4.41 [3.58, 5.21]'
+    """
+    return interval(iv, places=DECIMALS)
+
+
+def delays(ch: Channel) -> str:
+    """Lag τ and dead time θ, or their sum, as far as they are identifiable.
+
+    Example:
+        >>> delays(Channel(tau_plus_dead_time=Interval(0.8, 0.7, 0.9), status=Identifiable.SUM_ONLY))
+        'τ+θ 0.80 [0.70, 0.90] s'
+    """
+    if ch.status is Identifiable.OK:
+        return f"τ {fixed(ch.tau)} s  θ {fixed(ch.dead_time)} s"
+    if ch.status is Identifiable.SUM_ONLY:
+        return f"τ+θ {fixed(ch.tau_plus_dead_time)} s"
+    return ""
+
+
+def channel(name: str, ch: Channel) -> str:
+    """One channel in one line."""
+    if ch.status is Identifiable.NOT:
+        return f"{readable(name)}: not identifiable"
+    return f"{readable(name)}: K {fixed(ch.K)}  {delays(ch)}".rstrip()
+
+
+def residual_tests(tests: ResidualTests) -> list[str]:
+    """The residual tests, one line each.
+
+    Example:
+        >>> tests = ResidualTests(True, 20.0, 41.6, (), ("range_rate",), True, {"range_rate": 18})
+        >>> for line in residual_tests(tests): print(line)
+        residuals white (Ljung–Box 20, bound 42)
+        range rate: no response left in the residuals; the loop is closed
+        residual variance stationary: no trend
+        order of persistent excitation: 18 in range rate
+    """
+    if tests.statistic != tests.statistic:
+        return ["residuals not tested: too few data"]
+    white = "white" if tests.white else "not white: the order of the model or of its noise is too low"
+    lines = [f"residuals {white} (Ljung–Box {tests.statistic:.0f}, bound {tests.bound:.0f})"]
+    for name in tests.excitation_order:
+        left = (
+            "part of the response is not modelled"
+            if name in tests.left_over
+            else "no response left in the residuals"
+        )
+        loop = "; the loop is closed" if name in tests.feedback else ""
+        lines.append(f"{readable(name)}: {left}{loop}")
+    variance = "stationary: no trend" if tests.stationary else "not stationary: it has a trend"
+    order = ", ".join(f"{n} in {readable(name)}" for name, n in tests.excitation_order.items())
+    return [*lines, f"residual variance {variance}", f"order of persistent excitation: {order}"]
+
+
+def estimate(e: Estimate) -> str:
+    """One estimate in one line; the headline estimate is marked.
+
+    Example:
+        >>> K = Channel(Interval(4.4, 3.6, 5.2), status=Identifiable.GAIN_ONLY)
+        >>> estimate(Estimate(60.0, "fopdt", Status.OK, "range rate: K only", {"range_rate": K}, headline=True))
+        '▶    60.0 s  fopdt   ok            range rate: K 4.40 [3.60, 5.20]'
+    """
+    mark = HEADLINE_MARK if e.headline else " "
+    parts = [f"{mark}{e.t:8.1f} s", f"{e.estimator:6}", f"{e.status.value:12}"]
+    known = [channel(name, ch) for name, ch in e.channels.items() if ch.status is not Identifiable.NOT]
+    return "  ".join(parts) + "  " + (" | ".join(known) if known and e.status is Status.OK else e.says)
+
+
+def misfit(s: MonitorReport) -> str:
+    """Since when which block does not fit its model, or what fits.
+
+    Example:
+        >>> misfit(MonitorReport(90.0, False, 62.0, "vehicle", "the vehicle responds less", {}))
+        'since 1:02.0 the model does not fit; vehicle suspected: the vehicle responds less'
+        >>> misfit(MonitorReport(240.0, True, 230.0, "", "fits: driver", {}))
+        'since 3:50.0 the model fits again; fits: driver'
+    """
+    if s.since != s.since:
+        return s.says
+    since = f"since {clock(s.since)}" if s.since >= 0 else "since before this start"
+    if s.fits:
+        return f"{since} the model fits again; {s.says}"
+    return f"{since} the model does not fit; {s.block} suspected: {s.says}"
+
+
+def monitor_report(s: MonitorReport) -> str:
+    """A report of the monitor in one line.
+
+    Example:
+        >>> monitor_report(MonitorReport(90.0, True, float("nan"), "", "fits: driver", {}))
+        '     90.0 s  monitor fits          fits: driver'
+    """
+    return f" {s.t:8.1f} s  {'monitor':7} {'fits' if s.fits else 'misfit':12}  {misfit(s)}"

@@ -1,0 +1,45 @@
+"""A drive's parameters as the JSON object that docs/json.md describes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from canid.drive_parameters import Identified
+from canid.estimators.agreement import HEADLINE_ORDER
+from canid.estimators.estimator import WholeDrive
+from canid.views import json_values
+
+# The estimator whose result over the whole drive is `whole`; that of another one stands under its own name.
+WHOLE = HEADLINE_ORDER[0]
+
+
+def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
+    """The JSON object of `canid identify`; null where nothing is known."""
+    return {
+        "log": log,
+        "vehicle": vehicle,
+        "duration": drive.duration,
+        "driver_time": drive.driver_time,
+        "windows": [json_values.estimate(e) for e in drive.windows],
+        **{"whole" if name == WHOLE else name: _whole(found) for name, found in drive.whole.items()},
+        "orders": [
+            {
+                **c.orders._asdict(),
+                **{key: json_values.number(getattr(c, key)) for key in ("aic", "bic", "fpe")},
+                "white": bool(c.white),
+            }
+            for c in drive.orders
+        ],
+    }
+
+
+def _whole(found: WholeDrive | None) -> dict[str, Any] | None:
+    """One estimator's result; a key that the method has nothing for is left out."""
+    if found is None:
+        return None
+    out: dict[str, Any] = {"channels": json_values.channels(found.channels)}
+    if found.fit_percent is not None:
+        out["fit_percent"] = json_values.number(found.fit_percent)
+    if found.residual_tests is not None:
+        out["residual_tests"] = json_values.residual_tests(found.residual_tests)
+    return out | {key: json_values.plain(value) for key, value in found.details.items()}

@@ -1,0 +1,44 @@
+"""A drive's parameters as text."""
+
+from __future__ import annotations
+
+from canid.drive_parameters import Identified
+from canid.estimators.agreement import headline_rank
+from canid.estimators.estimator import WholeDrive
+from canid.identification.armax.order_selection import Candidate
+from canid.views import estimate_text
+from canid.views.numbers import number
+
+# candidates of the order selection that are listed
+ORDERS_SHOWN = 3
+
+
+def text(drive: Identified, log: str, vehicle: str) -> list[str]:
+    """What `canid identify` prints: estimates over sliding windows, then each estimator's model of the whole drive."""
+    time = f"{drive.duration:.0f} s, {drive.driver_time:.0f} s of them usable for identification"
+    lines = [f"{log}: {vehicle}, {time}", ""]
+    lines += [estimate_text.estimate(e) for e in drive.windows]
+    lines += [""] if drive.windows else []
+    for name in sorted(drive.whole, key=headline_rank):
+        lines += _whole(name.upper(), drive.whole[name])
+    return lines + _orders(drive.orders)
+
+
+def _whole(name: str, found: WholeDrive | None) -> list[str]:
+    if found is None:
+        return [f"whole drive, {name}: no model (too few data, or no stable model)"]
+    fit = f", fit {number(found.fit_percent, '%')}" if found.fit_percent is not None else ""
+    tests = estimate_text.residual_tests(found.residual_tests) if found.residual_tests is not None else []
+    return [
+        f"whole drive, {name}{found.specification}{fit}",
+        *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in found.channels.items()),
+        *(f"  {line}" for line in (*found.lines, *tests)),
+    ]
+
+
+def _orders(candidates: tuple[Candidate, ...]) -> list[str]:
+    best = ", ".join(
+        f"({c.orders.na},{c.orders.nb},{c.orders.nc}) nk {c.orders.nk}{' white' if c.white else ''}"
+        for c in candidates[:ORDERS_SHOWN]
+    )
+    return [f"best orders of ARMAX by BIC: {best}"] if best else []

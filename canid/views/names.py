@@ -1,0 +1,46 @@
+"""Names of inputs, roles, effects, states and parameters as people read them."""
+
+from __future__ import annotations
+
+from canid.views.numbers import UNITS, gain_unit
+
+# symbols of the driver's parameters (docs/glossary.md)
+SYMBOLS = {"K": "K", "tau": "τ", "dead_time": "θ", "tau_plus_dead_time": "τ+θ"}
+# the mark of the headline estimate: of all estimators the one to quote
+HEADLINE_MARK = "▶"
+
+
+def readable(name: str) -> str:
+    """An identifier of an input, a role, an effect or a state in words.
+
+    Example:
+        >>> readable("lateral_offset"), readable("not_enough_data")
+        ('lateral offset', 'not enough data')
+    """
+    return name.replace("_", " ")
+
+
+def either(names: tuple[str, ...]) -> str:
+    """Effects of which the data cannot say which one it is.
+
+    Example:
+        >>> either(("lateral_offset", "yaw_rate"))
+        'lateral offset or yaw rate'
+    """
+    return " or ".join(map(readable, names))
+
+
+def parameter(key: str, output: str) -> tuple[str, str]:
+    """Name and unit of a parameter in `Report.shifts`.
+
+    Example:
+        >>> parameter("range_rate K", "pedal"), parameter("range_rate tau", "pedal"), parameter("p0", "pedal")
+        (('range rate K', '% per m/s'), ('range rate τ', 's'), ('p0', '%'))
+    """
+    channel, _, what = key.rpartition(" ")
+    name = f"{readable(channel)} {SYMBOLS.get(what, what)}".strip()
+    if not channel:
+        return name, UNITS.get(output, "")
+    if what == "K" and channel in UNITS:
+        return name, gain_unit(output, channel)
+    return name, "s" if what in ("tau", "dead_time", "tau_plus_dead_time") else ""

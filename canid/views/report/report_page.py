@@ -1,0 +1,113 @@
+"""A diagnosis as one self-contained HTML page: tables, figures, style and script."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from importlib.util import find_spec
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from canid.findings import Report, Verdict
+from canid.views.diagnosis_text import advice, duration, known_parameters, sentence, used_time
+from canid.views.names import either, parameter, readable
+from canid.views.numbers import interval, number, percent, role_unit, time_range
+from canid.views.report.evidence_bars import OUTCOMES, evidence_bars
+from canid.views.report.figure import script
+from canid.views.report.forest_plot import forest_plot, shift
+from canid.views.report.heat_maps import heat_maps
+from canid.views.report.spectra import spectra
+from canid.views.report.time_series import whole_drive, worst_windows
+from canid.views.report.trajectories import trajectories
+
+TITLES = {
+    Verdict.ADEQUATE: "The simulation is adequate",
+    Verdict.NAMED: "Cause found",
+    Verdict.ONE_OF: "One of these causes",
+    Verdict.UNEXPLAINED: "Unexplained",
+    Verdict.NOT_ENOUGH_DATA: "Not enough data",
+}
+
+
+def page(report: Report) -> str:
+    """The diagnosis as one HTML page.
+
+    The page loads nothing: style, script and data are in it. The plotly.js of the installed plotly package draws the
+    plots; without that package the page has its text and tables, and says how to get the plots.
+
+    Args:
+        report: the diagnosis.
+
+    Returns:
+        The page, to be stored as UTF-8.
+
+    Example:
+        >>> from canid.findings import no_fit
+        >>> from canid.types import Interval
+        >>> import numpy as np
+        >>> nothing, none = Interval(), np.zeros(0)
+        >>> short = Report(Verdict.NOT_ENOUGH_DATA, "drive longer", "pedal", none, none, none > 0, no_fit(0), no_fit(0),
+        ...     (), nothing, nothing, (), 0, (), (), (), (), (), (), None, (), {}, (), ())
+        >>> "drive longer" in page(short)
+        True
+    """
+    drawn = (
+        whole_drive(report),
+        worst_windows(report),
+        *heat_maps(report),
+        spectra(report),
+        evidence_bars(report),
+        trajectories(report),
+    )
+    figures = [figure for figure in drawn if figure is not None]
+    plotly = _plotly() if figures else None
+    return _template().render(
+        report=report,
+        title=TITLES[report.verdict],
+        unit=role_unit(report.output),
+        sentence=sentence(report),
+        parameters=known_parameters(report),
+        advice=advice(report),
+        duration=duration(report),
+        used_time=used_time(report),
+        figures={figure.name: figure for figure in figures},
+        map_names=[f"map-{k + 1}" for k in range(len(report.maps))],
+        outcomes={name: label for name, (_, label) in OUTCOMES.items()},
+        parameter=parameter,
+        shift=shift,
+        forest_plot=forest_plot,
+        time_range=time_range,
+        role_unit=role_unit,
+        plotly=plotly,
+        specs=Markup(script(figures)),
+        style=_text("page.css"),
+        script=_text("page.js"),
+    )
+
+
+def _template() -> Template:
+    environment = Environment(
+        loader=PackageLoader("canid.views.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        interval=interval, percent=percent, number=number, readable=readable, either=either
+    )
+    return environment.get_template("page.html.j2")
+
+
+def _text(name: str) -> Markup:
+    """Style sheet or script of the page."""
+    return Markup(files("canid.views.report").joinpath(name).read_text(encoding="utf-8"))
+
+
+def _plotly() -> Markup | None:
+    """plotly.js of the installed package; None without one."""
+    if find_spec("plotly") is None:
+        return None
+    from plotly.offline import get_plotlyjs
+
+    return Markup(get_plotlyjs())

@@ -1,0 +1,1 @@
+"""Tests of canid, and the simulators that they and the benchmarks share."""

@@ -1,0 +1,133 @@
+"""What no cause explains is said to be unexplained; what is nothing but noise is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.diagnosis.adequacy import alternatives, intermittent_gain, refit_noise, skewness
+from canid.diagnosis.adequacy.alternatives import shapes
+from canid.diagnosis.diagnose import Prepared, diagnose, ready
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.effects import CATALOGUE
+from canid.findings import Verdict
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
+
+PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
+
+
+@pytest.mark.parametrize(
+    ("simulator", "effect", "strength", "noise", "profile"),
+    [
+        ("one", "headway_hysteresis", {"width": 0.9}, "white", "mixed"),
+        ("two", "brake_light_startle", {"drop": 12.0, "threshold": 0.6}, "resonant", "mixed"),
+    ],
+)
+def test_an_effect_of_nobodys_catalogue_is_unexplained(
+    simulator: str, effect: str, strength: dict[str, float], noise: str, profile: str
+) -> None:
+    planted = PLANTS[simulator]({effect: strength}, seed=97, minutes=8, noise=noise, profile=profile)
+    report = diagnose(trace(planted))
+    assert report.verdict is Verdict.UNEXPLAINED, report.says
+    assert all(finding.surrogate for finding in report.findings)
+    assert report.unexplained.value > 0.01
+
+
+@pytest.mark.parametrize(
+    ("simulator", "effect", "strength"),
+    [
+        ("one", "attention_gap", {"per_minute": 1.5, "duration": 3.5}),
+        ("two", "gain_change", {"share": 0.6, "time": 200.0}),
+    ],
+)
+def test_a_cause_that_is_taken_out_of_the_catalogue_is_not_its_neighbour(
+    simulator: str, effect: str, strength: dict[str, float]
+) -> None:
+    planted = PLANTS[simulator]({effect: strength}, seed=98, minutes=8, noise="ar1", profile="mixed")
+    report = diagnose(trace(planted), catalogue=tuple(one for one in CATALOGUE if one.id != effect))
+    assert report.verdict is Verdict.UNEXPLAINED, report.says
+    assert all(finding.surrogate for finding in report.findings)
+
+
+@pytest.fixture(scope="module")
+def prepared() -> Prepared:
+    """A clean drive with its baseline."""
+    measured = trace(plant_two.plant({}, seed=96, minutes=6, noise="ar1", profile="mixed"))
+    found = ready(measured, np.ones(measured.t.size, dtype=bool))
+    assert found is not None
+    return found
+
+
+def test_families_are_finite_and_have_names_of_their_own(prepared: Prepared) -> None:
+    families = shapes(prepared.data, prepared.fitted)
+    assert len({one.name for one in families}) == len(families)
+    for one in families:
+        assert one.says, one.name
+        assert one.columns.shape[0] == prepared.trace.t.size, one.name
+        assert np.isfinite(one.columns).all(), one.name
+
+
+def test_a_slow_structure_explains_more_beside_a_colour_of_its_own(prepared: Prepared) -> None:
+    """A noise model fitted without a slow structure absorbs it."""
+    data, fitted = prepared.data, prepared.fitted
+    slow = 3.0 * np.sin(2 * np.pi * data.seen.t / 60.0)
+    added = data._replace(output=data.output._replace(y=data.output.y + slow))
+    own, memory = refit_noise.directions(added, fitted), refit_noise.noise_memory(fitted)
+    with_it = np.column_stack([own, slow / np.linalg.norm(slow)])
+
+    def won(of: DriverData) -> float:
+        return (
+            refit_noise.refit(of, fitted, own, memory).deviance
+            - refit_noise.refit(of, fitted, with_it, memory).deviance
+        )
+
+    assert won(added) > 20.0
+    assert won(data) < 12.0
+
+
+def test_noise_of_any_colour_and_size_follows_no_answer() -> None:
+    """Chance in 40 pairs of unrelated processes: about as many as it says, and none by much."""
+    rng = np.random.default_rng(5)
+    rows = np.ones(6000, dtype=bool)
+    p = []
+    for k in range(40):
+        x, e = rng.normal(size=(2, 6000))
+        x = np.convolve(x, np.ones(1 + 4 * (k % 5)), "same")
+        # noise scale that follows the answer, autocorrelation that whitening has left
+        e = (e + 0.2 * np.r_[0.0, e[:-1]]) * (1 + 0.5 * np.abs(x) / x.std())
+        p.append(intermittent_gain.detect({"x": x}, e, rows, 0.1).p)
+    assert sum(one < 0.05 for one in p) <= 6
+    assert min(p) > 1e-4
+
+
+def test_an_answer_that_comes_and_goes_is_seen() -> None:
+    rng = np.random.default_rng(6)
+    x = np.convolve(rng.normal(size=6000), np.ones(10), "same")
+    away = (np.arange(6000) // 40) % 8 == 0
+    e = rng.normal(size=6000)
+    lost = 0.4 * x * (away - away.mean())
+    assert intermittent_gain.detect({"x": x}, e + lost, np.ones(6000, dtype=bool), 0.1).p < 1e-4
+
+
+def test_a_normal_noise_of_any_colour_is_even_handed() -> None:
+    """The score of skewness has the spread that it says, also where the noise remembers."""
+    rng = np.random.default_rng(7)
+    known = np.ones(3000, dtype=bool)
+    scores = []
+    for k in range(60):
+        x = rng.normal(size=3400)
+        smooth = np.convolve(x, np.ones(1 + 6 * (k % 4)), "valid")[:3000]
+        scores.append(skewness.skewed(smooth, known, 60)[0])
+    assert 0.6 < np.std(scores) < 1.3
+    assert max(np.abs(scores)) < 4.0
+
+
+def test_free_curves_hold_every_straight_line() -> None:
+    """What a free curve spans holds a line, so that it never explains less than one."""
+    x = np.random.default_rng(8).normal(size=500)
+    H = alternatives.hats(x, np.ones(500, dtype=bool), 8)
+    inside = (x > np.quantile(x, 0.02)) & (x < np.quantile(x, 0.98))
+    b = np.linalg.lstsq(H[inside], x[inside], rcond=None)[0]
+    assert np.allclose((H @ b)[inside], x[inside])
+    assert alternatives.hats(np.zeros(500), np.ones(500, dtype=bool), 8).shape == (500, 0)

@@ -1,0 +1,107 @@
+"""Drives of canid's own simulator with one effect of a catalogue, and what each block of the diagnosis names on them."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+import canid
+from canid.diagnosis import masks
+from canid.diagnosis.diagnose import ready
+from canid.diagnosis.driver import cross_validation
+from canid.diagnosis.sensing.sensing_block import diagnose_sensing
+from canid.diagnosis.vehicle import vehicle_block
+from canid.effects import CATALOGUE
+from canid.effects.effect import Effect, Kind
+from canid.logs import write_log
+from canid.simulation import START_UTC, Shares, Simulation, frames, simulate
+from canid.types import Trace
+from canid.vehicle import read_vehicle
+from tests import seeds
+from tests.plants.measurement import trace as measured
+from tests.plants.planted_drive import Planted
+
+# min; shows two or three episodes of a mask, which repeats of a frozen signal must not dominate
+MASK_MINUTES = 2.5
+
+
+class Case(NamedTuple):
+    """One effect at one strength in one drive."""
+
+    effect: Effect
+    strength: tuple[float, ...]
+    seed: int
+
+    def __str__(self) -> str:
+        """As the test is called: effect, strength, seed."""
+        return f"{self.effect.id}={','.join(f'{x:g}' for x in self.strength)} seed {self.seed}"
+
+
+def cases(strengths: str, catalogue: tuple[Effect, ...] = CATALOGUE) -> list[Case]:
+    """One strength of half of the effects, the others in other runs; with CANID_ALL_STRENGTHS=1 all strengths of all.
+
+    Which half is drawn with the run's seed; the seeds of drives depend on the effect's id alone.
+
+    Args:
+        strengths: `found_at` or `silent_at`.
+        catalogue: the effects.
+    """
+    out = []
+    for effect in catalogue:
+        of = getattr(effect, strengths)
+        chosen = range(len(of))
+        if not os.environ.get("CANID_ALL_STRENGTHS"):
+            chosen = chosen[: seeds.seed(f"{strengths} {effect.id}") % 2]
+        out += [Case(effect, of[k], zlib.crc32(f"{effect.id} {k} 0".encode()) % 100_000) for k in chosen]
+    return out
+
+
+def drive(case: Case, catalogue: tuple[Effect, ...] = CATALOGUE) -> Trace:
+    """Simulate one case as its sensors record it."""
+    effect = case.effect
+    minutes = MASK_MINUTES if effect.kind is Kind.MASK else effect.found_in
+    hide = {effect.id: Shares(case.strength)}
+    simulation = simulate(minutes, case.seed, "urban", hide=hide, catalogue=catalogue)
+    return by_frames(simulation) if effect.kind is Kind.MASK else by_columns(simulation)
+
+
+def by_columns(simulation: Simulation) -> Trace:
+    """The trace of a drive, its sensors simulated by the tests' own plants."""
+    columns = {**simulation.columns, **simulation.measured}
+    truth = {"seed": simulation.seed, "effects": {}}
+    return measured(Planted(simulation.dt, columns, columns["demand"], columns["noise"], truth))
+
+
+def by_frames(simulation: Simulation) -> Trace:
+    """The trace of a drive by way of a log: a frozen signal repeats itself exactly."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder, "drive.blf")
+        write_log(log, frames(simulation, read_vehicle("generic")), START_UTC)
+        return canid.read_trace(log, "generic")
+
+
+def named(trace: Trace, block: str, catalogue: tuple[Effect, ...] = CATALOGUE) -> set[str]:
+    """Effects that a block names on a drive, with those that explain it as well."""
+    usable, masked = masks.recognise(trace, catalogue)
+    if block == "mask":
+        return {one.effect for one in masked}
+    if block == "driver":
+        prepared = ready(trace, usable)
+        assert prepared is not None
+        drivers = tuple(e for e in catalogue if e.where == "driver" and e.kind is not Kind.MASK)
+        search = cross_validation.search_causes(prepared.data, drivers, prepared.fitted).search
+        return {name for one in search.named for name in (one.effect.id, *one.rivals)}
+    if block == "sensing":
+        findings = diagnose_sensing(trace, catalogue).findings
+    else:
+        cars = tuple(effect for effect in catalogue if effect.where == "vehicle")
+        findings = vehicle_block.diagnose_vehicle(trace, usable, cars).findings
+    return {name for one in findings for name in (one.effect, *one.rivals)}
+
+
+def block(effect: Effect) -> str:
+    """The block that names an effect."""
+    return "mask" if effect.kind is Kind.MASK else effect.where

@@ -1,0 +1,111 @@
+"""A log format is one file and one line: what the table of formats holds is read, counted, listed and explained."""
+
+from __future__ import annotations
+
+import gzip
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from canid.errors import ConfigError, LogError
+from canid.frame_columns import frames_of
+from canid.logs import formats, open_log
+from canid.logs.formats import Format
+from canid.logs.reader_state import ReadState
+from canid.logs.text_lines import Bad, LineCount, hex_bytes, lines
+from canid.types import Frame
+
+ROOT = Path(__file__).parents[2]
+
+
+def read_trivial(path: Path, state: ReadState) -> Iterator[Frame]:
+    """Read lines `ID DATA` of frames that are 10 ms apart; `*` begins a comment."""
+    count = LineCount()
+    for line in lines(path, state, count):
+        if line.text.startswith("*"):
+            count.others["comments"] += 1
+            continue
+        try:
+            id_text, _, data = line.text.partition(" ")
+            frame = Frame(count.read * 0.01, 0, int(id_text, 16), hex_bytes(data, len(data) // 2))
+        except ValueError as error:
+            count.miss(line, str(error) if isinstance(error, Bad) else "it is not ID DATA")
+            continue
+        count.read += 1
+        yield frame
+    count.close(path, state)
+
+
+@pytest.fixture
+def trivial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The trivial format, registered as `canid.logs.formats` registers all others."""
+    module = ModuleType("trivial_reader")
+    module.read_trivial = read_trivial  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "trivial_reader", module)
+    monkeypatch.setitem(formats.FORMATS, ".hex", Format("trivial_reader", "read_trivial", "trivial .hex"))
+
+
+@pytest.mark.usefixtures("trivial")
+def test_a_registered_format_is_read_counted_and_listed(tmp_path: Path) -> None:
+    """One entry in the table: frames, columns, gzip, progress, counts, damage, help and messages come with it."""
+    text = b"* a comment\n123 0102\n7 \nnonsense\n124 ff\n"
+    path, packed, empty = tmp_path / "x.HEX", tmp_path / "x.hex.gz", tmp_path / "empty.hex"
+    path.write_bytes(text)
+    packed.write_bytes(gzip.compress(text))
+    empty.write_bytes(b"nonsense\n")
+    unknown = tmp_path / "x.xyz"
+    unknown.touch()
+    expected = [Frame(0.0, 0, 0x123, b"\1\2"), Frame(0.01, 0, 7, b""), Frame(0.02, 0, 0x124, b"\xff")]
+    for each in (path, packed):
+        log = open_log(each)
+        assert list(log) == expected
+        assert [frame for chunk in log.columns() for frame in frames_of(chunk)] == expected
+        assert (log.frames_read, log.other_kinds, log.damaged, log.progress) == (3, {"comments": 1}, 1, 1.0)
+        assert log.damage is not None
+        assert log.damage.says.endswith("line 4: it is not ID DATA")
+        assert log.others_says == "1 line of no interest: 1 comments"
+    assert formats.described().endswith(" or trivial .hex")
+    with pytest.raises(ConfigError, match=r"unknown log format '.xyz'; known are .*\.hex, .*\.hex\.gz"):
+        open_log(unknown)
+    with pytest.raises(LogError, match="holds no frame that can be read"):
+        open_log(empty)
+
+
+def test_the_table_is_what_help_and_readme_say() -> None:
+    """Every suffix in the table stands in the help of the verbs that read logs and in the README."""
+    shown = subprocess.run(
+        [sys.executable, "-m", "canid", "identify", "--help"], capture_output=True, text=True, check=True
+    ).stdout
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for suffix in formats.FORMATS:
+        assert suffix in shown
+        assert suffix in readme
+
+
+def test_the_table_imports_no_reader() -> None:
+    """Listing the formats costs no import of a reader, of numpy or of python-can."""
+    code = (
+        "import sys, canid.logs.formats\n"
+        "assert not {'numpy', 'can', 'canid.logs.log', 'canid.logs.csv_reader'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+SAVVYCAN = """\
+Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8
+166064000,0000021A,false,Rx,0,8,FE,36,12,FE,69,05,07,AD,
+"""
+
+
+def test_a_csv_of_another_program_is_refused_by_its_header(tmp_path: Path) -> None:
+    """.csv is python-can's form: for another program's the message names the header that is expected."""
+    path = tmp_path / "savvycan.csv"
+    path.write_text(SAVVYCAN)
+    with pytest.raises(
+        LogError, match="line 1: it is not timestamp,arbitration_id,extended,remote,error,dlc,data"
+    ):
+        open_log(path)
