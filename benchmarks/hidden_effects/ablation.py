@@ -18,7 +18,6 @@ MODULES = {
     "intermittent_gain": ("unsteady",),
     "skewness": ("one side",),
     "unnamed_patterns": ("standing still", "line", "rhythm", "wander"),
-    "random_walk_rivals": ("instead of a wander",),
 }
 
 

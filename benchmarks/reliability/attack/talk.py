@@ -75,9 +75,12 @@ class Case(NamedTuple):
         ends = [] if self.background else [self.out, self.err]
         normal = 0 if self.end == "duration" else 128 + signal.Signals[self.end]
         json = self.json == "FIFO without a reader" or (self.json == "full disk" and self.verb == "record")
-        # `live --json -` writes nothing but estimates to standard output, and there may be none yet
-        if self.json == "-" and self.verb == "live" and self.out in streams.LOSING and not self.background:
-            return 5 if self.err in streams.LOSING else None
+        # `live --json` writes nothing but estimates, and there may be none yet
+        if self.verb == "live":
+            if self.json == "-" and self.out in streams.LOSING and not self.background:
+                return 5 if self.err in streams.LOSING else None
+            if self.json == "FIFO without a reader" and not any(end in streams.LOSING for end in ends):
+                return None
         if any(end in streams.LOSING for end in ends) or json:
             return 5
         uncertain = (*streams.LEAVING, *streams.PATIENT)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.stats import chi2
 
-from canid.diagnosis.adequacy import intermittent_gain, random_walk_rivals, refit_noise, unnamed_patterns
+from canid.diagnosis.adequacy import intermittent_gain, refit_noise, unnamed_patterns
 from canid.diagnosis.adequacy.alternatives import Shapes, answers, shapes
 from canid.diagnosis.adequacy.refit_noise import directions
 from canid.diagnosis.driver.driver_data import DriverData
@@ -82,9 +82,6 @@ def assess(found: Search, original: DriverData, explained: float = 0.0) -> Adequ
         Family(one.name, one.says, one.p, one.statistic, 1, one.share)
         for one in unnamed_patterns.detect(found, original)
     ]
-    other = random_walk_rivals.best_rival(found, families)
-    if other is not None:
-        families_tested.append(Family("instead of a wander", *other))
     bound = (NAMED_CHANCE if found.named else FAMILY_CHANCE) / len(families_tested)
     # movements between two decisions are not simulated and stay in the residual
     decides = any(one.effect.intermittent for one in found.named)
@@ -114,7 +111,7 @@ def _spanned(families: list[Shapes], data: DriverData, solved: FittedDriver) -> 
     e = solved.fitted.scored.e / np.sqrt(max(_even(solved), 1e-300))
     own: Array | None = None
     plain, out = 0.0, []
-    for name, says, columns, _ in families:
+    for name, says, columns in families:
         X = _white(columns, solved)
         length = np.linalg.norm(X, axis=0)
         X = X - Q @ (Q.T @ X)

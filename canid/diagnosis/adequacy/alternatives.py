@@ -41,8 +41,6 @@ UNEVEN_LAG_S = 0.5
 LEAD_BRAKING, FRIGHT_FADE_S = (0.3, 0.8), 1.5
 # m/s; least speed in a denominator
 MIN_DIVISOR_SPEED = 3.0
-# the family that follows anything slow
-LEVEL_FAMILY = "level"
 
 
 OWN_MOTION_FAMILIES = ("felt", "habit")
@@ -54,7 +52,6 @@ class Shapes(NamedTuple):
     name: str
     says: str  # what the residual would hold
     columns: Array  # (n, k)
-    in_time: bool = False  # functions of time itself among them
 
 
 def shapes(data: DriverData, solved: FittedDriver) -> list[Shapes]:
@@ -171,16 +168,14 @@ def _in_time(i: Inputs, time: Array, duration: float) -> list[Shapes]:
     # fmt: off
     return [
         Shapes("time", "answers that change along the drive",
-               np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3], in_time=True),
+               np.c_[through(t * w, t * e, t * t * w, t * t * e), t, t * t, t**3]),
         Shapes("both answers", "two answers that change together, along the drive, with the gap or the speed",
-               through(both * t, both * t * t, both * t**3, both * np.sign(t), both * g, both * v), in_time=True),
-        Shapes("both answers in time", "two answers that change together at some time", through(both[:, None] * along),
-               in_time=True),
+               through(both * t, both * t * t, both * t**3, both * np.sign(t), both * g, both * v)),
+        Shapes("both answers in time", "two answers that change together at some time", through(both[:, None] * along)),
         Shapes("range_rate in time", "an answer to relative speed that changes at some time",
-               through(w[:, None] * along), in_time=True),
-        Shapes("headway in time", "an answer to headway that changes at some time", through(e[:, None] * along),
-               in_time=True),
-        Shapes(LEVEL_FAMILY, "a level that drifts along the drive", hats(time, i.fine, knots), in_time=True),
+               through(w[:, None] * along)),
+        Shapes("headway in time", "an answer to headway that changes at some time", through(e[:, None] * along)),
+        Shapes("level", "a level that drifts along the drive", hats(time, i.fine, knots)),
     ]
     # fmt: on
 
