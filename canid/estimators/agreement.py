@@ -11,6 +11,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from canid.estimators.status import TIME_ROUNDING_S
+from canid.identification.identifiability import quotable
 from canid.types import Channel, Estimate, Interval, Status
 
 # Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
@@ -101,18 +102,19 @@ def headline_rank(name: str) -> tuple[int, str]:
 
 
 def _disjoint_parameters(one: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tuple[str, str]]:
-    """(channel, parameter) whose two intervals have no point in common."""
+    """(channel, parameter) that both may quote, with intervals that have no point in common."""
     return [
         (name, what)
         for name in one
         if name in other
         for what, _, _ in COMPARED
-        if _disjoint(getattr(one[name], what), getattr(other[name], what))
+        if quotable(one[name], what)
+        and quotable(other[name], what)
+        and _disjoint(getattr(one[name], what), getattr(other[name], what))
     ]
 
 
 def _disjoint(a: Interval, b: Interval) -> bool:
-    # comparisons with NaN are false: what is not identifiable contradicts nothing
     return a.low > b.high or b.low > a.high
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from canid.types import NAN, Channel, Identifiable, Interval
+from canid.types import Channel, Identifiable, Interval
 
 # s. tau and dead time are quoted separately where each is known to half of what drivers differ by (tau 0.4-0.7 s, dead
 # time 0.2-0.4 s; Grover 2021), and the intervals are then believed: radar noise that whitening amplifies moves tau up
@@ -60,16 +60,23 @@ def judge(
 def channel(
     status: Identifiable, K: Interval, tau: Interval, dead_time: Interval, total: Interval
 ) -> Channel:
-    """Build the channel: NaN for what the verdict withholds.
+    """Build the channel: every interval for what it is worth; the status says which may be quoted.
+
+    NaN only for what was not estimated. Where the status asks for more than was estimated, nothing may be quoted.
 
     >>> channel(Identifiable.GAIN_ONLY, Interval(1, 0.9, 1.1), Interval(0.7, 0.0, 1.9), Interval(), Interval()).tau
-    Interval(value=nan, low=nan, high=nan)
+    Interval(value=0.7, low=0.0, high=1.9)
     """
-    estimated = {"K": K, "tau": tau, "dead_time": dead_time, "tau_plus_dead_time": total}
-    if not all(math.isfinite(x) for name in QUOTABLE[status] for x in estimated[name]):
-        status = Identifiable.NOT
-    withheld = Interval(NAN, NAN, NAN)
-    K, tau, dead_time, total = (
-        iv if name in QUOTABLE[status] else withheld for name, iv in estimated.items()
-    )
-    return Channel(K, tau, dead_time, total, status)
+    estimated = Channel(K, tau, dead_time, total, status)
+    if not all(math.isfinite(x) for name in QUOTABLE[status] for x in getattr(estimated, name)):
+        return estimated._replace(status=Identifiable.NOT)
+    return estimated
+
+
+def quotable(channel: Channel, name: str) -> bool:
+    """Whether a field of a channel may be quoted.
+
+    >>> quotable(Channel(status=Identifiable.SUM_ONLY), "tau")
+    False
+    """
+    return name in QUOTABLE[channel.status]

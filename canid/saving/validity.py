@@ -20,9 +20,10 @@ import numpy as np
 
 from canid import pipeline, restart_time
 from canid.estimators import agreement
+from canid.identification.identifiability import QUOTABLE
 from canid.monitor import change_monitor
 from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE, TIME, Constraint
-from canid.types import TASK_INPUTS, Estimate, LearnGate, Sample, Status
+from canid.types import TASK_INPUTS, Estimate, Identifiable, LearnGate, Sample, Status
 from canid.vehicle import Vehicle
 
 # s; three years of driving. Beyond, the step of the grid is lost in the time's own rounding
@@ -168,7 +169,7 @@ def _plausible(estimate: Estimate) -> bool:
     if estimate.status is not Status.OK:
         return True
     for channel in estimate.channels.values():
-        for interval in (channel.K, channel.tau, channel.dead_time, channel.tau_plus_dead_time):
+        for interval in (getattr(channel, name) for name in QUOTABLE[channel.status]):
             ends = [x for x in interval if x == x]
             if ends and (
                 len(ends) < len(interval)
@@ -177,5 +178,5 @@ def _plausible(estimate: Estimate) -> bool:
             ):
                 return False
     return not estimate.headline or any(
-        channel.K.value == channel.K.value for channel in estimate.channels.values()
+        channel.status is not Identifiable.NOT for channel in estimate.channels.values()
     )

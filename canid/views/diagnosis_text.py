@@ -8,6 +8,7 @@ import re
 import numpy as np
 
 from canid.findings import Finding, Report, Trajectory, masked_for
+from canid.identification import identifiability
 from canid.types import Array, Interval
 from canid.views.names import SYMBOLS, parameter, readable
 from canid.views.numbers import interval, number, percent, role_unit, time_range
@@ -142,13 +143,15 @@ def sentence(report: Report) -> str:
 
 
 def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:
-    """Parameters of the baseline and of the extended model, where at least one of the two has an estimate."""
-    shifts = report.shifts or {
-        f"{name} {what}": (getattr(channel, what), getattr(report.extended.channels.get(name, channel), what))
-        for name, channel in report.baseline.channels.items()
-        for what in SYMBOLS
-    }
-    return {key: both for key, both in shifts.items() if any(math.isfinite(iv.value) for iv in both)}
+    """Parameters of the baseline and of the extended model, where at least one of the two may be quoted."""
+    known = {}
+    for name, channel in report.baseline.channels.items():
+        after = report.extended.channels.get(name, channel)
+        for what in SYMBOLS:
+            both = report.shifts.get(f"{name} {what}", (getattr(channel, what), getattr(after, what)))
+            if any(identifiability.quotable(ch, what) for ch in (channel, after)):
+                known[f"{name} {what}"] = both
+    return known
 
 
 def advice(report: Report) -> list[str]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from canid.types import Channel, Estimate, Identifiable, Interval, MonitorReport, ResidualTests, Status
-from canid.views.names import HEADLINE_MARK, readable
+from canid.views.names import HEADLINE_MARK, SYMBOLS, readable
 from canid.views.numbers import clock, interval
 
 # decimals of K, τ and θ in lines that follow one another: fixed, so that the eye can compare
@@ -21,17 +23,45 @@ def fixed(iv: Interval) -> str:
 
 
 def delays(ch: Channel) -> str:
-    """Lag τ and dead time θ, or their sum, as far as they are identifiable.
+    """Lag τ and dead time θ; in brackets what is known of them and may not be quoted yet.
 
     Example:
-        >>> delays(Channel(tau_plus_dead_time=Interval(0.8, 0.7, 0.9), status=Identifiable.SUM_ONLY))
-        'τ+θ 0.80 [0.70, 0.90] s'
+        >>> known = Channel(tau=Interval(0.42, 0.03, 0.71), tau_plus_dead_time=Interval(0.8, 0.7, 0.9))
+        >>> delays(known._replace(status=Identifiable.SUM_ONLY))
+        'τ+θ 0.80 [0.70, 0.90] s (τ < 0.7 s)'
+        >>> delays(known._replace(status=Identifiable.GAIN_ONLY))
+        '(τ+θ 0.8 [0.7, 0.9] s, τ < 0.7 s)'
     """
     if ch.status is Identifiable.OK:
         return f"τ {fixed(ch.tau)} s  θ {fixed(ch.dead_time)} s"
     if ch.status is Identifiable.SUM_ONLY:
-        return f"τ+θ {fixed(ch.tau_plus_dead_time)} s"
+        return f"τ+θ {fixed(ch.tau_plus_dead_time)} s{_bracketed(ch, 'tau')}"
+    if ch.status is Identifiable.GAIN_ONLY:
+        return _bracketed(ch, "tau_plus_dead_time", "tau").lstrip()
     return ""
+
+
+def _bracketed(ch: Channel, *names: str) -> str:
+    rough = [
+        f"{SYMBOLS[name]} {bounded(getattr(ch, name))}"
+        for name in names
+        if math.isfinite(getattr(ch, name).value)
+    ]
+    return f" ({', '.join(rough)})" if rough else ""
+
+
+# s; a delay whose interval begins below this is bounded on one side only
+ONE_SIDED_BELOW_S = 0.1
+
+
+def bounded(iv: Interval) -> str:
+    """A delay that may not be quoted: its interval, or its bound where it is known on one side only.
+
+    Example:
+        >>> bounded(Interval(0.5, 0.3, 0.9)), bounded(Interval(0.5, 0.02, 0.9))
+        ('0.5 [0.3, 0.9] s', '< 0.9 s')
+    """
+    return f"< {iv.high:.1f} s" if iv.low < ONE_SIDED_BELOW_S else f"{interval(iv, places=1)} s"
 
 
 def channel(name: str, ch: Channel) -> str:

@@ -217,4 +217,5 @@ def _gain(ch: Channel, unit: str, style: str) -> Text:
 
 
 def _delays(ch: Channel) -> str:
-    return "τ, θ not identifiable" if ch.status is Identifiable.GAIN_ONLY else estimate_text.delays(ch)
+    delays = estimate_text.delays(ch)
+    return delays or ("τ, θ not identifiable" if ch.status is Identifiable.GAIN_ONLY else "")

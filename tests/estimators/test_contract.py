@@ -43,17 +43,17 @@ def check(estimate):
             assert c.status is Identifiable.NOT
             continue
         quoted = {
-            Identifiable.OK: (c.K, c.tau, c.dead_time, c.tau_plus_dead_time),
-            Identifiable.SUM_ONLY: (c.K, c.tau_plus_dead_time),
-            Identifiable.GAIN_ONLY: (c.K,),
+            Identifiable.OK: ("K", "tau", "dead_time", "tau_plus_dead_time"),
+            Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
+            Identifiable.GAIN_ONLY: ("K",),
             Identifiable.NOT: (),
         }[c.status]
+        for name in quoted:
+            assert all(map(math.isfinite, getattr(c, name)))
+        # what may not be quoted is there for what it is worth, or was not estimated
         for interval in c[:4]:
-            if interval in quoted:
-                assert all(map(math.isfinite, interval))
+            if not math.isnan(interval.value):
                 assert interval.low <= interval.value <= interval.high
-            else:
-                assert all(map(math.isnan, interval))
     if estimate.status is Status.OK:
         assert any(c.status is not Identifiable.NOT for c in estimate.channels.values())
         assert set(estimate.excitation) == set(estimate.channels)

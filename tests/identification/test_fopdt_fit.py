@@ -74,8 +74,9 @@ def test_never_claims_the_headway_lag(follow):
         y, u = follow(100 + seed)
         c = fopdt_fit.fit_process(y, u, everything(y), DT).channels[0]
         assert c.status in (Identifiable.GAIN_ONLY, Identifiable.NOT)
-        assert math.isnan(c.tau.value)
-        assert math.isnan(c.dead_time.low)
+        # there for what they are worth
+        assert inside(c.tau, TAU[0])
+        assert inside(c.dead_time, THETA[0])
 
 
 def test_one_input_alone_is_wrong_and_both_are_right(follow):
@@ -97,7 +98,8 @@ def test_tells_only_the_sum_where_only_the_sum_is_known(ornstein):
     y = 5.0 * response(u, DT, 0.4, 0.4).x + 1.5 * ornstein(645, DT, 0.5, rng)
     c = fopdt_fit.fit_process(y, u[:, None], everything(y), DT).channels[0]
     assert c.status is Identifiable.SUM_ONLY
-    assert math.isnan(c.tau.value)
+    assert inside(c.tau, 0.4)
+    assert c.tau.high - c.tau.low > 1.5 * (c.tau_plus_dead_time.high - c.tau_plus_dead_time.low)
     assert inside(c.tau_plus_dead_time, 0.8)
 
 

@@ -75,7 +75,9 @@ def test_a_prior_that_makes_no_sense_is_refused(prior, says):
 def test_the_density_is_that_of_its_words():
     """Log-normal, normal, and normal differences, at a few points by hand."""
     cells = [
-        fopdt_posterior.Cells(np.array([0.2, 0.8]), np.array([0.1, 0.5]), np.ones(2), (0.1, 0.1))
+        fopdt_posterior.Cells(
+            np.array([0.2, 0.8]), np.array([0.1, 0.5]), np.ones(2), (0.1, 0.1), np.ones(2), np.ones(2)
+        )
         for _ in range(2)
     ]
     log = log_density(USUAL, cells)

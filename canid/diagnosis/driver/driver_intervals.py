@@ -59,7 +59,7 @@ def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, In
 
 
 def channels(solved: FittedDriver, dt: float, data: DriverData | None = None) -> Mapping[str, Channel]:
-    """The driver's two answers, with NaN for what `identifiability` withholds.
+    """The driver's two answers, and which of their parameters may be quoted.
 
     Args:
         solved: a fit.
@@ -74,12 +74,13 @@ def channels(solved: FittedDriver, dt: float, data: DriverData | None = None) ->
         wider = GAINS_WIDER if these[0] in (K1, K2) else DELAYS_WIDER
         return wider * float(np.sqrt(of.C[np.ix_(index, index)].sum()))
 
-    def estimate(k: int) -> Interval:
+    def estimate(k: int, *, quoted: bool = True) -> Interval:
         low, high = (0.0, HIGH[k]) if k in (TAU1, TAU2, THETA1, THETA2) else (-np.inf, np.inf)
         narrow = interval(q[k], sd(k), low, high)
+        # a profile interval takes several fits: only of what is quoted
         return (
             narrow
-            if data is None
+            if data is None or not quoted
             else widened(data, solved, k, narrow, float(of.variance_inflation[place[k]]))
         )
 
@@ -89,13 +90,12 @@ def channels(solved: FittedDriver, dt: float, data: DriverData | None = None) ->
         K = estimate(gain)
         free = all(q[k] < HIGH[k] - BOUND_SCALE_SHARE * SCALE[k] for k in (tau, theta))
         status = identifiability.judge(K, sd(gain), sd(tau), sd(theta), sd(tau, theta), free)
-        # a profile interval takes several fits: only of what is quoted
         each = "tau" in identifiability.QUOTABLE[status]
         out[name] = identifiability.channel(
             status,
             K,
-            tau=estimate(tau) if each else Interval(),
-            dead_time=estimate(theta) if each else Interval(),
+            tau=estimate(tau, quoted=each),
+            dead_time=estimate(theta, quoted=each),
             total=interval(q[tau] + q[theta], sd(tau, theta), 0.0, HIGH[tau] + HIGH[theta]),
         )
     return out

@@ -51,7 +51,9 @@ class Cells(NamedTuple):
     tau: Annotated[Array, POSITIVE]  # (c,) s
     dead_time: Annotated[Array, NOT_NEGATIVE]  # (c,) s
     weight: Annotated[Array, NOT_NEGATIVE]  # (c,) prior mass
-    spacing: Annotated[tuple[float, float], POSITIVE]  # of tau and of dead time, s
+    spacing: Annotated[tuple[float, float], POSITIVE]  # of tau and of dead time, at most, s
+    tau_width: Annotated[Array, NOT_NEGATIVE]  # (c,) s, of each cell
+    dead_time_width: Annotated[Array, NOT_NEGATIVE]  # (c,) s
 
 
 class Grid(NamedTuple):
@@ -115,7 +117,8 @@ def make_cells(region: Region, box: Box, cells: int = CELLS_PER_AXIS) -> Cells:
     lag = np.repeat(tau, cells)
     weight = np.repeat(width, cells) / lag * (1.0 - dead_time.ravel() / box.dead_time_max)
     spacing = ((high - low) / cells, float(np.max(width)) / cells)
-    return Cells(lag, dead_time.ravel(), weight, spacing)
+    widths = np.full(len(lag), spacing[0]), np.repeat(width / cells, cells)
+    return Cells(lag, dead_time.ravel(), weight, spacing, *widths)
 
 
 class Moments(NamedTuple):
@@ -340,6 +343,25 @@ def quantiles(x: Array, w: Array) -> Interval:
     return Interval(round(float(value), 9), round(float(low), 9), round(float(high), 9))
 
 
+def cell_quantiles(middle: Array, half: Array, w: Array) -> Interval:
+    """Median and 95 % interval of weighted cells, the weight of each spread evenly over its width.
+
+    Args:
+        middle: (c,) of the cells.
+        half: (c,) half of their widths.
+        w: (c,) weights.
+
+    >>> cell_quantiles(np.array([0.5, 1.5]), np.array([0.5, 0.5]), np.array([1.0, 1.0]))
+    Interval(value=1.0, low=0.05, high=1.95)
+    """
+    full = w > MIN_WEIGHT * float(w.max())
+    low, width, w = middle[full] - half[full], np.maximum(2.0 * half[full], 1e-12), w[full]
+    ends = np.sort(np.concatenate([low, low + width]))
+    below = np.clip((ends[:, None] - low) / width, 0.0, 1.0) @ (w / float(w.sum()))
+    first, value, last = np.interp((QUANTILES[0], 0.5, QUANTILES[1]), below, ends)
+    return Interval(round(float(value), 9), round(float(first), 9), round(float(last), 9))
+
+
 # weight, in shares of the fullest cell's, below which a pair of cells changes no interval
 MIN_WEIGHT = 1e-4
 
@@ -417,7 +439,7 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
 def channels(
     grid: Grid, box: Box, limits: Sequence[Deviations], believed: bool = False
 ) -> tuple[Channel, ...]:
-    """Channels: intervals, with NaN for what is not identifiable.
+    """Channels: every interval, and which of them may be quoted.
 
     Identifiability is judged by what the data alone allow, not by the width of the posterior, which the box narrows as
     well; how well it is known is the posterior's width. With a declared prior (`believed`) it is judged by the
@@ -456,10 +478,11 @@ def _channel(grid: Grid, index: int, box: Box, K: Interval, limit: Deviations, b
     # pressed to the box: tau and dead time end where we stopped looking, and so does their sum
     free = not pressed(grid, index, box)
     status = identifiability.judge(K, limit.K, limit.tau, limit.dead_time, limit.total, free)
-    cells = {"tau": c.tau, "dead_time": c.dead_time, "tau_plus_dead_time": total}
+    half_tau, half = 0.5 * c.tau_width, 0.5 * c.dead_time_width
     delays = (
-        quantiles(x, w) if name in identifiability.QUOTABLE[status] else Interval()
-        for name, x in cells.items()
+        cell_quantiles(c.tau, half_tau, w),
+        cell_quantiles(c.dead_time, half, w),
+        cell_quantiles(total, np.hypot(half_tau, half), w),
     )
     return identifiability.channel(status, K, *delays)._replace(prior_weight=weight)
 

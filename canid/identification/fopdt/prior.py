@@ -61,7 +61,7 @@ def log_density(prior: Prior, cells: Sequence[Cells]) -> Array:
     A log-normal tau, a normal dead time, the same for every channel; and normal differences between two channels.
     The cells' own mass already holds the 1/tau of a log-normal.
 
-    >>> one = Cells(np.array([0.35, 0.7]), np.array([0.3, 0.3]), np.ones(2), (0.1, 0.1))
+    >>> one = Cells(np.array([0.35, 0.7]), np.array([0.3, 0.3]), np.ones(2), (0.1, 0.1), np.ones(2), np.ones(2))
     >>> log_density(Prior(tau=0.35, tau_factor=2.0), [one])
     array([ 0. , -0.5])
     """
