@@ -17,6 +17,8 @@ from canid.identification import autoregression, residual_tests
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import fopdt_posterior, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
+from canid.identification.fopdt.output_filter import Kernel, OutputFilter, kernel
+from canid.identification.fopdt.output_filter import stride as filter_stride
 from canid.identification.fopdt.prior import Prior, log_density
 from canid.state_constraints import FINITE
 from canid.types import NAN, Array, Channel
@@ -99,6 +101,7 @@ def fit_process(
     dead_time_max: float = 1.5,
     prior: Prior | None = None,
     start: Start | None = None,
+    output_filter: OutputFilter | None = None,
 ) -> ProcessFit:
     """Fit all channels jointly.
 
@@ -112,6 +115,7 @@ def fit_process(
         dead_time_max: s, end of the box.
         prior: declared belief; None: the box alone.
         start: of an overlapping window: saves passes, changes nothing else.
+        output_filter: that the output has passed; None: not known.
 
     Raises:
         ValueError: shapes that do not fit, or more than two inputs.
@@ -146,7 +150,7 @@ def fit_process(
         part = slice(n, n + len(more))
         both[:, part], ready[part] = _columns(layout, more)
         n += len(more)
-    return _fit(layout, both[:, :n], ready[:n], start, prior)
+    return _fit(layout, both[:, :n], ready[:n], start, prior, output_filter)
 
 
 # samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
@@ -206,7 +210,11 @@ def _ready(both: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
 
 
 def fit_rows(
-    layout: rows.Layout, window: Array, start: Start | None = None, prior: Prior | None = None
+    layout: rows.Layout,
+    window: Array,
+    start: Start | None = None,
+    prior: Prior | None = None,
+    output_filter: OutputFilter | None = None,
 ) -> ProcessFit:
     """Fit a window of rows.
 
@@ -215,8 +223,9 @@ def fit_rows(
         window: (n, width) from `rows.put`.
         start: of an overlapping window.
         prior: declared belief; None: the box alone.
+        output_filter: that the output has passed; None: not known.
     """
-    return _fit(layout, *_columns(layout, window), start, prior)
+    return _fit(layout, *_columns(layout, window), start, prior, output_filter)
 
 
 def _fit(
@@ -225,27 +234,60 @@ def _fit(
     usable: npt.NDArray[np.bool_],
     start: Start | None,
     prior: Prior | None,
+    output_filter: OutputFilter | None,
 ) -> ProcessFit:
     """Fit answers and output (m b + 1, n), which are used up."""
     m = layout.inputs
+    stride = 0
+    if output_filter is not None:
+        usable = usable & _filter(both[:-1], kernel(output_filter, layout.step))
+        stride = filter_stride(output_filter, layout.step)
     count = int(usable.sum())
     # a tenth of a window: below this the noise model and the response are not identifiable separately
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return no_fit(m, count)
-    return _search(layout, _ready(both, usable, count), count, start, prior)
+    return _search(layout, _ready(both, usable, count), count, start, prior, stride)
+
+
+def _filter(answers: Array, by: Kernel) -> npt.NDArray[np.bool_]:
+    """Filter answers (m b, n) in place; where all that the filter needs was there."""
+    n, taps = answers.shape[1], len(by.weights)
+    known = np.isfinite(answers[0]) & np.isfinite(answers[-1])
+    if taps == 1:
+        return known
+    for row in answers:
+        row[~known] = 0.0
+        row[:] = np.convolve(row, by.weights)[by.after : by.after + n]
+    count = np.convolve(known.astype(float), np.ones(taps))[by.after : by.after + n]
+    whole: npt.NDArray[np.bool_] = count > taps - 0.5
+    return whole
 
 
 def _search(
-    layout: rows.Layout, data: _Data, count: int, start: Start | None, prior: Prior | None
+    layout: rows.Layout,
+    data: _Data,
+    count: int,
+    start: Start | None,
+    prior: Prior | None,
+    stride: int,
 ) -> ProcessFit:
-    """Close in on the posterior from the whole box, or from another window's."""
+    """Close in on the posterior from the whole box, or from another window's.
+
+    Args:
+        layout: of the rows.
+        data: the window.
+        count: rows that are usable.
+        start: of an overlapping window.
+        prior: declared belief.
+        stride: of the noise model where the output's filter is known; 0: what its spectrum asks for.
+    """
     m, box = layout.inputs, layout.basis.box
     known = start if start is not None else _initial(layout, data, prior)
     simulated = known.point.w @ data.X
-    noise = _estimate_noise(layout, data, known.point, simulated)
+    noise = _estimate_noise(layout, data, known.point, stride or 1, fixed=stride > 0)
     finished = 0
     for _ in range(MAX_PASSES):
-        moments, grid = _evaluate(layout, data, known.search_grid, noise)
+        moments, grid = _evaluate(layout, known.search_grid, noise)
         regions = tuple(fopdt_posterior.gather(grid, i, box) for i in range(m))
         fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
         fine = fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(m))
@@ -261,12 +303,13 @@ def _search(
             break
         if finished < MAX_NOISE_REFITS:
             # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
-            noise = _estimate_noise(layout, data, point, simulated, noise.stride if finished else 1)
+            least = stride or (noise.stride if finished else 1)
+            noise = _estimate_noise(layout, data, point, least, fixed=stride > 0)
     fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
     credible = fit_percent >= MIN_FIT_PERCENT
     if not credible and start is not None:
         # the window before may have led here: once more from the whole box
-        return _search(layout, data, count, None, prior)
+        return _search(layout, data, count, None, prior, stride)
     return ProcessFit(
         channels=fopdt_posterior.channels(
             grid, box, _limits(layout, moments, grid, known.point), prior is not None
@@ -276,7 +319,7 @@ def _search(
         point=known.point,
         noise=noise.ar,
         stride=noise.stride,
-        sigma=(grid.residual / int(noise.rows.sum())) ** 0.5,
+        sigma=(grid.residual * noise.stride / int(noise.rows.sum())) ** 0.5,
         variance_inflation=noise.variance_inflation,
         fit_percent=fit_percent,
         used=count,
@@ -288,10 +331,10 @@ class _Noise(NamedTuple):
     """Noise model at one point."""
 
     ar: Array  # (p,) coefficients of the autoregression
-    stride: int  # rows from one that is used to the next
-    first: int  # the first that is used; the newest always is
-    rows: npt.NDArray[np.bool_]  # (n/stride,) whose predecessors are usable too
-    residual: Array  # (n,) not whitened, zero where not usable
+    stride: int  # rows from one to the one that predicts it
+    data: _Data  # one phase after the other, see `_phases`
+    rows: npt.NDArray[np.bool_]  # (n,) of `data`, whose predecessors are usable too
+    residual: Array  # (n,) of `data`, not whitened, zero where not usable
     variance_inflation: float
 
 
@@ -328,9 +371,9 @@ def _initial(layout: rows.Layout, data: _Data, prior: Prior | None) -> Start:
     search_grid = SearchGrid(
         (region,) * m, every, (W,) * m, log_density(prior, every) if prior is not None else None
     )
-    white = _Noise(np.zeros(0), 1, 0, data.usable, np.zeros(n), 1.0)
+    white = _Noise(np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0)
     return Start(
-        _posterior_point(layout, data, _evaluate(layout, data, search_grid, white)[1], False), search_grid
+        _posterior_point(layout, data, _evaluate(layout, search_grid, white)[1], False), search_grid
     )
 
 
@@ -354,31 +397,50 @@ def _residual(data: _Data, simulated: Array) -> Array:
     return residual
 
 
-def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, simulated: Array, least: int = 1) -> _Noise:
+def _phases(x: Array, stride: int) -> Array:
+    """Every `stride`-th row from the first, then from the second, and so on, (k, n) to (k, stride (n/stride + p)).
+
+    Zeros between two phases, as many as a noise model looks back, keep them apart.
+    """
+    k, n = x.shape
+    height = -(-n // stride)
+    out = np.zeros((k, stride, height + NOISE_ORDER), x.dtype)
+    for phase in range(stride):
+        part = x[:, phase::stride]
+        out[:, phase, : part.shape[1]] = part
+    return out.reshape(k, -1)
+
+
+def _phased(data: _Data, stride: int) -> _Data:
+    """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
+    if stride == 1:
+        return data
+    usable = _phases(data.usable[None], stride)[0]
+    return _Data(_phases(data.both, stride), usable, data.y_mean, data.X_mean)
+
+
+def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, least: int, *, fixed: bool) -> _Noise:
     """Estimate the noise model at one point.
 
     Args:
         layout: of the rows.
         data: the window.
         at: the point.
-        simulated: (n,) the answer there, its mean taken out.
         least: stride; a shorter one was found too short in this fit already.
+        fixed: no longer stride either.
     """
-    residual = _residual(data, simulated)
     each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
-    answers = np.concatenate([_by_channel(layout, w) for w in each]) @ data.X
-    # counted from the newest row, which is always used
-    phase = (len(residual) - 1) % STRIDES[-1]
-    for stride in STRIDES[STRIDES.index(least) :]:
-        pick = slice(phase % stride, None, stride)
-        r, usable, J = residual[pick], data.usable[pick], answers[:, pick]
+    weights = np.concatenate([_by_channel(layout, w) for w in each])
+    for stride in (least,) if fixed else STRIDES[STRIDES.index(least) :]:
+        phased = _phased(data, stride)
+        r, usable, J = _residual(phased, at.w @ phased.X), phased.usable, weights @ phased.X
         # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
         noise = autoregression.fit(r, usable, NOISE_ORDER)
-        explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)))
+        explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)), stride)
         noise = autoregression.fit(np.vstack([r, explained]), usable, NOISE_ORDER)
         inside = autoregression.whole(usable, len(noise))
         white = autoregression.whiten(np.vstack([r, J]), noise)
-        if _flat(white[0] * inside):
+        if fixed or _flat(white[0] * inside):
             break
     white = white[:, autoregression.chosen(inside)]
     e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
@@ -388,10 +450,8 @@ def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, simulated: Arra
     )
     # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
     long_run = (sd / (1.0 - float(np.sum(noise)))) ** 2
-    effective = _power(r) / max(long_run, 1e-300)
-    return _Noise(
-        noise, stride, phase % stride, inside, residual, variance_inflation * _student(effective) ** 2
-    )
+    effective = _power(r) / stride / max(long_run, 1e-300)
+    return _Noise(noise, stride, phased, inside, r, variance_inflation * _student(effective) ** 2)
 
 
 # Least degrees of freedom that Student's t is taken for: below, its tails are those of the formula, not of the noise.
@@ -409,7 +469,13 @@ def _student(freedom: float) -> float:
 
 
 def _explained(
-    layout: rows.Layout, at: Point, answers: Array, r: Array, noise: Array, inside: npt.NDArray[np.bool_]
+    layout: rows.Layout,
+    at: Point,
+    answers: Array,
+    r: Array,
+    noise: Array,
+    inside: npt.NDArray[np.bool_],
+    stride: int,
 ) -> Array:
     """Return (3 m + 1, n): what else the answer and the offset may be, each direction by its own sd.
 
@@ -420,6 +486,7 @@ def _explained(
         r: (n,) residual.
         noise: its autoregression so far.
         inside: (n,) rows to weigh.
+        stride: how many phases they hold.
     """
     m = layout.inputs
     J = np.vstack([answers[:m], np.tile(at.K, 2)[:, None] * answers[m:], np.ones(len(r))])
@@ -427,7 +494,7 @@ def _explained(
     variance = _power(white[0]) / max(white.shape[1] - len(J), 1)
     by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)
     least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
-    information = white[1:] @ white[1:].T + np.diag(variance * least)
+    information = white[1:] @ white[1:].T / stride + np.diag(variance * least)
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     value, vector = np.linalg.eigh(information / np.outer(size, size))
     known = value > 1e-9
@@ -448,29 +515,32 @@ def _flat(e: Array) -> bool:
 
 
 def _evaluate(
-    layout: rows.Layout, data: _Data, search_grid: SearchGrid, noise: _Noise
+    layout: rows.Layout, search_grid: SearchGrid, noise: _Noise
 ) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
-    found = [_products(data, noise, i) for i in range(0, len(noise.rows), CHUNK_ROWS)]
-    sums = fopdt_posterior.Products(*(sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
-    known = fopdt_posterior.moments(sums, layout.inputs, int(np.count_nonzero(noise.rows)))
+    found = [_products(noise, i) for i in range(0, len(noise.rows), CHUNK_ROWS)]
+    # the phases of a stride know together about as much as one of them
+    share = 1.0 / noise.stride
+    sums = fopdt_posterior.Products(*(share * sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
+    count = round(share * np.count_nonzero(noise.rows))
+    known = fopdt_posterior.moments(sums, layout.inputs, count)
     grid = fopdt_posterior.evaluate(
         known, search_grid.W, search_grid.cells, noise.variance_inflation, search_grid.belief
     )
     return known, grid
 
 
-def _products(data: _Data, noise: _Noise, first: int) -> fopdt_posterior.Products:
+def _products(noise: _Noise, first: int) -> fopdt_posterior.Products:
     """Inner products of a piece of the rows that the noise model uses, from its `first` on."""
-    pick, p = slice(noise.first, None, noise.stride), len(noise.ar)
+    p = len(noise.ar)
     begin = max(first - p, 0)
     # with the rows before, which whitening needs
     piece, new = slice(begin, first + CHUNK_ROWS), slice(first - begin, None)
-    r, usable = noise.residual[pick][piece], noise.rows[piece][new].astype(float)
+    r, usable = noise.residual[piece], noise.rows[piece][new].astype(float)
     nuisance = np.zeros((p + 1, len(r)))
     nuisance[0] = 1.0
     for i, row in enumerate(nuisance[1:], 1):
         row[i:] = r[:-i]
-    white = autoregression.whiten(data.both[:, pick][:, piece], noise.ar)
+    white = autoregression.whiten(noise.data.both[:, piece], noise.ar)
     return fopdt_posterior.products(white[:, new] * usable, nuisance[:, new] * usable)
 
 
