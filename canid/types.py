@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum, IntFlag
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -265,9 +265,21 @@ class MonitorReport(NamedTuple):
 # --- configuration that several floors share ------------------------------------------------------------
 
 
+class OutputFilter(NamedTuple):
+    """How the output was smoothed before it was recorded.
+
+    `savitzky_golay`: derivative of a local polynomial of second order through measured speeds, centred;
+    `moving_average`: centred; `first_order`: causal, `width` is its time constant; `none`: not at all; `unknown`.
+    """
+
+    kind: Literal["savitzky_golay", "moving_average", "first_order", "none", "unknown"]
+    width: float = 0.0  # s
+
+
 class Driver(NamedTuple):
     """Task, output and convention of the driver to be identified."""
 
     task: str = "car_following"
     output: str = "pedal"
     headway_desired: float = 2.0  # s; a convention: only K1·THW_des + offset is identified
+    output_filter: OutputFilter | None = None  # None: nothing is said of one

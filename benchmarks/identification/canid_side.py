@@ -12,7 +12,7 @@ from canid.estimators.armax import SECOND_START, ArmaxSettings
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
 from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process
 from canid.identification.fopdt.prior import Prior
-from canid.types import Channel, Estimate, LearnGate, Sample
+from canid.types import Channel, Estimate, LearnGate, OutputFilter, Sample
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
@@ -80,6 +80,19 @@ def process(
     """Fit first order plus dead time; the first 4.5 s are history only."""
     usable = np.full(len(output), True) if usable is None else usable
     return fit_process(output, inputs, usable, dt, segment=segment)
+
+
+def filtered(
+    output: np.ndarray,
+    inputs: np.ndarray,
+    dt: float,
+    output_filter: OutputFilter | None,
+    usable: np.ndarray | None = None,
+    segment: np.ndarray | None = None,
+) -> ProcessFit:
+    """Fit an output that has passed a filter."""
+    usable = np.full(len(output), True) if usable is None else usable
+    return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter)
 
 
 # What a user might declare who has read the published drivers: centre and width of reference/identification.md, sec. 3.

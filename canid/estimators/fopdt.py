@@ -17,7 +17,7 @@ from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification.fopdt import fopdt_fit, regression_rows
 from canid.identification.fopdt.prior import Prior, check_prior
 from canid.state_constraints import TIME
-from canid.types import Array, Estimate, LearnGate, Sample, Status, Trace
+from canid.types import Array, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
 
 NAME = "fopdt"
 
@@ -57,6 +57,8 @@ class FopdtSettings(NamedTuple):
     tau_max: Lag = 3.0  # s; a slower lag is not identifiable separately from an offset in a window of 60 s
     dead_time_max: Lag = 1.5  # s; human reaction times end well below
     prior: Annotated[Prior | None, AfterValidator(_stated)] = None  # none: the box alone
+    # from [driver]: how the output was smoothed; None: nothing is known, and its spectrum decides
+    output_filter: OutputFilter | None = None
 
 
 class Setup(NamedTuple):
@@ -99,6 +101,17 @@ def configure(input_names: tuple[str, ...], dt: float, settings: FopdtSettings) 
         check_prior(settings.prior)
     layout = fopdt_fit.row_layout(m, dt, settings.tau_max, settings.dead_time_max)
     return Setup(input_names, dt, settings, layout)
+
+
+# Why no delay may be quoted of an acceleration that passed a filter nobody has stated: its delay is in theirs.
+UNKNOWN_FILTER = (
+    "tau and dead time hold the delay of the output's own filter: state it, [driver] output_filter"
+)
+
+
+def unknown_filter(settings: FopdtSettings) -> bool:
+    """Whether the output was smoothed in a way that nobody has stated."""
+    return settings.output_filter is not None and settings.output_filter.kind == "unknown"
 
 
 # --- state -----------------------------------------------------------------------------------------
@@ -202,13 +215,16 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     if weak is not None:
         return state, refused(*weak)
     start = None if state.reported else state.start
-    fit = fopdt_fit.fit_rows(setup.layout, window, start, setup.settings.prior)
+    given = setup.settings
+    fit = fopdt_fit.fit_rows(setup.layout, window, start, given.prior, given.output_filter)
     if state.reported:
         state = state._replace(start=fit.start)
     channels = dict(zip(names, fit.channels, strict=True))
     kind, says = status.by_fit(channels, excitation)
     if kind is not Status.OK:
         return state, refused(kind, says)
+    if unknown_filter(given):
+        says = f"{says}; {UNKNOWN_FILTER}"
     return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used)
 
 
@@ -226,8 +242,11 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         tau_max=settings.tau_max,
         dead_time_max=settings.dead_time_max,
         prior=settings.prior,
+        output_filter=settings.output_filter,
     )
-    return WholeDrive(dict(zip(trace.input_names, fit.channels, strict=True)), fit, fit.fit_percent)
+    channels = dict(zip(trace.input_names, fit.channels, strict=True))
+    lines = (UNKNOWN_FILTER,) if unknown_filter(settings) else ()
+    return WholeDrive(channels, fit, fit.fit_percent, lines=lines)
 
 
 FOPDT = Estimator(NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state)

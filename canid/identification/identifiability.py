@@ -73,6 +73,16 @@ def channel(
     return estimated
 
 
+def gain_only(channel: Channel) -> Channel:
+    """Leave at most the gain to be quoted: what is not the driver's is in the delays.
+
+    >>> gain_only(Channel(status=Identifiable.SUM_ONLY)).status
+    <Identifiable.GAIN_ONLY: 'gain_only'>
+    """
+    delayed = channel.status in (Identifiable.OK, Identifiable.SUM_ONLY)
+    return channel._replace(status=Identifiable.GAIN_ONLY) if delayed else channel
+
+
 def quotable(channel: Channel, name: str) -> bool:
     """Whether a field of a channel may be quoted.
 

@@ -122,12 +122,27 @@ class LeadSection(Section):
     range_rate_noise: Deviation = _LEAD.range_rate_noise
 
 
+class FilterSection(Section):
+    """How the output was smoothed before it was recorded."""
+
+    kind: Literal["savitzky_golay", "moving_average", "first_order", "none"]
+    # s; what is wider than this has smoothed the answer away
+    width: Annotated[float, Field(ge=0.0, le=5.0, allow_inf_nan=False)] = 0.0
+
+    @model_validator(mode="after")
+    def _has_a_width(self) -> FilterSection:
+        if (self.width == 0.0) != (self.kind == "none"):
+            raise ValueError("needs a width in s, and only `none` has none")
+        return self
+
+
 class DriverSection(Section):
     """Whose answer is identified."""
 
     task: Literal["car_following", "lane_keeping"] = "car_following"
     output: Name = _DRIVER.output
     headway_desired: Headway = _DRIVER.headway_desired
+    output_filter: FilterSection | None = None
 
 
 @cache
@@ -135,7 +150,9 @@ def settings_section(kind: Any) -> type[Section]:
     """Make the section of a settings type: a NamedTuple whose fields have defaults and pydantic's constraints."""
     hints = get_type_hints(kind, include_extras=True)
     fields: dict[str, Any] = {
-        name: (_nested(hints[name]), kind._field_defaults[name]) for name in kind._fields
+        name: (_nested(hints[name]), kind._field_defaults[name])
+        for name in kind._fields
+        if name not in DriverSection.model_fields  # [driver] states these
     }
     return create_model(kind.__name__, __base__=Section, __doc__=kind.__doc__, **fields)
 

@@ -11,7 +11,7 @@ from typing import Any
 from canid.errors import ConfigError
 from canid.estimators import ESTIMATORS
 from canid.parsing import ParseError, Parser
-from canid.types import Driver
+from canid.types import Driver, OutputFilter
 from canid.vehicle import file_bytes
 from canid.vehicle.database import MAX_DBC_BYTES, Dbc, brief_sentence, load, message_map
 from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
@@ -145,6 +145,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: P
         errors += _missing(driver, lead, table.get("signals", {}))
     if errors or driver is None or lead is None:
         return None
+    of_driver = _driver(driver)
     return Vehicle(
         name=str(name),
         path=str(file),
@@ -152,9 +153,25 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: P
         roles=roles,
         lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise, track_age(lead)),
         messages=_messages(files, [*roles.values(), *(tracks or ())]),
-        driver=Driver(**driver.model_dump()),
-        estimators=estimators,
+        driver=of_driver,
+        estimators={name: _of_driver(settings, of_driver) for name, settings in estimators.items()},
         warnings=tuple(mistakes.warnings),
+    )
+
+
+def _driver(section: DriverSection) -> Driver:
+    """Make the driver; an acceleration of which nobody says otherwise was smoothed somehow."""
+    stated = section.output_filter
+    made = OutputFilter(stated.kind, stated.width) if stated is not None else None
+    if made is None and section.output == "accel":
+        made = OutputFilter("unknown")
+    return Driver(section.task, section.output, section.headway_desired, made)
+
+
+def _of_driver(settings: Any, driver: Driver) -> Any:
+    """Settings of an estimator, with what `[driver]` states."""
+    return settings._replace(
+        **{name: getattr(driver, name) for name in settings._fields if name in Driver._fields}
     )
 
 

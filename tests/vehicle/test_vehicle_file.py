@@ -10,6 +10,7 @@ from canid.errors import ConfigError
 from canid.estimators.armax import ArmaxSettings
 from canid.estimators.fopdt import FopdtSettings
 from canid.parsing import Parser
+from canid.types import OutputFilter
 from canid.vehicle import propose, read_vehicle, vehicle_file
 
 ROOT = Path(__file__).parents[2]
@@ -308,3 +309,49 @@ def test_no_spoiled_file_breaks_the_reader(tmp_path, monkeypatch):
     assert read > 0
     assert len(said) > 100
     assert all(line.startswith("car.toml: ") for line in said)
+
+
+ACCEL = """
+dbc = ["generic.dbc"]
+[signals]
+accel = "EGO_SPEED.LongAccel"
+speed = "EGO_SPEED.VehicleSpeed"
+gap = "RADAR_LEAD.LeadDistance"
+range_rate = "RADAR_LEAD.LeadRelSpeed"
+[driver]
+output = "accel"
+"""
+
+
+def test_the_filter_of_the_output_reaches_the_estimator(tmp_path):
+    """Stated as it is; of an acceleration of which nothing is said it is unknown, of a pedal nothing is assumed."""
+    stated = ACCEL + 'output_filter = { kind = "savitzky_golay", width = 1.1 }\n'
+    for text, expected in (
+        (stated, OutputFilter("savitzky_golay", 1.1)),
+        (ACCEL + 'output_filter = { kind = "none" }\n', OutputFilter("none")),
+        (ACCEL, OutputFilter("unknown")),
+        (GOOD, None),
+    ):
+        car = read_vehicle(write(tmp_path, text))
+        assert car.driver.output_filter == expected
+        assert car.estimators["fopdt"].output_filter == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('output_filter = { kind = "savgol", width = 1.1 }', "driver.output_filter.kind"),
+        ('output_filter = { kind = "moving_average" }', "needs a width"),
+        ('output_filter = { kind = "none", width = 1.0 }', "needs a width"),
+        ('output_filter = { kind = "first_order", width = -1.0 }', "driver.output_filter.width"),
+        ('output_filter = { kind = "first_order", width = 1000.0 }', "driver.output_filter.width"),
+        ('output_filter = { kind = "first_order", width = 1.0, order = 2 }', "order"),
+        ('output_filter = "savitzky_golay"', "driver.output_filter"),
+        ('[fopdt]\noutput_filter = { kind = "none" }', "fopdt.output_filter"),
+    ],
+)
+def test_a_wrong_filter_is_one_line(tmp_path, line, says):
+    """Kind, width and place are checked with the rest of the file."""
+    found = mistakes(write(tmp_path, ACCEL + line + "\n"))
+    assert len(found) == 1
+    assert says in found[0]

@@ -13,29 +13,41 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import autoregression, residual_tests
+from canid.identification import autoregression, identifiability, residual_tests
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import fopdt_posterior, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
-from canid.identification.fopdt.output_filter import Kernel, OutputFilter, kernel
-from canid.identification.fopdt.output_filter import stride as filter_stride
+from canid.identification.fopdt.output_filter import Equalizer, Kernel, apply, equalizer
 from canid.identification.fopdt.prior import Prior, log_density
 from canid.state_constraints import FINITE
-from canid.types import NAN, Array, Channel
+from canid.types import NAN, Array, Channel, OutputFilter
 
 # Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), autocorrelated plus white noise
 # ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
 NOISE_ORDER = 5
 
-# Every how many rows may be used. An output that was smoothed (an acceleration from speeds) has noise
-# without content above some frequency. Whitening would lift that empty band and fit K, tau and dead time to
-# what leaked into it: on data/openacc at 10 Hz the halves of one drive then disagree by ten of their own sd.
-# Point samples further apart limit the likelihood to the band that is left; the model is exact at any of them.
-STRIDES = (1, 2, 4, 8)
-# Least power, in shares of a flat spectrum's, that every eighth of the band must hold after whitening. White,
-# Ornstein-Uhlenbeck, mixed and resonant noise keep 0.3 to 0.8 (a resonance at 0.6 Hz the least), noise that ends at
-# 1 or 0.5 Hz 0.00 to 0.05 until the stride has left the empty band out.
-MIN_BAND_POWER = 0.25
+
+class Band(NamedTuple):
+    """How far a band reaches, by the power of the residual's changes."""
+
+    share: float  # of that power, which lies below a frequency
+    wide: float  # Hz; where that frequency is above, rows are taken `short` s apart
+    narrow: float  # Hz; where it is below, `long` s; in between in proportion
+    short: float  # s; 0: every row
+    long: float  # s
+
+
+# An output that was smoothed (an acceleration from speeds) has noise without content above some frequency. Whitening
+# would lift that empty band and fit K, tau and dead time to what leaked into it. Rows further apart end the band; all
+# phases are used, and the distance grows by single rows, so that little depends on where a log is cut. Of the changes of
+# white, Ornstein-Uhlenbeck and mixed noise three quarters of the power reach beyond 3 Hz; behind a Savitzky-Golay filter
+# of 1.1 s they end at 0.5 Hz, and 97 % between 0.8 Hz (speeds known to 3 mm/s) and 4 Hz (20 mm/s). A person's answer
+# ends below 1 Hz: where the band ends there without need, intervals grow by a per cent.
+BANDS = (Band(0.75, 2.5, 1.25, 0.0, 0.5), Band(0.97, 0.8, 0.5, 0.5, 1.0))
+# Share of the output's power below which a residual is rounding, and has no band.
+EXACT_SHARE = 1e-4
+# s; stride where nobody knows how the output was smoothed
+MIN_STRIDE_S = 0.5
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
 MAX_PASSES = 16
@@ -238,29 +250,36 @@ def _fit(
 ) -> ProcessFit:
     """Fit answers and output (m b + 1, n), which are used up."""
     m = layout.inputs
-    stride = 0
-    if output_filter is not None:
-        usable = usable & _filter(both[:-1], kernel(output_filter, layout.step))
-        stride = filter_stride(output_filter, layout.step)
+    both_pass = equalizer(output_filter, layout.step)
+    if both_pass is not None:
+        usable = usable & _equalize(both, both_pass)
+    unknown = output_filter is not None and output_filter.kind == "unknown"
     count = int(usable.sum())
     # a tenth of a window: below this the noise model and the response are not identifiable separately
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return no_fit(m, count)
-    return _search(layout, _ready(both, usable, count), count, start, prior, stride)
+    stride = max(round(MIN_STRIDE_S / layout.step), 1) if unknown else 1
+    fit = _search(layout, _ready(both, usable, count), count, start, prior, stride)
+    if unknown:
+        # the delays found are those of the driver and of the filter
+        return fit._replace(channels=tuple(map(identifiability.gain_only, fit.channels)))
+    return fit
 
 
-def _filter(answers: Array, by: Kernel) -> npt.NDArray[np.bool_]:
-    """Filter answers (m b, n) in place; where all that the filter needs was there."""
-    n, taps = answers.shape[1], len(by.weights)
-    known = np.isfinite(answers[0]) & np.isfinite(answers[-1])
-    if taps == 1:
-        return known
-    for row in answers:
-        row[~known] = 0.0
-        row[:] = np.convolve(row, by.weights)[by.after : by.after + n]
-    count = np.convolve(known.astype(float), np.ones(taps))[by.after : by.after + n]
-    whole: npt.NDArray[np.bool_] = count > taps - 0.5
-    return whole
+def _equalize(both: Array, by: Equalizer) -> npt.NDArray[np.bool_]:
+    """Filter answers and output (m b + 1, n) in place; where all that the filters need was there."""
+    known = np.isfinite(both[0]) & np.isfinite(both[-2]), np.isfinite(both[-1])
+    for row, k in zip(both, [by.answers] * (len(both) - 1) + [by.output], strict=True):
+        row[~known[k is by.output]] = 0.0
+        row[:] = apply(k, row)
+    return _complete(known[0], by.answers) & _complete(known[1], by.output)
+
+
+def _complete(known: npt.NDArray[np.bool_], by: Kernel) -> npt.NDArray[np.bool_]:
+    """Where all rows that a kernel reads are known."""
+    taps = len(by.weights)
+    out: npt.NDArray[np.bool_] = apply(by._replace(weights=np.ones(taps)), known.astype(float)) > taps - 0.5
+    return out
 
 
 def _search(
@@ -279,12 +298,12 @@ def _search(
         count: rows that are usable.
         start: of an overlapping window.
         prior: declared belief.
-        stride: of the noise model where the output's filter is known; 0: what its spectrum asks for.
+        stride: the least of the noise model, in rows.
     """
     m, box = layout.inputs, layout.basis.box
     known = start if start is not None else _initial(layout, data, prior)
     simulated = known.point.w @ data.X
-    noise = _estimate_noise(layout, data, known.point, stride or 1, fixed=stride > 0)
+    noise = _estimate_noise(layout, data, known.point, stride)
     finished = 0
     for _ in range(MAX_PASSES):
         moments, grid = _evaluate(layout, known.search_grid, noise)
@@ -303,8 +322,7 @@ def _search(
             break
         if finished < MAX_NOISE_REFITS:
             # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
-            least = stride or (noise.stride if finished else 1)
-            noise = _estimate_noise(layout, data, point, least, fixed=stride > 0)
+            noise = _estimate_noise(layout, data, point, noise.stride if finished else stride)
     fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
     credible = fit_percent >= MIN_FIT_PERCENT
     if not credible and start is not None:
@@ -372,9 +390,7 @@ def _initial(layout: rows.Layout, data: _Data, prior: Prior | None) -> Start:
         (region,) * m, every, (W,) * m, log_density(prior, every) if prior is not None else None
     )
     white = _Noise(np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0)
-    return Start(
-        _posterior_point(layout, data, _evaluate(layout, search_grid, white)[1], False), search_grid
-    )
+    return Start(_posterior_point(layout, data, _evaluate(layout, search_grid, white)[1], False), search_grid)
 
 
 def _by_channel(layout: rows.Layout, w: Array) -> Array:
@@ -415,11 +431,11 @@ def _phased(data: _Data, stride: int) -> _Data:
     """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
     if stride == 1:
         return data
-    usable = _phases(data.usable[None], stride)[0]
+    usable = _phases(data.usable[None].astype(float), stride)[0] > 0.0
     return _Data(_phases(data.both, stride), usable, data.y_mean, data.X_mean)
 
 
-def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, least: int, *, fixed: bool) -> _Noise:
+def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, least: int) -> _Noise:
     """Estimate the noise model at one point.
 
     Args:
@@ -427,21 +443,20 @@ def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, least: int, *, 
         data: the window.
         at: the point.
         least: stride; a shorter one was found too short in this fit already.
-        fixed: no longer stride either.
     """
     each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     weights = np.concatenate([_by_channel(layout, w) for w in each])
-    for stride in (least,) if fixed else STRIDES[STRIDES.index(least) :]:
-        phased = _phased(data, stride)
-        r, usable, J = _residual(phased, at.w @ phased.X), phased.usable, weights @ phased.X
-        # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
-        noise = autoregression.fit(r, usable, NOISE_ORDER)
-        explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)), stride)
-        noise = autoregression.fit(np.vstack([r, explained]), usable, NOISE_ORDER)
-        inside = autoregression.whole(usable, len(noise))
-        white = autoregression.whiten(np.vstack([r, J]), noise)
-        if fixed or _flat(white[0] * inside):
-            break
+    residual = _residual(data, at.w @ data.X)
+    exact = _power(residual) <= EXACT_SHARE * _power(data.y)
+    stride = least if exact else max(least, _band_stride(residual, data.usable, layout.step))
+    phased = _phased(data, stride)
+    r, usable, J = _residual(phased, at.w @ phased.X), phased.usable, weights @ phased.X
+    # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
+    noise = autoregression.fit(r, usable, NOISE_ORDER)
+    explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)), stride)
+    noise = autoregression.fit(np.vstack([r, explained]), usable, NOISE_ORDER)
+    inside = autoregression.whole(usable, len(noise))
+    white = autoregression.whiten(np.vstack([r, J]), noise)
     white = white[:, autoregression.chosen(inside)]
     e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
     sd = (_power(e) / max(len(e), 1)) ** 0.5
@@ -503,15 +518,21 @@ def _explained(
     return out
 
 
-def _flat(e: Array) -> bool:
-    """Whether a whitened residual, zero where there is none, has content up to the end of the band, see MIN_BAND_POWER."""
-    power = np.abs(np.fft.rfft(e)[1:]) ** 2
-    # ten frequencies in a part at least: their mean is then known to a third
-    parts = min(8, len(power) // 10)
-    if parts < 2:
-        return True
-    share = power[len(power) % parts :].reshape(parts, -1).mean(axis=1)
-    return bool(share.min() >= MIN_BAND_POWER * share.mean())
+def _band_stride(residual: Array, usable: npt.NDArray[np.bool_], step: float) -> int:
+    """Rows from one to the next so that no empty band is whitened, see BANDS."""
+    change = np.diff(residual) * (usable[1:] & usable[:-1])
+    power = np.abs(np.fft.rfft(change)) ** 2
+    total = float(power.sum())
+    if len(power) < 16 or not total > 0.0:
+        return 1
+    frequency = np.fft.rfftfreq(len(change), step)
+    below = np.cumsum(power) / total
+    apart = 0.0
+    for band in BANDS:
+        reach = float(np.interp(band.share, below, frequency))
+        part = min(max((band.wide - reach) / (band.wide - band.narrow), 0.0), 1.0)
+        apart = max(apart, band.short * (part > 0.0) + (band.long - band.short) * part)
+    return max(round(apart / step), 1)
 
 
 def _evaluate(

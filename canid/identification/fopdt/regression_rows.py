@@ -155,6 +155,8 @@ def _answer(
         history, columns, age = _advance(layout, None if a in begins else history, inputs[a:b])
         piece = out[a - done : b - done]
         piece[:, 2 + m :] = columns
+        if a in begins and a > 0:
+            piece[0, 2 + m :] = np.nan  # no filter may join one history to another
         piece[:, 1] = known[a:b] & np.isfinite(raw[a:b, 0]) & (raw[a:b, 1] > 0.0) & (age >= hold)
     return history, out
 
@@ -197,7 +199,7 @@ _MAX_LOOP_SAMPLES = 128
 
 
 def _average(ready: Array, per_row: int) -> Array:
-    """Average the usable samples of each row; usable where at least half of them are."""
+    """Average the usable samples of each row, usable where at least half of them are; else all, not usable."""
     if per_row == 1 or not len(ready):
         return ready
     blocks = ready.reshape(-1, per_row, ready.shape[1])
@@ -205,6 +207,6 @@ def _average(ready: Array, per_row: int) -> Array:
     count = usable.sum(axis=1)
     good = count >= 0.5 * per_row
     rows: Array = np.where(usable[:, :, None], blocks, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
-    rows[~good] = np.nan
+    rows[~good] = blocks[~good].mean(axis=1)
     rows[:, 1] = good
     return rows

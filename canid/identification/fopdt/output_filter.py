@@ -1,0 +1,98 @@
+"""The filter that an output passed before it was recorded: undone for the noise, and applied to the model's answers.
+
+An acceleration is mostly the derivative of measured speeds, smoothed by a centred filter F. The output is then
+F (answer + noise), and F looks into the future: in a closed loop the inputs there have already answered to the noise
+here, so that comparing it with filtered answers is biased (on accelerations behind a Savitzky-Golay filter of 1.1 s the
+dead time comes out near 0.45 s, whatever it is). With G, the inverse of F as far as F leaves anything, G F is nearly
+one: G times the output is compared with G F times the answers, exactly, and its noise is the driver's own again.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import savgol_coeffs
+
+from canid.types import Array, OutputFilter
+
+# Power, against the filter's gain at zero, below which nothing is restored: what is there was rounded, not measured.
+LOST_POWER = 1e-4
+# s; the inverse is cut off so far from its middle. The answers pass what is left of it too, so nothing is lost but
+# the rows at the ends.
+REACH_S = 2.5
+# Time constants after which a first-order filter has forgotten.
+FORGOTTEN = 5.0
+# Frequencies at which the filter is inverted.
+FREQUENCIES = 2048
+
+
+class Kernel(NamedTuple):
+    """Weights of the rows from `before` earlier to `after` later."""
+
+    weights: Array  # (before + 1 + after,), of the latest row first
+    before: int
+    after: int
+
+
+class Equalizer(NamedTuple):
+    """What output and answers pass, so that both have passed the same."""
+
+    output: Kernel  # G
+    answers: Kernel  # G F
+
+
+def kernel(of: OutputFilter, step: float) -> Kernel:
+    """Weights of a filter for rows every `step` s; they sum to one.
+
+    >>> kernel(OutputFilter("moving_average", 0.3), 0.1).weights.round(3)
+    array([0.333, 0.333, 0.333])
+    >>> kernel(OutputFilter("savitzky_golay", 0.5), 0.1).weights.round(2)
+    array([0.1 , 0.25, 0.3 , 0.25, 0.1 ])
+    """
+    if of.kind == "first_order" and of.width > 0.0:
+        lags = np.arange(int(np.ceil(FORGOTTEN * of.width / step)) + 1)
+        weights = np.exp(-lags * step / of.width)
+        return Kernel(weights / weights.sum(), len(lags) - 1, 0)
+    half = round((of.width / step - 1.0) / 2.0)
+    if of.kind not in ("savitzky_golay", "moving_average") or half < 1:
+        return Kernel(np.ones(1), 0, 0)
+    if of.kind == "moving_average":
+        weights = np.ones(2 * half + 1)
+    else:
+        # the derivative's weights on speeds, summed, are weights on the mean acceleration between two speeds
+        between = np.cumsum(savgol_coeffs(2 * half + 1, 2, deriv=1, use="dot"))[:-1]
+        weights = np.convolve(-between, [0.5, 0.5])
+    return Kernel(weights / weights.sum(), half, half)
+
+
+def equalizer(of: OutputFilter | None, step: float) -> Equalizer | None:
+    """Make it for rows every `step` s; None: the filter is unknown, or leaves everything as it is.
+
+    >>> made = equalizer(OutputFilter("moving_average", 0.5), 0.1)
+    >>> round(float(made.answers.weights[made.answers.after]), 1), round(float(made.answers.weights.sum()), 2)
+    (1.0, 1.01)
+    """
+    if of is None:
+        return None
+    own = kernel(of, step)
+    if len(own.weights) == 1:
+        return None
+    at = np.arange(-own.after, own.before + 1)
+    response = np.exp(-2j * np.pi * np.outer(np.fft.rfftfreq(FREQUENCIES), at)) @ own.weights
+    inverse = np.fft.irfft(np.conj(response) / (np.abs(response) ** 2 + LOST_POWER))
+    reach = max(round(REACH_S / step), 1)
+    taper = np.hanning(2 * reach + 3)[1:-1]
+    weights = np.roll(inverse, reach)[: 2 * reach + 1] * taper
+    both = np.convolve(weights, own.weights)
+    return Equalizer(Kernel(weights, reach, reach), Kernel(both, reach + own.before, reach + own.after))
+
+
+def apply(by: Kernel, x: Array) -> Array:
+    """Filter (n,); the first `before` and the last `after` values lack what lies beyond the ends.
+
+    >>> apply(Kernel(np.array([0.5, 0.5]), 1, 0), np.array([1.0, 2.0, 4.0]))
+    array([0.5, 1.5, 3. ])
+    """
+    out: Array = np.convolve(x, by.weights)[by.after : by.after + len(x)]
+    return out
