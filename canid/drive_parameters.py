@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from canid.estimators import ESTIMATORS
-from canid.estimators.estimator import AnyRunning, WholeDrive
+from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
 from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
 from canid.identification.armax.armax_batch import ArmaxFit
@@ -85,7 +85,7 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         driver_time=float(usable.sum() * trace.dt),
         windows=tuple(windows(trace, **settings)),
         whole={
-            estimator.name: estimator.identify(trace, settings.get(estimator.name) or estimator.settings())
+            estimator.name: estimator.identify(trace, _settings(estimator, trace, settings))
             for estimator in ESTIMATORS
             if estimator.identify is not None
         },
@@ -100,9 +100,18 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
 def windows(trace: Trace, **settings: Any) -> list[Estimate]:
     """Estimates of each estimator along the drive, one every 10 s: the same numbers as live."""
     running: list[AnyRunning] = [
-        estimator.make(trace.input_names, trace.dt, settings.get(estimator.name)) for estimator in ESTIMATORS
+        estimator.make(trace.input_names, trace.dt, _settings(estimator, trace, settings))
+        for estimator in ESTIMATORS
     ]
     return reported_estimates(running, samples(trace))
+
+
+def _settings(estimator: AnyEstimator, trace: Trace, given: Mapping[str, Any]) -> Any:
+    """Return the given settings or the defaults, with what the drive says of its output where they say nothing."""
+    settings = given.get(estimator.name) or estimator.settings()
+    if hasattr(settings, "output_filter") and settings.output_filter is None:
+        settings = settings._replace(output_filter=trace.output_filter)
+    return settings
 
 
 # rows that are made samples at once: a whole drive's would take 20 MB an hour

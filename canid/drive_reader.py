@@ -227,6 +227,7 @@ def trace(samples: list[Sample], driver: Driver, dt: float) -> Trace:
         learn=np.array([s.learn for s in samples], dtype=bool),
         segment=np.array([s.segment for s in samples], dtype=np.int64),
         signals={role: np.array([s.signals.get(role, np.nan) for s in samples]) for role in roles},
+        output_filter=driver.output_filter,
     )
 
 
@@ -294,6 +295,7 @@ def _joined(parts: list[Trace]) -> Trace:
         learn=np.concatenate([part.learn for part in filled]),
         segment=np.concatenate([part.segment for part in filled]),
         signals={role: np.concatenate([part.signals[role] for part in filled]) for role in first.signals},
+        output_filter=first.output_filter,
     )
 
 

@@ -133,6 +133,17 @@ TASK_INPUTS: dict[str, tuple[str, ...]] = {
 }
 
 
+class OutputFilter(NamedTuple):
+    """How the output was smoothed before it was recorded.
+
+    `savitzky_golay`: derivative of a local polynomial of second order through measured speeds, centred;
+    `moving_average`: centred; `first_order`: causal, `width` is its time constant; `none`: not at all; `unknown`.
+    """
+
+    kind: Literal["savitzky_golay", "moving_average", "first_order", "none", "unknown"]
+    width: float = 0.0  # s
+
+
 class Trace(NamedTuple):
     """Samples as columns."""
 
@@ -145,6 +156,7 @@ class Trace(NamedTuple):
     learn: npt.NDArray[np.bool_]  # (n,)
     segment: npt.NDArray[np.int64]  # (n,)
     signals: dict[str, Array]  # role -> (n,)
+    output_filter: OutputFilter | None = None  # that the output has passed; None: nothing is said of one
 
 
 class Signal(NamedTuple):
@@ -263,17 +275,6 @@ class MonitorReport(NamedTuple):
 
 
 # --- configuration that several floors share ------------------------------------------------------------
-
-
-class OutputFilter(NamedTuple):
-    """How the output was smoothed before it was recorded.
-
-    `savitzky_golay`: derivative of a local polynomial of second order through measured speeds, centred;
-    `moving_average`: centred; `first_order`: causal, `width` is its time constant; `none`: not at all; `unknown`.
-    """
-
-    kind: Literal["savitzky_golay", "moving_average", "first_order", "none", "unknown"]
-    width: float = 0.0  # s
 
 
 class Driver(NamedTuple):

@@ -47,7 +47,7 @@ def table(settings: Settings) -> list[Table]:
             ("drives", "with an estimate", "numbers", "95 % of them below", "most", "disjoint intervals"),
             rows,
             (
-                "Measured logs are read from ../shared/data beside the checkout and left out where they are not.",
+                "Measured logs are read from ../shared/data next to the checkout and left out where they are not.",
             ),
         )
     ]
