@@ -72,11 +72,7 @@ def test_gains_are_of_the_right_size(name: str) -> None:
         assert ch.K.low > 0.0
     middle = float(np.median([ch.K.value for ch in every]))
     assert plain.K2 / 3 < middle < plain.K2 * 3
-    sums = [
-        ch.tau_plus_dead_time.value
-        for ch in every
-        if identifiability.quotable(ch, "tau_plus_dead_time")
-    ]
+    sums = [ch.tau_plus_dead_time.value for ch in every if identifiability.quotable(ch, "tau_plus_dead_time")]
     assert all(0.2 < total < 2.5 for total in sums)
 
 
