@@ -198,6 +198,15 @@ class Identifiable(Enum):
     NOT = "not_identifiable"
 
 
+class Progress(NamedTuple):
+    """What is missing until more may be quoted of a channel."""
+
+    parameter: str  # the one that keeps it: K, tau, dead_time or tau_plus_dead_time
+    sd: float  # in its unit, what the data know it to
+    needed: float  # in its unit, the sd from which on it is quoted
+    seconds: float  # s of driving as in these data that are missing; NaN: more of these data will not do
+
+
 class Channel(NamedTuple):
     """One input's answer: K e^(-dead_time s) / (1 + tau s)."""
 
@@ -212,6 +221,7 @@ class Channel(NamedTuple):
     prior_weight: float = (
         NAN  # share of what is known of tau and dead time that a declared prior brought, 0 to 1
     )
+    progress: Progress | None = None  # None: all may be quoted, or nothing is known of what is missing
 
 
 class ResidualTests(NamedTuple):

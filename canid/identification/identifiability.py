@@ -6,9 +6,9 @@ Every method (FOPDT, ARMAX, the diagnosis) judges with its own standard deviatio
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from canid.types import Channel, Identifiable, Interval
+from canid.types import NAN, Channel, Identifiable, Interval, Progress
 
 # s. tau and dead time are quoted separately where each is known to half of what drivers differ by (tau 0.4-0.7 s, dead
 # time 0.2-0.4 s; Grover 2021), and the intervals are then believed: radar noise that whitening amplifies moves tau up
@@ -55,6 +55,56 @@ def judge(
     if tau_sd <= TAU_SD and dead_time_sd <= DEAD_TIME_SD:
         return Identifiable.OK
     return Identifiable.SUM_ONLY if sum_sd <= SUM_SD else Identifiable.GAIN_ONLY
+
+
+# s; what would take longer than a day more is not worth a number
+MAX_SECONDS = 86_400.0
+
+
+def progress(
+    status: Identifiable,
+    K: Interval,
+    sd: Sequence[float],
+    box_sd: Sequence[float],
+    used: float,
+    free: bool = True,
+) -> Progress | None:
+    """Say what keeps a channel from the next verdict, and how much more such driving would do.
+
+    Information grows with the time; that of the box is there from the beginning.
+
+    Args:
+        status: the verdict.
+        K: the gain.
+        sd: of K, tau, dead time and their sum, what the data and the box know them to.
+        box_sd: of the same, by the box alone; infinite for K.
+        used: s of data.
+        free: False where a limit of the search ends the intervals.
+
+    >>> sd, box = (0.5, 0.2, 0.1, 0.05), (math.inf, math.inf, math.inf, math.inf)
+    >>> progress(Identifiable.SUM_ONLY, Interval(5.0, 4.0, 6.0), sd, box, 60.0)
+    Progress(parameter='tau', sd=0.2, needed=0.1, seconds=180.0)
+    """
+    fields = ("K", "tau", "dead_time", "tau_plus_dead_time")
+    needed = dict(zip(fields, (abs(K.value) / GAIN_RATIO, TAU_SD, DEAD_TIME_SD, SUM_SD), strict=True))
+    next_verdict = {
+        Identifiable.NOT: ("K",),
+        Identifiable.GAIN_ONLY: ("tau_plus_dead_time",),
+        Identifiable.SUM_ONLY: ("tau", "dead_time"),
+        Identifiable.OK: (),
+    }[status]
+    known = dict(zip(fields, zip(sd, box_sd, strict=True), strict=True))
+    out: list[Progress] = []
+    for name in next_verdict:
+        now, box = known[name]
+        if not (math.isfinite(now) and needed[name] > 0.0):
+            continue
+        of_data = now**-2 - box**-2
+        wanted = needed[name] ** -2 - box**-2
+        seconds = used * (wanted / of_data - 1.0) if of_data > 0.0 else NAN
+        possible = free and 0.0 < seconds <= MAX_SECONDS
+        out.append(Progress(name, now, needed[name], seconds if possible else NAN))
+    return max(out, key=lambda p: p.sd / p.needed) if out else None
 
 
 def channel(

@@ -71,6 +71,7 @@ def channel(ch: Channel) -> dict[str, Any]:
         "status": ch.status.value,
         "K_anytime": interval(ch.K_anytime),
         "prior_weight": number(ch.prior_weight),
+        "progress": plain(ch.progress),
     }
 
 

@@ -17,7 +17,18 @@ from scipy.linalg import toeplitz
 import benchmarks.identification
 from benchmarks.identification import bounds, bus, loop_a, loop_b, noise_models, open_loop, peers
 from benchmarks.identification.table import Settings, markdown
-from benchmarks.identification.tables import TABLES, anytime, coverage, floor, tracking, verdict, windup
+from benchmarks.identification.tables import (
+    TABLES,
+    anytime,
+    coverage,
+    cuts,
+    filters,
+    floor,
+    progress,
+    tracking,
+    verdict,
+    windup,
+)
 from canid.types import Driver
 from tests.plants.first_order_lag import answer
 
@@ -37,6 +48,10 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(windup, "DRIVING", 60.0)
     monkeypatch.setattr(windup, "CRUISE", 60.0)
     monkeypatch.setattr(anytime, "MINUTES", 0.5)
+    monkeypatch.setattr(progress, "MINUTES", 3.0)
+    monkeypatch.setattr(filters, "MINUTES", (2.0,))
+    monkeypatch.setattr(cuts, "MINUTES", (2.0,))
+    monkeypatch.setattr(cuts, "DATA", Path("nowhere"))
     monkeypatch.setattr(coverage, "CUTS", (0.2,))
     monkeypatch.setattr(floor, "SECONDS", 40.0)
     monkeypatch.setattr(verdict, "LEADS", verdict.LEADS[1:2])

@@ -7,9 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.identification import acceleration
-from benchmarks.identification.noise_models import REMNANT
-from benchmarks.identification.tables import cuts, filters
 from canid.estimators.fopdt import FOPDT, UNKNOWN_FILTER, FopdtSettings
 from canid.identification.fopdt import fopdt_fit
 from canid.identification.fopdt.output_filter import apply, equalizer, kernel
@@ -126,25 +123,3 @@ def test_a_change_of_target_joins_no_two_histories() -> None:
     )
     assert one.used == two.used
     assert one.channels[0].K == two.channels[0].K
-
-
-def test_a_cut_moves_nothing(seed: int) -> None:
-    """Some tenths of a second less at either end move hardly any number by more than a quarter of its half width.
-
-    Where two lags far apart explain a drive equally well (one drive in a hundred, behind an unknown filter), a cut may
-    still choose between them.
-    """
-    found = [cuts._simulated(seed + k, how) for how in ("stated", "unknown", "nothing") for k in range(3)]
-    moves = [x for one in found for x in one.most.values()]
-    assert moves
-    assert np.mean([x <= 0.25 for x in moves]) >= 0.85
-    assert sum(one.disjoint > 0 for one in found) <= 1
-
-
-def test_the_plant_is_what_it_says(seed: int) -> None:
-    """Without noise the acceleration is the stated answer to the inputs of the drive."""
-    drive = acceleration.drive(seed, 3.0, REMNANT._replace(white=0.0))
-    assert drive.acceleration.shape == drive.speed.shape == drive.inputs[:, 0].shape
-    np.testing.assert_allclose(np.diff(drive.speed) / DT, drive.acceleration[:-1], atol=0.6)
-    smooth = acceleration.published(drive, filters.CASES[1], seed)
-    assert 0.7 < np.corrcoef(smooth[50:-50], drive.acceleration[50:-50])[0, 1] <= 1.0

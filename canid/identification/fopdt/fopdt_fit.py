@@ -330,7 +330,7 @@ def _search(
         return _search(layout, data, count, None, prior, stride)
     return ProcessFit(
         channels=fopdt_posterior.channels(
-            grid, box, _limits(layout, moments, grid, known.point), prior is not None
+            grid, box, _limits(layout, moments, grid, known.point), count * layout.step, prior is not None
         )
         if credible
         else (Channel(),) * m,

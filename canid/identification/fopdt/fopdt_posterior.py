@@ -437,13 +437,13 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
 
 
 def channels(
-    grid: Grid, box: Box, limits: Sequence[Deviations], believed: bool = False
+    grid: Grid, box: Box, limits: Sequence[Deviations], used: float, believed: bool = False
 ) -> tuple[Channel, ...]:
     """Channels: every interval, and which of them may be quoted.
 
     Identifiability is judged by what the data alone allow, not by the width of the posterior, which the box narrows as
     well; how well it is known is the posterior's width. With a declared prior (`believed`) it is judged by the
-    posterior, and `prior_weight` is the share of it that the prior brought.
+    posterior, and `prior_weight` is the share of it that the prior brought. `used`: s of data.
     """
     weight = grid.weight.ravel()
     kept = np.flatnonzero(weight > MIN_WEIGHT * float(weight.max()))
@@ -457,7 +457,7 @@ def channels(
         mean = _gain(weight[kept], K[kept], sd[kept])
         low, high = _worst(left, K[allowed], sd[allowed])
         gain = Interval(mean.value, min(mean.low, low), max(mean.high, high))
-        out.append(_channel(grid, i, box, gain, limits[i], believed))
+        out.append(_channel(grid, i, box, gain, limits[i], used, believed))
     return tuple(out)
 
 
@@ -465,7 +465,9 @@ def _sd(w: Array, x: Array) -> float:
     return math.sqrt(float(w @ (x - float(w @ x)) ** 2))
 
 
-def _channel(grid: Grid, index: int, box: Box, K: Interval, limit: Deviations, believed: bool) -> Channel:
+def _channel(
+    grid: Grid, index: int, box: Box, K: Interval, limit: Deviations, used: float, believed: bool
+) -> Channel:
     w, c = marginal(grid, index), grid.cells[index]
     total = c.tau + c.dead_time
     weight = NAN
@@ -484,7 +486,11 @@ def _channel(grid: Grid, index: int, box: Box, K: Interval, limit: Deviations, b
         cell_quantiles(c.dead_time, half, w),
         cell_quantiles(total, np.hypot(half_tau, half), w),
     )
-    return identifiability.channel(status, K, *delays)._replace(prior_weight=weight)
+    made = identifiability.channel(status, K, *delays)
+    by_tau, by_dead_time = (p**-0.5 for p in precision(box))
+    of_box = (math.inf, by_tau, by_dead_time, math.hypot(by_tau, by_dead_time))
+    missing = identifiability.progress(made.status, K, limit, of_box, used, free)
+    return made._replace(prior_weight=weight, progress=missing)
 
 
 def pressed(grid: Grid, index: int, box: Box) -> bool:

@@ -1,0 +1,32 @@
+"""Drives with accelerations: the plant is what it says, and no cut moves a number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.identification import acceleration
+from benchmarks.identification.acceleration import DT
+from benchmarks.identification.noise_models import REMNANT
+from benchmarks.identification.tables import cuts, filters
+
+
+def test_a_cut_moves_nothing(seed: int) -> None:
+    """Some tenths of a second less at either end move hardly any number by more than a quarter of its half width.
+
+    Where two lags far apart explain a drive equally well (one drive in a hundred, behind an unknown filter), a cut may
+    still choose between them.
+    """
+    found = [cuts._simulated(seed + k, how) for how in ("stated", "unknown", "nothing") for k in range(3)]
+    moves = [x for one in found for x in one.most.values()]
+    assert moves
+    assert np.mean([x <= 0.25 for x in moves]) >= 0.85
+    assert sum(one.disjoint > 0 for one in found) <= 1
+
+
+def test_the_plant_is_what_it_says(seed: int) -> None:
+    """Without noise the acceleration is the stated answer to the inputs of the drive."""
+    drive = acceleration.drive(seed, 3.0, REMNANT._replace(white=0.0))
+    assert drive.acceleration.shape == drive.speed.shape == drive.inputs[:, 0].shape
+    np.testing.assert_allclose(np.diff(drive.speed) / DT, drive.acceleration[:-1], atol=0.6)
+    smooth = acceleration.published(drive, filters.CASES[1], seed)
+    assert 0.7 < np.corrcoef(smooth[50:-50], drive.acceleration[50:-50])[0, 1] <= 1.0
