@@ -223,9 +223,6 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     kind, says = status.by_fit(channels, excitation)
     if kind is not Status.OK:
         return state, refused(kind, says)
-    more = [used + p.seconds for c in fit.channels if (p := c.progress) is not None and p.seconds > 0.0]
-    if more and max(more) > given.window:
-        says = f"{says}; the window holds {given.window:.0f} s, a whole drive all of it"
     if unknown_filter(given):
         says = f"{says}; {UNKNOWN_FILTER}"
     return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used)

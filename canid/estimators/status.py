@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple
 
 from canid.state_constraints import TIME
-from canid.types import NAN, Channel, Estimate, Identifiable, LearnGate, Progress, Sample, Status
+from canid.types import NAN, Channel, Estimate, Identifiable, LearnGate, Sample, Status
 
 # s; a brake dab or a released pedal is part of following a vehicle: the window's estimate stays true meanwhile.
 # Beyond this the sentence "K is ..." would be about somebody who no longer drives with the pedal.
@@ -153,39 +153,8 @@ def by_fit(channels: Mapping[str, Channel], excitation: Mapping[str, float]) -> 
     """
     if all(channel.status is Identifiable.NOT for channel in channels.values()):
         return Status.NOT_EXCITED, _no_gain(excitation)
-    words = (
-        f"{name.replace('_', ' ')}: {_ESTIMATED[c.status]}{missing(c.progress)}"
-        for name, c in channels.items()
-    )
+    words = (f"{name.replace('_', ' ')}: {_ESTIMATED[c.status]}" for name, c in channels.items())
     return Status.OK, "; ".join(words)
-
-
-def missing(progress: Progress | None) -> str:
-    """What is missing until more may be quoted, in brackets.
-
-    >>> missing(Progress("tau", 0.2, 0.1, 180.0))
-    ' (tau known to 0.20 s, needed 0.10 s: some 180 s more of such driving)'
-    >>> missing(Progress("K", 2.0, 1.5, NAN)), missing(None)
-    (' (K known to 2.00, needed 1.50)', '')
-    """
-    if progress is None:
-        return ""
-    unit = "" if progress.parameter == "K" else " s"
-    known = (
-        f"{_WORDS[progress.parameter]} known to {progress.sd:.2f}{unit}, needed {progress.needed:.2f}{unit}"
-    )
-    more = f": some {_rounded(progress.seconds)} more of such driving" if progress.seconds > 0.0 else ""
-    return f" ({known}{more})"
-
-
-_WORDS = {"K": "K", "tau": "tau", "dead_time": "dead time", "tau_plus_dead_time": "tau + dead time"}
-
-
-def _rounded(seconds: float) -> str:
-    """A forecast to the precision that it has."""
-    if seconds < 600.0:
-        return f"{max(round(seconds, -1), 10.0):.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.0f} h"
 
 
 # --- in which words --------------------------------------------------------------------------------

@@ -130,7 +130,7 @@ def gain_only(channel: Channel) -> Channel:
     <Identifiable.GAIN_ONLY: 'gain_only'>
     """
     delayed = channel.status in (Identifiable.OK, Identifiable.SUM_ONLY)
-    return channel._replace(status=Identifiable.GAIN_ONLY) if delayed else channel
+    return channel._replace(status=Identifiable.GAIN_ONLY, progress=None) if delayed else channel
 
 
 def quotable(channel: Channel, name: str) -> bool:

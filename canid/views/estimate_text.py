@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from canid.types import Channel, Estimate, Identifiable, Interval, MonitorReport, ResidualTests, Status
+from canid.types import (
+    Channel,
+    Estimate,
+    Identifiable,
+    Interval,
+    MonitorReport,
+    Progress,
+    ResidualTests,
+    Status,
+)
 from canid.views.names import HEADLINE_MARK, SYMBOLS, readable
 from canid.views.numbers import clock, interval
 
@@ -62,6 +72,40 @@ def bounded(iv: Interval) -> str:
         ('0.5 [0.3, 0.9] s', '< 0.9 s')
     """
     return f"< {iv.high:.1f} s" if iv.low < ONE_SIDED_BELOW_S else f"{interval(iv, places=1)} s"
+
+
+def missing(progress: Progress) -> str:
+    """What is missing until more may be quoted, and how much more such driving would do.
+
+    Example:
+        >>> missing(Progress("tau", 0.2, 0.1, 180.0))
+        'τ ±0.20 s, needed ±0.10 s: +180 s'
+        >>> missing(Progress("K", 2.0, 1.5, math.nan))
+        'K ±2.00, needed ±1.50'
+    """
+    unit = "" if progress.parameter == "K" else " s"
+    known = f"{SYMBOLS[progress.parameter]} ±{progress.sd:.2f}{unit}, needed ±{progress.needed:.2f}{unit}"
+    return f"{known}: +{_forecast(progress.seconds)}" if progress.seconds > 0.0 else known
+
+
+def _forecast(seconds: float) -> str:
+    """A time to the precision that a forecast has."""
+    if seconds < 600.0:
+        return f"{max(round(seconds, -1), 10.0):.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.0f} h"
+
+
+def all_missing(channels: Mapping[str, Channel]) -> str:
+    """What is missing of each channel, in one line; empty where nothing is.
+
+    Example:
+        >>> all_missing({"range_rate": Channel(progress=Progress("tau", 0.2, 0.1, 180.0))})
+        'to quote more: range rate τ ±0.20 s, needed ±0.10 s: +180 s'
+    """
+    each = [
+        f"{readable(name)} {missing(ch.progress)}" for name, ch in channels.items() if ch.progress is not None
+    ]
+    return f"to quote more: {' · '.join(each)}" if each else ""
 
 
 def channel(name: str, ch: Channel) -> str:

@@ -29,10 +29,11 @@ def _whole(name: str, found: WholeDrive | None) -> list[str]:
         return [f"whole drive, {name}: no model (too few data, or no stable model)"]
     fit = f", fit {number(found.fit_percent, '%')}" if found.fit_percent is not None else ""
     tests = estimate_text.residual_tests(found.residual_tests) if found.residual_tests is not None else []
+    missing = estimate_text.all_missing(found.channels)
     return [
         f"whole drive, {name}{found.specification}{fit}",
         *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in found.channels.items()),
-        *(f"  {line}" for line in (*found.lines, *tests)),
+        *(f"  {line}" for line in (*([missing] if missing else []), *found.lines, *tests)),
     ]
 
 

@@ -163,16 +163,22 @@ def _monitor_line(s: MonitorReport) -> Text:
 
 
 def _estimator(latest: Estimate, last_ok: Estimate | None, output: str) -> list[RenderableType]:
-    """Head, one row per channel, excitation, sentence. Without an estimate now, the last good one stays, dimmed."""
+    """Head, one row per channel, excitation, and what is missing or the sentence.
+
+    Without an estimate now, the last good one stays, dimmed.
+    """
     # the numbers of an inconsistent estimate are shown as they are, in the style of its status
     now = latest.status in (Status.OK, Status.INCONSISTENT)
     shown = latest if now or last_ok is None else last_ok
     style = "bold green" if latest.headline else STYLES[latest.status].removeprefix("bold ") if now else "dim"
+    missing = estimate_text.all_missing(latest.channels) if latest.status is Status.OK else ""
     return [
         _head(latest, shown, None if now else last_ok),
         _channels(shown, output, style, plain=latest.status is Status.OK and not latest.headline),
         Text(f" excitation: {_excitation(latest)}", style="dim"),
-        Text(f" {latest.says}", style="dim" if latest.status is Status.OK else STYLES[latest.status]),
+        Text(
+            f" {missing or latest.says}", style="dim" if latest.status is Status.OK else STYLES[latest.status]
+        ),
     ]
 
 
