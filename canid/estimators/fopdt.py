@@ -245,7 +245,8 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         output_filter=settings.output_filter,
     )
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
-    lines = (UNKNOWN_FILTER,) if unknown_filter(settings) else ()
+    sentences = (status.implausible(channels), UNKNOWN_FILTER if unknown_filter(settings) else "")
+    lines = tuple(sentence for sentence in sentences if sentence)
     return WholeDrive(channels, fit, fit.fit_percent, lines=lines)
 
 

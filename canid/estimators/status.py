@@ -4,8 +4,8 @@ Every status is decided in one of four places, in this order:
 
 1. `by_gate`: the gate is closed: `no_driver`, `no_lead`, `stale`.
 2. `by_data`: too few data: `converging`; the inputs hardly moved: `not_excited`.
-3. `by_fit`: no gain can be estimated: `not_excited`; else `ok`. ARMAX alone adds `inconsistent`, where the residual
-   tests reject the model (estimators/armax.py).
+3. `by_fit`: no gain can be estimated: `not_excited`; a gain of the wrong sign: `inconsistent`; else `ok`. ARMAX alone
+   adds `inconsistent`, where the residual tests reject the model (estimators/armax.py).
 4. `agreement.step`: the intervals of two estimators stay disjoint: `inconsistent`.
 """
 
@@ -15,7 +15,16 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple
 
 from canid.state_constraints import TIME
-from canid.types import NAN, Channel, Estimate, Identifiable, LearnGate, Sample, Status
+from canid.types import (
+    NAN,
+    TASK_INPUTS,
+    Channel,
+    Estimate,
+    Identifiable,
+    LearnGate,
+    Sample,
+    Status,
+)
 
 # s; a brake dab or a released pedal is part of following a vehicle: the window's estimate stays true meanwhile.
 # Beyond this the sentence "K is ..." would be about somebody who no longer drives with the pedal.
@@ -153,8 +162,31 @@ def by_fit(channels: Mapping[str, Channel], excitation: Mapping[str, float]) -> 
     """
     if all(channel.status is Identifiable.NOT for channel in channels.values()):
         return Status.NOT_EXCITED, _no_gain(excitation)
+    wrong = implausible(channels)
+    if wrong:
+        return Status.INCONSISTENT, wrong
     words = (f"{name.replace('_', ' ')}: {_ESTIMATED[c.status]}" for name, c in channels.items())
     return Status.OK, "; ".join(words)
+
+
+def implausible(channels: Mapping[str, Channel]) -> str:
+    """Say which gain has the wrong sign; empty where none has.
+
+    A driver who presses the pedal more the nearer or the faster the vehicle ahead comes would not follow it for long.
+
+    >>> from canid.types import Interval
+    >>> steers = Channel(Interval(-2.0, -3.0, -1.0), status=Identifiable.GAIN_ONLY)
+    >>> implausible({"range_rate": steers}).partition(": check")[0]
+    'range rate: K is negative, -2.00 [-3.00, -1.00]'
+    >>> implausible({"lateral_offset": steers})
+    ''
+    """
+    return "; ".join(
+        f"{name.replace('_', ' ')}: K is negative, {c.K.value:.2f} [{c.K.low:.2f}, {c.K.high:.2f}]: check its sign in the "
+        "vehicle file (canid check); else the model does not hold"
+        for name, c in channels.items()
+        if name in TASK_INPUTS["car_following"] and c.status is not Identifiable.NOT and c.K.high < 0.0
+    )
 
 
 # --- in which words --------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """The words and the clock of the status logic."""
 
 from canid.estimators import status
-from canid.types import Channel, Identifiable, LearnGate, Sample, Status
+from canid.types import Channel, Identifiable, Interval, LearnGate, Sample, Status
 
 
 def sample(t, gate):
@@ -60,3 +60,17 @@ def test_lane_keeping_does_not_speak_of_leads():
         _, says = status.by_data(used, 20.0, {"lateral_offset": 0.1}, moved)
         assert "lane" in says
         assert "follow" not in says
+
+
+def test_a_gain_of_the_wrong_sign_is_never_ok():
+    """Nobody follows with a negative answer to headway or range rate; a steering answer may have either sign."""
+    pushes = Channel(Interval(-2.0, -3.0, -1.0), status=Identifiable.GAIN_ONLY)
+    unsure = pushes._replace(K=Interval(-1.0, -3.0, 1.0), status=Identifiable.NOT)
+    right = Channel(Interval(5.0, 4.0, 6.0), status=Identifiable.OK)
+    for name in ("headway_error", "range_rate"):
+        other = "range_rate" if name == "headway_error" else "headway_error"
+        kind, says = status.by_fit({name: pushes, other: right}, {name: 1.0, other: 1.0})
+        assert kind is Status.INCONSISTENT
+        assert name.replace("_", " ") in says
+        assert status.by_fit({name: unsure, other: right}, {name: 1.0, other: 1.0})[0] is Status.OK
+    assert status.by_fit({"lateral_offset": pushes}, {"lateral_offset": 1.0})[0] is Status.OK
