@@ -25,8 +25,8 @@ def test_a_cut_moves_nothing(seed: int) -> None:
 
 
 def test_the_plant_is_what_it_says(seed: int) -> None:
-    """Without noise the acceleration is the stated answer to the inputs of the drive."""
-    drive = acceleration.drive(seed, 3.0, REMNANT._replace(white=0.0))
+    """The speed is the integral of the acceleration, and what is published follows the acceleration."""
+    drive = acceleration.drive(seed, 3.0, REMNANT)
     assert drive.acceleration.shape == drive.speed.shape == drive.inputs[:, 0].shape
     np.testing.assert_allclose(np.diff(drive.speed) / DT, drive.acceleration[:-1], atol=0.6)
     smooth = acceleration.published(drive, filters.CASES[1], seed)
