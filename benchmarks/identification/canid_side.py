@@ -76,21 +76,9 @@ def process(
     dt: float,
     usable: np.ndarray | None = None,
     segment: np.ndarray | None = None,
+    output_filter: OutputFilter | None = None,
 ) -> ProcessFit:
     """Fit first order plus dead time; the first 4.5 s are history only."""
-    usable = np.full(len(output), True) if usable is None else usable
-    return fit_process(output, inputs, usable, dt, segment=segment)
-
-
-def filtered(
-    output: np.ndarray,
-    inputs: np.ndarray,
-    dt: float,
-    output_filter: OutputFilter | None,
-    usable: np.ndarray | None = None,
-    segment: np.ndarray | None = None,
-) -> ProcessFit:
-    """Fit an output that has passed a filter."""
     usable = np.full(len(output), True) if usable is None else usable
     return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter)
 

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field
 from canid.estimators import status
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification.fopdt import fopdt_fit, regression_rows
+from canid.identification.fopdt.output_filter import is_unknown
 from canid.identification.fopdt.prior import Prior, check_prior
 from canid.state_constraints import TIME
 from canid.types import Array, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
@@ -107,11 +108,6 @@ def configure(input_names: tuple[str, ...], dt: float, settings: FopdtSettings) 
 UNKNOWN_FILTER = (
     "tau and dead time hold the delay of the output's own filter: state it, [driver] output_filter"
 )
-
-
-def unknown_filter(settings: FopdtSettings) -> bool:
-    """Whether the output was smoothed in a way that nobody has stated."""
-    return settings.output_filter is not None and settings.output_filter.kind == "unknown"
 
 
 # --- state -----------------------------------------------------------------------------------------
@@ -223,7 +219,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     kind, says = status.by_fit(channels, excitation)
     if kind is not Status.OK:
         return state, refused(kind, says)
-    if unknown_filter(given):
+    if is_unknown(given.output_filter):
         says = f"{says}; {UNKNOWN_FILTER}"
     return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used)
 
@@ -245,7 +241,7 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         output_filter=settings.output_filter,
     )
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
-    sentences = (status.implausible(channels), UNKNOWN_FILTER if unknown_filter(settings) else "")
+    sentences = (status.implausible(channels), UNKNOWN_FILTER if is_unknown(settings.output_filter) else "")
     lines = tuple(sentence for sentence in sentences if sentence)
     return WholeDrive(channels, fit, fit.fit_percent, lines=lines)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Iterator
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,6 +15,7 @@ from canid.buses.bus_opener import open_bus
 from canid.buses.bus_reader import Arrival, BusReader
 from canid.buses.draining import MAX_UNKNOWN_S, Stop
 from canid.buses.timestamp_source import TimestampSource
+from tests.fixtures.back_end import registered
 
 # s; reading ends about a second after the stop
 PATIENCE = 300.0
@@ -67,7 +67,6 @@ def test_virtual_hands_over_what_its_queue_held(request: pytest.FixtureRequest, 
 def endless() -> Iterator[Any]:
     """A plug-in whose frames never end: first some that waited, then new ones as fast as they are read."""
     can = python_can.load()
-    module = ModuleType("interface_endless")
 
     class EndlessBus(can.BusABC):  # type: ignore[misc, name-defined]
         waiting = 5_000
@@ -84,14 +83,8 @@ def endless() -> Iterator[Any]:
         def send(self, msg: Any, timeout: float | None = None) -> None:
             raise AssertionError("sent")
 
-    module.EndlessBus = EndlessBus  # type: ignore[attr-defined]
-    sys.modules[module.__name__] = module
-    can.interfaces.BACKENDS["endless"] = (module.__name__, "EndlessBus")
-    before = can.util.VALID_INTERFACES
-    can.util.VALID_INTERFACES = frozenset({*before, "endless"})
-    yield EndlessBus
-    can.util.VALID_INTERFACES = before
-    del can.interfaces.BACKENDS["endless"], sys.modules[module.__name__]
+    with registered("endless", EndlessBus):
+        yield EndlessBus
 
 
 def test_an_unknown_interface_ends_after_a_second(endless: Any) -> None:

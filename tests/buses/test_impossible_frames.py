@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import sys
 import threading
 import time
 from collections.abc import Iterator
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -24,6 +22,7 @@ from canid.logs import open_log
 from canid.logs.log_writer import open_writer
 from canid.recording.recorder import Recorder
 from canid.types import Flag, Frame
+from tests.fixtures.back_end import registered
 
 NOW = 1_790_000_000 * 10**9
 EXT, REMOTE, ERROR, FD, BRS, ESI, TX = (int(flag) for flag in list(Flag))
@@ -133,7 +132,6 @@ def test_every_writer_takes_what_passes(
 def anything() -> Iterator[Any]:
     """An interface named `anything`, in this process: `.items` holds messages and exceptions to come."""
     can = python_can.load()
-    module = ModuleType("interface_anything")
 
     class AnythingBus(can.BusABC):  # type: ignore[misc, name-defined]
         items: list[Any] = []  # noqa: RUF012
@@ -154,14 +152,8 @@ def anything() -> Iterator[Any]:
         def send(self, msg: Any, timeout: float | None = None) -> None:
             raise AssertionError("sent")
 
-    module.AnythingBus = AnythingBus  # type: ignore[attr-defined]
-    sys.modules[module.__name__] = module
-    can.interfaces.BACKENDS["anything"] = (module.__name__, "AnythingBus")
-    before = can.util.VALID_INTERFACES
-    can.util.VALID_INTERFACES = frozenset({*before, "anything"})
-    yield AnythingBus
-    can.util.VALID_INTERFACES = before
-    del can.interfaces.BACKENDS["anything"], sys.modules[module.__name__]
+    with registered("anything", AnythingBus):
+        yield AnythingBus
 
 
 def open_anything() -> ReceiveOnlyBus:

@@ -12,7 +12,7 @@ from benchmarks.identification import acceleration, canid_side
 from benchmarks.identification.acceleration import DT
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.table import Settings, Table, each
-from benchmarks.identification.tables.filters import CASES, MINUTES
+from benchmarks.identification.tables.filters import CASES, MINUTES, given
 from canid.types import Channel, Identifiable, Interval, OutputFilter, Trace
 
 DATA = Path(__file__).resolve().parents[3] / "../shared/data"
@@ -64,12 +64,13 @@ def _summary(found: list[Moved]) -> tuple[object, ...]:
 def _simulated(seed: int, declared: str) -> Moved:
     drive = acceleration.drive(seed, MINUTES[seed % len(MINUTES)], REMNANT)
     how = CASES[1 + seed % (len(CASES) - 1)]
-    of = {"stated": OutputFilter(how.kind, how.width), "unknown": OutputFilter("unknown"), "nothing": None}[
-        declared
-    ]  # type: ignore[arg-type]
+    of = given(how)[declared]
     y = acceleration.published(drive, how, seed)
     return moved(
-        [canid_side.filtered(y[part], drive.inputs[part], DT, of).channels for part in _parts(len(y))]
+        [
+            canid_side.process(y[part], drive.inputs[part], DT, output_filter=of).channels
+            for part in _parts(len(y))
+        ]
     )
 
 
@@ -80,8 +81,8 @@ def _measured(log: Path, vehicle: Path) -> Moved:
 
 
 def _fit(trace: Trace, part: slice, of: OutputFilter | None) -> tuple[Channel, ...]:
-    return canid_side.filtered(
-        trace.output[part], trace.inputs[part], trace.dt, of, trace.learn[part], trace.segment[part]
+    return canid_side.process(
+        trace.output[part], trace.inputs[part], trace.dt, trace.learn[part], trace.segment[part], of
     ).channels
 
 

@@ -19,8 +19,6 @@ CASES = (
     Measured("moving average 0.7 s, speed ±0.01 m/s", "moving_average", 0.7, 0.01),
     Measured("first order 0.5 s, speed ±0.01 m/s", "first_order", 0.5, 0.01),
 )
-# what canid is given
-DECLARED = ("stated", "unknown", "nothing")
 UNIT = 1.96
 
 
@@ -29,7 +27,7 @@ def table(settings: Settings) -> list[Table]:
     rows: list[tuple[object, ...]] = []
     for how in CASES:
         done = each(settings, _one, how, settings.peers)
-        for declared in (*DECLARED, *(("plain GLS",) if settings.peers else ())):
+        for declared in (*given(how), *(("plain GLS",) if settings.peers else ())):
             found = np.array([one[declared] for one in done], float)
             rows.append(
                 (how.name, declared, *np.nanmean(found[:, :4], axis=0), *np.nanmedian(found[:, 4:], axis=0))
@@ -54,19 +52,19 @@ def table(settings: Settings) -> list[Table]:
     ]
 
 
+def given(how: Measured) -> dict[str, OutputFilter | None]:
+    """What a user may state of a filter."""
+    return {"stated": OutputFilter(how.kind, how.width), "unknown": OutputFilter("unknown"), "nothing": None}  # type: ignore[arg-type]
+
+
 def _one(seed: int, how: Measured, peers: bool) -> dict[str, tuple[float, ...]]:
     drive = acceleration.drive(seed, MINUTES[seed % len(MINUTES)], REMNANT)
     y = acceleration.published(drive, how, seed)
     first, second = drive.channels
     truth = (first.K, second.K, second.tau + second.dead_time)
-    declared = {
-        "stated": OutputFilter(how.kind, how.width),  # type: ignore[arg-type]
-        "unknown": OutputFilter("unknown"),
-        "nothing": None,
-    }
     out = {}
-    for name, of in declared.items():
-        one, two = canid_side.filtered(y, drive.inputs, DT, of).channels
+    for name, of in given(how).items():
+        one, two = canid_side.process(y, drive.inputs, DT, output_filter=of).channels
         quotable = two.status in (Identifiable.OK, Identifiable.SUM_ONLY)
         intervals = (one.K, two.K, two.tau_plus_dead_time)
         held = [float(iv.low <= x <= iv.high) for iv, x in zip(intervals, truth, strict=True)]

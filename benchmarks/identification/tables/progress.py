@@ -62,4 +62,4 @@ def _one(seed: int) -> list[tuple[int, str, float]]:
 
 
 def _channels(y: np.ndarray, u: np.ndarray, n: int) -> tuple[Channel, ...]:
-    return canid_side.filtered(y[:n], u[:n], DT, OutputFilter("none")).channels
+    return canid_side.process(y[:n], u[:n], DT, output_filter=OutputFilter("none")).channels

@@ -17,7 +17,7 @@ from canid.identification import autoregression, identifiability, residual_tests
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import fopdt_posterior, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
-from canid.identification.fopdt.output_filter import Equalizer, Kernel, apply, equalizer
+from canid.identification.fopdt.output_filter import Equalizer, Kernel, apply, equalizer, is_unknown
 from canid.identification.fopdt.prior import Prior, log_density
 from canid.state_constraints import FINITE
 from canid.types import NAN, Array, Channel, OutputFilter
@@ -253,7 +253,7 @@ def _fit(
     both_pass = equalizer(output_filter, layout.step)
     if both_pass is not None:
         usable = usable & _equalize(both, both_pass)
-    unknown = output_filter is not None and output_filter.kind == "unknown"
+    unknown = is_unknown(output_filter)
     count = int(usable.sum())
     # a tenth of a window: below this the noise model and the response are not identifiable separately
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
@@ -303,7 +303,7 @@ def _search(
     m, box = layout.inputs, layout.basis.box
     known = start if start is not None else _initial(layout, data, prior)
     simulated = known.point.w @ data.X
-    noise = _estimate_noise(layout, data, known.point, stride)
+    noise = _estimate_noise(layout, data, known.point, simulated, stride)
     finished = 0
     for _ in range(MAX_PASSES):
         moments, grid = _evaluate(layout, known.search_grid, noise)
@@ -322,7 +322,8 @@ def _search(
             break
         if finished < MAX_NOISE_REFITS:
             # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
-            noise = _estimate_noise(layout, data, point, noise.stride if finished else stride)
+            least = noise.stride if finished else stride
+            noise = _estimate_noise(layout, data, point, simulated, least, noise)
     fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
     credible = fit_percent >= MIN_FIT_PERCENT
     if not credible and start is not None:
@@ -435,22 +436,32 @@ def _phased(data: _Data, stride: int) -> _Data:
     return _Data(_phases(data.both, stride), usable, data.y_mean, data.X_mean)
 
 
-def _estimate_noise(layout: rows.Layout, data: _Data, at: Point, least: int) -> _Noise:
+def _estimate_noise(
+    layout: rows.Layout,
+    data: _Data,
+    at: Point,
+    simulated: Array,
+    least: int,
+    before: _Noise | None = None,
+) -> _Noise:
     """Estimate the noise model at one point.
 
     Args:
         layout: of the rows.
         data: the window.
         at: the point.
+        simulated: (n,) the answer there, its mean taken out.
         least: stride; a shorter one was found too short in this fit already.
+        before: of the same window; lends its phases where the stride is the same.
     """
     each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     weights = np.concatenate([_by_channel(layout, w) for w in each])
-    residual = _residual(data, at.w @ data.X)
+    residual = _residual(data, simulated)
     exact = _power(residual) <= EXACT_SHARE * _power(data.y)
     stride = least if exact else max(least, _band_stride(residual, data.usable, layout.step))
-    phased = _phased(data, stride)
-    r, usable, J = _residual(phased, at.w @ phased.X), phased.usable, weights @ phased.X
+    phased = before.data if before is not None and before.stride == stride else _phased(data, stride)
+    r = residual if stride == 1 else _phases(residual[None], stride)[0]
+    usable, J = phased.usable, weights @ phased.X
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
     noise = autoregression.fit(r, usable, NOISE_ORDER)
     explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)), stride)

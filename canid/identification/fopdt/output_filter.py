@@ -9,6 +9,7 @@ one: G times the output is compared with G F times the answers, exactly, and its
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +67,16 @@ def kernel(of: OutputFilter, step: float) -> Kernel:
     return Kernel(weights / weights.sum(), half, half)
 
 
+def is_unknown(of: OutputFilter | None) -> bool:
+    """Whether the output was smoothed in a way that nobody has stated.
+
+    >>> is_unknown(OutputFilter("unknown")), is_unknown(None)
+    (True, False)
+    """
+    return of is not None and of.kind == "unknown"
+
+
+@cache
 def equalizer(of: OutputFilter | None, step: float) -> Equalizer | None:
     """Make it for rows every `step` s; None: the filter is unknown, or leaves everything as it is.
 
@@ -85,6 +96,8 @@ def equalizer(of: OutputFilter | None, step: float) -> Equalizer | None:
     taper = np.hanning(2 * reach + 3)[1:-1]
     weights = np.roll(inverse, reach)[: 2 * reach + 1] * taper
     both = np.convolve(weights, own.weights)
+    for shared in (weights, both):
+        shared.setflags(write=False)
     return Equalizer(Kernel(weights, reach, reach), Kernel(both, reach + own.before, reach + own.after))
 
 
