@@ -120,9 +120,10 @@ ROWS_AT_ONCE = 1024
 
 def samples(trace: Trace) -> Iterator[Sample]:
     """The trace row by row, as the estimators take it."""
+    bounds = np.full(len(trace.t), NAN) if trace.bound is None else trace.bound
     for a in range(0, len(trace.t), ROWS_AT_ONCE):
         part = slice(a, a + ROWS_AT_ONCE)
-        numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment)
+        numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment, bounds)
         rows = zip(*(column[part].tolist() for column in numbers), trace.gate[part], strict=True)
-        for t, y, u, learn, segment, gate in rows:
-            yield Sample(t, y, tuple(u), gate, learn, segment, {})
+        for t, y, u, learn, segment, bound, gate in rows:
+            yield Sample(t, y, tuple(u), gate, learn, segment, {}, bound)

@@ -228,6 +228,7 @@ def trace(samples: list[Sample], driver: Driver, dt: float) -> Trace:
         segment=np.array([s.segment for s in samples], dtype=np.int64),
         signals={role: np.array([s.signals.get(role, np.nan) for s in samples]) for role in roles},
         output_filter=driver.output_filter,
+        bound=np.array([s.bound for s in samples]),
     )
 
 
@@ -296,6 +297,7 @@ def _joined(parts: list[Trace]) -> Trace:
         segment=np.concatenate([part.segment for part in filled]),
         signals={role: np.concatenate([part.signals[role] for part in filled]) for role in first.signals},
         output_filter=first.output_filter,
+        bound=np.concatenate([part.bound for part in filled if part.bound is not None]),
     )
 
 

@@ -125,6 +125,7 @@ class Sample(NamedTuple):
     learn: bool  # gate open, and the recovery time over
     segment: int  # grows by one where the inputs' history breaks (another target, another driver)
     signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
+    bound: float = NAN  # the driver's demand was at or below it: a pedal at its floor; NaN: nothing is known
 
 
 TASK_INPUTS: dict[str, tuple[str, ...]] = {
@@ -157,6 +158,7 @@ class Trace(NamedTuple):
     segment: npt.NDArray[np.int64]  # (n,)
     signals: dict[str, Array]  # role -> (n,)
     output_filter: OutputFilter | None = None  # that the output has passed; None: nothing is said of one
+    bound: Array | None = None  # (n,) see Sample; None: nowhere
 
 
 class Signal(NamedTuple):

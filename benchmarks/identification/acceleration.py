@@ -41,8 +41,8 @@ class Measured(NamedTuple):
     speed_noise: float  # m/s
 
 
-def drive(seed: int, minutes: float, noise: NoiseModel) -> Drive:
-    """Simulate a drive; driver, lead and noise are drawn."""
+def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0) -> Drive:
+    """Simulate a drive; driver, lead and noise are drawn. `sensor`: times the usual sensor noise."""
     rng = np.random.default_rng(seed)
     n = int(minutes * 60 / FINE)
     gains = rng.uniform(0.15, 0.5), rng.uniform(0.4, 0.9)
@@ -65,7 +65,7 @@ def drive(seed: int, minutes: float, noise: NoiseModel) -> Drive:
         speed = max(speed + FINE * a, 3.0)
     pick = slice(None, None, round(DT / FINE))
     inputs = seen[:, pick].T
-    inputs = inputs + rng.normal(size=inputs.shape) * (HEADWAY_NOISE, RANGE_RATE_NOISE)
+    inputs = inputs + rng.normal(size=inputs.shape) * (sensor * HEADWAY_NOISE, sensor * RANGE_RATE_NOISE)
     channels = tuple(Lag(K, float(t), float(d)) for K, t, d in zip(gains, tau, late * FINE, strict=True))
     return Drive(out[0, pick], out[1, pick], inputs, channels)  # type: ignore[arg-type]
 

@@ -27,6 +27,7 @@ class Seen(NamedTuple):
     inputs: np.ndarray  # (n, 2) headway error s, range rate m/s
     usable: np.ndarray  # (n,) bool
     segment: np.ndarray  # (n,)
+    bound: np.ndarray  # (n,) % that the demand did not exceed, see canid.types.Sample
 
 
 class Stream(NamedTuple):
@@ -42,7 +43,9 @@ def clock(rng: np.random.Generator, period: float, end: float) -> np.ndarray:
     return np.round(np.arange(rng.uniform(0.0, period), end, period) * 1e9) * 1e-9
 
 
-def sensed(drive: Drive, seed: int, noisy: bool = True) -> list[Stream]:
+def sensed(
+    drive: Drive, seed: int, noisy: bool = True, radar_sd: tuple[float, float] = (GAP_SD, RATE_SD)
+) -> list[Stream]:
     """Put the drive on a bus: radar at 20 Hz, pedal, brake and speed at 50 Hz, each with a clock of its own."""
     rng = np.random.default_rng([seed, 5])
     t = np.arange(len(drive.pedal)) * drive.dt
@@ -54,11 +57,11 @@ def sensed(drive: Drive, seed: int, noisy: bool = True) -> list[Stream]:
     radar, pedal, brake, speed = (clock(rng, period, end) for period in (RADAR, CONTROL, CONTROL, CONTROL))
     ahead = seen(radar, drive.gap, drive.range_rate)
     if noisy and drive.uniform:
-        error = rng.uniform(-1.0, 1.0, ahead.shape) * 3.0**0.5 * (GAP_SD, RATE_SD)
+        error = rng.uniform(-1.0, 1.0, ahead.shape) * 3.0**0.5 * radar_sd
         step = np.array([0.1, 0.05])  # m, m/s; a radar's resolution
         ahead = step * np.round((ahead + error) / step)
     elif noisy:
-        ahead = ahead + rng.standard_normal(ahead.shape) * (GAP_SD, RATE_SD)
+        ahead = ahead + rng.standard_normal(ahead.shape) * radar_sd
     held = drive.brake[np.minimum((brake / drive.dt).astype(int), len(t) - 1)]
     return [
         Stream(radar, ("gap", "range_rate"), ahead),
@@ -103,6 +106,7 @@ def through_canid(streams: list[Stream], driver: Driver) -> Seen:
         np.array([s.inputs for s in out]),
         np.array([s.learn for s in out]),
         np.array([s.segment for s in out]),
+        np.array([s.bound for s in out]),
     )
 
 
@@ -122,7 +126,9 @@ def by_lines(streams: list[Stream], driver: Driver, held: bool = False) -> Seen:
     else:
         inputs = columns["lateral_offset"][:, None]
     n = len(at)
-    return Seen(columns[driver.output], inputs, np.full(n, True), np.zeros(n, dtype=np.int64))
+    return Seen(
+        columns[driver.output], inputs, np.full(n, True), np.zeros(n, dtype=np.int64), np.full(n, np.nan)
+    )
 
 
 def exactly(drive: Drive) -> Seen:
@@ -130,4 +136,5 @@ def exactly(drive: Drive) -> Seen:
     every = round(GRID / drive.dt)
     usable = drive.exact[::every]
     inputs = np.column_stack(drive.inputs)[::every]
-    return Seen(drive.pedal[::every], inputs, usable, np.zeros(len(usable), dtype=np.int64))
+    none = np.full(len(usable), np.nan)
+    return Seen(drive.pedal[::every], inputs, usable, np.zeros(len(usable), dtype=np.int64), none)

@@ -9,6 +9,7 @@ import numpy as np
 
 from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
+from canid.identification import identifiability
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
 from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process
 from canid.identification.fopdt.prior import Prior
@@ -77,10 +78,11 @@ def process(
     usable: np.ndarray | None = None,
     segment: np.ndarray | None = None,
     output_filter: OutputFilter | None = None,
+    bound: np.ndarray | None = None,
 ) -> ProcessFit:
     """Fit first order plus dead time; the first 4.5 s are history only."""
     usable = np.full(len(output), True) if usable is None else usable
-    return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter)
+    return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter, bound=bound)
 
 
 # What a user might declare who has read the published drivers: centre and width of reference/identification.md, sec. 3.
@@ -109,6 +111,11 @@ def live(
         if k * dt >= due - 1e-9 and last is not None:
             due += every
             yield last
+
+
+def quotable(channel: Channel, field: str) -> bool:
+    """Whether canid would quote a number."""
+    return identifiability.quotable(channel, field)
 
 
 def inside(channel: Channel, field: str, truth: float) -> bool | None:

@@ -17,6 +17,7 @@ DT = 0.01
 # Grover 2021, case 1; the dead times are assumed, the paper gives none
 K1, TAU1, THETA1 = 4.367, 0.685, 0.30
 K2, TAU2, THETA2 = 5.630, 0.401, 0.20
+GROVER = (Lag(K1, TAU1, THETA1), Lag(K2, TAU2, THETA2))
 HEADWAY = 1.8  # s
 CRUISE = 25.0  # m/s, about which everything moves
 # grade of 0.1 m/s² (1 %) that lasts: at 25 m/s, hills of 1.5 km (reference/diagnosis.md 2.3) are waves of 60 s
@@ -35,6 +36,7 @@ def drive(
         remnant: sd of the pedal's own noise, %.
         lead: of the vehicle ahead.
         noise_model: of the remnant.
+        channels: the driver.
     """
     rng = np.random.default_rng([seed, 3])
     settle = 60.0  # s; the loop starts at its balance, and is given out once it has forgotten that
@@ -42,9 +44,10 @@ def drive(
     ahead = (CRUISE + lead.sd * low_pass(n, DT, lead.cut, rng)).tolist()
     noise = (remnant * draw(noise_model, n, DT, rng)).tolist()
     grade = (0.1 * draw(HILLS, n, DT, rng)).tolist()
-    d1, d2 = round(THETA1 / DT), round(THETA2 / DT)
-    a1, a2 = math.exp(-DT / TAU1), math.exp(-DT / TAU2)
-    g1, g2 = 1.0 - TAU1 / DT * (1.0 - a1), 1.0 - TAU2 / DT * (1.0 - a2)
+    one, two = channels
+    d1, d2 = round(one.dead_time / DT), round(two.dead_time / DT)
+    a1, a2 = math.exp(-DT / one.tau), math.exp(-DT / two.tau)
+    g1, g2 = 1.0 - one.tau / DT * (1.0 - a1), 1.0 - two.tau / DT * (1.0 - a2)
     v, gap, x1, x2 = CRUISE, HEADWAY * CRUISE, 0.0, 0.0
     error, rate = [0.0] * (d1 + 2), [0.0] * (d2 + 2)
     out = np.empty((n, 4))
@@ -56,11 +59,10 @@ def drive(
         x1 = a1 * x1 + (1.0 - a1) * u + g1 * (w - u)
         u, w = rate[-d2 - 2], rate[-d2 - 1]
         x2 = a2 * x2 + (1.0 - a2) * u + g2 * (w - u)
-        pedal = P0 + K1 * x1 + K2 * x2 + noise[k]
+        pedal = P0 + one.K * x1 + two.K * x2 + noise[k]
         out[k] = pedal, v, gap, ahead[k] - v
         v += DT * ((0.8 * (pedal - P0) - (v - CRUISE)) / 20.0 + grade[k])
         gap += DT * (ahead[k] - v)
     pedal, speed, gaps, rates = out[skip:].T
     free = np.full(n - skip, True)
-    channels = (Lag(K1, TAU1, THETA1), Lag(K2, TAU2, THETA2))
     return Drive(DT, pedal, ~free, speed, gaps, rates, HEADWAY, channels, remnant, False, free)

@@ -144,7 +144,9 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     """Take a sample; whether an estimate is due."""
     if not math.isfinite(sample.t) or sample.t <= state.t:
         return state, False
-    row = (sample.output, float(sample.learn), float(sample.segment), *sample.inputs)
+    hidden = not sample.learn and sample.bound == sample.bound
+    output, known = (sample.bound, -1.0) if hidden else (sample.output, float(sample.learn))
+    row = (output, known, float(sample.segment), *sample.inputs)
     recent = (*state.recent, *_missing(setup, state, sample), row)
     pace, forced = status.by_gate(state.pace, sample)
     state = state._replace(pace=pace, t=sample.t, recent=recent)
@@ -239,6 +241,7 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         dead_time_max=settings.dead_time_max,
         prior=settings.prior,
         output_filter=settings.output_filter,
+        bound=trace.bound,
     )
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
     sentences = (status.implausible(channels), UNKNOWN_FILTER if is_unknown(settings.output_filter) else "")

@@ -81,7 +81,14 @@ def whiten(x: Array, noise: Array) -> Array:
     return out
 
 
-def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = FLOOR) -> Array:
+def fit(
+    r: Array,
+    usable: npt.NDArray[np.bool_],
+    most: int = 6,
+    floor: float = FLOOR,
+    bounded: npt.NDArray[np.bool_] | None = None,
+    root: Array | None = None,
+) -> Array:
     """Coefficients phi of r_t = sum phi_i r_(t-i) + e_t.
 
     Least squares over the samples whose `most` predecessors are usable too (so that all orders are compared
@@ -98,6 +105,8 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
         usable: (n,).
         most: highest order.
         floor: share of white variance added, see FLOOR.
+        bounded: (n,) rows that have a pseudo-value (censoring.py): predicted, but nothing is predicted from them.
+        root: (n,) of the weight that each prediction error has; None: one.
 
     Returns:
         (p,), 0 <= p <= most; empty where there are too few samples.
@@ -108,22 +117,30 @@ def fit(r: Array, usable: npt.NDArray[np.bool_], most: int = 6, floor: float = F
     >>> abs(fit(r, np.full(4000, True), most=1, floor=0.0)[0] - 0.8) < 0.03
     np.True_
     """
-    rows = whole(usable, most)
+    known = usable if bounded is None else usable | bounded
+    rows = known & preceded(usable, most)
     count = int(rows.sum())
     # ten samples per coefficient: fewer cannot tell correlation from chance
     if most < 1 or count < 10 * most:
         return np.zeros(0)
-    series = np.where(usable, np.atleast_2d(r), 0.0)
+    series = np.where(known, np.atleast_2d(r), 0.0)
     n, later = series.shape[1], rows[most:].astype(float)
-    products = np.zeros((most + 1, most + 1))
+    if root is not None:
+        later *= root[most:]
+    products, sums = np.zeros((most + 1, most + 1)), np.zeros(most + 1)
     for first in range(0, n - most, PIECE):
         piece = slice(first, min(first + PIECE, n - most))
         # (1 + most, series, rows): each series now and at every lag, zero where not to be counted
         X = np.empty((most + 1, len(series), piece.stop - first))
         for i, lagged in enumerate(X):
             np.multiply(series[:, most - i : n - i][:, piece], later[piece], out=lagged)
+        if bounded is not None:
+            sums += X[:, 0] @ later[piece]
         X = X.reshape(most + 1, -1)
         products += X @ X.T
+    if bounded is not None:
+        # the mean of what is known is not the noise's: what lies below the bound is missing from it
+        products -= np.outer(sums, sums) / max(float(later @ later), 1e-300)
     yy, h, G = float(products[0, 0]) * (1.0 + floor), products[1:, 0], products[1:, 1:].copy()
     G.flat[:: most + 1] *= 1.0 + floor
     if not yy > 0.0:

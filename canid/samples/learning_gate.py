@@ -135,4 +135,7 @@ def step(
         segment,
     )
     output = values.get(driver.output, NAN)
-    return after, Sample(t, output, inputs(values, driver), gate, learn, segment, values)
+    # who brakes with the pedal pressed says nothing of his demand; a released pedal does
+    hidden = gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) and output <= PEDAL_FLOOR_PERCENT
+    bound = PEDAL_FLOOR_PERCENT if hidden else NAN
+    return after, Sample(t, output, inputs(values, driver), gate, learn, segment, values, bound)

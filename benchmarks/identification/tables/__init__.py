@@ -3,6 +3,7 @@
 from benchmarks.identification.tables import (
     anytime,
     armax,
+    calibration,
     coverage,
     cuts,
     deadtime,
@@ -25,6 +26,7 @@ TABLES = (
     ("fopdt", fopdt.table),
     ("deadtime", deadtime.table),
     ("coverage", coverage.table),
+    ("calibration", calibration.table),
     ("following", following.table),
     ("filters", filters.table),
     ("cuts", cuts.table),

@@ -13,39 +13,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import autoregression, identifiability, residual_tests
-from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt import fopdt_posterior, reduced_basis
+from canid.identification import identifiability, innovation_law
+from canid.identification.fopdt import fopdt_posterior, reduced_basis, row_noise
 from canid.identification.fopdt import regression_rows as rows
 from canid.identification.fopdt.output_filter import Equalizer, Kernel, apply, equalizer, is_unknown
 from canid.identification.fopdt.prior import Prior, log_density
+from canid.identification.fopdt.row_noise import Data, Noise, Point, by_channel, power, residual_of
 from canid.state_constraints import FINITE
 from canid.types import NAN, Array, Channel, OutputFilter
 
-# Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), autocorrelated plus white noise
-# ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
-NOISE_ORDER = 5
-
-
-class Band(NamedTuple):
-    """How far a band reaches, by the power of the residual's changes."""
-
-    share: float  # of that power, which lies below a frequency
-    wide: float  # Hz; where that frequency is above, rows are taken `short` s apart
-    narrow: float  # Hz; where it is below, `long` s; in between in proportion
-    short: float  # s; 0: every row
-    long: float  # s
-
-
-# An output that was smoothed (an acceleration from speeds) has noise without content above some frequency. Whitening
-# would lift that empty band and fit K, tau and dead time to what leaked into it. Rows further apart end the band; all
-# phases are used, and the distance grows by single rows, so that little depends on where a log is cut. Of the changes of
-# white, Ornstein-Uhlenbeck and mixed noise three quarters of the power reach beyond 3 Hz; behind a Savitzky-Golay filter
-# of 1.1 s they end at 0.5 Hz, and 97 % between 0.8 Hz (speeds known to 3 mm/s) and 4 Hz (20 mm/s). A person's answer
-# ends below 1 Hz: where the band ends there without need, intervals grow by a per cent.
-BANDS = (Band(0.75, 2.5, 1.25, 0.0, 0.5), Band(0.97, 0.8, 0.5, 0.5, 1.0))
-# Share of the output's power below which a residual is rounding, and has no band.
-EXACT_SHARE = 1e-4
 # s; stride where nobody knows how the output was smoothed
 MIN_STRIDE_S = 0.5
 
@@ -60,16 +36,6 @@ MAX_NOISE_REFITS = 4
 # each other too, but not so far: of 690 estimates on simulated drives 4 were there, on real logs only absurd ones
 # (a gain ten times the rest at a fit of -1240 %). This is no gate on a good fit, which proves nothing.
 MIN_FIT_PERCENT = 100.0 * (1.0 - 2.0**0.5)
-
-
-class Point(NamedTuple):
-    """One value of every parameter, noise aside."""
-
-    K: Array  # (m,)
-    tau: Array  # (m,) s
-    dead_time: Array  # (m,) s
-    offset: float
-    w: Array  # (m b,) the simulated output is the offset and the basis' answers times these
 
 
 class SearchGrid(NamedTuple):
@@ -97,6 +63,7 @@ class ProcessFit(NamedTuple):
     stride: int
     sigma: float  # of the whitened residual
     variance_inflation: float  # >= 1: inflation of variances by the autocorrelation that whitening left
+    law: innovation_law.Law | None  # of the innovations; None: no estimate
     fit_percent: float  # of the simulated answer
     used: int  # rows
     start: Start | None  # for the next window
@@ -114,6 +81,7 @@ def fit_process(
     prior: Prior | None = None,
     start: Start | None = None,
     output_filter: OutputFilter | None = None,
+    bound: Array | None = None,
 ) -> ProcessFit:
     """Fit all channels jointly.
 
@@ -128,6 +96,8 @@ def fit_process(
         prior: declared belief; None: the box alone.
         start: of an overlapping window: saves passes, changes nothing else.
         output_filter: that the output has passed; None: not known.
+        bound: (n,) that the driver's demand did not exceed where the output is not usable, a pedal at its floor; NaN:
+            nothing is known of it.
 
     Raises:
         ValueError: shapes that do not fit, or more than two inputs.
@@ -153,9 +123,14 @@ def fit_process(
         )
     layout = row_layout(inputs.shape[1], dt, tau_max, dead_time_max)
     parts = np.zeros(len(output)) if segment is None else np.asarray(segment, float)
-    samples = np.column_stack([np.asarray(output, float), usable, parts, inputs])
+    known = np.where(usable, 1.0, 0.0)
+    output = np.asarray(output, float)
+    if bound is not None:
+        below = np.isfinite(bound) & (known == 0.0)
+        known[below], output = -1.0, np.where(below, bound, output)
+    samples = np.column_stack([output, known, parts, inputs])
     most = len(samples) // layout.per_row + 1
-    both, ready = np.empty((_height(layout), most)), np.zeros(most, bool)
+    both, ready = np.empty((_height(layout), most)), np.zeros(most)
     state, n = rows.State(), 0
     for i in range(0, len(samples), CHUNK_ROWS):
         state, more = rows.put(layout, state, samples[i : i + CHUNK_ROWS], tau_max + dead_time_max)
@@ -177,48 +152,28 @@ def row_layout(m: int, dt: float, tau_max: float, dead_time_max: float) -> rows.
     )
 
 
-class _Data(NamedTuple):
-    """Rows made ready: finite, means taken out, zero where not usable."""
-
-    both: Array  # (m b + 1, n) answers and output
-    usable: npt.NDArray[np.bool_]  # (n,)
-    y_mean: float
-    X_mean: Array  # (m b,)
-
-    @property
-    def X(self) -> Array:  # noqa: N802
-        """Return (m b, n) the basis' answers."""
-        answered: Array = self.both[:-1]
-        return answered
-
-    @property
-    def y(self) -> Array:
-        """Return (n,) the output."""
-        output: Array = self.both[-1]
-        return output
-
-
 def _height(layout: rows.Layout) -> int:
     """Answers and output."""
     return layout.inputs * layout.basis.size + 1
 
 
-def _columns(layout: rows.Layout, window: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Answers and output of rows (m b + 1, n), and which are usable."""
+def _columns(layout: rows.Layout, window: Array) -> tuple[Array, Array]:
+    """Answers and output of rows (m b + 1, n), and whether they are usable (> 0) or a bound (< 0)."""
     both = np.empty((_height(layout), len(window)))
     both[:-1], both[-1] = window[:, 2 + layout.inputs :].T, window[:, 0]
-    return both, window[:, 1] > 0.0
+    return both, window[:, 1]
 
 
-def _ready(both: Array, usable: npt.NDArray[np.bool_], count: int) -> _Data:
+def _ready(both: Array, usable: npt.NDArray[np.bool_], bounded: npt.NDArray[np.bool_], count: int) -> Data:
     """Make ready in place."""
+    nothing = ~(usable | bounded)
     if count < len(usable):
-        both[:, ~usable] = 0.0
-    mean = both.sum(axis=1) / count
+        both[:, nothing] = 0.0
+    mean = (both @ usable if bounded.any() else both.sum(axis=1)) / count
     both -= mean[:, None]
     if count < len(usable):
-        both[:, ~usable] = 0.0
-    return _Data(both, usable, float(mean[-1]), mean[:-1])
+        both[:, nothing] = 0.0
+    return Data(both, usable, bounded, float(mean[-1]), mean[:-1])
 
 
 def fit_rows(
@@ -243,23 +198,25 @@ def fit_rows(
 def _fit(
     layout: rows.Layout,
     both: Array,
-    usable: npt.NDArray[np.bool_],
+    known: Array,
     start: Start | None,
     prior: Prior | None,
     output_filter: OutputFilter | None,
 ) -> ProcessFit:
-    """Fit answers and output (m b + 1, n), which are used up."""
+    """Fit answers and output (m b + 1, n), which are used up; `known` (n,) as of `_columns`."""
     m = layout.inputs
+    usable, bounded = known > 0.0, known < 0.0
     both_pass = equalizer(output_filter, layout.step)
     if both_pass is not None:
-        usable = usable & _equalize(both, both_pass)
+        # what a filter makes of a bound is none
+        usable, bounded = usable & _equalize(both, both_pass), np.zeros(len(usable), bool)
     unknown = is_unknown(output_filter)
     count = int(usable.sum())
     # a tenth of a window: below this the noise model and the response are not identifiable separately
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return no_fit(m, count)
     stride = max(round(MIN_STRIDE_S / layout.step), 1) if unknown else 1
-    fit = _search(layout, _ready(both, usable, count), count, start, prior, stride)
+    fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, stride)
     if unknown:
         # the delays found are those of the driver and of the filter
         return fit._replace(channels=tuple(map(identifiability.gain_only, fit.channels)))
@@ -284,7 +241,7 @@ def _complete(known: npt.NDArray[np.bool_], by: Kernel) -> npt.NDArray[np.bool_]
 
 def _search(
     layout: rows.Layout,
-    data: _Data,
+    data: Data,
     count: int,
     start: Start | None,
     prior: Prior | None,
@@ -303,7 +260,8 @@ def _search(
     m, box = layout.inputs, layout.basis.box
     known = start if start is not None else _initial(layout, data, prior)
     simulated = known.point.w @ data.X
-    noise = _estimate_noise(layout, data, known.point, simulated, stride)
+    near = start is not None
+    noise = row_noise.estimate(layout, data, known.point, simulated, stride, near=near)
     finished = 0
     for _ in range(MAX_PASSES):
         moments, grid = _evaluate(layout, known.search_grid, noise)
@@ -314,53 +272,49 @@ def _search(
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
         known = Start(point, known.search_grid if stays else _search_grid(layout, regions, prior))
         last, simulated = simulated, point.w @ data.X
-        moved = _power(simulated - last) / max(_power(noise.residual), 1e-300)
+        moved = power(simulated - last) / max(power(noise.residual * noise.data.usable), 1e-300)
         same = moved <= SAME_SHARE**2
         # a residual that was mostly misfit, and went: the search goes on, no noise model leads to another
         finished += fine and moved <= 0.5
-        if fine and (same or finished > MAX_NOISE_REFITS):
+        if fine and ((same and near) or finished > MAX_NOISE_REFITS):
             break
         if finished < MAX_NOISE_REFITS:
             # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
             least = noise.stride if finished else stride
-            noise = _estimate_noise(layout, data, point, simulated, least, noise)
-    fit_percent = 100.0 * (1.0 - (_power(_residual(data, simulated)) / _power(data.y)) ** 0.5)
+            near = near or finished > 0
+            noise = row_noise.estimate(layout, data, point, simulated, least, noise, near)
+    misfit = power(residual_of(data, simulated) * data.usable) / power(data.y * data.usable)
+    fit_percent = 100.0 * (1.0 - misfit**0.5)
     credible = fit_percent >= MIN_FIT_PERCENT
     if not credible and start is not None:
         # the window before may have led here: once more from the whole box
         return _search(layout, data, count, None, prior, stride)
     return ProcessFit(
         channels=fopdt_posterior.channels(
-            grid, box, _limits(layout, moments, grid, known.point), count * layout.step, prior is not None
+            grid,
+            box,
+            _limits(layout, moments, grid, known.point, noise),
+            count * layout.step,
+            prior is not None,
         )
         if credible
         else (Channel(),) * m,
         point=known.point,
         noise=noise.ar,
         stride=noise.stride,
-        sigma=(grid.residual * noise.stride / int(noise.rows.sum())) ** 0.5,
+        sigma=(grid.residual * noise.stride / noise.counted) ** 0.5,
         variance_inflation=noise.variance_inflation,
+        law=noise.law,
         fit_percent=fit_percent,
         used=count,
         start=known,
     )
 
 
-class _Noise(NamedTuple):
-    """Noise model at one point."""
-
-    ar: Array  # (p,) coefficients of the autoregression
-    stride: int  # rows from one to the one that predicts it
-    data: _Data  # one phase after the other, see `_phases`
-    rows: npt.NDArray[np.bool_]  # (n,) of `data`, whose predecessors are usable too
-    residual: Array  # (n,) of `data`, not whitened, zero where not usable
-    variance_inflation: float
-
-
 def no_fit(m: int, used: int = 0) -> ProcessFit:
     """Return the fit of m inputs without an estimate."""
     point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN, np.zeros(0))
-    return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, NAN, used, None)
+    return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, None, NAN, used, None)
 
 
 def _search_grid(
@@ -382,212 +336,49 @@ def _whole(box: reduced_basis.Box) -> tuple[fopdt_posterior.Region, fopdt_poster
     return region, cells, reduced_basis.weights(reduced_basis.basis(box), cells.tau, cells.dead_time)
 
 
-def _initial(layout: rows.Layout, data: _Data, prior: Prior | None) -> Start:
+def _initial(layout: rows.Layout, data: Data, prior: Prior | None) -> Start:
     """Initial guess: the whole box with white noise; its least residual gives the noise model."""
-    m, n = layout.inputs, len(data.y)
+    m = layout.inputs
     region, cells, W = _whole(layout.basis.box)
     every = (cells,) * m
     search_grid = SearchGrid(
         (region,) * m, every, (W,) * m, log_density(prior, every) if prior is not None else None
     )
-    white = _Noise(np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0)
-    return Start(_posterior_point(layout, data, _evaluate(layout, search_grid, white)[1], False), search_grid)
-
-
-def _by_channel(layout: rows.Layout, w: Array) -> Array:
-    """(m, m b) from (m, b): row i picks channel i's answer from those of all channels."""
-    out = np.zeros((layout.inputs, w.size))
-    for i, row in enumerate(w):
-        out[i, i * len(row) : (i + 1) * len(row)] = row
-    return out
-
-
-def _power(x: Array) -> float:
-    return float(x @ x)
-
-
-def _residual(data: _Data, simulated: Array) -> Array:
-    """(n,) not whitened, mean zero, zero where not usable."""
-    usable = data.usable.astype(float)
-    residual: Array = (data.y - simulated) * usable
-    residual -= float(residual.sum()) / float(usable.sum()) * usable
-    return residual
-
-
-def _phases(x: Array, stride: int) -> Array:
-    """Every `stride`-th row from the first, then from the second, and so on, (k, n) to (k, stride (n/stride + p)).
-
-    Zeros between two phases, as many as a noise model looks back, keep them apart.
-    """
-    k, n = x.shape
-    height = -(-n // stride)
-    out = np.zeros((k, stride, height + NOISE_ORDER), x.dtype)
-    for phase in range(stride):
-        part = x[:, phase::stride]
-        out[:, phase, : part.shape[1]] = part
-    return out.reshape(k, -1)
-
-
-def _phased(data: _Data, stride: int) -> _Data:
-    """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
-    if stride == 1:
-        return data
-    usable = _phases(data.usable[None].astype(float), stride)[0] > 0.0
-    return _Data(_phases(data.both, stride), usable, data.y_mean, data.X_mean)
-
-
-def _estimate_noise(
-    layout: rows.Layout,
-    data: _Data,
-    at: Point,
-    simulated: Array,
-    least: int,
-    before: _Noise | None = None,
-) -> _Noise:
-    """Estimate the noise model at one point.
-
-    Args:
-        layout: of the rows.
-        data: the window.
-        at: the point.
-        simulated: (n,) the answer there, its mean taken out.
-        least: stride; a shorter one was found too short in this fit already.
-        before: of the same window; lends its phases where the stride is the same.
-    """
-    each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
-    weights = np.concatenate([_by_channel(layout, w) for w in each])
-    residual = _residual(data, simulated)
-    exact = _power(residual) <= EXACT_SHARE * _power(data.y)
-    stride = least if exact else max(least, _band_stride(residual, data.usable, layout.step))
-    phased = before.data if before is not None and before.stride == stride else _phased(data, stride)
-    r = residual if stride == 1 else _phases(residual[None], stride)[0]
-    usable, J = phased.usable, weights @ phased.X
-    # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
-    noise = autoregression.fit(r, usable, NOISE_ORDER)
-    explained = _explained(layout, at, J, r, noise, autoregression.whole(usable, len(noise)), stride)
-    noise = autoregression.fit(np.vstack([r, explained]), usable, NOISE_ORDER)
-    inside = autoregression.whole(usable, len(noise))
-    white = autoregression.whiten(np.vstack([r, J]), noise)
-    white = white[:, autoregression.chosen(inside)]
-    e, score = white[0], white[1:] - white[1:].mean(axis=1, keepdims=True)
-    sd = (_power(e) / max(len(e), 1)) ** 0.5
-    variance_inflation = residual_tests.long_run_inflation(
-        score * e, score * sd, round(residual_tests.HAC_LAG_S / layout.step / stride)
-    )
-    # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
-    long_run = (sd / (1.0 - float(np.sum(noise)))) ** 2
-    effective = _power(r) / stride / max(long_run, 1e-300)
-    return _Noise(noise, stride, phased, inside, r, variance_inflation * _student(effective) ** 2)
-
-
-# Least degrees of freedom that Student's t is taken for: below, its tails are those of the formula, not of the noise.
-MIN_FREEDOM = 4.0
-
-
-def _student(freedom: float) -> float:
-    """How much wider Student's t is than a Gaussian at 95 % (Fisher & Cornish 1960, to second order).
-
-    >>> round(NORMAL_QUANTILE * _student(10.0), 2)  # tables: 2.23
-    2.23
-    """
-    z2, v = NORMAL_QUANTILE**2, max(freedom, MIN_FREEDOM)
-    return 1.0 + (z2 + 1.0) / (4.0 * v) + (5.0 * z2 * z2 + 16.0 * z2 + 3.0) / (96.0 * v * v)
-
-
-def _explained(
-    layout: rows.Layout,
-    at: Point,
-    answers: Array,
-    r: Array,
-    noise: Array,
-    inside: npt.NDArray[np.bool_],
-    stride: int,
-) -> Array:
-    """Return (3 m + 1, n): what else the answer and the offset may be, each direction by its own sd.
-
-    Args:
-        layout: of the rows.
-        at: the point.
-        answers: (3 m, n) answers, and their derivatives by tau and by dead time, of unit gain.
-        r: (n,) residual.
-        noise: its autoregression so far.
-        inside: (n,) rows to weigh.
-        stride: how many phases they hold.
-    """
-    m = layout.inputs
-    J = np.vstack([answers[:m], np.tile(at.K, 2)[:, None] * answers[m:], np.ones(len(r))])
-    white = autoregression.whiten(np.vstack([r, J]), noise)[:, autoregression.chosen(inside)]
-    variance = _power(white[0]) / max(white.shape[1] - len(J), 1)
-    by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)
-    least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
-    information = white[1:] @ white[1:].T / stride + np.diag(variance * least)
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    value, vector = np.linalg.eigh(information / np.outer(size, size))
-    known = value > 1e-9
-    root = vector[:, known] / np.sqrt(value[known])
-    out: Array = variance**0.5 * (root.T / size) @ J
-    return out
-
-
-def _band_stride(residual: Array, usable: npt.NDArray[np.bool_], step: float) -> int:
-    """Rows from one to the next so that no empty band is whitened, see BANDS."""
-    change = np.diff(residual) * (usable[1:] & usable[:-1])
-    power = np.abs(np.fft.rfft(change)) ** 2
-    total = float(power.sum())
-    if len(power) < 16 or not total > 0.0:
-        return 1
-    frequency = np.fft.rfftfreq(len(change), step)
-    below = np.cumsum(power) / total
-    apart = 0.0
-    for band in BANDS:
-        reach = float(np.interp(band.share, below, frequency))
-        part = min(max((band.wide - reach) / (band.wide - band.narrow), 0.0), 1.0)
-        apart = max(apart, band.short * (part > 0.0) + (band.long - band.short) * part)
-    return max(round(apart / step), 1)
+    grid = _evaluate(layout, search_grid, row_noise.white(data))[1]
+    return Start(_posterior_point(layout, data, grid, False), search_grid)
 
 
 def _evaluate(
-    layout: rows.Layout, search_grid: SearchGrid, noise: _Noise
+    layout: rows.Layout, search_grid: SearchGrid, noise: Noise
 ) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
-    found = [_products(noise, i) for i in range(0, len(noise.rows), CHUNK_ROWS)]
+    found = [row_noise.products(noise, i, CHUNK_ROWS) for i in range(0, len(noise.rows), CHUNK_ROWS)]
     # the phases of a stride know together about as much as one of them
     share = 1.0 / noise.stride
     sums = fopdt_posterior.Products(*(share * sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
-    count = round(share * np.count_nonzero(noise.rows))
-    known = fopdt_posterior.moments(sums, layout.inputs, count)
+    known = fopdt_posterior.moments(sums, layout.inputs, round(share * noise.counted))
     grid = fopdt_posterior.evaluate(
         known, search_grid.W, search_grid.cells, noise.variance_inflation, search_grid.belief
     )
     return known, grid
 
 
-def _products(noise: _Noise, first: int) -> fopdt_posterior.Products:
-    """Inner products of a piece of the rows that the noise model uses, from its `first` on."""
-    p = len(noise.ar)
-    begin = max(first - p, 0)
-    # with the rows before, which whitening needs
-    piece, new = slice(begin, first + CHUNK_ROWS), slice(first - begin, None)
-    r, usable = noise.residual[piece], noise.rows[piece][new].astype(float)
-    nuisance = np.zeros((p + 1, len(r)))
-    nuisance[0] = 1.0
-    for i, row in enumerate(nuisance[1:], 1):
-        row[i:] = r[:-i]
-    white = autoregression.whiten(noise.data.both[:, piece], noise.ar)
-    return fopdt_posterior.products(white[:, new] * usable, nuisance[:, new] * usable)
-
-
 def _limits(
-    layout: rows.Layout, moments: fopdt_posterior.Moments, grid: fopdt_posterior.Grid, at: Point
+    layout: rows.Layout,
+    moments: fopdt_posterior.Moments,
+    grid: fopdt_posterior.Grid,
+    at: Point,
+    noise: Noise,
 ) -> tuple[fopdt_posterior.Deviations, ...]:
     """What the data allow at the point that was found."""
     by_K, by_tau, by_dead_time = (
-        _by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
+        by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     )
     J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
-    return fopdt_posterior.bounds(moments, J, grid.residual / max(moments.freedom, 1), layout.basis.box)
+    variance = noise.law_inflation * grid.residual / max(moments.freedom, 1)
+    return fopdt_posterior.bounds(moments, J, variance, layout.basis.box)
 
 
-def _posterior_point(layout: rows.Layout, data: _Data, grid: fopdt_posterior.Grid, fine: bool) -> Point:
+def _posterior_point(layout: rows.Layout, data: Data, grid: fopdt_posterior.Grid, fine: bool) -> Point:
     """Posterior mean: where a lag is not identifiable, the most likely cell is an accident.
 
     On a coarse grid, take the most likely cell with the gains of plain least squares. A mean over local maxima, or the
@@ -599,22 +390,25 @@ def _posterior_point(layout: rows.Layout, data: _Data, grid: fopdt_posterior.Gri
         taus = np.array([c.tau[k] for c, k in zip(grid.cells, best, strict=True)])
         dead_times = np.array([c.dead_time[k] for c, k in zip(grid.cells, best, strict=True)])
         return _plain(
-            data, _by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times)), taus, dead_times
+            data, by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times)), taus, dead_times
         )
     weights = [fopdt_posterior.marginal(grid, i) for i in range(layout.inputs)]
     taus = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
     dead_times = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
-    nodes = _by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times))
+    nodes = by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times))
     return _point(data, nodes, taus, dead_times, np.array([np.vdot(grid.weight, K) for K in grid.K]))
 
 
-def _plain(data: _Data, nodes: Array, taus: Array, dead_times: Array) -> Point:
+def _plain(data: Data, nodes: Array, taus: Array, dead_times: Array) -> Point:
     """Gains and offset by plain least squares on given answers."""
-    gains = np.asarray(np.linalg.lstsq((nodes @ data.X).T, data.y, rcond=None)[0], dtype=np.float64)
+    answers, y = nodes @ data.X, data.y
+    if data.bounded.any():
+        answers, y = answers * data.usable, y * data.usable
+    gains = np.asarray(np.linalg.lstsq(answers.T, y, rcond=None)[0], dtype=np.float64)
     return _point(data, nodes, taus, dead_times, gains)
 
 
-def _point(data: _Data, nodes: Array, taus: Array, dead_times: Array, gains: Array) -> Point:
+def _point(data: Data, nodes: Array, taus: Array, dead_times: Array, gains: Array) -> Point:
     w = gains @ nodes
     return Point(gains, taus, dead_times, data.y_mean - float(w @ data.X_mean), w)
 

@@ -52,7 +52,7 @@ class Layout(NamedTuple):
 
     @property
     def width(self) -> int:
-        """Columns: output, whether usable, inputs, answers input by input."""
+        """Columns: output, whether usable (1) or a bound (-1), inputs, answers input by input."""
         return 2 + self.inputs * (1 + self.basis.size)
 
 
@@ -102,8 +102,8 @@ def put(layout: Layout, state: State, samples: Array, settle: float) -> tuple[St
     Args:
         layout: of the rows.
         state: `State()` or as left by the samples before.
-        samples: (k, 3 + m): output, whether it may be learnt from, segment, inputs; NaN = not measured. One per step
-            of the grid: a time that never came is a row of NaN.
+        samples: (k, 3 + m): output, whether it may be learnt from (1), is a bound of the demand (-1) or neither (0),
+            segment, inputs; NaN = not measured. One per step of the grid: a time that never came is a row of NaN.
         settle: s after a break in which the unknown history still matters; not usable.
 
     Returns:
@@ -157,7 +157,7 @@ def _answer(
         piece[:, 2 + m :] = columns
         if a in begins and a > 0:
             piece[0, 2 + m :] = np.nan  # no filter may join one history to another
-        piece[:, 1] = known[a:b] & np.isfinite(raw[a:b, 0]) & (raw[a:b, 1] > 0.0) & (age >= hold)
+        piece[:, 1] = np.where(known[a:b] & np.isfinite(raw[a:b, 0]) & (age >= hold), raw[a:b, 1], 0.0)
     return history, out
 
 
@@ -199,14 +199,18 @@ _MAX_LOOP_SAMPLES = 128
 
 
 def _average(ready: Array, per_row: int) -> Array:
-    """Average the usable samples of each row, usable where at least half of them are; else all, not usable."""
+    """Average the usable samples of each row, usable where at least half of them are; else all, not usable.
+
+    A row with a bound among usable samples is a bound itself: the mean of demands is at most that of their bounds.
+    """
     if per_row == 1 or not len(ready):
         return ready
     blocks = ready.reshape(-1, per_row, ready.shape[1])
-    usable = blocks[:, :, 1] > 0.0
+    usable, bounded = blocks[:, :, 1] > 0.0, blocks[:, :, 1] < 0.0
     count = usable.sum(axis=1)
-    good = count >= 0.5 * per_row
+    below = bounded.any(axis=1) & (usable | bounded).all(axis=1)
+    good = (count >= 0.5 * per_row) & ~below
     rows: Array = np.where(usable[:, :, None], blocks, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
     rows[~good] = blocks[~good].mean(axis=1)
-    rows[:, 1] = good
+    rows[:, 1] = np.where(below, -1.0, good)
     return rows

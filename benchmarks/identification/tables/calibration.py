@@ -1,0 +1,145 @@
+"""Do the 95 % intervals hold the truth: six noises, four lengths, pedal and acceleration, three radars, drivers drawn."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.identification import acceleration, bus, canid_side, loop_a
+from benchmarks.identification.bounds import Lag
+from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseModel
+from benchmarks.identification.table import Settings, Table, each
+from canid.types import Channel, Driver, OutputFilter
+
+NOISES = (*NOISE_MODELS, REMNANT)
+MINUTES = (1.0, 3.0, 10.0, 20.0)
+# sd of gap and range rate: m, m/s; a good radar, the usual one, a coarse one
+RADARS = ((0.1, 0.05), (bus.GAP_SD, bus.RATE_SD), (0.4, 0.25))
+# of published accelerations: sd of headway and range rate, s, m/s
+SHARES = (0.3, 1.0, 2.0)
+OUTPUTS = ("pedal", "acceleration")
+# s of history before what is used
+BEFORE = 8.0
+
+PARAMETERS = (
+    ("K1", 0, "K"),
+    ("K2", 1, "K"),
+    ("tau2", 1, "tau"),
+    ("dead time 2", 1, "dead_time"),
+    ("tau2 + dead time 2", 1, "tau_plus_dead_time"),
+    ("tau1 + dead time 1", 0, "tau_plus_dead_time"),
+)
+
+
+class World(NamedTuple):
+    """What a seed stands for."""
+
+    output: str
+    noise: NoiseModel
+    minutes: float
+    radar: int
+
+
+class Held(NamedTuple):
+    """One drive: errors and what the intervals say, of each of PARAMETERS."""
+
+    world: World
+    z: tuple[float, ...]  # error over half the interval's width, times 1.96
+    inside: tuple[float, ...]  # 1, 0 or NaN
+    quotable: tuple[bool, ...]
+    width: tuple[float, ...]  # of the interval, over the truth
+
+
+def world(seed: int) -> World:
+    """Every combination once in 144 seeds."""
+    k = seed
+    minutes, k = MINUTES[k % 4], k // 4
+    noise, k = NOISES[k % 6], k // 6
+    output, k = OUTPUTS[k % 2], k // 2
+    return World(output, noise, minutes, k % 3)
+
+
+def drivers(seed: int) -> tuple[Lag, Lag]:
+    """Draw a driver who answers with a pedal."""
+    rng = np.random.default_rng([seed, 7])
+    tau, dead_time = rng.uniform(0.25, 0.8, 2), np.round(rng.uniform(0.15, 0.5, 2), 2)
+    gains = rng.uniform(2.5, 7.0), rng.uniform(4.0, 8.0)
+    first, second = (Lag(*map(float, x)) for x in zip(gains, tau, dead_time, strict=True))
+    return first, second
+
+
+def drive(seed: int) -> tuple[tuple[Channel, ...], tuple[Lag, Lag]]:
+    """Simulate and identify one drive."""
+    of = world(seed)
+    if of.output == "pedal":
+        made = loop_a.drive(seed, 60.0 * of.minutes + BEFORE, noise_model=of.noise, channels=drivers(seed))
+        streams = bus.sensed(made, seed, radar_sd=RADARS[of.radar])
+        seen = bus.through_canid(streams, Driver(headway_desired=made.headway_desired))
+        fit = canid_side.process(seen.output, seen.inputs, bus.GRID, seen.usable, seen.segment)
+        return fit.channels, made.channels
+    behind = acceleration.drive(seed, of.minutes + BEFORE / 60.0, of.noise, SHARES[of.radar])
+    y = behind.acceleration + np.random.default_rng((seed, 2)).normal(0.0, 0.02, len(behind.acceleration))
+    fit = canid_side.process(y, behind.inputs, acceleration.DT, output_filter=OutputFilter("none"))
+    return fit.channels, behind.channels
+
+
+def one(seed: int) -> Held:
+    """Judge one drive."""
+    channels, truth = drive(seed)
+    z, inside, quotable, width = [], [], [], []
+    for _, i, field in PARAMETERS:
+        x = truth[i].tau + truth[i].dead_time if field == "tau_plus_dead_time" else getattr(truth[i], field)
+        interval = getattr(channels[i], field)
+        known = np.isfinite(interval.value)
+        z.append(1.96 * (interval.value - x) / (0.5 * (interval.high - interval.low)) if known else np.nan)
+        inside.append(float(interval.low <= x <= interval.high) if known else np.nan)
+        quotable.append(canid_side.quotable(channels[i], field))
+        width.append((interval.high - interval.low) / x if known else np.nan)
+    return Held(world(seed), tuple(z), tuple(inside), tuple(quotable), tuple(width))
+
+
+def table(settings: Settings) -> list[Table]:
+    """Coverage by noise and length, by output and radar."""
+    done: list[Held] = each(settings, one)
+    columns = ("drives", *(p[0] for p in PARAMETERS))
+    rows = [("all", *_row(done)), ("of those quotable", *_row(done, quotable=True))]
+    rows += [(n.name, *_row([d for d in done if d.world.noise == n])) for n in NOISES]
+    rows += [(f"{m:g} min", *_row([d for d in done if d.world.minutes == m])) for m in MINUTES]
+    rows += [(o, *_row([d for d in done if d.world.output == o])) for o in OUTPUTS]
+    rows += [(f"radar {i + 1}", *_row([d for d in done if d.world.radar == i])) for i in range(len(RADARS))]
+    cells = [
+        (
+            f"{n.name}, {m:g} min",
+            *_row([d for d in done if d.world.noise == n and d.world.minutes == m]),
+        )
+        for n in NOISES
+        for m in MINUTES
+    ]
+    errors = np.array([d.z for d in done])
+    means = [
+        ("mean z", len(done), *np.nanmean(errors, axis=0)),
+        ("sd of z", len(done), *np.nanstd(errors, axis=0)),
+    ]
+    note = "Pedal: radar at 20 Hz, sd of gap and range rate " + "; ".join(
+        f"{a} m, {b} m/s" for a, b in RADARS
+    )
+    return [
+        Table("Share of 95 % intervals that hold the truth", ("drives of", *columns), rows, (f"{note}.",)),
+        Table("The same by noise and length", ("cell", *columns), cells),
+        Table("Errors in standard deviations of the interval", ("", *columns), means),
+    ]
+
+
+def _row(done: list[Held], quotable: bool = False) -> tuple[object, ...]:
+    if not done:
+        return (0, *("–" for _ in PARAMETERS))
+    inside = np.array([d.inside for d in done])
+    if quotable:
+        inside = np.where([d.quotable for d in done], inside, np.nan)
+    known = np.isfinite(inside)
+    share = np.where(known, inside, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return (
+        len(done),
+        *(f"{s:.3f} of {k}" if k else "–" for s, k in zip(share, known.sum(axis=0), strict=True)),
+    )

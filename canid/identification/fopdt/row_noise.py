@@ -1,0 +1,375 @@
+"""The noise model of FOPDT's rows: its band, its autoregression, the law of its innovations, and rows at a bound.
+
+Estimated at one point of the search; what it gives, weights and pseudo-values, keeps every later step a matter of
+inner products.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.identification import autoregression, censoring, innovation_law, residual_tests
+from canid.identification.confidence import NORMAL_QUANTILE
+from canid.identification.fopdt import fopdt_posterior, reduced_basis
+from canid.identification.fopdt import regression_rows as rows
+from canid.types import Array
+
+Flags = npt.NDArray[np.bool_]
+
+# Highest order of the noise. Ornstein-Uhlenbeck noise is AR(1), a resonance AR(2), autocorrelated plus white noise
+# ARMA(1,1), which AR(4) follows to a per cent at 10 Hz.
+NOISE_ORDER = 5
+
+
+class Band(NamedTuple):
+    """How far a band reaches, by the power of the residual's changes."""
+
+    share: float  # of that power, which lies below a frequency
+    wide: float  # Hz; where that frequency is above, rows are taken `short` s apart
+    narrow: float  # Hz; where it is below, `long` s; in between in proportion
+    short: float  # s; 0: every row
+    long: float  # s
+
+
+# An output that was smoothed (an acceleration from speeds) has noise without content above some frequency. Whitening
+# would lift that empty band and fit K, tau and dead time to what leaked into it. Rows further apart end the band; all
+# phases are used, and the distance grows by single rows, so that little depends on where a log is cut. Of the changes of
+# white, Ornstein-Uhlenbeck and mixed noise three quarters of the power reach beyond 3 Hz; behind a Savitzky-Golay filter
+# of 1.1 s they end at 0.5 Hz, and 97 % between 0.8 Hz (speeds known to 3 mm/s) and 4 Hz (20 mm/s). A person's answer
+# ends below 1 Hz: where the band ends there without need, intervals grow by a per cent.
+BANDS = (Band(0.75, 2.5, 1.25, 0.0, 0.5), Band(0.97, 0.8, 0.5, 0.5, 1.0))
+# Share of the output's power below which a residual is rounding, and has no band.
+EXACT_SHARE = 1e-4
+
+
+class Point(NamedTuple):
+    """One value of every parameter, noise aside."""
+
+    K: Array  # (m,)
+    tau: Array  # (m,) s
+    dead_time: Array  # (m,) s
+    offset: float
+    w: Array  # (m b,) the simulated output is the offset and the basis' answers times these
+
+
+class Data(NamedTuple):
+    """Rows made ready: finite, means taken out, zero where neither usable nor bounded."""
+
+    both: Array  # (m b + 1, n) answers and output
+    usable: Flags  # (n,)
+    bounded: Flags  # (n,) the output is an upper bound of the demand
+    y_mean: float
+    X_mean: Array  # (m b,)
+
+    @property
+    def X(self) -> Array:  # noqa: N802
+        """Return (m b, n) the basis' answers."""
+        answered: Array = self.both[:-1]
+        return answered
+
+    @property
+    def y(self) -> Array:
+        """Return (n,) the output."""
+        output: Array = self.both[-1]
+        return output
+
+
+class Noise(NamedTuple):
+    """Noise model at one point."""
+
+    ar: Array  # (p,) coefficients of the autoregression
+    stride: int  # rows from one to the one that predicts it
+    data: Data  # one phase after the other, see `_phases`
+    rows: Flags  # (n,) of `data`, which count: their predecessors are usable
+    residual: Array  # (n,) of `data`, not whitened, zero where not usable
+    variance_inflation: float
+    law: innovation_law.Law  # of the innovations
+    law_inflation: float  # of variances, that the law alone brings; part of `variance_inflation`
+    root: Array | None  # (n,) by which whitened rows are multiplied; None: by one
+    shift: Array | None  # (n,) from the whitened bound to its pseudo-value; None: no row at a bound counts
+    counted: float  # rows that count, those at a bound by what they are worth
+
+
+def white(data: Data) -> Noise:
+    """White noise of one size."""
+    n = len(data.usable)
+    count = float(np.count_nonzero(data.usable))
+    law = innovation_law.Law(float("inf"), 1.0, np.zeros(0))
+    return Noise(np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0, law, 1.0, None, None, count)
+
+
+def by_channel(layout: rows.Layout, w: Array) -> Array:
+    """(m, m b) from (m, b): row i picks channel i's answer from those of all channels."""
+    out = np.zeros((layout.inputs, w.size))
+    for i, row in enumerate(w):
+        out[i, i * len(row) : (i + 1) * len(row)] = row
+    return out
+
+
+def power(x: Array) -> float:
+    """Sum of squares."""
+    return float(x @ x)
+
+
+def residual_of(data: Data, simulated: Array) -> Array:
+    """(n,) not whitened, of mean zero where usable; zero where neither usable nor bounded."""
+    residual: Array = data.y - simulated
+    residual -= float(residual @ data.usable) / float(data.usable.sum())
+    residual[~(data.usable | data.bounded)] = 0.0
+    return residual
+
+
+def _phases(x: Array, stride: int) -> Array:
+    """Every `stride`-th row from the first, then from the second, and so on, (k, n) to (k, stride (n/stride + p)).
+
+    Zeros between two phases, as many as a noise model looks back, keep them apart.
+    """
+    k, n = x.shape
+    height = -(-n // stride)
+    out = np.zeros((k, stride, height + NOISE_ORDER), x.dtype)
+    for phase in range(stride):
+        part = x[:, phase::stride]
+        out[:, phase, : part.shape[1]] = part
+    return out.reshape(k, -1)
+
+
+def _phased(data: Data, stride: int) -> Data:
+    """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
+    if stride == 1:
+        return data
+    usable, bounded = _phases(np.vstack([data.usable, data.bounded]), stride)
+    return Data(_phases(data.both, stride), usable, bounded, data.y_mean, data.X_mean)
+
+
+def estimate(
+    layout: rows.Layout,
+    data: Data,
+    at: Point,
+    simulated: Array,
+    least: int,
+    before: Noise | None = None,
+    near: bool = False,
+) -> Noise:
+    """Estimate the noise model at one point.
+
+    Args:
+        layout: of the rows.
+        data: the window.
+        at: the point.
+        simulated: (n,) the answer there, its mean taken out.
+        least: stride; a shorter one was found too short in this fit already.
+        before: of the same window; lends its phases where the stride is the same, and its law.
+        near: the point is close to the posterior: elsewhere the misfit would be taken for heavy tails.
+    """
+    residual = residual_of(data, simulated)
+    free = np.where(data.usable, residual, 0.0)
+    exact = power(free) <= EXACT_SHARE * power(data.y * data.usable)
+    plain = exact or not near
+    stride = least if exact else max(least, _band_stride(free, data.usable, layout.step))
+    same = before if before is not None and before.stride == stride else None
+    phased = same.data if same is not None else _phased(data, stride)
+    r = residual if stride == 1 else _phases(residual[None], stride)[0]
+    each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
+    J = np.concatenate([by_channel(layout, w) for w in each]) @ phased.X
+    usable, bounded = phased.usable, phased.bounded
+    root = same.root if same is not None else None
+    if same is not None and same.shift is not None:
+        r = r + same.shift
+    # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
+    ar = autoregression.fit(r, usable, NOISE_ORDER, bounded=bounded, root=root)
+    weighed = _weigh(phased, r, ar, layout.step, stride, before.law if before is not None else None, plain)
+    explained = _explained(layout, at, J, weighed, ar, stride)
+    ar = autoregression.fit(
+        np.vstack([weighed.residual, explained]), usable, NOISE_ORDER, bounded=bounded, root=weighed.root
+    )
+    weighed = _weigh(phased, r, ar, layout.step, stride, weighed.law, plain)
+    inside = autoregression.chosen(weighed.rows)
+    slopes = autoregression.whiten(J, ar)
+    if weighed.root is not None:
+        slopes *= weighed.root
+    score = slopes[:, inside]
+    score = score - score.mean(axis=1, keepdims=True)
+    psi = weighed.psi[inside]
+    sd = (power(psi) / max(len(psi), 1)) ** 0.5
+    variance_inflation = weighed.inflation * residual_tests.long_run_inflation(
+        score * psi, score * sd, round(residual_tests.HAC_LAG_S / layout.step / stride)
+    )
+    # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
+    whitened = autoregression.whiten(r, ar)[autoregression.chosen(autoregression.whole(usable, len(ar)))]
+    own = (power(whitened) / max(len(whitened), 1)) ** 0.5
+    long_run = (own / (1.0 - float(np.sum(ar)))) ** 2
+    effective = power(np.where(usable, r, 0.0)) / stride / max(long_run, 1e-300)
+    return Noise(
+        ar,
+        stride,
+        phased,
+        weighed.rows,
+        weighed.residual,
+        variance_inflation * _student(effective) ** 2,
+        weighed.law,
+        weighed.inflation,
+        weighed.root,
+        weighed.shift,
+        weighed.counted,
+    )
+
+
+class _Weighed(NamedTuple):
+    """Innovations, and how each counts."""
+
+    rows: Flags  # (n,)
+    residual: Array  # (n,) with pseudo-values at the bound
+    e: Array  # (n,) whitened, likewise, times the root of its weight
+    psi: Array  # (n,) the score's part of each row
+    law: innovation_law.Law
+    inflation: float
+    root: Array | None
+    shift: Array | None
+    counted: float
+
+
+def _weigh(
+    data: Data,
+    r: Array,
+    ar: Array,
+    step: float,
+    stride: int,
+    before: innovation_law.Law | None,
+    gaussian: bool,
+) -> _Weighed:
+    """Fit the law of the innovations; replace bounds by pseudo-values.
+
+    Args:
+        data: in phases.
+        r: (n,) residual.
+        ar: its autoregression.
+        step: s, of the rows.
+        stride: rows.
+        before: a law to begin with.
+        gaussian: without looking for another law.
+    """
+    free = autoregression.whole(data.usable, len(ar))
+    e = autoregression.whiten(r, ar)
+    e -= float(e @ free) / max(float(np.count_nonzero(free)), 1.0)
+    at_bound = data.bounded & autoregression.preceded(data.usable, len(ar))
+    if gaussian or np.count_nonzero(free) < MIN_ROWS_OF_LAW:
+        law = innovation_law.equal(len(e), (power(e[free]) / max(int(np.count_nonzero(free)), 1)) ** 0.5)
+    else:
+        change = np.zeros(len(e))
+        change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
+        of = innovation_law.features(e, free, change, 1.0 / (step * stride))
+        law = innovation_law.fit(e, free, of, 1.0 / stride, before)
+    plain = len(law.law.slopes) == 0 and law.inflation == 1.0
+    weight = law.weight
+    count, shift, residual, every = float(np.count_nonzero(free)), None, r, free
+    if at_bound.any() and law.law.sd > 0.0:
+        scale = law.law.sd * law.size[at_bound]
+        bound, middle, w = e[at_bound], 0.0, weight[free]
+        for _ in range(MIDDLE_ROUNDS):
+            pseudo = censoring.below((bound - middle) / scale)
+            value, of_bound = middle + scale * pseudo.value, pseudo.weight / law.size[at_bound] ** 2
+            middle = float(w @ e[free] + of_bound @ value) / float(w.sum() + of_bound.sum())
+        shift = np.zeros(len(e))
+        shift[at_bound] = value - bound
+        weight = np.where(at_bound, 0.0, weight)
+        weight[at_bound] = of_bound
+        e, residual, every = e + shift, r + shift, free | at_bound
+        count += float(pseudo.freedom.sum())
+        plain = False
+    root = None if plain else np.sqrt(weight)
+    psi = e / law.size * np.where(at_bound, 1.0, law.mixture) if not plain else e
+    if shift is not None:
+        psi[at_bound] *= pseudo.weight
+    return _Weighed(
+        every, residual, e if root is None else e * root, psi, law.law, law.inflation, root, shift, count
+    )
+
+
+# innovations below which a law is not looked for
+MIN_ROWS_OF_LAW = 100
+# of the innovations' mean and the pseudo-values, which depend on it
+MIDDLE_ROUNDS = 3
+
+# Least degrees of freedom that Student's t is taken for: below, its tails are those of the formula, not of the noise.
+MIN_FREEDOM = 4.0
+
+
+def _student(freedom: float) -> float:
+    """How much wider Student's t is than a Gaussian at 95 % (Fisher & Cornish 1960, to second order).
+
+    >>> round(NORMAL_QUANTILE * _student(10.0), 2)  # tables: 2.23
+    2.23
+    """
+    z2, v = NORMAL_QUANTILE**2, max(freedom, MIN_FREEDOM)
+    return 1.0 + (z2 + 1.0) / (4.0 * v) + (5.0 * z2 * z2 + 16.0 * z2 + 3.0) / (96.0 * v * v)
+
+
+def _explained(
+    layout: rows.Layout, at: Point, answers: Array, weighed: _Weighed, ar: Array, stride: int
+) -> Array:
+    """Return (3 m + 1, n): what else the answer and the offset may be, each direction by its own sd.
+
+    Args:
+        layout: of the rows.
+        at: the point.
+        answers: (3 m, n) answers, and their derivatives by tau and by dead time, of unit gain.
+        weighed: innovations.
+        ar: autoregression so far.
+        stride: how many phases the rows hold.
+    """
+    m = layout.inputs
+    J = np.vstack([answers[:m], np.tile(at.K, 2)[:, None] * answers[m:], np.ones(answers.shape[1])])
+    inside = autoregression.chosen(weighed.rows)
+    white = autoregression.whiten(J, ar)
+    if weighed.root is not None:
+        white *= weighed.root
+    white = white[:, inside]
+    variance = power(weighed.e[inside]) / max(white.shape[1] - len(J), 1)
+    by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)
+    least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
+    information = white @ white.T / stride + np.diag(variance * least)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    value, vector = np.linalg.eigh(information / np.outer(size, size))
+    known = value > 1e-9
+    root = vector[:, known] / np.sqrt(value[known])
+    out: Array = variance**0.5 * (root.T / size) @ J
+    return out
+
+
+def _band_stride(residual: Array, usable: Flags, step: float) -> int:
+    """Rows from one to the next so that no empty band is whitened, see BANDS."""
+    change = np.diff(residual) * (usable[1:] & usable[:-1])
+    of_change = np.abs(np.fft.rfft(change)) ** 2
+    total = float(of_change.sum())
+    if len(of_change) < 16 or not total > 0.0:
+        return 1
+    frequency = np.fft.rfftfreq(len(change), step)
+    below = np.cumsum(of_change) / total
+    apart = 0.0
+    for band in BANDS:
+        reach = float(np.interp(band.share, below, frequency))
+        part = min(max((band.wide - reach) / (band.wide - band.narrow), 0.0), 1.0)
+        apart = max(apart, band.short * (part > 0.0) + (band.long - band.short) * part)
+    return max(round(apart / step), 1)
+
+
+def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
+    """Inner products of a piece of the rows that count, `count` of them from the `first` on."""
+    p = len(noise.ar)
+    begin = max(first - p, 0)
+    # with the rows before, which whitening needs
+    piece, new = slice(begin, first + count), slice(first - begin, None)
+    r, used = noise.residual[piece], noise.rows[piece][new].astype(float)
+    nuisance = np.zeros((p + 1, len(r)))
+    nuisance[0] = 1.0
+    for i, row in enumerate(nuisance[1:], 1):
+        row[i:] = r[:-i]
+    white = autoregression.whiten(noise.data.both[:, piece], noise.ar)[:, new]
+    if noise.shift is not None:
+        white[-1] += noise.shift[piece][new]
+    if noise.root is not None:
+        used *= noise.root[piece][new]
+    return fopdt_posterior.products(white * used, nuisance[:, new] * used)
