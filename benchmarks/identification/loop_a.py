@@ -26,7 +26,12 @@ P0 = 40.0  # %; far from the floor, which this loop does not have
 
 
 def drive(
-    seed: int, seconds: float, remnant: float = 1.0, lead: Lead = NORMAL, noise_model: NoiseModel = REMNANT
+    seed: int,
+    seconds: float,
+    remnant: float = 1.0,
+    lead: Lead = NORMAL,
+    noise_model: NoiseModel = REMNANT,
+    channels: tuple[Lag, Lag] = GROVER,
 ) -> Drive:
     """Draw one drive.
 

@@ -10,7 +10,8 @@ from math import exp
 from typing import NamedTuple
 
 from canid.samples import smoothing
-from canid.samples.smoothing import Age, Noise
+from canid.samples.report_noise import Noise
+from canid.samples.smoothing import Age
 from canid.types import NAN, Event, Reading, TrackReading
 from canid.vehicle import Vehicle
 
@@ -185,7 +186,7 @@ def _lost(state: State, t: float, settings: Settings, valid: float = 0.0) -> tup
     latest = state.smooth.history[-1].t if state.smooth.history else -1.0
     if at > latest:
         out += [Reading(at, role, NAN) for role in ("gap", "range_rate")] + [Reading(at, "lead_valid", valid)]
-    return state._replace(pending=NO_REPORT, smooth=smoothing.State(), target=-1), out
+    return state._replace(pending=NO_REPORT, smooth=smoothing.fresh(state.smooth), target=-1), out
 
 
 def _follow(state: State, t: float, gap: float, rate: float, settings: Settings) -> tuple[State, Out]:
@@ -263,4 +264,4 @@ def _hand_over(state: State, t: float, best: int, settings: Settings) -> tuple[S
     if smoothing.fits(state.smooth, t, track.distance, track.rate, settings.noise, settings.age):
         return state._replace(target=best), []
     out = _readings(smoothing.flush(state.smooth, settings.age), state.serial)
-    return state._replace(target=best, smooth=smoothing.State()), out
+    return state._replace(target=best, smooth=smoothing.fresh(state.smooth)), out

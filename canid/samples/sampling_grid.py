@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from canid.types import NAN, Array
 
-# s; how long a grid point waits for the reading after it. Twice the smoothing lag, plus two reports of a 10 Hz radar
-MAX_WAIT_S = 0.6
+# s; how long a grid point waits for the reading after it: the smoothing lag, plus four reports of a 10 Hz radar
+MAX_WAIT_S = 0.9
 # readings kept per role: MAX_WAIT_S at 200 Hz
-READINGS_KEPT = 120
+READINGS_KEPT = 180
 # readings of a role from which on it is worth while to drop what is no longer needed
 MIN_TRIMMED = 256
 # s; grid points before the first reading of every needed role are left out, but for no longer than this: a

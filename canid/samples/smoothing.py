@@ -12,16 +12,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from canid.samples import report_noise
+from canid.samples.report_noise import Noise
 from canid.types import NAN
 
-# s; a person answers after 0.2 s or more, so nothing that the driver does at t has entered an input at t − 0.2 s
-LAG_S = 0.2
+# s; after 0.5 s more reports say next to nothing, and what the driver has done since then has moved the car by
+# millimetres: he answers after 0.2 s or more, and the rest has to pass the engine and two integrals
+LAG_S = 0.5
 # s; times are whole nanoseconds: half of one keeps a report that is exactly LAG_S old on this side
 ROUNDING_S = 5e-10
-# (m/s³)²·s; white jerk of the relative motion. Traffic itself has 0.4 (0.6 m/s² over 2 s), but a filter that trusts it
-# delays a range rate that moves at 0.2 to 0.5 Hz by 7 to 30 ms, which the driver then seems to answer too soon. With
-# eight times that it is 1 to 8 ms, for an eighth more noise (0.040 m/s, reports at 20 Hz)
-JERK_DENSITY = 3.0
 # s; longer than this without a report and the target may be another one
 MAX_REPORT_AGE_S = 0.5
 # m; another vehicle is at least a short car's length nearer or further. Less than that is the sensor: real gaps
@@ -33,13 +32,6 @@ MAX_RELATIVE_ACCEL = 10.0
 MAX_ERROR_SIGMAS = 5.0
 # reports in a row that do not fit, before the target is another one: a single one is an outlier
 MIN_MISFITTING_REPORTS = 3
-
-
-class Noise(NamedTuple):
-    """Standard deviations of the radar's reports."""
-
-    gap: float = 0.25  # m, typical of 77 GHz automotive radar
-    range_rate: float = 0.12  # m/s
 
 
 class Age(NamedTuple):
@@ -86,6 +78,7 @@ class State(NamedTuple):
     history: tuple[Filtered, ...] = ()
     misfits: int = 0  # reports in a row that did not fit
     started: bool = False  # has history[0] been given out?
+    shown: report_noise.State = report_noise.State()  # what the reports show of the radar
 
 
 def expect(x: Vector, dt: float) -> Vector:
@@ -94,8 +87,8 @@ def expect(x: Vector, dt: float) -> Vector:
     return gap + dt * rate + dt * dt / 2 * accel, rate + dt * accel, accel
 
 
-def propagated_covariance(P: Symmetric, dt: float) -> tuple[Square, Symmetric]:
-    """Propagate the covariance of a white-jerk motion by dt (Bar-Shalom 2001, eq. 6.2.3-7).
+def propagated_covariance(P: Symmetric, dt: float, jerk: float) -> tuple[Square, Symmetric]:
+    """Propagate the covariance of a motion of white jerk of a density by dt (Bar-Shalom 2001, eq. 6.2.3-7).
 
     Returns:
         F P, and F P F' + Q.
@@ -105,14 +98,14 @@ def propagated_covariance(P: Symmetric, dt: float) -> tuple[Square, Symmetric]:
     # F = [1, dt, half; 0, 1, dt; 0, 0, 1]; the last row of F P is P's
     f00, f01, f02 = p00 + dt * p01 + half * p02, p01 + dt * p11 + half * p12, p02 + dt * p12 + half * p22
     f10, f11, f12 = p01 + dt * p02, p11 + dt * p12, p12 + dt * p22
-    cubed = dt * half * JERK_DENSITY
+    cubed = dt * half * jerk
     N = (
         f00 + dt * f01 + half * f02 + cubed * dt * dt / 10,
         f01 + dt * f02 + cubed * dt / 4,
         f02 + cubed / 3,
         f11 + dt * f12 + cubed * 2 / 3,
-        f12 + half * JERK_DENSITY,
-        p22 + dt * JERK_DENSITY,
+        f12 + half * jerk,
+        p22 + dt * jerk,
     )
     return (f00, f01, f02, f10, f11, f12, p02, p12, p22), N
 
@@ -138,13 +131,21 @@ def gain(FP: Square, N: Symmetric) -> Square:
     )
 
 
-def update(x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise) -> tuple[Vector, Symmetric]:
-    """Take in what a report has, one number after the other: their noises have nothing in common."""
+def update(
+    x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise
+) -> tuple[Vector, Symmetric, float]:
+    """Take in what a report has, one number after the other: their noises have nothing in common.
+
+    Returns:
+        state, covariance, and the innovation of the last number in its standard deviation.
+    """
+    innovation = 0.0
     x0, x1, x2 = x
     p00, p01, p02, p11, p12, p22 = P
     if gap == gap:
         s = p00 + noise.gap * noise.gap
         k0, k1, k2, e = p00 / s, p01 / s, p02 / s, gap - x0
+        innovation = e / s**0.5
         x0, x1, x2 = x0 + k0 * e, x1 + k1 * e, x2 + k2 * e
         p11, p12, p22 = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
         # 1 - k0 = R / s: no difference of what is nearly the same
@@ -153,23 +154,30 @@ def update(x: Vector, P: Symmetric, gap: float, range_rate: float, noise: Noise)
     if range_rate == range_rate:
         s = p11 + noise.range_rate * noise.range_rate
         k0, k1, k2, e = p01 / s, p11 / s, p12 / s, range_rate - x1
+        innovation = e / s**0.5
         x0, x1, x2 = x0 + k0 * e, x1 + k1 * e, x2 + k2 * e
         p00, p02, p22 = p00 - k0 * p01, p02 - k0 * p12, p22 - k2 * p12
         left = noise.range_rate * noise.range_rate / s
         p01, p11, p12 = left * p01, left * p11, left * p12
-    return (x0, x1, x2), (p00, p01, p02, p11, p12, p22)
+    return (x0, x1, x2), (p00, p01, p02, p11, p12, p22), innovation
 
 
 _NOTHING: Square = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _start(t: float, gap: float, range_rate: float, noise: Noise, rate_at: float) -> State:
+def fresh(state: State) -> State:
+    """Return the state without a target; what is known of the radar stays."""
+    return State(shown=report_noise.another_target(state.shown))
+
+
+def _start(state: State, t: float, gap: float, range_rate: float, noise: Noise, rate_at: float) -> State:
     """Begin with a target; a range rate that has not come yet may take as long as one that has stopped."""
     rate_known = range_rate == range_rate
     # an unknown range rate is within ±20 m/s; relative accelerations stay within ±2 m/s²
     P = (noise.gap**2, 0.0, 0.0, noise.range_rate**2 if rate_known else 100.0, 0.0, 1.0)
     x = (gap, range_rate if rate_known else 0.0, 0.0)
-    return State((Filtered(t, x, P, x, _NOTHING, t, t if rate_known else rate_at),))
+    first = Filtered(t, x, P, x, _NOTHING, t, t if rate_known else rate_at)
+    return fresh(state)._replace(history=(first,))
 
 
 def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise, age: Age = DEFAULT_AGE) -> bool:
@@ -177,7 +185,8 @@ def fits(state: State, t: float, gap: float, range_rate: float, noise: Noise, ag
     if not state.history:
         return False
     last = state.history[-1]
-    return matches(last.x, t - last.t, gap, range_rate, noise, age.bridge)
+    expected = report_noise.noise(state.shown, noise)
+    return matches(last.x, t - last.t, gap, range_rate, expected, age.bridge)
 
 
 def matches(
@@ -202,7 +211,7 @@ def step(
         t: time of the report in s, not before the last one's.
         gap: m; NaN if the report has none.
         range_rate: m/s; NaN if the report has none.
-        noise: of the radar.
+        noise: of the radar; what is NaN in it is estimated.
         age: that a gap and a range rate may have.
 
     Returns:
@@ -218,17 +227,21 @@ def step(
     """
     if gap != gap and (range_rate != range_rate or not state.history):
         return state, [], False
+    expected = report_noise.noise(state.shown, noise)
     if not state.history:
-        return _start(t, gap, range_rate, noise, t), [], False
+        return _start(state, t, gap, range_rate, expected, t), [], False
     if not fits(state, t, gap, range_rate, noise, age):
         gone = t - state.history[-1].t > age.bridge
         if gap != gap or (not gone and state.misfits + 1 < MIN_MISFITTING_REPORTS):
             return state._replace(misfits=state.misfits + 1), [], False
-        return _start(t, gap, range_rate, noise, state.history[-1].rate_at), flush(state, age), True
+        again = _start(state, t, gap, range_rate, expected, state.history[-1].rate_at)
+        return again, flush(state, age), True
     last = state.history[-1]
     # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
-    prior, (FP, N) = expect(last.x, t - last.t), propagated_covariance(last.P, t - last.t)
-    x, P = update(prior, N, gap, range_rate, noise)
+    dt = t - last.t
+    prior, (FP, N) = expect(last.x, dt), propagated_covariance(last.P, dt, state.shown.jerk)
+    x, P, innovation = update(prior, N, gap, range_rate, expected)
+    shown = report_noise.step(state.shown, t, gap, range_rate, innovation, dt)
     gap_at = t if gap == gap else last.gap_at
     rate_at = t if range_rate == range_rate else last.rate_at
     history = (*state.history, Filtered(t, x, P, prior, gain(FP, N), gap_at, rate_at))
@@ -238,7 +251,7 @@ def step(
     out = _smooth(history, int(state.started), ready, age) if ready > state.started else []
     # one report that was given out stays in front: it is where the next stretch begins
     kept = history[max(ready - 1, 0) :]
-    return State(kept, 0, ready > 0), out, False
+    return State(kept, 0, ready > 0, shown), out, False
 
 
 def flush(state: State, age: Age = DEFAULT_AGE) -> list[Smoothed]:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from canid.samples import report_noise
 from canid.simulation.following import Simulation
 from canid.types import NAN, Array, Frame
 from canid.vehicle import Vehicle, encoder
@@ -55,7 +56,7 @@ def frames(simulation: Simulation, vehicle: Vehicle, *, radar_noise: bool = True
         t = _times(period, duration, index, rng)
         values = {role: _sensed(role, t, simulation) for role in roles if role in columns}
         if radar_noise:
-            for role, sd in (("gap", vehicle.lead.gap_noise), ("range_rate", vehicle.lead.range_rate_noise)):
+            for role, sd in zip(("gap", "range_rate"), radar_noise_of(vehicle), strict=True):
                 if role in values:
                     values[role] = values[role] + sd * rng.standard_normal(len(t))
         prepared[index] = (message.name, {role: column.tolist() for role, column in values.items()})
@@ -69,6 +70,12 @@ def frames(simulation: Simulation, vehicle: Vehicle, *, radar_noise: bool = True
     return list(made())
 
 
+def radar_noise_of(vehicle: Vehicle) -> report_noise.Noise:
+    """Return the standard deviations of the reports, as stated or as usual: m, m/s."""
+    stated = report_noise.Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
+    return report_noise.noise(report_noise.State(), stated)
+
+
 def truth_text(simulation: Simulation, vehicle: Vehicle) -> str:
     """Return the truth that goes with a log: JSON, the same bytes for the same drive.
 
@@ -79,7 +86,7 @@ def truth_text(simulation: Simulation, vehicle: Vehicle) -> str:
         >>> json.loads(text)["vehicle"]
         'Generic car-following vehicle'
     """
-    radar = {"gap_sd": vehicle.lead.gap_noise, "range_rate_sd": vehicle.lead.range_rate_noise}
+    radar = dict(zip(("gap_sd", "range_rate_sd"), radar_noise_of(vehicle), strict=True))
     facts = {"vehicle": vehicle.name, **simulation.truth, "radar_noise": radar}
     return json.dumps(facts, indent=2, allow_nan=False) + "\n"
 

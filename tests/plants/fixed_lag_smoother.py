@@ -8,21 +8,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.samples import smoothing
+from canid.samples import report_noise, smoothing
 from tests.plants.planted_drive import Array
 
 # State, covariance and transition of the filter: gap, range rate, relative acceleration
 _START = 1.0  # (m/s²)², variance of the relative acceleration at first, as in canid.samples.smoothing
 
 
-def smoothed(t: Array, gap: Array, rate: Array, noise: smoothing.Noise) -> tuple[Array, Array, Array] | None:
+def smoothed(t: Array, gap: Array, rate: Array, noise: report_noise.Noise) -> tuple[Array, Array, Array] | None:
     """Smooth a radar's reports with the fixed lag.
 
     Args:
         t: (m,) s.
         gap: (m,) m.
         rate: (m,) m/s.
-        noise: that canid believes the radar to have.
+        noise: that the vehicle file states of the radar; NaN: canid estimates it.
 
     Returns:
         for each report but the last few: gap (j,), range rate (j,) and the index (j,) of the report that completed
@@ -33,10 +33,10 @@ def smoothed(t: Array, gap: Array, rate: Array, noise: smoothing.Noise) -> tuple
     filtered = _filter(t, gap, rate, noise)
     if filtered is None:
         return None
-    X, P = filtered
+    X, P, jerk = filtered
     dt = np.diff(t)
     F, Q = _motion(dt)
-    predicted = F @ P[:-1] @ F.transpose(0, 2, 1) + Q
+    predicted = F @ P[:-1] @ F.transpose(0, 2, 1) + jerk[1:, None, None] * Q
     C = P[:-1] @ F.transpose(0, 2, 1) @ np.linalg.inv(predicted)  # Rauch, Tung & Striebel 1965
     # half a nanosecond, as there: a report exactly `LAG` old is ready
     done = np.searchsorted(t - smoothing.LAG_S + 5e-10, t, side="left")
@@ -52,7 +52,7 @@ def smoothed(t: Array, gap: Array, rate: Array, noise: smoothing.Noise) -> tuple
 
 
 def _motion(dt: Array) -> tuple[Array, Array]:
-    """White-jerk motion over each dt: F (n, 3, 3), Q (n, 3, 3) (Bar-Shalom 2001, eq. 6.2.3-7)."""
+    """Motion of white jerk of density one over each dt: F (n, 3, 3), Q (n, 3, 3) (Bar-Shalom 2001, eq. 6.2.3-7)."""
     F = np.tile(np.eye(3), (len(dt), 1, 1))
     F[:, 0, 1] = F[:, 1, 2] = dt
     F[:, 0, 2] = dt * dt / 2
@@ -63,33 +63,37 @@ def _motion(dt: Array) -> tuple[Array, Array]:
     Q[:, 1, 1] = dt**3 / 3
     Q[:, 1, 2] = Q[:, 2, 1] = dt * dt / 2
     Q[:, 2, 2] = dt
-    return F, smoothing.JERK_DENSITY * Q
+    return F, Q
 
 
-def _filter(t: Array, gap: Array, rate: Array, noise: smoothing.Noise) -> tuple[Array, Array] | None:
-    """Kalman filter over all reports: states (m, 3), covariances (m, 3, 3); None where a report does not fit."""
-    R0, R1 = noise.gap**2, noise.range_rate**2
-    near = smoothing.MAX_GAP_ERROR + smoothing.MAX_ERROR_SIGMAS * noise.gap
-    quick = smoothing.MAX_ERROR_SIGMAS * noise.range_rate
+def _filter(t: Array, gap: Array, rate: Array, noise: report_noise.Noise) -> tuple[Array, Array, Array] | None:
+    """Filter all reports: states (m, 3), covariances (m, 3, 3), jerk densities (m,); None where one does not fit."""
+    shown = report_noise.State()
+    first = report_noise.noise(shown, noise)
+    R0, R1 = first.gap**2, first.range_rate**2
     _, Qs = _motion(np.diff(t, prepend=t[0]))
     rows = zip(t.tolist(), gap.tolist(), rate.tolist(), Qs.tolist(), strict=True)
     before, g, w, _ = next(rows)
     a, p, q, r, s, u, v = 0.0, R0, 0.0, 0.0, R1, 0.0, _START  # P = [[p, q, r], [q, s, u], [r, u, v]]
-    states, parts = [(g, w, a)], [(p, q, r, s, u, v)]
+    states, parts, jerks = [(g, w, a)], [(p, q, r, s, u, v)], [shown.jerk]
     for now, z0, z1, Q in rows:
         h = now - before
         before = now
         if h > smoothing.MAX_REPORT_AGE_S:
             return None
+        expected, density = report_noise.noise(shown, noise), shown.jerk
+        near = smoothing.MAX_GAP_ERROR + smoothing.MAX_ERROR_SIGMAS * expected.gap
+        quick = smoothing.MAX_ERROR_SIGMAS * expected.range_rate
         if abs(z0 - (g + w * h)) > near or abs(z1 - w) > smoothing.MAX_RELATIVE_ACCEL * h + quick:
             return None
+        R0, R1 = expected.gap**2, expected.range_rate**2
         k = h * h / 2
         g, w = g + w * h + a * k, w + a * h
         # F P F' + Q, first row of F P: p + h q + k r, q + h s + k u, r + h u + k v
         f0, f1, f2 = p + h * q + k * r, q + h * s + k * u, r + h * u + k * v
         m1, m2 = s + h * u, u + h * v
-        p, q, r = f0 + h * f1 + k * f2 + Q[0][0], f1 + h * f2 + Q[0][1], f2 + Q[0][2]
-        s, u, v = m1 + h * m2 + Q[1][1], m2 + Q[1][2], v + Q[2][2]
+        p, q, r = f0 + h * f1 + k * f2 + density * Q[0][0], f1 + h * f2 + density * Q[0][1], f2 + density * Q[0][2]
+        s, u, v = m1 + h * m2 + density * Q[1][1], m2 + density * Q[1][2], v + density * Q[2][2]
         # gain P H' (H P H' + R)⁻¹ of a two-row H
         s00, s11 = p + R0, s + R1
         whole = s00 * s11 - q * q
@@ -98,6 +102,9 @@ def _filter(t: Array, gap: Array, rate: Array, noise: smoothing.Noise) -> tuple[
         k10, k11 = q * i00 + s * i01, q * i01 + s * i11
         k20, k21 = r * i00 + u * i01, r * i01 + u * i11
         y0, y1 = z0 - g, z1 - w
+        # the range rate's innovation once the gap is known
+        surprise = (y1 - q / s00 * y0) / (s11 - q * q / s00) ** 0.5
+        shown = report_noise.step(shown, now, z0, z1, surprise, h)
         g, w, a = g + k00 * y0 + k01 * y1, w + k10 * y0 + k11 * y1, a + k20 * y0 + k21 * y1
         p, q, r, s, u, v = (
             p - k00 * p - k01 * q,
@@ -109,5 +116,6 @@ def _filter(t: Array, gap: Array, rate: Array, noise: smoothing.Noise) -> tuple[
         )
         states.append((g, w, a))
         parts.append((p, q, r, s, u, v))
+        jerks.append(density)
     P = np.array(parts)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-    return np.array(states), P
+    return np.array(states), P, np.array(jerks)

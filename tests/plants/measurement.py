@@ -19,8 +19,8 @@ from canid.drive_reader import trace as as_trace
 from canid.logs import write_log
 from canid.samples import lead, learning_gate
 from canid.samples.lead_readings import REPORTED
+from canid.samples.report_noise import Noise
 from canid.samples.sampler import sampled_roles
-from canid.samples.smoothing import Noise
 from canid.types import Frame, Reading, Sample, Trace
 from canid.vehicle import Vehicle, encoder, read_vehicle
 from tests.plants import fixed_lag_smoother, quantisation

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from canid.samples import smoothing
-from canid.samples.smoothing import LAG_S, Noise, Smoothed, State
+from canid.samples.report_noise import Noise
+from canid.samples.smoothing import LAG_S, Smoothed, State
 
 NOISE = Noise(0.25, 0.12)
 
@@ -77,8 +78,9 @@ def test_it_is_the_fixed_lag_smoother_of_filterpy(hz: float, noise: Noise) -> No
     kept = (rng.random(t.size) > 0.1) & ~(np.isnan(gap) & np.isnan(rate))
     kept[0] = True
     t, gap, rate = t[kept] + 1e-3 * rng.random(kept.sum()), gap[kept], rate[kept]
-    state, out = State(), []
+    state, out, jerk = State(), [], []
     for k in range(t.size):
+        jerk.append(state.shown.jerk)
         state, ready, changed = smoothing.step(state, float(t[k]), float(gap[k]), float(rate[k]), noise)
         assert not changed
         assert not state.misfits
@@ -92,7 +94,7 @@ def test_it_is_the_fixed_lag_smoother_of_filterpy(hz: float, noise: Noise) -> No
         dt = t[k] - t[k - 1]
         Fs.append(np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]]))
         c = np.array([[dt**5 / 20, dt**4 / 8, dt**3 / 6], [0, dt**3 / 3, dt**2 / 2], [0, 0, dt]])
-        Qs.append(smoothing.JERK_DENSITY * (c + np.triu(c, 1).T))
+        Qs.append(jerk[k] * (c + np.triu(c, 1).T))
         kf.predict(F=Fs[-1], Q=Qs[-1])
         for z, sd, H in ((gap[k], noise.gap, np.eye(3)[:1]), (rate[k], noise.range_rate, np.eye(3)[1:2])):
             if not np.isnan(z):
