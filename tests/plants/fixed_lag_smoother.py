@@ -15,7 +15,9 @@ from tests.plants.planted_drive import Array
 _START = 1.0  # (m/s²)², variance of the relative acceleration at first, as in canid.samples.smoothing
 
 
-def smoothed(t: Array, gap: Array, rate: Array, noise: report_noise.Noise) -> tuple[Array, Array, Array] | None:
+def smoothed(
+    t: Array, gap: Array, rate: Array, noise: report_noise.Noise
+) -> tuple[Array, Array, Array] | None:
     """Smooth a radar's reports with the fixed lag.
 
     Args:
@@ -66,7 +68,9 @@ def _motion(dt: Array) -> tuple[Array, Array]:
     return F, Q
 
 
-def _filter(t: Array, gap: Array, rate: Array, noise: report_noise.Noise) -> tuple[Array, Array, Array] | None:
+def _filter(
+    t: Array, gap: Array, rate: Array, noise: report_noise.Noise
+) -> tuple[Array, Array, Array] | None:
     """Filter all reports: states (m, 3), covariances (m, 3, 3), jerk densities (m,); None where one does not fit."""
     shown = report_noise.State()
     first = report_noise.noise(shown, noise)
@@ -92,7 +96,11 @@ def _filter(t: Array, gap: Array, rate: Array, noise: report_noise.Noise) -> tup
         # F P F' + Q, first row of F P: p + h q + k r, q + h s + k u, r + h u + k v
         f0, f1, f2 = p + h * q + k * r, q + h * s + k * u, r + h * u + k * v
         m1, m2 = s + h * u, u + h * v
-        p, q, r = f0 + h * f1 + k * f2 + density * Q[0][0], f1 + h * f2 + density * Q[0][1], f2 + density * Q[0][2]
+        p, q, r = (
+            f0 + h * f1 + k * f2 + density * Q[0][0],
+            f1 + h * f2 + density * Q[0][1],
+            f2 + density * Q[0][2],
+        )
         s, u, v = m1 + h * m2 + density * Q[1][1], m2 + density * Q[1][2], v + density * Q[2][2]
         # gain P H' (H P H' + R)⁻¹ of a two-row H
         s00, s11 = p + R0, s + R1

@@ -19,6 +19,7 @@ RADARS = ((0.1, 0.05), (bus.GAP_SD, bus.RATE_SD), (0.4, 0.25))
 # of published accelerations: sd of headway and range rate, s, m/s
 SHARES = (0.3, 1.0, 2.0)
 OUTPUTS = ("pedal", "acceleration")
+ACCELERATION_SD = 0.02  # m/s², of its sensor
 # s of history before what is used
 BEFORE = 8.0
 
@@ -69,24 +70,41 @@ def drivers(seed: int) -> tuple[Lag, Lag]:
     return first, second
 
 
-def drive(seed: int) -> tuple[tuple[Channel, ...], tuple[Lag, Lag]]:
-    """Simulate and identify one drive."""
+def measured(seed: int) -> tuple[bus.Seen, tuple[Lag, Lag]]:
+    """Simulate one drive and take it over a bus through canid; and the truth."""
     of = world(seed)
     if of.output == "pedal":
         made = loop_a.drive(seed, 60.0 * of.minutes + BEFORE, noise_model=of.noise, channels=drivers(seed))
         streams = bus.sensed(made, seed, radar_sd=RADARS[of.radar])
-        seen = bus.through_canid(streams, Driver(headway_desired=made.headway_desired))
-        fit = canid_side.process(seen.output, seen.inputs, bus.GRID, seen.usable, seen.segment)
-        return fit.channels, made.channels
+        return bus.through_canid(streams, Driver(headway_desired=made.headway_desired)), made.channels
     behind = acceleration.drive(seed, of.minutes + BEFORE / 60.0, of.noise, SHARES[of.radar])
-    y = behind.acceleration + np.random.default_rng((seed, 2)).normal(0.0, 0.02, len(behind.acceleration))
-    fit = canid_side.process(y, behind.inputs, acceleration.DT, output_filter=OutputFilter("none"))
-    return fit.channels, behind.channels
+    output = behind.acceleration + np.random.default_rng((seed, 2)).normal(
+        0.0, ACCELERATION_SD, len(behind.speed)
+    )
+    gap = (behind.inputs[:, 0] + acceleration.HEADWAY) * behind.speed
+    t = np.round(np.arange(len(gap)) * acceleration.DT, 9)
+    streams = [
+        bus.Stream(t, ("gap", "range_rate"), np.column_stack([gap, behind.inputs[:, 1]])),
+        bus.Stream(t, ("accel",), output[:, None]),
+        bus.Stream(t, ("speed",), behind.speed[:, None]),
+    ]
+    driver = Driver(output="accel", headway_desired=acceleration.HEADWAY)
+    return bus.through_canid(streams, driver), behind.channels
+
+
+def identified(seed: int, seen: bus.Seen) -> tuple[Channel, ...]:
+    """Fit one drive."""
+    stated = None if world(seed).output == "pedal" else OutputFilter("none")
+    fit = canid_side.process(
+        seen.output, seen.inputs, bus.GRID, seen.usable, seen.segment, stated, seen.bound
+    )
+    return fit.channels
 
 
 def one(seed: int) -> Held:
     """Judge one drive."""
-    channels, truth = drive(seed)
+    seen, truth = measured(seed)
+    channels = identified(seed, seen)
     z, inside, quotable, width = [], [], [], []
     for _, i, field in PARAMETERS:
         x = truth[i].tau + truth[i].dead_time if field == "tau_plus_dead_time" else getattr(truth[i], field)

@@ -64,6 +64,7 @@ class ProcessFit(NamedTuple):
     sigma: float  # of the whitened residual
     variance_inflation: float  # >= 1: inflation of variances by the autocorrelation that whitening left
     law: innovation_law.Law | None  # of the innovations; None: no estimate
+    drift: int  # cosines that the offset follows
     fit_percent: float  # of the simulated answer
     used: int  # rows
     start: Start | None  # for the next window
@@ -305,6 +306,7 @@ def _search(
         sigma=(grid.residual * noise.stride / noise.counted) ** 0.5,
         variance_inflation=noise.variance_inflation,
         law=noise.law,
+        drift=len(noise.drift),
         fit_percent=fit_percent,
         used=count,
         start=known,
@@ -314,7 +316,7 @@ def _search(
 def no_fit(m: int, used: int = 0) -> ProcessFit:
     """Return the fit of m inputs without an estimate."""
     point = Point(np.full(m, NAN), np.full(m, NAN), np.full(m, NAN), NAN, np.zeros(0))
-    return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, None, NAN, used, None)
+    return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, None, 0, NAN, used, None)
 
 
 def _search_grid(

@@ -90,6 +90,7 @@ class Noise(NamedTuple):
     law_inflation: float  # of variances, that the law alone brings; part of `variance_inflation`
     root: Array | None  # (n,) by which whitened rows are multiplied; None: by one
     shift: Array | None  # (n,) from the whitened bound to its pseudo-value; None: no row at a bound counts
+    drift: Array  # (k, n) slow cosines that the offset follows; mostly none
     counted: float  # rows that count, those at a bound by what they are worth
 
 
@@ -98,7 +99,9 @@ def white(data: Data) -> Noise:
     n = len(data.usable)
     count = float(np.count_nonzero(data.usable))
     law = innovation_law.Law(float("inf"), 1.0, np.zeros(0))
-    return Noise(np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0, law, 1.0, None, None, count)
+    return Noise(
+        np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0, law, 1.0, None, None, np.zeros((0, n)), count
+    )
 
 
 def by_channel(layout: rows.Layout, w: Array) -> Array:
@@ -178,6 +181,15 @@ def estimate(
     root = same.root if same is not None else None
     if same is not None and same.shift is not None:
         r = r + same.shift
+    if same is not None and len(same.drift):
+        drift = same.drift
+        r = _without(drift, r, usable)
+    elif near and not exact:
+        drift = _drift(residual, data.usable, layout.step, stride)
+        drift = drift if stride == 1 else _phases(drift, stride)
+        r = _without(drift, r, usable)
+    else:
+        drift = np.zeros((0, len(r)))
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
     ar = autoregression.fit(r, usable, NOISE_ORDER, bounded=bounded, root=root)
     weighed = _weigh(phased, r, ar, layout.step, stride, before.law if before is not None else None, plain)
@@ -213,8 +225,72 @@ def estimate(
         weighed.inflation,
         weighed.root,
         weighed.shift,
+        drift,
         weighed.counted,
     )
+
+
+# A headway that is wanted longer and longer, or now longer and now shorter, moves the offset; a noise model of a second's
+# memory takes that for an answer to the headway, whose gain it halves. Cosines no shorter than this in period follow it
+# (half of them is what a driver's own answer still moves).
+SHORTEST_DRIFT_S = 60.0
+# numbers of cosines that are tried
+DRIFTS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+# What a cosine must add to the log likelihood, and the first of them once more: on a drive without drift one is added in
+# about one of 200.
+DRIFT_LEAST, DRIFT_FIRST = 1.0, 4.0
+
+
+def _drift(residual: Array, usable: Flags, step: float, stride: int) -> Array:
+    """Return (k, n) the cosines that the offset follows: none, unless the likelihood asks for them.
+
+    Args:
+        residual: (n,), zero where not usable.
+        usable: (n,).
+        step: s, of the rows.
+        stride: rows.
+    """
+    n = len(residual)
+    most = int(2.0 * n * step / SHORTEST_DRIFT_S)
+    part = usable[::stride]
+    free = np.where(usable, residual, 0.0)
+    every = _cosines(min(most, max(DRIFTS)), n)
+    best, chosen = -np.inf, 0
+    for k in (k for k in DRIFTS if k <= most):
+        r = _without(every[:k], free, usable)[::stride]
+        ar = autoregression.fit(r, part, NOISE_ORDER)
+        rows = autoregression.whole(part, NOISE_ORDER)
+        e = autoregression.whiten(r, ar)[rows]
+        count = len(e) - k
+        if count < 10 * (k + 1) or not e.any():
+            break
+        value = -0.5 * count * float(np.log(power(e) / count)) - DRIFT_LEAST * k - DRIFT_FIRST * (k > 0)
+        if value > best:
+            best, chosen = value, k
+    return every[:chosen]
+
+
+def _cosines(k: int, n: int) -> Array:
+    """(k, n) cosines of half a period in n rows, one, one and a half, ...
+
+    >>> _cosines(1, 2).round(3)
+    array([[ 0.707, -0.707]])
+    """
+    out: Array = np.cos(np.pi * np.outer(np.arange(1, k + 1), (np.arange(n) + 0.5) / n))
+    return out
+
+
+def _without(columns: Array, r: Array, usable: Flags) -> Array:
+    """Take columns (k, n) and a mean out of a residual (n,), by what they explain of it where usable."""
+    if not len(columns):
+        return r
+    every = np.vstack([columns, np.ones(len(r))])
+    used = every * usable
+    gram = used @ every.T
+    gram.flat[:: len(gram) + 1] *= 1.0 + 1e-9
+    out: Array = r - np.linalg.solve(gram, used @ r) @ every
+    out[r == 0.0] = 0.0
+    return out
 
 
 class _Weighed(NamedTuple):
@@ -363,10 +439,11 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     # with the rows before, which whitening needs
     piece, new = slice(begin, first + count), slice(first - begin, None)
     r, used = noise.residual[piece], noise.rows[piece][new].astype(float)
-    nuisance = np.zeros((p + 1, len(r)))
+    nuisance = np.zeros((p + 1 + len(noise.drift), len(r)))
     nuisance[0] = 1.0
-    for i, row in enumerate(nuisance[1:], 1):
+    for i, row in enumerate(nuisance[1 : p + 1], 1):
         row[i:] = r[:-i]
+    nuisance[p + 1 :] = autoregression.whiten(noise.drift[:, piece], noise.ar)
     white = autoregression.whiten(noise.data.both[:, piece], noise.ar)[:, new]
     if noise.shift is not None:
         white[-1] += noise.shift[piece][new]
