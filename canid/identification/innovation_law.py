@@ -127,12 +127,29 @@ def fit(
         freedom, sd, value = _best(x, log_size, share, freedom)
     if value < plain[2] + SCALE_LEAST:
         slopes, (freedom, sd, value) = np.zeros(k), plain
-    size = np.exp(_log_size(slopes, of)) if slopes.any() else np.ones(len(e))
-    law = Law(freedom, sd, slopes if slopes.any() else np.zeros(0))
-    if not math.isfinite(freedom):
+    return _weights(e, Law(freedom, sd, slopes if slopes.any() else np.zeros(0)), of)
+
+
+def weights(e: Array, law: Law, of: Array, rows: npt.NDArray[np.bool_]) -> Weights:
+    """Weigh innovations by a law of which only the scale is fitted.
+
+    Args:
+        e: (n,) innovations.
+        law: whose degrees of freedom and slopes are kept.
+        of: (k, n) features of the scale.
+        rows: (n,) where they count.
+    """
+    size = np.exp(_log_size(law.slopes, of)) if len(law.slopes) else np.ones(len(e))
+    sd, _ = _at((e[rows] / size[rows]) ** 2, law.freedom, 1.0, 0.0)
+    return _weights(e, law._replace(sd=sd), of)
+
+
+def _weights(e: Array, law: Law, of: Array) -> Weights:
+    size = np.exp(_log_size(law.slopes, of)) if len(law.slopes) else np.ones(len(e))
+    if not math.isfinite(law.freedom):
         return Weights(law, size, np.ones(len(e)), 1.0)
-    mixture = (freedom + 1.0) / (freedom + (e / (sd * size)) ** 2)
-    return Weights(law, size, mixture, (freedom + 3.0) / (freedom + 1.0))
+    mixture = (law.freedom + 1.0) / (law.freedom + (e / (law.sd * size)) ** 2)
+    return Weights(law, size, mixture, (law.freedom + 3.0) / (law.freedom + 1.0))
 
 
 # an innovation beyond three sd does not show a larger scale: it may be one outlier

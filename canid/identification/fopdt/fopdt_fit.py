@@ -306,7 +306,7 @@ def _search(
         sigma=(grid.residual * noise.stride / noise.counted) ** 0.5,
         variance_inflation=noise.variance_inflation,
         law=noise.law,
-        drift=len(noise.drift),
+        drift=0 if noise.drift is None else len(noise.drift),
         fit_percent=fit_percent,
         used=count,
         start=known,

@@ -90,7 +90,7 @@ class Noise(NamedTuple):
     law_inflation: float  # of variances, that the law alone brings; part of `variance_inflation`
     root: Array | None  # (n,) by which whitened rows are multiplied; None: by one
     shift: Array | None  # (n,) from the whitened bound to its pseudo-value; None: no row at a bound counts
-    drift: Array  # (k, n) slow cosines that the offset follows; mostly none
+    drift: Array | None  # (k, n) slow cosines that the offset follows, mostly none; None: not yet looked for
     counted: float  # rows that count, those at a bound by what they are worth
 
 
@@ -136,7 +136,7 @@ def _phases(x: Array, stride: int) -> Array:
     for phase in range(stride):
         part = x[:, phase::stride]
         out[:, phase, : part.shape[1]] = part
-    return out.reshape(k, -1)
+    return out.reshape(k, stride * (height + NOISE_ORDER))
 
 
 def _phased(data: Data, stride: int) -> Data:
@@ -179,25 +179,21 @@ def estimate(
     J = np.concatenate([by_channel(layout, w) for w in each]) @ phased.X
     usable, bounded = phased.usable, phased.bounded
     root = same.root if same is not None else None
-    if same is not None and same.shift is not None:
-        r = r + same.shift
-    if same is not None and len(same.drift):
-        drift = same.drift
-        r = _without(drift, r, usable)
-    elif near and not exact:
+    drift = same.drift if same is not None else None
+    if drift is None and near and not exact:
         drift = _drift(residual, data.usable, layout.step, stride)
         drift = drift if stride == 1 else _phases(drift, stride)
+    if drift is not None:
         r = _without(drift, r, usable)
-    else:
-        drift = np.zeros((0, len(r)))
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
-    ar = autoregression.fit(r, usable, NOISE_ORDER, bounded=bounded, root=root)
+    seen = r if same is None or same.shift is None else r + same.shift
+    ar = autoregression.fit(seen, usable, NOISE_ORDER, bounded=bounded, root=root)
     weighed = _weigh(phased, r, ar, layout.step, stride, before.law if before is not None else None, plain)
     explained = _explained(layout, at, J, weighed, ar, stride)
     ar = autoregression.fit(
         np.vstack([weighed.residual, explained]), usable, NOISE_ORDER, bounded=bounded, root=weighed.root
     )
-    weighed = _weigh(phased, r, ar, layout.step, stride, weighed.law, plain)
+    weighed = _weigh(phased, r, ar, layout.step, stride, weighed.law, plain, fit=False)
     inside = autoregression.chosen(weighed.rows)
     slopes = autoregression.whiten(J, ar)
     if weighed.root is not None:
@@ -233,7 +229,7 @@ def estimate(
 # A headway that is wanted longer and longer, or now longer and now shorter, moves the offset; a noise model of a second's
 # memory takes that for an answer to the headway, whose gain it halves. Cosines no shorter than this in period follow it
 # (half of them is what a driver's own answer still moves).
-SHORTEST_DRIFT_S = 60.0
+SHORTEST_DRIFT_S = 40.0
 # numbers of cosines that are tried
 DRIFTS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 # What a cosine must add to the log likelihood, and the first of them once more: on a drive without drift one is added in
@@ -315,6 +311,7 @@ def _weigh(
     stride: int,
     before: innovation_law.Law | None,
     gaussian: bool,
+    fit: bool = True,
 ) -> _Weighed:
     """Fit the law of the innovations; replace bounds by pseudo-values.
 
@@ -326,6 +323,7 @@ def _weigh(
         stride: rows.
         before: a law to begin with.
         gaussian: without looking for another law.
+        fit: the law; else the one before is applied.
     """
     free = autoregression.whole(data.usable, len(ar))
     e = autoregression.whiten(r, ar)
@@ -334,10 +332,7 @@ def _weigh(
     if gaussian or np.count_nonzero(free) < MIN_ROWS_OF_LAW:
         law = innovation_law.equal(len(e), (power(e[free]) / max(int(np.count_nonzero(free)), 1)) ** 0.5)
     else:
-        change = np.zeros(len(e))
-        change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
-        of = innovation_law.features(e, free, change, 1.0 / (step * stride))
-        law = innovation_law.fit(e, free, of, 1.0 / stride, before)
+        law = _law(data, e, free, step, stride, before, fit)
     plain = len(law.law.slopes) == 0 and law.inflation == 1.0
     weight = law.weight
     count, shift, residual, every = float(np.count_nonzero(free)), None, r, free
@@ -362,6 +357,28 @@ def _weigh(
     return _Weighed(
         every, residual, e if root is None else e * root, psi, law.law, law.inflation, root, shift, count
     )
+
+
+def _law(
+    data: Data,
+    e: Array,
+    free: Flags,
+    step: float,
+    stride: int,
+    before: innovation_law.Law | None,
+    fit: bool,
+) -> innovation_law.Weights:
+    """Fit or apply the law of innovations (n,); see `_weigh`."""
+    if not fit and before is not None and not len(before.slopes):
+        return innovation_law.weights(e, before._replace(sd=1.0), np.zeros((0, len(e))), free)
+    change, known = np.zeros(len(e)), np.zeros(len(e), bool)
+    change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
+    known[2:] = data.usable[1:-1] & data.usable[:-2]
+    change[~known] = float(change[known].mean()) if known.any() else 1.0
+    of = innovation_law.features(e, free, change, 1.0 / (step * stride))
+    if not fit and before is not None:
+        return innovation_law.weights(e, before, of, free)
+    return innovation_law.fit(e, free, of, 1.0 / stride, before)
 
 
 # innovations below which a law is not looked for
@@ -439,11 +456,12 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     # with the rows before, which whitening needs
     piece, new = slice(begin, first + count), slice(first - begin, None)
     r, used = noise.residual[piece], noise.rows[piece][new].astype(float)
-    nuisance = np.zeros((p + 1 + len(noise.drift), len(r)))
+    drift = noise.drift if noise.drift is not None else np.zeros((0, len(noise.rows)))
+    nuisance = np.zeros((p + 1 + len(drift), len(r)))
     nuisance[0] = 1.0
     for i, row in enumerate(nuisance[1 : p + 1], 1):
         row[i:] = r[:-i]
-    nuisance[p + 1 :] = autoregression.whiten(noise.drift[:, piece], noise.ar)
+    nuisance[p + 1 :] = autoregression.whiten(drift[:, piece], noise.ar)
     white = autoregression.whiten(noise.data.both[:, piece], noise.ar)[:, new]
     if noise.shift is not None:
         white[-1] += noise.shift[piece][new]
