@@ -47,7 +47,7 @@ def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0) -> 
     n = int(minutes * 60 / FINE)
     gains = rng.uniform(0.15, 0.5), rng.uniform(0.4, 0.9)
     tau, dead_time = rng.uniform(0.25, 0.7, 2), rng.uniform(0.2, 0.6, 2)
-    lead = _lead(rng, n)
+    lead = lead_speed(rng, n)
     remnant = REMNANT * draw(noise, n, FINE, rng)
     late = np.round(dead_time / FINE).astype(int)
     decay = np.exp(-FINE / tau)
@@ -70,7 +70,7 @@ def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0) -> 
     return Drive(out[0, pick], out[1, pick], inputs, channels)  # type: ignore[arg-type]
 
 
-def _lead(rng: np.random.Generator, n: int) -> np.ndarray:
+def lead_speed(rng: np.random.Generator, n: int) -> np.ndarray:
     """A lead that takes another speed every 20 s, and sways."""
     wanted = np.repeat(rng.uniform(12.0, 30.0, n // round(20.0 / FINE) + 2), round(20.0 / FINE))[:n]
     sway = 0.25 * math.sqrt(FINE) * rng.normal(size=n)

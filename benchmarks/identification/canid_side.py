@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+import canid
 from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
-from canid.identification import identifiability
+from canid.identification import autoregression, identifiability, innovation_law
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
-from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process
+from canid.identification.fopdt import regression_rows
+from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process, row_layout
 from canid.identification.fopdt.prior import Prior
 from canid.types import Channel, Estimate, LearnGate, OutputFilter, Sample
 
@@ -122,3 +125,80 @@ def inside(channel: Channel, field: str, truth: float) -> bool | None:
     """Whether an interval holds the truth; None where it was not reported."""
     interval = getattr(channel, field)
     return bool(interval.low <= truth <= interval.high) if np.isfinite(interval.value) else None
+
+
+class Score(NamedTuple):
+    """Held-out one-step log scores in nats per minute."""
+
+    gaussian: float
+    law: float
+    freedom: float
+    dt: float  # s, rows apart
+
+
+def held_out(path: Path, vehicle: str, half: int) -> Score:
+    """Fit one half of a log and score the other, by the noise's Gaussian autoregression and by canid's law.
+
+    Args:
+        path: of the log.
+        vehicle: its file's name.
+        half: 0 or 1, the one that is fitted.
+    """
+    trace = canid.read_trace(path, vehicle)
+    n = len(trace.t)
+    parts = slice(0, n // 2), slice(n // 2, n)
+    fitted, judged = parts[half], parts[1 - half]
+    fit = fit_process(
+        trace.output[fitted],
+        trace.inputs[fitted],
+        trace.learn[fitted],
+        trace.dt,
+        segment=trace.segment[fitted],
+        bound=None if trace.bound is None else trace.bound[fitted],
+    )
+    residuals = [_residual(fit, trace, part) for part in (fitted, judged)]
+    scores = []
+    for law in (False, True):
+        total, rows = 0.0, 0
+        for phase in range(fit.stride):
+            own, other = ([column[phase :: fit.stride] for column in columns] for columns in residuals)
+            ar = fit.noise if law else autoregression.fit(own[0], own[1] > 0.0, 5)
+            density, usable = _density(ar, own, other, fit.stride * trace.dt, law)
+            total, rows = total + float(density[usable].sum()), rows + int(usable.sum())
+        scores.append(60.0 / (fit.stride * trace.dt) * total / max(rows, 1))
+    freedom = fit.law.freedom if fit.law is not None else np.nan
+    return Score(scores[0], scores[1], freedom, fit.stride * trace.dt)
+
+
+def _residual(fit: ProcessFit, trace: canid.Trace, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residual, whether usable, and output of one part."""
+    layout = row_layout(2, trace.dt, 3.0, 1.5)
+    samples = np.column_stack(
+        [trace.output[part], trace.learn[part], trace.segment[part], trace.inputs[part]]
+    )
+    _, rows = regression_rows.put(layout, regression_rows.State(), samples, 4.5)
+    usable = (rows[:, 1] > 0.0) & np.isfinite(rows).all(axis=1)
+    residual = np.where(usable, rows[:, 0] - fit.point.offset - rows[:, 4:] @ fit.point.w, 0.0)
+    return residual, usable.astype(float), np.where(usable, rows[:, 0], 0.0)
+
+
+def _density(
+    ar: np.ndarray, own: list[np.ndarray], other: list[np.ndarray], dt: float, law: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Log density of each innovation of `other` under the law that `own` shows, and where it counts."""
+    found = None
+    for residual, usable, y in (own, other):
+        rows = autoregression.whole(usable > 0.0, max(len(ar), 2))
+        e = autoregression.whiten(residual, ar)
+        change = np.zeros(len(e))
+        change[2:] = np.abs(y[1:-1] - y[:-2])
+        of = innovation_law.features(e, rows, change, 1.0 / dt)
+        if found is None:
+            found = (
+                innovation_law.fit(e, rows, of) if law else innovation_law.equal(len(e), float(e[rows].std()))
+            )
+            continue
+        size = np.exp(np.clip(found.law.slopes @ of, -2.0, 2.0)) if len(found.law.slopes) else np.ones(len(e))
+        weights = innovation_law.Weights(found.law, size, np.ones(len(e)), 1.0)
+        return innovation_law.log_density(e, weights), rows
+    raise AssertionError

@@ -1,0 +1,34 @@
+"""Measured drives of people: what the law of the innovations is worth, by held-out one-step predictive density."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.identification import canid_side
+from benchmarks.identification.table import Settings, Table
+
+DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
+DRIVES = (*sorted((DATA / "asta").glob("*.blf")), *sorted((DATA / "openacc").glob("human*.blf")))
+
+
+def table(settings: Settings) -> list[Table]:
+    """Each half fits, the other judges; one mean law, two laws of the innovations."""
+    rows: list[tuple[object, ...]] = []
+    for path in DRIVES:
+        vehicle = "openacc_asta" if path.parent.name == "asta" else "openacc"
+        scores = [canid_side.held_out(path, vehicle, half) for half in (0, 1)]
+        rows.append(
+            (
+                path.stem,
+                float(np.mean([s.gaussian for s in scores])),
+                float(np.mean([s.law - s.gaussian for s in scores])),
+                " / ".join(f"{s.freedom:g}" for s in scores),
+                " / ".join(f"{s.dt:.1f} s" for s in scores),
+            )
+        )
+    columns = ("drive", "Gaussian AR, nats/min", "gain of canid's law", "degrees of freedom", "rows apart")
+    if not rows:
+        rows = [("measured drives", f"{DATA} is not there")]
+    return [Table("Held-out one-step log score, two halves", columns, rows)]
