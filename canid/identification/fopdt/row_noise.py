@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from canid.identification import autoregression, censoring, innovation_law, residual_tests
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt import fopdt_posterior, reduced_basis
+from canid.identification.fopdt import fopdt_posterior, offset_drift, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
 from canid.types import Array
 
@@ -181,10 +181,10 @@ def estimate(
     root = same.root if same is not None else None
     drift = same.drift if same is not None else None
     if drift is None and near and not exact:
-        drift = _drift(residual, data.usable, layout.step, stride)
+        drift = offset_drift.find(residual, data.usable, layout.step, stride, NOISE_ORDER)
         drift = drift if stride == 1 else _phases(drift, stride)
     if drift is not None:
-        r = _without(drift, r, usable)
+        r = offset_drift.without(drift, r, usable)
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
     seen = r if same is None or same.shift is None else r + same.shift
     ar = autoregression.fit(seen, usable, NOISE_ORDER, bounded=bounded, root=root)
@@ -224,69 +224,6 @@ def estimate(
         drift,
         weighed.counted,
     )
-
-
-# A headway that is wanted longer and longer, or now longer and now shorter, moves the offset; a noise model of a second's
-# memory takes that for an answer to the headway, whose gain it halves. Cosines no shorter than this in period follow it
-# (half of them is what a driver's own answer still moves).
-SHORTEST_DRIFT_S = 40.0
-# numbers of cosines that are tried
-DRIFTS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-# What a cosine must add to the log likelihood, and the first of them once more: on a drive without drift one is added in
-# about one of 200.
-DRIFT_LEAST, DRIFT_FIRST = 1.0, 4.0
-
-
-def _drift(residual: Array, usable: Flags, step: float, stride: int) -> Array:
-    """Return (k, n) the cosines that the offset follows: none, unless the likelihood asks for them.
-
-    Args:
-        residual: (n,), zero where not usable.
-        usable: (n,).
-        step: s, of the rows.
-        stride: rows.
-    """
-    n = len(residual)
-    most = int(2.0 * n * step / SHORTEST_DRIFT_S)
-    part = usable[::stride]
-    free = np.where(usable, residual, 0.0)
-    every = _cosines(min(most, max(DRIFTS)), n)
-    best, chosen = -np.inf, 0
-    for k in (k for k in DRIFTS if k <= most):
-        r = _without(every[:k], free, usable)[::stride]
-        ar = autoregression.fit(r, part, NOISE_ORDER)
-        rows = autoregression.whole(part, NOISE_ORDER)
-        e = autoregression.whiten(r, ar)[rows]
-        count = len(e) - k
-        if count < 10 * (k + 1) or not e.any():
-            break
-        value = -0.5 * count * float(np.log(power(e) / count)) - DRIFT_LEAST * k - DRIFT_FIRST * (k > 0)
-        if value > best:
-            best, chosen = value, k
-    return every[:chosen]
-
-
-def _cosines(k: int, n: int) -> Array:
-    """(k, n) cosines of half a period in n rows, one, one and a half, ...
-
-    >>> _cosines(1, 2).round(3)
-    array([[ 0.707, -0.707]])
-    """
-    out: Array = np.cos(np.pi * np.outer(np.arange(1, k + 1), (np.arange(n) + 0.5) / n))
-    return out
-
-
-def _without(columns: Array, r: Array, usable: Flags) -> Array:
-    """Take columns (k, n) and a mean out of a residual (n,), by what they explain of it where usable."""
-    if not len(columns):
-        return r
-    every = np.vstack([columns, np.ones(len(r))])
-    used = every * usable
-    gram = used @ every.T
-    gram.flat[:: len(gram) + 1] *= 1.0 + 1e-9
-    out: Array = r - np.linalg.solve(gram, used @ r) @ every
-    out[r == 0.0] = 0.0
-    return out
 
 
 class _Weighed(NamedTuple):
