@@ -9,10 +9,11 @@ import numpy as np
 
 from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
+from canid.identification import identifiability
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
 from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process
 from canid.identification.fopdt.prior import Prior
-from canid.types import Channel, Estimate, LearnGate, OutputFilter, Sample
+from canid.types import Channel, Estimate, Interval, LearnGate, OutputFilter, Sample
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
@@ -96,19 +97,34 @@ def with_prior(
 
 
 def live(
-    name: str, names: tuple[str, ...], y: np.ndarray, u: np.ndarray, dt: float, every: float
+    name: str,
+    names: tuple[str, ...],
+    y: np.ndarray,
+    u: np.ndarray,
+    dt: float,
+    every: float,
+    usable: np.ndarray | None = None,
+    segment: np.ndarray | None = None,
 ) -> Iterator[Estimate]:
     """Run one live estimator over (n,) outputs and (n, m) inputs; yields its last estimate every `every` s."""
     estimator = next(one for one in ESTIMATORS if one.name == name).make(names, dt)
     state, last, due = estimator.init(), None, every
+    learn = [True] * len(y) if usable is None else usable.tolist()
+    part = [0] * len(y) if segment is None else segment.tolist()
     for k, (output, inputs) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
         state, estimate = estimator.step(
-            state, Sample(k * dt, output, tuple(inputs), LearnGate.OPEN, True, 0, {})
+            state, Sample(k * dt, output, tuple(inputs), LearnGate.OPEN, learn[k], int(part[k]), {})
         )
         last = estimate if estimate is not None else last
         if k * dt >= due - 1e-9 and last is not None:
             due += every
             yield last
+
+
+def quoted(channel: Channel, field: str) -> Interval:
+    """Return an interval that may be quoted, or NaN."""
+    interval: Interval = getattr(channel, field)
+    return interval if identifiability.quotable(channel, field) else Interval()
 
 
 def inside(channel: Channel, field: str, truth: float) -> bool | None:
