@@ -9,16 +9,20 @@ import numpy as np
 
 from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
+from canid.estimators.fopdt import FopdtSettings
 from canid.identification import identifiability
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
-from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process
+from canid.identification.fopdt import fopdt_residual, regression_rows
+from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process, row_layout
 from canid.identification.fopdt.prior import Prior
-from canid.types import Channel, Estimate, Interval, LearnGate, OutputFilter, Sample
+from canid.types import Channel, Estimate, Interval, LearnGate, OutputFilter, ResidualTests, Sample
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
 START = round(ArmaxSettings().start / 0.1)  # samples of the batch start
 LIVE = ArmaxSettings().forgetting
+# ends of the ranges of tau and dead time
+BOX = FopdtSettings()
 
 
 def without_offset(theta: np.ndarray) -> np.ndarray:
@@ -82,6 +86,26 @@ def process(
     """Fit first order plus dead time; the first 4.5 s are history only."""
     usable = np.full(len(output), True) if usable is None else usable
     return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter)
+
+
+def tested(
+    output: np.ndarray,
+    inputs: np.ndarray,
+    usable: np.ndarray,
+    segment: np.ndarray,
+    dt: float,
+    output_filter: OutputFilter | None,
+) -> tuple[ProcessFit, ResidualTests | None]:
+    """Fit first order plus dead time and test its residuals; None: there is no fit."""
+    fit = process(output, inputs, dt, usable, segment, output_filter)
+    if fit.start is None:
+        return fit, None
+    names = ("headway_error", "range_rate")
+    samples = np.column_stack([output, usable, segment, inputs])
+    layout = row_layout(len(names), dt, BOX.tau_max, BOX.dead_time_max)
+    _, rows = regression_rows.put(layout, regression_rows.State(), samples, BOX.tau_max + BOX.dead_time_max)
+    simulated = fopdt_residual.simulate_window(layout, rows, fit)
+    return fit, fopdt_residual.run_tests(simulated, fit, names, output_filter)
 
 
 # What a user might declare who has read the published drivers: centre and width of reference/identification.md, sec. 3.

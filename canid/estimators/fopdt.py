@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field
 
 from canid.estimators import plausibility, status
 from canid.estimators.estimator import Estimator, WholeDrive
+from canid.identification import identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
 from canid.identification.fopdt.output_filter import is_unknown
 from canid.identification.fopdt.prior import Prior, check_prior
@@ -266,17 +267,20 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         output_filter=settings.output_filter,
     )
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
-    tests = None
+    tests, left = None, ""
     if fit.start is not None:
         setup = configure(trace.input_names, trace.dt, settings)
         simulated = fopdt_residual.simulate_drive(setup.layout, trace, fit, setup.settle)
         tests = fopdt_residual.run_tests(simulated, fit, trace.input_names, settings.output_filter)
+        left = plausibility.left_over(tests)
     following = _following(settings, _mean(trace, "speed"), _mean(trace, "headway"))
-    verdict = plausibility.judge(channels, fit.fit_percent, _ranges(settings), following, tests)
+    verdict = plausibility.judge(channels, fit.fit_percent, _ranges(settings), following)
     if verdict.refused:
         channels = dict.fromkeys(channels, Channel())
+    elif left:
+        channels = {name: identifiability.gain_only(c) for name, c in channels.items()}
     unknown = UNKNOWN_FILTER if is_unknown(settings.output_filter) else ""
-    lines = tuple(filter(None, (*verdict.refused, *verdict.remarks, unknown)))
+    lines = tuple(filter(None, (*verdict.refused, *verdict.remarks, left, unknown)))
     details = {"says": "; ".join(lines)}
     return WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
 

@@ -1,8 +1,8 @@
 """What speaks against a fitted model, beyond its intervals: sentences that refuse it, and remarks.
 
-A model may be refused for five reasons: it explains no more than the mean; a gain has the wrong sign
-(`status.implausible`); a delay is at the end of its range; the closed loop that it describes is unstable; the residuals
-of a whole drive still hold a large part of the response.
+A model may be refused for four reasons: it explains no more than the mean; a gain has the wrong sign
+(`status.implausible`); a delay is at the end of its range; the closed loop that it describes is unstable. A large part
+of the response that is left over in the residuals of a whole drive speaks against its delays alone.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ TOUCHING_SHARE = 0.98
 # 95 % interval.
 UNSTABLE_SHARE = 0.975
 
-# Left-over response over the model's own, in whitened rms, from which on a whole drive's model is refused. Noise of
-# the sensors in the inputs leaves some too: the 99 % test alone alarms on 24 to 80 % of clean simulated drives of 7 to
-# 10 min, of which none of 425 passed this limit; of drivers who saturate 27 % do (docs/identification.md).
+# Left-over response over the model's own, in whitened rms, beyond which no delay of a whole drive may be quoted. What
+# sensors add to the inputs leaves some too, so the 99 % test alone is failed by most clean drives of 10 minutes; below
+# this the intervals of tau + dead time hold the truth as often as without, above it half as often, while those of K
+# hold it as before (table `residuals` of docs/identification.md).
 MAX_LEFT_OVER = 0.4
 
 # Roles of an output that is the vehicle's acceleration: the loop then needs no model of the vehicle.
@@ -60,7 +61,6 @@ def judge(
     fit_percent: float,
     ranges: Ranges,
     following: Following | None = None,
-    tests: ResidualTests | None = None,
 ) -> Verdict:
     """Judge a fit whose channels may be quoted.
 
@@ -69,7 +69,6 @@ def judge(
         fit_percent: of the simulated response; NaN: not known.
         ranges: of the search.
         following: the loop, where the output is an acceleration and the delays are the driver's; None: not known.
-        tests: of the residuals, where they decide; None: they do not.
 
     >>> found = Channel(Interval(0.6, 0.5, 0.7), Interval(0.4, 0.3, 0.5), Interval(0.3, 0.2, 0.4))
     >>> right = {"range_rate": found._replace(status=Identifiable.OK)}
@@ -84,7 +83,7 @@ def judge(
     refused, remarks = _at_ends(quoted, ranges)
     unstable, mentioned = _loop(channels, following)
     wrong = status.implausible(channels)
-    every = (_mean(fit_percent), wrong, *refused, unstable, _left_over(tests))
+    every = (_mean(fit_percent), wrong, *refused, unstable)
     return Verdict(tuple(filter(None, every)), tuple(filter(None, (*remarks, mentioned))))
 
 
@@ -140,15 +139,20 @@ def _loop(channels: Mapping[str, Channel], following: Following | None) -> tuple
     )
 
 
-def _left_over(tests: ResidualTests | None) -> str:
-    if tests is None:
-        return ""
+def left_over(tests: ResidualTests) -> str:
+    """Say that too much of a response is left over for delays to be quoted; empty: not so.
+
+    >>> tests = ResidualTests(True, 20.0, 41.6, ("range_rate",), (), True, {"range_rate": 18}, {"range_rate": 0.5})
+    >>> left_over(tests).partition(":")[0]
+    'range rate'
+    >>> left_over(tests._replace(left_over_share={"range_rate": 0.2}))
+    ''
+    """
     large = [name for name in tests.left_over if tests.left_over_share.get(name, 0.0) > MAX_LEFT_OVER]
     if not large:
         return ""
     share = max(tests.left_over_share[name] for name in large)
-    names = ", ".join(large).replace("_", " ")
     return (
-        f"{names}: the residuals still hold a response that a first order with dead time cannot give, {share:.0%} of "
-        "the model's own: do not use these numbers; canid diagnose looks for the cause"
+        f"{', '.join(large).replace('_', ' ')}: the residuals still hold a response of {share:.0%} of the model's own, "
+        "which a first order with dead time does not give: tau and dead time may not be quoted"
     )
