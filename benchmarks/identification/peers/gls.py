@@ -45,6 +45,14 @@ def _kept(n: int, first: int, usable: np.ndarray | None) -> np.ndarray:
     return np.flatnonzero(whole & (np.arange(n) >= first))
 
 
+def autoregression(r: np.ndarray, order: int, usable: np.ndarray) -> list[float]:
+    """Coefficients and variance of an autoregression by least squares."""
+    kept = _kept(len(r), ORDER, usable)
+    lags = np.column_stack([r[kept - k] for k in range(1, order + 1)])
+    found = np.linalg.lstsq(lags, r[kept], rcond=None)[0]
+    return [*map(float, found), float(np.var(r[kept] - lags @ found))]
+
+
 def parameters(
     y: np.ndarray, u: np.ndarray, dt: float, settle: float, usable: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -32,14 +32,19 @@ def fit(rows: Rows, settle: float = 4.5) -> gls.Answer:
     first = round(settle / dt)
     X = np.column_stack([*at, *slopes])[first:]
     seen = np.where(rows.usable, y, np.nan)[first:]
+    # one size of all columns, means taken out: the optimiser knows no scales
+    size = X.std(axis=0)
+    middle = float(np.nanmean(seen))
+    start = gls.autoregression(y - K[0] - np.column_stack(at) @ K[1:], ORDER, rows.usable)
     with warnings.catch_warnings():  # statsmodels warns where a fit ends before its tolerance
         warnings.simplefilter("ignore")
-        model = SARIMAX(seen, exog=X, order=(ORDER, 0, 0), trend="c")
-        found = model.fit(disp=False, maxiter=100)
+        model = SARIMAX(seen - middle, exog=(X - X.mean(axis=0)) / size, order=(ORDER, 0, 0), trend="c")
+        found = model.fit([0.0, *(K[1:] * size[:2]), *np.zeros(4), *start], disp=False, maxiter=20)
     names = model.param_names
     x = [names.index(f"x{i}") for i in (1, 2, 5, 6)]
-    value = np.asarray(found.params)[x]
-    C = np.asarray(found.cov_params())[np.ix_(x, x)]
+    scale = size[[0, 1, 4, 5]]
+    value = np.asarray(found.params)[x] / scale
+    C = np.asarray(found.cov_params())[np.ix_(x, x)] / np.outer(scale, scale)
     total = q[2] + q[3] + value[2] + value[3]
     sd = np.sqrt([C[0, 0], C[1, 1], C[2:, 2:].sum()])
     return gls.Answer(np.array([value[0], value[1], total]), sd)

@@ -24,8 +24,8 @@ ASKED = (20.0, 40.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0)
 UNIT = 1.96  # sd of a 95 % interval
 # what counts as a usable estimate of K2: half an interval, and an error, in shares of the truth
 HALF, NEAR = 0.3, 0.2
-# a method that takes a second a fit gets so much fewer runs, and is asked at the end only
-SLOW = {"SARIMAX, AR(2), missing samples (statsmodels)": 5, "CTH, dual unscented filter (filterpy)": 3}
+# a method that takes seconds a fit gets so much fewer runs, and a batch one is asked at the end only
+SLOW = {"SARIMAX, AR(2), missing samples (statsmodels)": 8, "CTH, dual unscented filter (filterpy)": 3}
 # of the vehicles, m/s² per % (loop_a's 0.8 / 20, loop_b's 0.045), and the sd of remnant, grade and wind, m/s²
 VEHICLES = {"A": (0.04, 0.11), "B": (0.045, 0.10)}
 # m/s, of the recorded speed
@@ -151,7 +151,9 @@ def _row(
     if all(run.why for run in runs):
         return (name, runs[0].why)
     held = np.array([run.held for run in runs])
-    share = [float(np.nanmean(h)) if np.isfinite(h).any() else np.nan for h in held.T]
+    share = [
+        f"{np.nanmean(h):.2f} of {np.isfinite(h).sum()}" if np.isfinite(h).any() else "–" for h in held.T
+    ]
     narrow, near, cpu = (
         float(np.median([getattr(r, x) for r in runs])) for x in ("narrow", "near", "seconds")
     )
