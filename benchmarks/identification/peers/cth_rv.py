@@ -19,11 +19,12 @@ Steps = Iterator[tuple[int, Answer]]
 # variance of a parameter before any data, in its unit squared: nothing is known
 UNKNOWN = 1e6
 
-PARTICLES = 500
+# ten times the usual 500, all but a few of which die in the first second: then it does not find even its own model
+PARTICLES = 5000
 # ranges of alpha 1/s², beta 1/s and tau_h s from which the particles are drawn: driver and ACC of the two papers
 LOW, HIGH = np.array([0.002, 0.05, 0.5]), np.array([0.15, 1.5, 3.0])
 # random walk of a parameter per sample, in shares of its range: without it the particles die out
-WALK = 5e-4
+WALK = 1e-3
 # m/s and m: the sensors of these drives
 SPEED_SD, GAP_SD = 0.03, 0.25
 

@@ -43,7 +43,7 @@ def joint(
             total += p[3 * i] * lag(u, dt, p[3 * i + 1], p[3 * i + 2])
         return total[rows]
 
-    start = [*(1.0, *GUESS) * m, float(np.mean(y))]
+    start = [*(1.0, *GUESS) * m, float(np.mean(y[rows]))]
     low = [*(-np.inf, *LOW) * m, -np.inf]
     high = [*(np.inf, *HIGH) * m, np.inf]
     found, covariance = curve_fit(model, None, y[rows], start, bounds=(low, high), x_scale="jac")

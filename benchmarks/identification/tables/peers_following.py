@@ -19,7 +19,7 @@ from benchmarks.identification.table import Settings, Table, each, rmse, timed
 from canid.types import Channel, Driver
 
 SECONDS = 300.0
-# s; when a batch method is asked while the drive goes on, and when an online one is looked at
+# s; when a batch method is asked while the drive goes on, and when an online one is read
 ASKED = (20.0, 40.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0)
 UNIT = 1.96  # sd of a 95 % interval
 # what counts as a usable estimate of K2: half an interval, and an error, in shares of the truth
@@ -164,7 +164,7 @@ def _row(
 # --- how a method is asked -------------------------------------------------------------------------
 
 
-class Look(NamedTuple):
+class Estimated(NamedTuple):
     """An estimate of K1, K2 and tau + dead time 2 at a time; NaN: none."""
 
     t: float  # s
@@ -173,25 +173,25 @@ class Look(NamedTuple):
     high: np.ndarray  # (3,)
 
 
-def _judged(truth: np.ndarray, looks: Sequence[Look], cpu: float, why: str = "") -> Run:
+def _judged(truth: np.ndarray, history: Sequence[Estimated], cpu: float, why: str = "") -> Run:
     """Judge estimates in the order of time, of which the last is the method's result."""
-    if not looks:
+    if not history:
         nothing = np.full(3, np.nan)
         return Run(nothing, nothing, np.inf, np.inf, cpu, why)
-    *_, last = looks
+    *_, last = history
     error = (last.value - truth) / np.array([truth[0], truth[1], 1.0])
     known = np.isfinite(last.low + last.high)
     held = np.where(known, (last.low <= truth) & (truth <= last.high), np.nan)
-    narrow = next((at.t for at in looks if at.high[1] - at.low[1] <= 2 * HALF * abs(truth[1])), np.inf)
+    narrow = next((at.t for at in history if at.high[1] - at.low[1] <= 2 * HALF * abs(truth[1])), np.inf)
     near = np.inf
-    for at in reversed(looks):
+    for at in reversed(history):
         if not abs(at.value[1] - truth[1]) <= NEAR * abs(truth[1]):
             break
         near = at.t
     return Run(error, held, narrow, near, cpu, why)
 
 
-def _by_canid(t: float, channels: Sequence[Channel]) -> Look:
+def _by_canid(t: float, channels: Sequence[Channel]) -> Estimated:
     """What may be quoted."""
     one, two = channels
     intervals = [
@@ -200,22 +200,22 @@ def _by_canid(t: float, channels: Sequence[Channel]) -> Look:
         canid_side.quoted(two, "tau_plus_dead_time"),
     ]
     value, low, high = np.array(intervals).T
-    return Look(t, value, low, high)
+    return Estimated(t, value, low, high)
 
 
-def _by_peer(t: float, answer: Answer) -> Look:
-    return Look(t, answer.value, answer.value - UNIT * answer.sd, answer.value + UNIT * answer.sd)
+def _by_peer(t: float, answer: Answer) -> Estimated:
+    return Estimated(t, answer.value, answer.value - UNIT * answer.sd, answer.value + UNIT * answer.sd)
 
 
 def _canid(rows: Rows, truth: np.ndarray) -> Run:
-    looks, seconds = [], 0.0
+    history, seconds = [], 0.0
     for t in ASKED:
         part = rows.until(round(t / rows.dt))
         fit, seconds = timed(
             partial(canid_side.process, part.output, part.inputs, part.dt, part.usable, part.segment)
         )
-        looks.append(_by_canid(t, fit.channels))
-    return _judged(truth, looks, seconds)
+        history.append(_by_canid(t, fit.channels))
+    return _judged(truth, history, seconds)
 
 
 def _live(rows: Rows, truth: np.ndarray) -> Run:
@@ -226,17 +226,17 @@ def _live(rows: Rows, truth: np.ndarray) -> Run:
 
 
 def _batch(rows: Rows, truth: np.ndarray, peer: peers.Peer) -> Run:
-    looks, seconds, why = [], 0.0, ""
+    history, seconds, why = [], 0.0, ""
     for t in ASKED:
         answer, seconds, why = peers.attempt(peer, 3, rows.until(round(t / rows.dt)))
-        looks += [] if why else [_by_peer(t, answer)]
-    return _judged(truth, looks, seconds, why)
+        history += [] if why else [_by_peer(t, answer)]
+    return _judged(truth, history, seconds, why)
 
 
 def _at_end(rows: Rows, truth: np.ndarray, peer: peers.Peer) -> Run:
     answer, seconds, why = peers.attempt(peer, 3, rows)
-    looks = [] if why else [_by_peer(len(rows.output) * rows.dt, answer)]
-    return _judged(truth, looks, seconds, why)._replace(narrow=np.nan, near=np.nan)
+    history = [] if why else [_by_peer(len(rows.output) * rows.dt, answer)]
+    return _judged(truth, history, seconds, why)._replace(narrow=np.nan, near=np.nan)
 
 
 def _online(rows: Rows, truth: np.ndarray, peer: peers.Peer) -> Run:
