@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from canid.estimators import status
 from canid.identification import closed_loop_stability
+from canid.identification.confidence import QUANTILES
 from canid.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
 
 # Share of a range beyond which half of what is believed of a delay lies at its end. On 2,700 channels of clean
@@ -23,7 +24,7 @@ TOUCHING_SHARE = 0.98
 
 # Share of the intervals' content in the unstable region from which on the loop is called unstable: the bulk of a
 # 95 % interval.
-UNSTABLE_SHARE = 0.975
+UNSTABLE_SHARE = QUANTILES[1]
 
 # Left-over response over the model's own, in whitened rms, beyond which no delay of a whole drive may be quoted. What
 # sensors add to the inputs leaves some too, so the 99 % test alone is failed by most clean drives of 10 minutes; below
