@@ -227,7 +227,7 @@ class Channel(NamedTuple):
 
 
 class ResidualTests(NamedTuple):
-    """Residual tests over the last minute; see `identification.residual_tests`."""
+    """Residual tests over the data used, of ARMAX over the last minute; see `identification.residual_tests`."""
 
     white: bool  # Ljung-Box, 99 %
     statistic: float
@@ -236,6 +236,8 @@ class ResidualTests(NamedTuple):
     feedback: tuple[str, ...]  # inputs that the output moves: the loop is closed
     stationary: bool  # reverse arrangements, 99 %
     excitation_order: Mapping[str, int]  # per input, how many parameters it can excite
+    # per input, rms of what is left over against that of the model's response; none: the method does not say
+    left_over_share: Mapping[str, float] = {}
 
 
 class Estimate(NamedTuple):

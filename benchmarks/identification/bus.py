@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.identification.loops import Drive
 from canid.samples import lead, learning_gate, sampling_grid
 from canid.samples.sampler import MADE
-from canid.types import Driver, Reading
+from canid.types import Driver, Reading, Sample
 
 GRID = 0.1  # s
 RADAR, CONTROL = 0.05, 0.02  # s between two messages
@@ -71,7 +71,7 @@ def sensed(
     ]
 
 
-def through_canid(streams: list[Stream], driver: Driver) -> Seen:
+def samples(streams: list[Stream], driver: Driver) -> list[Sample]:
     """Take the readings through canid's lead, sampling and gate."""
     roles = {
         role: sampling_grid.Role(switch=role == "brake", needed=role != "brake")
@@ -101,6 +101,12 @@ def through_canid(streams: list[Stream], driver: Driver) -> Seen:
                 judged, at, dict(zip(points.values, values, strict=True)), driver, GRID
             )
             out.append(sample)
+    return out
+
+
+def through_canid(streams: list[Stream], driver: Driver) -> Seen:
+    """Return canid's samples as columns."""
+    out = samples(streams, driver)
     return Seen(
         np.array([s.output for s in out]),
         np.array([s.inputs for s in out]),

@@ -11,17 +11,20 @@ import numpy as np
 import canid
 from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
+from canid.estimators.fopdt import FopdtSettings
 from canid.identification import autoregression, identifiability, innovation_law
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
-from canid.identification.fopdt import regression_rows
+from canid.identification.fopdt import fopdt_residual, regression_rows
 from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process, row_layout
 from canid.identification.fopdt.prior import Prior
-from canid.types import Channel, Estimate, LearnGate, OutputFilter, Sample
+from canid.types import Channel, Estimate, Interval, LearnGate, OutputFilter, ResidualTests, Sample
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
 START = round(ArmaxSettings().start / 0.1)  # samples of the batch start
 LIVE = ArmaxSettings().forgetting
+# ends of the ranges of tau and dead time
+BOX = FopdtSettings()
 
 
 def without_offset(theta: np.ndarray) -> np.ndarray:
@@ -88,6 +91,26 @@ def process(
     return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter, bound=bound)
 
 
+def tested(
+    output: np.ndarray,
+    inputs: np.ndarray,
+    usable: np.ndarray,
+    segment: np.ndarray,
+    dt: float,
+    output_filter: OutputFilter | None,
+) -> tuple[ProcessFit, ResidualTests | None]:
+    """Fit first order plus dead time and test its residuals; None: there is no fit."""
+    fit = process(output, inputs, dt, usable, segment, output_filter)
+    if fit.start is None:
+        return fit, None
+    names = ("headway_error", "range_rate")
+    samples = np.column_stack([output, usable, segment, inputs])
+    layout = row_layout(len(names), dt, BOX.tau_max, BOX.dead_time_max)
+    _, rows = regression_rows.put(layout, regression_rows.State(), samples, BOX.tau_max + BOX.dead_time_max)
+    simulated = fopdt_residual.simulate_window(layout, rows, fit)
+    return fit, fopdt_residual.run_tests(simulated, fit, names, output_filter)
+
+
 # What a user might declare who has read the published drivers: centre and width of reference/identification.md, sec. 3.
 # It is near the truth of both loops, but for tau1 - tau2 of loop A (0.28 s).
 PRIOR = Prior(tau=0.35, tau_factor=2.0, dead_time=0.3, dead_time_sd=0.2, same_tau=0.25, same_dead_time=0.15)
@@ -101,14 +124,23 @@ def with_prior(
 
 
 def live(
-    name: str, names: tuple[str, ...], y: np.ndarray, u: np.ndarray, dt: float, every: float
+    name: str,
+    names: tuple[str, ...],
+    y: np.ndarray,
+    u: np.ndarray,
+    dt: float,
+    every: float,
+    usable: np.ndarray | None = None,
+    segment: np.ndarray | None = None,
 ) -> Iterator[Estimate]:
     """Run one live estimator over (n,) outputs and (n, m) inputs; yields its last estimate every `every` s."""
     estimator = next(one for one in ESTIMATORS if one.name == name).make(names, dt)
     state, last, due = estimator.init(), None, every
+    learn = [True] * len(y) if usable is None else usable.tolist()
+    part = [0] * len(y) if segment is None else segment.tolist()
     for k, (output, inputs) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
         state, estimate = estimator.step(
-            state, Sample(k * dt, output, tuple(inputs), LearnGate.OPEN, True, 0, {})
+            state, Sample(k * dt, output, tuple(inputs), LearnGate.OPEN, learn[k], int(part[k]), {})
         )
         last = estimate if estimate is not None else last
         if k * dt >= due - 1e-9 and last is not None:
@@ -116,9 +148,10 @@ def live(
             yield last
 
 
-def quotable(channel: Channel, field: str) -> bool:
-    """Whether canid would quote a number."""
-    return identifiability.quotable(channel, field)
+def quoted(channel: Channel, field: str) -> Interval:
+    """Return an interval that may be quoted, or NaN."""
+    interval: Interval = getattr(channel, field)
+    return interval if identifiability.quotable(channel, field) else Interval()
 
 
 def inside(channel: Channel, field: str, truth: float) -> bool | None:

@@ -12,13 +12,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from canid.estimators import status
+from canid.estimators import plausibility, status
 from canid.estimators.estimator import Estimator, WholeDrive
-from canid.identification.fopdt import fopdt_fit, regression_rows
+from canid.identification import identifiability
+from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
 from canid.identification.fopdt.output_filter import is_unknown
 from canid.identification.fopdt.prior import Prior, check_prior
 from canid.state_constraints import TIME
-from canid.types import Array, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
+from canid.types import Array, Channel, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
 
 NAME = "fopdt"
 
@@ -60,6 +61,7 @@ class FopdtSettings(NamedTuple):
     prior: Annotated[Prior | None, AfterValidator(_stated)] = None  # none: the box alone
     # from [driver]: how the output was smoothed; None: nothing is known, and its spectrum decides
     output_filter: OutputFilter | None = None
+    output: str = ""  # from [driver]: its role; of an acceleration the closed loop is known
 
 
 class Setup(NamedTuple):
@@ -218,12 +220,36 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     if state.reported:
         state = state._replace(start=fit.start)
     channels = dict(zip(names, fit.channels, strict=True))
-    kind, says = status.by_fit(channels, excitation)
+    following = _following(given, sample.signals.get("speed"), sample.signals.get("headway"))
+    verdict = plausibility.judge(channels, fit.fit_percent, _ranges(given), following)
+    kind, says = status.by_fit(channels, excitation, *verdict)
+    tests = None
+    # half as long as a fit: only where it is reported
+    if state.reported and fit.start is not None:
+        simulated = fopdt_residual.simulate_window(setup.layout, window, fit)
+        tests = fopdt_residual.run_tests(simulated, fit, names, given.output_filter)
     if kind is not Status.OK:
-        return state, refused(kind, says)
+        made = refused(kind, says)
+        # what was found against a model is the reason, whatever the gate says just now
+        return state, made._replace(says=says, residual_tests=tests) if verdict.refused else made
     if is_unknown(given.output_filter):
         says = f"{says}; {UNKNOWN_FILTER}"
-    return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used)
+    return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests)
+
+
+def _ranges(given: FopdtSettings) -> plausibility.Ranges:
+    return plausibility.Ranges(given.tau_max, given.dead_time_max)
+
+
+def _following(
+    given: FopdtSettings, speed: float | None, headway: float | None
+) -> plausibility.Following | None:
+    """About what the loop is linearised; None: the output is no acceleration, or its delays are not the driver's."""
+    if given.output not in plausibility.ACCELERATIONS or is_unknown(given.output_filter):
+        return None
+    if speed is None or headway is None or not (speed > 0.0 and headway > 0.0):
+        return None
+    return plausibility.Following(speed, headway)
 
 
 # --- a whole drive ---------------------------------------------------------------------------------
@@ -244,9 +270,31 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         bound=trace.bound,
     )
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
-    sentences = (status.implausible(channels), UNKNOWN_FILTER if is_unknown(settings.output_filter) else "")
-    lines = tuple(sentence for sentence in sentences if sentence)
-    return WholeDrive(channels, fit, fit.fit_percent, lines=lines)
+    tests, left = None, ""
+    if fit.start is not None:
+        setup = configure(trace.input_names, trace.dt, settings)
+        simulated = fopdt_residual.simulate_drive(setup.layout, trace, fit, setup.settle)
+        tests = fopdt_residual.run_tests(simulated, fit, trace.input_names, settings.output_filter)
+        left = plausibility.left_over(tests)
+    following = _following(settings, _mean(trace, "speed"), _mean(trace, "headway"))
+    verdict = plausibility.judge(channels, fit.fit_percent, _ranges(settings), following)
+    if verdict.refused:
+        channels = dict.fromkeys(channels, Channel())
+    elif left:
+        channels = {name: identifiability.gain_only(c) for name, c in channels.items()}
+    unknown = UNKNOWN_FILTER if is_unknown(settings.output_filter) else ""
+    lines = tuple(filter(None, (*verdict.refused, *verdict.remarks, left, unknown)))
+    details = {"says": "; ".join(lines)}
+    return WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
+
+
+def _mean(trace: Trace, role: str) -> float | None:
+    """Mean of a signal where the drive may be learnt from."""
+    if role not in trace.signals:
+        return None
+    known = trace.signals[role][trace.learn]
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else None
 
 
 FOPDT = Estimator(NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state)

@@ -4,8 +4,9 @@ Every status is decided in one of four places, in this order:
 
 1. `by_gate`: the gate is closed: `no_driver`, `no_lead`, `stale`.
 2. `by_data`: too few data: `converging`; the inputs hardly moved: `not_excited`.
-3. `by_fit`: no gain can be estimated: `not_excited`; a gain of the wrong sign: `inconsistent`; else `ok`. ARMAX alone
-   adds `inconsistent`, where the residual tests reject the model (estimators/armax.py).
+3. `by_fit`: no gain can be estimated: `not_excited`; a gain of the wrong sign, or another reason of plausibility.py to
+   refuse the model: `inconsistent`; else `ok`. ARMAX alone adds `inconsistent`, where the residual tests reject the
+   model (estimators/armax.py).
 4. `agreement.step`: the intervals of two estimators stay disjoint: `inconsistent`.
 """
 
@@ -152,8 +153,19 @@ def by_data(
     return None
 
 
-def by_fit(channels: Mapping[str, Channel], excitation: Mapping[str, float]) -> tuple[Status, str]:
+def by_fit(
+    channels: Mapping[str, Channel],
+    excitation: Mapping[str, float],
+    refused: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+) -> tuple[Status, str]:
     """Status and sentence of a fit.
+
+    Args:
+        channels: input name -> Channel.
+        excitation: input name -> standard deviation over the data.
+        refused: what else speaks against the model, see plausibility.py.
+        remarks: what a reader of its numbers should know.
 
     >>> by_fit({"range_rate": Channel(status=Identifiable.GAIN_ONLY)}, {"range_rate": 1.0})
     (<Status.OK: 'ok'>, 'range rate: K only')
@@ -162,11 +174,11 @@ def by_fit(channels: Mapping[str, Channel], excitation: Mapping[str, float]) -> 
     """
     if all(channel.status is Identifiable.NOT for channel in channels.values()):
         return Status.NOT_EXCITED, _no_gain(excitation)
-    wrong = implausible(channels)
+    wrong = "; ".join(refused) or implausible(channels)
     if wrong:
         return Status.INCONSISTENT, wrong
     words = (f"{name.replace('_', ' ')}: {_ESTIMATED[c.status]}" for name, c in channels.items())
-    return Status.OK, "; ".join(words)
+    return Status.OK, "; ".join((*words, *remarks))
 
 
 def implausible(channels: Mapping[str, Channel]) -> str:

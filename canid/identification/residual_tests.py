@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -44,7 +44,14 @@ class Whiteness(NamedTuple):
     lags: int
 
 
-def run_tests(e: Array, inputs: Array, names: Sequence[str], fitted: int) -> ResidualTests:
+def run_tests(
+    e: Array,
+    inputs: Array,
+    names: Sequence[str],
+    fitted: int,
+    stride: int = 1,
+    response: Array | None = None,
+) -> ResidualTests:
     """Every residual test at once; each alone alarms at a right model in 1 %.
 
     What cannot be tested has not passed (white, stationary) and shows nothing (left_over, feedback).
@@ -54,6 +61,9 @@ def run_tests(e: Array, inputs: Array, names: Sequence[str], fitted: int) -> Res
         inputs: (n, m) the model's inputs at the same times.
         names: (m,) of the inputs.
         fitted: parameters of the noise model.
+        stride: samples from a residual to the next that it is white against. All phases are tested, and count as one:
+            neighbours may know the same.
+        response: (n,) the model's response, whitened as `e` is; None: no shares of it are given.
 
     Raises:
         ValueError: shapes that do not belong together.
@@ -61,30 +71,82 @@ def run_tests(e: Array, inputs: Array, names: Sequence[str], fitted: int) -> Res
     >>> rng = np.random.default_rng(0)
     >>> e, u = rng.normal(size=600), rng.normal(size=(600, 1))
     >>> run_tests(e, u, ["range_rate"], 0)[3:]
-    ((), (), True, {'range_rate': 25})
+    ((), (), True, {'range_rate': 25}, {})
     >>> run_tests(e + np.roll(u[:, 0], 3), u, ["range_rate"], 0).left_over
     ('range_rate',)
     """
     if inputs.shape != (len(e), len(names)):
         raise ValueError(f"inputs {inputs.shape} for {len(e)} residuals and {len(names)} names")
-    e = _scaled(e)
-    white = whiteness(e, fitted=fitted)
+    largest = _largest(e)
+    e = phases(_scaled(e), stride)
+    white = whiteness(e, fitted=fitted, stride=stride)
     own = innovations(e, OWN)
-    held = {name: _against(own, _scaled(u)) for name, u in zip(names, inputs.T, strict=True)}
+    held = {
+        name: _against(own, phases(_scaled(u), stride), stride)
+        for name, u in zip(names, inputs.T, strict=True)
+    }
     return ResidualTests(
         white=white.white,
         statistic=white.statistic,
         bound=white.bound,
         left_over=tuple(name for name, x in held.items() if x.left_over),
         feedback=tuple(name for name, x in held.items() if x.feedback),
-        stationary=stationary(own),
+        stationary=stationary(_sizes(own, stride)),
         excitation_order={name: x.order for name, x in held.items()},
+        left_over_share=(
+            {} if response is None else _shares(held, _variance(own) * largest**2, _variance(response))
+        ),
     )
+
+
+def _variance(x: Array) -> float:
+    """Of what is known; zero where nothing is."""
+    known = x[np.isfinite(x)]
+    return float(np.var(known)) if len(known) else 0.0
+
+
+def _shares(held: Mapping[str, _AgainstInput], noise: float, response: float) -> dict[str, float]:
+    """Left-over responses over the model's own, root mean squares, from the variances of residual and response."""
+    return {
+        name: (x.explained * noise / response) ** 0.5 if response > 0.0 else NAN for name, x in held.items()
+    }
+
+
+def phases(x: Array, stride: int) -> Array:
+    """Every `stride`-th sample from the first, then from the second, and so on; NaN keeps one phase from the next.
+
+    >>> phases(np.arange(5.0), 2)[[0, 1, 2, -2, -1]], phases(np.arange(5.0), 1)
+    (array([ 0.,  2.,  4., nan, nan]), array([0., 1., 2., 3., 4.]))
+    """
+    if stride == 1:
+        return x
+    height = -(-len(x) // stride)
+    out = np.full((stride, height + LAGS), NAN)
+    for phase, row in enumerate(out):
+        part = x[phase::stride]
+        row[: len(part)] = part
+    return out.ravel()
+
+
+def _sizes(e: Array, stride: int) -> Array:
+    """Root mean square of the phases at each step: their sizes, in the order of time."""
+    if stride == 1:
+        return e
+    square = np.square(e.reshape(stride, -1))
+    known = np.isfinite(square)
+    count = known.sum(axis=0)
+    total = np.where(known, square, 0.0).sum(axis=0)
+    out: Array = np.sqrt(np.where(count > 0, total / np.maximum(count, 1), NAN))
+    return out
+
+
+def _largest(x: Array) -> float:
+    return float(np.max(np.abs(x), initial=0.0, where=np.isfinite(x)))
 
 
 def _scaled(x: Array) -> Array:
     """Divide by the largest size: no test depends on the unit, and no square leaves the range of a double."""
-    largest = float(np.max(np.abs(x), initial=0.0, where=np.isfinite(x)))
+    largest = _largest(x)
     return x / largest if largest > 0.0 else np.ascontiguousarray(x)
 
 
@@ -112,13 +174,14 @@ def chi2_bound(freedom: int, level: float = LEVEL) -> float:
     return float(k * (1.0 - 2.0 / (9.0 * k) + z * (2.0 / (9.0 * k)) ** 0.5) ** 3)
 
 
-def whiteness(e: Array, lags: int = LAGS, fitted: int = 0) -> Whiteness:
+def whiteness(e: Array, lags: int = LAGS, fitted: int = 0, stride: int = 1) -> Whiteness:
     """Ljung & Box: Q = n (n+2) sum r_k^2 / n_k, with n_k the pairs that are k samples apart (n - k without gaps).
 
     Args:
         e: (n,) residuals; NaN where there is none.
         lags: how many.
         fitted: parameters of the noise model, taken off the degrees of freedom.
+        stride: how many phases `e` consists of, see `phases`.
 
     >>> whiteness(np.random.default_rng(0).normal(size=600)).white
     True
@@ -127,7 +190,7 @@ def whiteness(e: Array, lags: int = LAGS, fitted: int = 0) -> Whiteness:
     """
     known = np.isfinite(e)
     n = int(known.sum())
-    lags = min(lags, n // 4)
+    lags = min(lags, n // stride // 4)
     e = np.where(known, e, 0.0)
     power = float(e @ e)
     if lags <= fitted or not power > 0.0:
@@ -135,7 +198,7 @@ def whiteness(e: Array, lags: int = LAGS, fitted: int = 0) -> Whiteness:
     pairs = _products(known.astype(float), lags)
     r = _products(e, lags) / power
     some = pairs > 0.0
-    q = float(n * (n + 2) * np.sum(r[some] ** 2 / pairs[some]))
+    q = float(n * (n + 2) * np.sum(r[some] ** 2 / pairs[some])) / stride
     bound = chi2_bound(int(some.sum()) - fitted)
     return Whiteness(q <= bound, q, bound, lags)
 
@@ -206,9 +269,10 @@ class _AgainstInput(NamedTuple):
     left_over: bool
     feedback: bool
     order: int  # of persistent excitation
+    explained: float = 0.0  # share of the residual's variance, beyond what chance explains
 
 
-def _against(own: Array, u: Array) -> _AgainstInput:
+def _against(own: Array, u: Array, stride: int = 1) -> _AgainstInput:
     """Test whether the input's past predicts the residual (left over), and the residual's past the input (feedback).
 
     Left over: regression of the residual on the input's lags, in the directions in which these move; n R^2 is
@@ -222,6 +286,7 @@ def _against(own: Array, u: Array) -> _AgainstInput:
     Args:
         own: (n,) whitened residual; NaN where there is none.
         u: (n,) input.
+        stride: how many phases both consist of.
     """
     nothing = _AgainstInput(False, False, 0)
     if len(u) <= 3 * LAGS:
@@ -230,7 +295,7 @@ def _against(own: Array, u: Array) -> _AgainstInput:
     known = _complete(u, LAGS + 1) & np.isfinite(y)
     y = y[known]
     n = len(y)
-    if n < 2 * LAGS:
+    if n < 2 * LAGS * stride:
         return nothing
     rows, gram = _lagged(u, LAGS + 1, known)
     size = float(np.trace(gram)) / n  # LAGS + 1 times the input's variance
@@ -245,18 +310,19 @@ def _against(own: Array, u: Array) -> _AgainstInput:
     if not noise > 0.0:
         return _AgainstInput(False, False, order)
     along = (y @ rows[:, 1:]) @ moved[:, moving]
-    answer = n * float(np.sum(along**2 / power[moving])) / noise
+    answer = n / stride * float(np.sum(along**2 / power[moving])) / noise
 
     new = _innovation(rows, gram)
     fresh = float(new @ new)
     # an input that its own past predicts entirely (a sine) has nothing new in it
+    explained = max(answer - order, 0.0) * stride / n
     if not fresh > RIDGE * n * size:
-        return _AgainstInput(answer > chi2_bound(order), False, order)
+        return _AgainstInput(answer > chi2_bound(order), False, order, explained)
     past = np.where(np.isfinite(own), own, 0.0)
     fresh *= float(past @ past) / np.count_nonzero(past)
     along = new @ _windows(past, LAGS)[:-1][known]
-    moves = float(along @ along) / fresh
-    return _AgainstInput(answer > chi2_bound(order), bool(moves > chi2_bound(LAGS)), order)
+    moves = float(along @ along) / fresh / stride
+    return _AgainstInput(answer > chi2_bound(order), bool(moves > chi2_bound(LAGS)), order, explained)
 
 
 def stationary(e: Array) -> bool:

@@ -131,11 +131,11 @@ def residual_tests(tests: ResidualTests) -> list[str]:
     white = "white" if tests.white else "not white: the order of the model or of its noise is too low"
     lines = [f"residuals {white} (Ljung–Box {tests.statistic:.0f}, bound {tests.bound:.0f})"]
     for name in tests.excitation_order:
-        left = (
-            "part of the response is not modelled"
-            if name in tests.left_over
-            else "no response left in the residuals"
-        )
+        left = "no response left in the residuals"
+        if name in tests.left_over:
+            share = tests.left_over_share.get(name)
+            size = "" if share is None else f", {share:.0%} of the model's own"
+            left = f"part of the response is not modelled{size}"
         loop = "; the loop is closed" if name in tests.feedback else ""
         lines.append(f"{readable(name)}: {left}{loop}")
     variance = "stationary: no trend" if tests.stationary else "not stationary: it has a trend"

@@ -90,6 +90,7 @@ def residual_tests(tests: ResidualTests) -> dict[str, Any]:
         "feedback": list(tests.feedback),
         "stationary": tests.stationary,
         "excitation_order": dict(tests.excitation_order),
+        "left_over_share": {name: number(share) for name, share in tests.left_over_share.items()},
     }
 
 

@@ -16,6 +16,8 @@ from scipy.linalg import toeplitz
 
 import benchmarks.identification
 from benchmarks.identification import bounds, bus, loop_a, loop_b, noise_models, open_loop, peers
+from benchmarks.identification.peers.estimators import BATCH, ONLINE
+from benchmarks.identification.peers.rows import Rows
 from benchmarks.identification.table import Settings, markdown
 from benchmarks.identification.tables import (
     TABLES,
@@ -24,7 +26,9 @@ from benchmarks.identification.tables import (
     cuts,
     filters,
     floor,
+    peers_following,
     progress,
+    residuals,
     tracking,
     verdict,
     windup,
@@ -53,6 +57,11 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cuts, "MINUTES", (2.0,))
     monkeypatch.setattr(cuts, "DATA", Path("nowhere"))
     monkeypatch.setattr(coverage, "CUTS", (0.2,))
+    monkeypatch.setattr(peers_following, "SECONDS", 60.0)
+    monkeypatch.setattr(peers_following, "ASKED", (60.0,))
+    monkeypatch.setattr(peers_following, "WORLDS", peers_following.WORLDS[2:])
+    monkeypatch.setattr(residuals, "SECONDS", 90.0)
+    monkeypatch.setattr(residuals, "WORLDS", residuals.WORLDS[3:4])
     monkeypatch.setattr(floor, "SECONDS", 40.0)
     monkeypatch.setattr(verdict, "LEADS", verdict.LEADS[1:2])
 
@@ -169,3 +178,41 @@ def test_a_peer_without_dependencies_recovers_the_truth() -> None:
     np.testing.assert_allclose(
         peers.call(recipe, run.y, run.u, run.dt, run.settle), [4.4, 0.685, 0.3], atol=0.02
     )
+
+
+def policy(seed: int, alpha: float, beta: float, headway: float) -> Rows:
+    """Two minutes of a vehicle that follows by constant time headway and relative velocity, in Euler steps."""
+    rng = np.random.default_rng(seed)
+    n, dt, v = 1200, 0.1, 20.0
+    s, lead, out = headway * v, np.empty(n), np.empty((n, 3))
+    lead[:] = 20.0 + 3.0 * np.sin(0.2 * dt * np.arange(n)) + 0.05 * rng.standard_normal(n).cumsum()
+    for k in range(n):
+        a = alpha * (s - headway * v) + beta * (lead[k] - v) + 0.02 * rng.standard_normal()
+        out[k] = a, v, s
+        s, v = s + dt * (lead[k] - v), v + dt * a
+    accel, speed, gap = out.T
+    inputs = np.column_stack([gap / speed - headway, lead - speed])
+    return Rows(dt, accel, inputs, np.full(n, True), np.zeros(n), speed, gap, 1.0, 0.02)
+
+
+@pytest.mark.parametrize("method", ONLINE, ids=lambda peer: peer.name)
+def test_the_online_peers_find_a_policy_that_is_their_own_model(method: peers.Peer) -> None:
+    """Where constant time headway is the truth, K1 and K2 of every published filter are within a fifth of it."""
+    if peers.missing(method):
+        pytest.skip(peers.missing(method))
+    rows = policy(0, 0.05, 0.6, 1.5)
+    *_, (_, answer) = peers.call(method, rows)
+    # the particle filter's cloud is as wide as its random walk
+    np.testing.assert_allclose(answer.value[:2], [0.05 * rows.speed.mean(), 0.6], rtol=0.2)
+    assert np.isnan(answer.value[2])
+
+
+def test_a_masked_row_teaches_no_peer_anything() -> None:
+    """Outputs that are not usable may be anything: no batch peer's answer moves."""
+    rows = policy(1, 0.05, 0.6, 1.5)
+    usable = np.arange(len(rows.output)) % 200 > 40
+    spoilt = np.where(usable, rows.output, 99.0)
+    for method in (BATCH[0], BATCH[2]):
+        one = peers.call(method, rows._replace(usable=usable))
+        other = peers.call(method, rows._replace(usable=usable, output=spoilt))
+        np.testing.assert_allclose(one.value, other.value, rtol=1e-6)

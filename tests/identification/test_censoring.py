@@ -47,7 +47,7 @@ def floored(seed: int) -> Floored:
 
 
 def test_bounds_take_the_selection_out() -> None:
-    """Masked alone the gain is more than a standard deviation below that of the whole demand; with bounds a third of that at most."""
+    """Masked alone the gain is a standard deviation below that of the whole demand; with bounds a third of that."""
     z: dict[bool, list[float]] = {False: [], True: []}
     for seed in range(20):
         y, u, usable, bound, demand = floored(seed)

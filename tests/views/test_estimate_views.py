@@ -90,6 +90,7 @@ def test_json_has_every_name_of_the_contract():
         "feedback": [],
         "stationary": True,
         "excitation_order": {"range_rate": 12},
+        "left_over_share": {},
     }
     channel = value["channels"]["range_rate"]
     assert channel["K_anytime"] == {"value": 5.5, "low": 4.0, "high": 7.0}

@@ -26,21 +26,28 @@ def lag(u: np.ndarray, dt: float, tau: float, dead_time: float) -> np.ndarray:
     return x0 + lfilter([0.0, 1.0 - alpha], [1.0, -alpha], shifted - x0)
 
 
-def joint(y: np.ndarray, inputs: list[np.ndarray], dt: float, settle: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fit all inputs by output error: K tau theta of each, and their nominal sd."""
+def joint(
+    y: np.ndarray, inputs: list[np.ndarray], dt: float, settle: int, usable: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fit all inputs by output error: K tau theta of each, and their nominal covariance.
+
+    Rows before `settle`, and those that are not `usable` (n,), are left out.
+    """
     m = len(inputs)
+    rows = np.arange(len(y)) >= settle
+    rows = rows if usable is None else rows & usable
 
     def model(_: object, *p: float) -> np.ndarray:
         total = np.full(len(y), p[-1])
         for i, u in enumerate(inputs):
             total += p[3 * i] * lag(u, dt, p[3 * i + 1], p[3 * i + 2])
-        return total[settle:]
+        return total[rows]
 
-    start = [*(1.0, *GUESS) * m, float(np.mean(y))]
+    start = [*(1.0, *GUESS) * m, float(np.mean(y[rows]))]
     low = [*(-np.inf, *LOW) * m, -np.inf]
     high = [*(np.inf, *HIGH) * m, np.inf]
-    found, covariance = curve_fit(model, None, y[settle:], start, bounds=(low, high), x_scale="jac")
-    return found[:-1], np.sqrt(np.diag(covariance))[:-1]
+    found, covariance = curve_fit(model, None, y[rows], start, bounds=(low, high), x_scale="jac")
+    return found[:-1], covariance[:-1, :-1]
 
 
 def recipe(y: np.ndarray, u: np.ndarray, dt: float, settle: int) -> np.ndarray:
@@ -48,7 +55,8 @@ def recipe(y: np.ndarray, u: np.ndarray, dt: float, settle: int) -> np.ndarray:
 
 
 def recipe_with_sd(y: np.ndarray, u: np.ndarray, dt: float, settle: int) -> tuple[np.ndarray, np.ndarray]:
-    return joint(y, [u], dt, settle)
+    found, covariance = joint(y, [u], dt, settle)
+    return found, np.sqrt(np.diag(covariance))
 
 
 def first_order(y: np.ndarray, inputs: list[np.ndarray], dt: float, settle: int) -> list[np.ndarray]:

@@ -112,7 +112,7 @@ def one(seed: int) -> Held:
         known = np.isfinite(interval.value)
         z.append(1.96 * (interval.value - x) / (0.5 * (interval.high - interval.low)) if known else np.nan)
         inside.append(float(interval.low <= x <= interval.high) if known else np.nan)
-        quotable.append(canid_side.quotable(channels[i], field))
+        quotable.append(bool(np.isfinite(canid_side.quoted(channels[i], field).value)))
         width.append((interval.high - interval.low) / x if known else np.nan)
     return Held(world(seed), tuple(z), tuple(inside), tuple(quotable), tuple(width))
 
