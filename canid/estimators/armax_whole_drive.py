@@ -20,20 +20,33 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     if fit is None:
         return None
     tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
-    covariance = residual_tests.variance_inflation(tests) * fit.covariance
-    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, covariance, trace.dt)
+    fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt)
     return WholeDrive(
         channels,
         fit,
         residual_tests=tests,
         specification=_specification(orders),
         details=_details(fit, channels, tests),
-        lines=(f"poles {', '.join(map(_pole, fit.poles))}",),
+        lines=(*_polynomials(fit, trace.input_names), f"poles {', '.join(map(_pole, fit.poles))}"),
     )
 
 
 def _specification(o: Orders) -> str:
     return f"({o.na},{o.nb},{o.nc}), dead time {o.nk} sample{'s' * (o.nk > 1)}"
+
+
+def _polynomials(fit: ArmaxFit, names: tuple[str, ...]) -> list[str]:
+    """One line per polynomial: each coefficient with its standard error."""
+    sd = fit.standard_errors
+    rows = [("A", fit.A[1:], sd.A[1:])]
+    rows += [(f"B {name.replace('_', ' ')}", b, s) for name, b, s in zip(names, fit.B, sd.B, strict=True)]
+    rows += [("C", fit.C[1:], sd.C[1:])]
+    return [
+        f"{name}: {', '.join(f'{x:.4g} ± {s:.2g}' for x, s in zip(values, errors, strict=True))}"
+        for name, values, errors in rows
+        if len(values)
+    ]
 
 
 def _pole(p: complex) -> str:
@@ -42,11 +55,18 @@ def _pole(p: complex) -> str:
 
 def _details(fit: ArmaxFit, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
     """Keys of `armax` in JSON, see docs/json.md."""
+    sd = fit.standard_errors
     return {
         "orders": fit.orders,
         "A": fit.A,
         "B": dict(zip(channels, fit.B, strict=True)),
         "C": fit.C,
+        "standard_errors": {
+            "A": sd.A,
+            "B": dict(zip(channels, sd.B, strict=True)),
+            "C": sd.C,
+            "offset": sd.offset,
+        },
         "offset": fit.offset,
         "sigma": float(fit.sigma),
         "K": {name: channel.K for name, channel in channels.items()},

@@ -51,6 +51,15 @@ class Lags(NamedTuple):
     psi: tuple[tuple[float, ...], ...] = ()  # nc gradients, each (n,)
 
 
+class StandardErrors(NamedTuple):
+    """Of the coefficients."""
+
+    A: Array  # (na + 1,) the first is 0
+    B: Array  # (m, nb)
+    C: Array  # (nc + 1,) the first is 0
+    offset: float
+
+
 class ArmaxFit(NamedTuple):
     """Parameters in the order a1..., b_1,1..., b_2,1..., c0, c1..."""
 
@@ -85,6 +94,17 @@ class ArmaxFit(NamedTuple):
     def offset(self) -> float:
         """The constant c0, in the output's unit times A(1)."""
         return float(self.theta[len(self.theta) - self.orders.nc - 1])
+
+    @property
+    def standard_errors(self) -> StandardErrors:
+        """Of the coefficients, in the shapes of A, B and C; the leading ones are exact."""
+        o, sd = self.orders, np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return StandardErrors(
+            np.concatenate([[0.0], sd[: o.na]]),
+            sd[o.na : -1 - o.nc].reshape(-1, o.nb),
+            np.concatenate([[0.0], sd[len(sd) - o.nc :]]),
+            float(sd[len(sd) - o.nc - 1]),
+        )
 
     @property
     def poles(self) -> npt.NDArray[np.complex128]:
