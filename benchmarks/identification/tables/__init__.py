@@ -12,6 +12,7 @@ from benchmarks.identification.tables import (
     fopdt,
     progress,
     speed,
+    steering,
     tracking,
     verdict,
     windup,
@@ -19,6 +20,7 @@ from benchmarks.identification.tables import (
 
 TABLES = (
     ("armax", armax.table),
+    ("steering", steering.table),
     ("tracking", tracking.table),
     ("windup", windup.table),
     ("anytime", anytime.table),
