@@ -228,7 +228,14 @@ def trace(samples: list[Sample], driver: Driver, dt: float) -> Trace:
         segment=np.array([s.segment for s in samples], dtype=np.int64),
         signals={role: np.array([s.signals.get(role, np.nan) for s in samples]) for role in roles},
         output_filter=driver.output_filter,
+        variance=_variance(samples, 1 + len(names)),
     )
+
+
+def _variance(samples: list[Sample], width: int) -> Array | None:
+    if not any(s.variance for s in samples):
+        return None
+    return np.array([s.variance or (np.nan,) * width for s in samples])
 
 
 def read_drive(
@@ -296,6 +303,9 @@ def _joined(parts: list[Trace]) -> Trace:
         segment=np.concatenate([part.segment for part in filled]),
         signals={role: np.concatenate([part.signals[role] for part in filled]) for role in first.signals},
         output_filter=first.output_filter,
+        variance=None
+        if any(part.variance is None for part in filled)
+        else np.concatenate([part.variance for part in filled if part.variance is not None]),
     )
 
 

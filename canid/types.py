@@ -125,6 +125,8 @@ class Sample(NamedTuple):
     learn: bool  # gate open, and the recovery time over
     segment: int  # grows by one where the inputs' history breaks (another target, another driver)
     signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
+    # of the measurement noise of output and inputs, where several readings make a sample; (): not known
+    variance: tuple[float, ...] = ()
 
 
 TASK_INPUTS: dict[str, tuple[str, ...]] = {
@@ -157,6 +159,7 @@ class Trace(NamedTuple):
     segment: npt.NDArray[np.int64]  # (n,)
     signals: dict[str, Array]  # role -> (n,)
     output_filter: OutputFilter | None = None  # that the output has passed; None: nothing is said of one
+    variance: Array | None = None  # (n, 1 + m) of the measurement noise of output and inputs; None: not known
 
 
 class Signal(NamedTuple):

@@ -8,9 +8,9 @@ import numpy as np
 
 from canid.estimators.estimator import WholeDrive
 from canid.identification import residual_tests
-from canid.identification.armax import gain_and_delay
+from canid.identification.armax import gain_and_delay, measurement_noise
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
-from canid.types import Channel, ResidualTests, Trace
+from canid.types import Array, Channel, ResidualTests, Trace
 
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
@@ -19,6 +19,9 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment)
     if fit is None:
         return None
+    if trace.variance is not None:
+        of = [float(x) for x in np.nan_to_num(_means(trace.variance[usable]))]
+        fit = measurement_noise.without_bias(fit, of[0], of[1:])
     tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
     fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
     channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt)
@@ -30,6 +33,14 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         details=_details(fit, channels, tests),
         lines=(*_polynomials(fit, trace.input_names), f"poles {', '.join(map(_pole, fit.poles))}"),
     )
+
+
+def _means(variance: Array) -> Array:
+    """Mean of each column; NaN where it has none."""
+    known = np.isfinite(variance)
+    total = np.where(known, variance, 0.0).sum(axis=0)
+    out: Array = np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+    return out
 
 
 def _specification(o: Orders) -> str:

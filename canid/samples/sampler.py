@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from canid.samples import lead, lead_readings, learning_gate, sampling_grid, session_clock, update_instants
 from canid.samples.lead_readings import REPORTED, Made
 from canid.samples.sampling_grid import Ints, Readings, Role
-from canid.types import TASK_INPUTS, Array, Columns, Driver, Event, Sample
+from canid.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
 from canid.vehicle import Vehicle, decoder
 from canid.vehicle.decoding import Decoding, RoleReadings
 from canid.vehicle.decoding import Step as DecodingStep
@@ -143,11 +143,14 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
         grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles)
     gate, samples = state.gate, []
     for points in parts:
+        variances = _variances(of, points)
         columns = (column.tolist() for column in (points.frame - first, points.t, *points.values.values()))
         for row, t, *values in zip(*columns, strict=True):
             gate, sample = learning_gate.step(
                 gate, t, dict(zip(points.values, values, strict=True)), of.driver, of.dt
             )
+            if variances is not None:
+                sample = sample._replace(variance=next(variances))
             samples.append((row, sample))
     events.sort(key=_row)
     if timed.rows is not None:
@@ -155,6 +158,15 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
         samples = [(rows[row], sample) for row, sample in samples]
         events = [(rows[row], event) for row, event in events]
     return State(clock, decoding, following, grid, gate, instants), Samples(samples, events)
+
+
+def _variances(of: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
+    """Of output and inputs, sample by sample; None: of none is anything known."""
+    if not points.variances:
+        return None
+    names = (of.driver.output, *TASK_INPUTS[of.driver.task])
+    unknown = np.full(len(points.t), NAN)
+    return zip(*(points.variances.get(name, unknown).tolist() for name in names), strict=True)
 
 
 def _instants(

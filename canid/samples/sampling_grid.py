@@ -5,18 +5,19 @@ Holding the last value of a 20 Hz radar would put 20 ms of dead time into the dr
 A grid point is complete with the frame that brings the last reading that it needs, and has the value of the readings
 that had come by then, however many frames are processed together: each reading carries the number of its frame.
 
-With `Instants` the grid is laid on the instants at which one role is updated, and that role has its value there.
+With `Instants` the grid consists of the instants at which one role is updated, and that role has its value there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from canid.samples import local_polynomial, update_instants
+from canid.samples.local_polynomial import Fitted
 from canid.samples.update_instants import Instants
 from canid.types import NAN, Array
 
@@ -64,7 +65,7 @@ class Kept(NamedTuple):
     newest: float = -np.inf  # s, time of the last reading
 
 
-# What a grid is laid on: the instants by blocks; None: k dt.
+# Instants that a grid follows, by blocks; None: k dt.
 Grid = tuple[Instants, ...] | None
 # s; half the width of the parabola through a smooth signal: a movement of 0.5 Hz loses 0.1 %, and what a driver does now
 # has moved no vehicle sideways by then
@@ -88,6 +89,8 @@ class Points(NamedTuple):
     t: Array  # (m,) s
     frame: Ints  # (m,) number of the frame that completed each
     values: dict[str, Array]  # role -> (m,); NaN = not measured then
+    # role -> (m,) of a value that several readings make, by their scatter; NaN = not known
+    variances: dict[str, Array]
 
 
 _NONE = Readings(np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
@@ -144,7 +147,7 @@ def take(
         latest: (n,) s, session time of the newest frame, at each frame.
         dt: the grid's step, s.
         roles: how each role is sampled.
-        grid: the instants that the grid is laid on; before the first of them there is none. None: k dt.
+        grid: the instants that the grid follows; before the first of them there is none. None: k dt.
 
     Returns:
         the next state and the points, in parts that ascend in time.
@@ -173,7 +176,7 @@ def take(
         if latest[begin] - index * dt > MAX_PAUSE_S:
             index = int((latest[begin] - MAX_WAIT_S) / dt)
         k = np.arange(index, int(latest[end - 1] / dt) + 2)
-        k, t = _laid(k, dt, grid)
+        k, t = _points_of(k, dt, grid)
         k, t = k[t <= latest[end - 1]], t[t <= latest[end - 1]]
         frame = _completed_by(state, t, latest[begin:end], state.frames + begin, roles, dt)
         n = int(np.searchsorted(frame, state.frames + end))
@@ -184,17 +187,17 @@ def take(
     return _trimmed(state, dt, roles)._replace(frames=after[0], latest=after[1]), out
 
 
-def _laid(k: Ints, dt: float, grid: Grid) -> tuple[Ints, Array]:
+def _points_of(k: Ints, dt: float, grid: Grid) -> tuple[Ints, Array]:
     """Grid points among those numbered k, and their times in s."""
     if grid is None:
-        return k, k * dt
+        return k, np.multiply(k, dt, dtype=np.float64)
     block = np.searchsorted(_starts(grid), k * dt + ROUNDING_S, side="right") - 1
-    phase = np.array([0.0, *(one.phase for one in grid)])[block + 1]
+    phase = np.array([0.0, *(one.phase for one in grid)], np.float64)[block + 1]
     # the first points of a block whose instants are others
     since = np.round(k - np.array([0.0, *_starts(grid)])[block + 1] / dt)
     fresh = np.array([True, *(one.fresh for one in grid)])[block + 1]
     some = (block >= 0) & ~(fresh & (since < LEFT_OUT))
-    return k[some], k[some] * dt + phase[some]
+    return k[some], np.add(k * dt, phase, dtype=np.float64)[some]
 
 
 def _starts(grid: tuple[Instants, ...]) -> list[float]:
@@ -246,7 +249,7 @@ def _completed_by(
 def _points(
     state: State, t: Array, frame: Ints, roles: Mapping[str, Role], kinds: list[str], dt: float
 ) -> Points:
-    values = {}
+    values, variances = {}, {}
     begun = np.ones(len(t), bool)
     for role, how in roles.items():
         kept = state.kept.get(role)
@@ -261,16 +264,18 @@ def _points(
         after = np.minimum(np.searchsorted(readings.t, t, side="right"), come)
         values[role] = _values(readings, t, after, come, (after > first) & (after > 0), how)
         if how.updated and kinds:
-            values[role] = _at_instants(readings, t, come, values[role], kinds, dt)
+            values[role], variances[role] = _at_instants(readings, t, come, values[role], kinds, dt)
         elif how.smooth:
-            values[role] = _smooth(readings, t, come, values[role])
+            values[role], variances[role] = _smooth(readings, t, come, values[role])
         if how.needed:
             oldest = np.minimum(np.maximum(first, 0), len(readings.t))
             begun &= (come > 0) & (np.append(readings.t, np.inf)[oldest] <= t)
     some = (t >= MAX_START_S) | begun
     if some.all():
-        return Points(t, frame, values)
-    return Points(t[some], frame[some], {role: value[some] for role, value in values.items()})
+        return Points(t, frame, values, variances)
+    return Points(
+        t[some], frame[some], *({role: x[some] for role, x in of.items()} for of in (values, variances))
+    )
 
 
 def _values(
@@ -306,30 +311,45 @@ def _values(
 
 def _at_instants(
     readings: Readings, t: Array, come: Ints, joined: Array, kinds: list[str], dt: float
-) -> Array:
-    """Values (m,) of the role whose instants the grid is laid on; joined by lines where they are not shown."""
-    out = joined.copy()
-    # readings that one instant may need, as many as had come
-    low, high = np.searchsorted(readings.t, t - dt), np.minimum(np.searchsorted(readings.t, t + dt), come)
-    for i, kind in enumerate(kinds):
-        if kind == "none" or joined[i] != joined[i]:
-            continue
-        near = slice(int(low[i]), int(high[i]))
-        value = update_instants.value_at(readings.t[near], readings.value[near], float(t[i]), kind, dt)
-        out[i] = value if value == value else joined[i]
-    return out
+) -> tuple[Array, Array]:
+    """Values (m,) of the role whose instants the grid follows, and variances; joined where they are not shown."""
+
+    def at(i: int, near: slice) -> Fitted:
+        if kinds[i] == "none":
+            return Fitted()
+        times, values = readings.t[near], readings.value[near]
+        return update_instants.value_at(times, values, float(t[i]), kinds[i], dt)
+
+    return _each(readings, t, come, joined, dt, at)
 
 
-def _smooth(readings: Readings, t: Array, come: Ints, joined: Array) -> Array:
-    """Values (m,) of a smooth role; joined by lines where its readings are too few."""
-    out = joined.copy()
-    low = np.searchsorted(readings.t, t - SMOOTH_S)
-    high = np.minimum(np.searchsorted(readings.t, t + SMOOTH_S), come)
+def _smooth(readings: Readings, t: Array, come: Ints, joined: Array) -> tuple[Array, Array]:
+    """Values (m,) of a smooth role, and variances; joined by lines where its readings are too few."""
+
+    def at(i: int, near: slice) -> Fitted:
+        return local_polynomial.parabola((readings.t[near] - t[i]).tolist(), readings.value[near].tolist())
+
+    return _each(readings, t, come, joined, SMOOTH_S, at)
+
+
+def _each(
+    readings: Readings,
+    t: Array,
+    come: Ints,
+    joined: Array,
+    reach: float,
+    fitted: Callable[[int, slice], Fitted],
+) -> tuple[Array, Array]:
+    """Fit the readings within `reach` s of each point that was measured, as many as had come."""
+    out, variance = joined.copy(), np.full(len(t), NAN)
+    low = np.searchsorted(readings.t, t - reach)
+    high = np.minimum(np.searchsorted(readings.t, t + reach), come)
     for i, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
         if joined[i] == joined[i]:
-            value = local_polynomial.parabola((readings.t[a:b] - t[i]).tolist(), readings.value[a:b].tolist())
-            out[i] = value if value == value else joined[i]
-    return out
+            found = fitted(i, slice(a, b))
+            out[i] = found.value if found.value == found.value else joined[i]
+            variance[i] = found.variance
+    return out, variance
 
 
 def _trimmed(state: State, dt: float, roles: Mapping[str, Role]) -> State:

@@ -2,8 +2,8 @@
 
 A driver model at 10 Hz, or a control unit that sends at 50 Hz what it computes at 10 Hz, changes its output at instants
 of its own. Joined by lines and read at other instants, each sample holds a share of the next decision, and ARMAX is
-biased by it however long the drive is: 10 ms of 100 put a1 of Chen & Ulsoy's driver off by 0.04. So the grid is laid
-on the instants, block by block, and follows the sender's clock.
+biased by it however long the drive is: 10 ms of 100 put a1 of Chen & Ulsoy's driver off by 0.04. So the grid has its
+points at the instants, block by block, and follows the sender's clock.
 
 The phase of the instants is that of the spline of least residual: piecewise constant (`hold`) or piecewise linear
 (`line`). Where neither stands out, the readings themselves are the grid if their period divides the step (`reading`),
@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from canid.samples import local_polynomial
+from canid.samples.local_polynomial import Fitted
 from canid.types import NAN, Array
 
 # s; readings from which one phase is determined. 50 decisions at 10 Hz know it to 1 ms with a wheel angle in steps of 0.1°
@@ -154,10 +155,8 @@ def _corners(t: Array, value: Array, dt: float, kept: Instants) -> Instants | No
         k = int(found.argmin())
         if found[k] > MAX_RESIDUAL_SHARE * usual or (best is not None and found[k] >= best[0]):
             continue
-        if kind == "hold":
-            phase = _middle(found, float(coarse[k]), usual, dt)
-        else:
-            phase = _finest(t, value, dt, float(coarse[k]))
+        near = float(coarse[k])
+        phase = _middle(found, near, usual, dt) if kind == "hold" else _finest(t, value, dt, near)
         best = float(found[k]), Instants(0.0, kind, phase, False)  # type: ignore[arg-type]
     return None if best is None else best[1]
 
@@ -215,8 +214,8 @@ def _line(t: Array, value: Array, dt: float, phase: float) -> float:
     return float(np.square(value - (1.0 - w) * s[k] - w * s[k + 1]).sum())
 
 
-def value_at(t: Array, value: Array, at: float, kind: str, dt: float) -> float:
-    """Value of the output at one instant; NaN where its readings do not show it.
+def value_at(t: Array, value: Array, at: float, kind: str, dt: float) -> Fitted:
+    """Value of the output at one instant, and its variance; NaN where its readings do not show it.
 
     Args:
         t: (n,) s, readings within a step of `at`.
@@ -227,17 +226,17 @@ def value_at(t: Array, value: Array, at: float, kind: str, dt: float) -> float:
 
     >>> t = np.array([0.91, 0.93, 0.95, 0.97, 0.99, 1.01, 1.03, 1.05, 1.07, 1.09])
     >>> corner = np.where(t < 1.0, 2.0, 2.0 + 5.0 * (t - 1.0))
-    >>> round(value_at(t, corner, 1.0, "line", 0.1), 9), round(float(np.interp(1.0, t, corner)), 9)
+    >>> round(value_at(t, corner, 1.0, "line", 0.1).value, 9), round(float(np.interp(1.0, t, corner)), 9)
     (2.0, 2.025)
     """
     times, values = t.tolist(), value.tolist()
     if kind == "hold":
-        return next((y for x, y in zip(times, values, strict=True) if at <= x < at + dt), NAN)
+        return Fitted(next((y for x, y in zip(times, values, strict=True) if at <= x < at + dt), NAN))
     if kind == "reading":
         near = min(zip(times, values, strict=True), key=lambda one: abs(one[0] - at), default=(NAN, NAN))
-        return near[1] if abs(near[0] - at) <= MAX_JITTER * dt else NAN
+        return Fitted(near[1] if abs(near[0] - at) <= MAX_JITTER * dt else NAN)
     middle = next((i for i, x in enumerate(times) if x >= at), len(times))
     x = [one - at for one in times]
     before = local_polynomial.line(x[:middle], values[:middle])
-    return 0.5 * (before + local_polynomial.line(x[middle:], values[middle:]))
-
+    after = local_polynomial.line(x[middle:], values[middle:])
+    return Fitted(0.5 * (before.value + after.value), 0.25 * (before.variance + after.variance))
