@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.estimators import ESTIMATORS, agreement
+from canid.estimators import ESTIMATORS, agreement, pooling
 from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
 from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
@@ -91,6 +91,8 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         names = ", ".join(estimator.name for estimator in ESTIMATORS)
         raise TypeError(f"identify: no estimator is called {', '.join(unknown)}; there are {names}")
     usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
+    rows = pooling.pooled(trace)
+    ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)
     return Identified(
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=float(usable.sum() * trace.dt),
@@ -101,7 +103,7 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
             if estimator.identify is not None
         },
         orders=tuple(
-            order_selection.compare(trace.output, trace.inputs, usable, segment=trace.segment)
+            order_selection.compare(rows.output, rows.inputs, ready, segment=rows.segment, dt=rows.dt)
             if select_orders
             else ()
         ),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from canid.estimators import pooling
 from canid.estimators.estimator import WholeDrive
 from canid.identification import residual_tests
 from canid.identification.armax import gain_and_delay, measurement_noise
@@ -15,8 +16,9 @@ from canid.types import Array, Channel, ResidualTests, Trace
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     """Fit all usable samples of a drive; None: too few data, or no stable model."""
+    trace = pooling.pooled(trace)
     usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
-    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment)
+    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment, dt=trace.dt)
     if fit is None:
         return None
     if trace.variance is not None:
@@ -30,7 +32,7 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         fit,
         residual_tests=tests,
         specification=_specification(orders),
-        details=_details(fit, channels, tests),
+        details=_details(fit, trace.dt, channels, tests),
         lines=(*_polynomials(fit, trace.input_names), f"poles {', '.join(map(_pole, fit.poles))}"),
     )
 
@@ -64,11 +66,12 @@ def _pole(p: complex) -> str:
     return f"{p.real:.3f}{p.imag:+.3f}j" if p.imag else f"{p.real:.3f}"
 
 
-def _details(fit: ArmaxFit, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
+def _details(fit: ArmaxFit, dt: float, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
     """Keys of `armax` in JSON, see docs/json.md."""
     sd = fit.standard_errors
     return {
         "orders": fit.orders,
+        "dt": dt,
         "A": fit.A,
         "B": dict(zip(channels, fit.B, strict=True)),
         "C": fit.C,

@@ -11,6 +11,7 @@ from benchmarks.identification.tables import (
     following,
     fopdt,
     progress,
+    sample_times,
     speed,
     steering,
     tracking,
@@ -21,6 +22,7 @@ from benchmarks.identification.tables import (
 TABLES = (
     ("armax", armax.table),
     ("steering", steering.table),
+    ("sample_times", sample_times.table),
     ("tracking", tracking.table),
     ("windup", windup.table),
     ("anytime", anytime.table),
