@@ -10,6 +10,7 @@ from benchmarks.identification.tables import (
     floor,
     following,
     fopdt,
+    poles,
     progress,
     sample_times,
     speed,
@@ -22,6 +23,7 @@ from benchmarks.identification.tables import (
 TABLES = (
     ("armax", armax.table),
     ("steering", steering.table),
+    ("poles", poles.table),
     ("sample_times", sample_times.table),
     ("tracking", tracking.table),
     ("windup", windup.table),

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from canid.identification import residual_tests
 from canid.identification.armax import polynomial
 from canid.identification.armax.rates import STATED_S
+from canid.identification.confidence import CHI_SQUARED_QUANTILE
 from canid.identification.fopdt.fopdt_fit import MIN_STRIDE_S, _band_stride
 from canid.identification.fopdt.output_filter import Kernel, apply, equalizer, is_unknown
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
@@ -181,13 +182,18 @@ def fit_rows(rows: Rows, dt: float, unknown: bool = False) -> BoxJenkinsFit | No
 
 def _delayed(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point]:
     """Choose the dead time of each input, the last first, by the innovations' variance."""
-    free = np.full(len(found.theta), True)
+    o, free = data.orders, np.full(len(found.theta), True)
+    # a fall of 2 log likelihood that chance alone seldom makes; all phases fall together
+    clear = CHI_SQUARED_QUANTILE * data.stride * found.cost / max(int((data.age >= 0).sum()), 1)
     for i in reversed(range(len(data.u))):
         begun = data.delays[i]
         for late in sorted({max(round(seconds / dt), 1) for seconds in DEAD_TIMES_S} - {begun}):
             tried = data._replace(delays=(*data.delays[:i], late, *data.delays[i + 1 :]))
-            other = _descend(found.theta, tried, dt, free)
-            if other is not None and other.cost < found.cost:
+            theta = found.theta.copy()
+            at = slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
+            theta[at] = theta[at].mean()
+            other = _descend(theta, tried, dt, free)
+            if other is not None and other.cost < found.cost - clear:
                 data, found = tried, other
     return data, found
 
@@ -340,6 +346,7 @@ def _since(good: npt.NDArray[np.bool_], segment: npt.NDArray[np.int64] | None) -
 class _Point(NamedTuple):
     theta: Array
     e: Array  # (N,) innovations, by phase
+    begun: Array  # (N,) with those at the start of a run, which lack what was before
     filtered: Array  # (m, N) inputs behind 1 / F
     answers: Array  # (m, N)
     v: Array  # (N,) the output without the answers, by phase
@@ -381,10 +388,10 @@ def _at(theta: Array, data: Rows) -> _Point:
         ]
     )
     v = np.where(data.age >= 0, data.y - offset - answers.sum(axis=0)[data.phased], 0.0)
-    e = _whitened(v, c, d, data.age)
+    begun = _whitened(v, c, d, data.age)
     # the first innovations of a run lack what was before
-    e[data.age < o.nd] = 0.0
-    return _Point(theta, e, filtered, answers, v, float(e @ e))
+    e = np.where(data.age < o.nd, 0.0, begun)
+    return _Point(theta, e, begun, filtered, answers, v, float(e @ e))
 
 
 def _gradient(at: _Point, data: Rows) -> Array:
@@ -401,7 +408,7 @@ def _gradient(at: _Point, data: Rows) -> Array:
     psi[: len(rows)] = _whitened(np.array(rows)[:, data.phased], c, d, data.age)
     k = len(rows)
     if o.nc:
-        by_e = polynomial.divide(at.e, c, data.age)
+        by_e = polynomial.divide(at.begun, c, data.age)
         psi[k : k + o.nc] = [_shifted(by_e, i, np.maximum(data.age, 0)) for i in range(1, o.nc + 1)]
         k += o.nc
     by_v = polynomial.divide(at.v, c, data.age)
@@ -434,7 +441,7 @@ def _start(data: Rows, lags: tuple[float, ...], dt: float) -> Array | None:
     for i, lag in enumerate(lags):
         pole = np.zeros(o.nf)
         pole[:1] = -np.exp(-dt / lag)
-        own += [*w[i * o.nb : (i + 1) * o.nb], *pole]
+        own += [*np.full(o.nb, w[i * o.nb : (i + 1) * o.nb].mean()), *pole]
     theta = np.array([*own, w[-1], *c, *polynomial.project(d, 0.98)])
     return theta if np.isfinite(theta).all() else None
 
@@ -451,9 +458,14 @@ def _descend(theta: Array, data: Rows, dt: float, free: npt.NDArray[np.bool_]) -
     longest = float(np.exp(-dt / MAX_LAG_S))
 
     def allowed(theta: Array) -> bool:
-        _, F, _, c, d = _split(theta, o, m)
+        B, F, _, c, d = _split(theta, o, m)
         return (
-            all(polynomial.is_stable(f.tolist(), longest) for f in F)
+            # coefficients of B join the dead time between samples: of one sign
+            bool((np.abs(B.sum(axis=1)) >= np.abs(B).sum(axis=1) * (1.0 - 1e-9)).all())
+            and
+            # a driver's answer decays without changing sign
+            bool((F[:, 0] <= 0.0).all())
+            and all(polynomial.is_stable(f.tolist(), longest) for f in F)
             and polynomial.is_stable(c.tolist(), 0.995)
             and polynomial.is_stable(d.tolist(), 0.999)
         )
