@@ -24,6 +24,9 @@ from canid.types import NAN, Array, OutputFilter
 
 DAMPING = Damping(1e-3, up=8.0, down=8.0, least=1e-10, tries=8, iterations=40, tolerance=1e-8)
 
+# A dead time that is tried need not be fitted to the last digit: six steps show whether it is better.
+TRIAL = DAMPING._replace(iterations=6, tolerance=1e-4)
+
 # s; lags at which the search starts, for every input
 START_LAGS_S = (0.3, 1.0)
 # s; longest lag of a driver: a pole beyond is another offset
@@ -192,10 +195,11 @@ def _delayed(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point]:
             theta = found.theta.copy()
             at = slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
             theta[at] = theta[at].mean()
-            other = _descend(theta, tried, dt, free)
+            other = _descend(theta, tried, dt, free, TRIAL)
             if other is not None and other.cost < found.cost - clear:
                 data, found = tried, other
-    return data, found
+    best = _descend(found.theta, data, dt, free)
+    return data, found if best is None else best
 
 
 def refit(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, lag: float) -> BoxJenkinsFit | None:
@@ -453,7 +457,9 @@ def _autoregression(v: Array, order: int, age: npt.NDArray[np.int64]) -> Array:
     return found
 
 
-def _descend(theta: Array, data: Rows, dt: float, free: npt.NDArray[np.bool_]) -> _Point | None:
+def _descend(
+    theta: Array, data: Rows, dt: float, free: npt.NDArray[np.bool_], damping: Damping = DAMPING
+) -> _Point | None:
     o, m = data.orders, len(data.u)
     longest = float(np.exp(-dt / MAX_LAG_S))
 
@@ -485,6 +491,6 @@ def _descend(theta: Array, data: Rows, dt: float, free: npt.NDArray[np.bool_]) -
         return Local(-(psi @ at.e), H, size, move)
 
     try:
-        return minimise(_at(theta, data), lambda at: at.cost, local, DAMPING).point
+        return minimise(_at(theta, data), lambda at: at.cost, local, damping).point
     except np.linalg.LinAlgError:
         return None
