@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.estimators import ESTIMATORS
+from canid.estimators import ESTIMATORS, agreement, pooling
 from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
 from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
@@ -34,15 +34,26 @@ class Identified(NamedTuple):
     orders: tuple[Candidate, ...]  # of ARMAX, compared on this drive, best first
 
     @property
+    def ranked(self) -> list[str]:
+        """Estimators with a result over the whole drive, by who carries the headline; for steering ARMAX."""
+        results = [found for found in (*self.whole.values(), *self.windows) if found is not None]
+        return agreement.by_headline(self.whole, {name for found in results for name in found.channels})
+
+    @property
+    def headline(self) -> WholeDrive | None:
+        """The result over the whole drive that is to be read; None: it has none."""
+        return self.whole[self.ranked[0]] if self.whole else None
+
+    @property
     def channels(self) -> Mapping[str, Channel]:
-        """FOPDT over the whole drive: input name -> Channel."""
-        found = self.whole.get("fopdt")
+        """The headline over the whole drive, FOPDT's or for steering ARMAX's: input name -> Channel."""
+        found = self.headline
         return {} if found is None else found.channels
 
     @property
     def fit_percent(self) -> float:
-        """Fit of FOPDT over the whole drive."""
-        found = self.whole.get("fopdt")
+        """Fit of the headline over the whole drive; NaN where it has none."""
+        found = self.headline
         return NAN if found is None or found.fit_percent is None else found.fit_percent
 
     @property
@@ -80,6 +91,8 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         names = ", ".join(estimator.name for estimator in ESTIMATORS)
         raise TypeError(f"identify: no estimator is called {', '.join(unknown)}; there are {names}")
     usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
+    rows = pooling.pooled(trace)
+    ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)
     return Identified(
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=float(usable.sum() * trace.dt),
@@ -90,7 +103,7 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
             if estimator.identify is not None
         },
         orders=tuple(
-            order_selection.compare(trace.output, trace.inputs, usable, segment=trace.segment)
+            order_selection.compare(rows.output, rows.inputs, ready, segment=rows.segment, dt=rows.dt)
             if select_orders
             else ()
         ),

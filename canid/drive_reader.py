@@ -229,7 +229,14 @@ def trace(samples: list[Sample], driver: Driver, dt: float) -> Trace:
         signals={role: np.array([s.signals.get(role, np.nan) for s in samples]) for role in roles},
         output_filter=driver.output_filter,
         bound=np.array([s.bound for s in samples]),
+        variance=_variance(samples, 1 + len(names)),
     )
+
+
+def _variance(samples: list[Sample], width: int) -> Array | None:
+    if not any(s.variance for s in samples):
+        return None
+    return np.array([s.variance or (np.nan,) * width for s in samples])
 
 
 def read_drive(
@@ -298,6 +305,9 @@ def _joined(parts: list[Trace]) -> Trace:
         signals={role: np.concatenate([part.signals[role] for part in filled]) for role in first.signals},
         output_filter=first.output_filter,
         bound=np.concatenate([part.bound for part in filled if part.bound is not None]),
+        variance=None
+        if any(part.variance is None for part in filled)
+        else np.concatenate([part.variance for part in filled if part.variance is not None]),
     )
 
 

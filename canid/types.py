@@ -126,6 +126,8 @@ class Sample(NamedTuple):
     segment: int  # grows by one where the inputs' history breaks (another target, another driver)
     signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
     bound: float = NAN  # the driver's demand was at or below it: a pedal at its floor; NaN: nothing is known
+    # of the measurement noise of output and inputs, where several readings make a sample; (): not known
+    variance: tuple[float, ...] = ()
 
 
 TASK_INPUTS: dict[str, tuple[str, ...]] = {
@@ -159,6 +161,7 @@ class Trace(NamedTuple):
     signals: dict[str, Array]  # role -> (n,)
     output_filter: OutputFilter | None = None  # that the output has passed; None: nothing is said of one
     bound: Array | None = None  # (n,) see Sample; None: nowhere
+    variance: Array | None = None  # (n, 1 + m) of the measurement noise of output and inputs; None: not known
 
 
 class Signal(NamedTuple):

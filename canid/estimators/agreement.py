@@ -6,7 +6,7 @@ of the models does not hold, and neither number is to be used.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -17,6 +17,10 @@ from canid.types import Channel, Estimate, Interval, Status
 # Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
 # are worked out from shared poles. An estimator that is not named here comes after these.
 HEADLINE_ORDER = ("fopdt", "armax")
+# Steering is of second order (Chen & Ulsoy 2001, table 1): of one lag and one dead time neither the gain nor the delay
+# is right, so FOPDT carries no headline there and contradicts nobody.
+STEERING = "lateral_offset"
+WRONG_FOR_STEERING = frozenset({"fopdt"})
 
 # s; an older estimate is about another time. Estimates come twice a second.
 MAX_AGE_S = 2.0
@@ -70,7 +74,8 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
     t = estimates[0].t
     newest = {e.estimator: e for e in (*state.latest, *estimates)}
     latest = tuple(e for e in newest.values() if t - e.t <= MAX_AGE_S + TIME_ROUNDING_S)
-    valid = sorted((e for e in latest if e.status is Status.OK), key=lambda e: headline_rank(e.estimator))
+    order, wrong = headline_order(estimates[0].channels), _wrong(estimates[0].channels)
+    valid = sorted((e for e in latest if e.status is Status.OK), key=lambda e: _rank(e.estimator, order))
     disjoint = {
         (a.estimator, b.estimator, *where): (a, b)
         for a, b in combinations(valid, 2)
@@ -81,10 +86,15 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
     for key, since in apart.items():
         if t - since >= PERSISTENCE_S - TIME_ROUNDING_S:
             a, b, *_ = key
+            if (a in wrong) != (b in wrong):
+                right, other = (b, a) if a in wrong else (a, b)
+                why.setdefault(other, _wrong_order(key, *disjoint[key], right))
+                continue
             says = _contradiction(key, *disjoint[key])
             why.setdefault(a, says)
             why.setdefault(b, says)
-    first = valid[0].estimator if valid and not why else ""
+    readable = [e.estimator for e in valid if e.estimator not in wrong]
+    first = readable[0] if readable and not why.keys() - wrong else ""
     return State(latest, apart), tuple(_checked(e, first, why) for e in estimates)
 
 
@@ -96,9 +106,33 @@ def _checked(e: Estimate, first: str, why: Mapping[str, str]) -> Estimate:
     return e._replace(headline=e.estimator == first)
 
 
-def headline_rank(name: str) -> tuple[int, str]:
-    """Sort estimators by who carries the headline."""
-    return (HEADLINE_ORDER.index(name) if name in HEADLINE_ORDER else len(HEADLINE_ORDER), name)
+def headline_order(inputs: Collection[str]) -> tuple[str, ...]:
+    """Estimators by who carries the headline, for a task with these inputs.
+
+    >>> headline_order(("headway_error", "range_rate")), headline_order(("lateral_offset",))
+    (('fopdt', 'armax'), ('armax', 'fopdt'))
+    """
+    wrong = _wrong(inputs)
+    return tuple(sorted(HEADLINE_ORDER, key=lambda name: name in wrong))
+
+
+def _wrong(inputs: Collection[str]) -> frozenset[str]:
+    """Estimators whose model cannot be right for these inputs."""
+    return WRONG_FOR_STEERING if STEERING in inputs else frozenset()
+
+
+def by_headline(names: Collection[str], inputs: Collection[str]) -> list[str]:
+    """Sort estimators by who carries the headline.
+
+    >>> by_headline({"third", "armax", "fopdt"}, ("range_rate",))
+    ['fopdt', 'armax', 'third']
+    """
+    order = headline_order(inputs)
+    return sorted(names, key=lambda name: _rank(name, order))
+
+
+def _rank(name: str, order: tuple[str, ...]) -> tuple[int, str]:
+    return (order.index(name) if name in order else len(order), name)
 
 
 def _disjoint_parameters(one: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tuple[str, str]]:
@@ -119,6 +153,18 @@ def _disjoint(a: Interval, b: Interval) -> bool:
 
 
 def _contradiction(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> str:
+    go_on = "keep driving" if STEERING in a.channels else "keep following"
+    return (
+        f"{_both(key, a, b)}; the driver may have changed within the "
+        f"last minutes, or does not respond in proportion: use neither number, and {go_on}"
+    )
+
+
+def _wrong_order(key: tuple[str, str, str, str], a: Estimate, b: Estimate, right: str) -> str:
+    return f"{_both(key, a, b)}; steering is of higher order than one lag and a dead time: use {right}'s"
+
+
+def _both(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> str:
     _, _, name, what = key
     word, unit = next((word, unit) for attribute, word, unit in COMPARED if attribute == what)
 
@@ -126,8 +172,4 @@ def _contradiction(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> 
         iv: Interval = getattr(e.channels[name], what)
         return f"{iv.value:.2f} [{iv.low:.2f}, {iv.high:.2f}]{unit} by {e.estimator}"
 
-    go_on = "keep driving" if "lateral_offset" in a.channels else "keep following"
-    return (
-        f"{name.replace('_', ' ')}: {word} is {number(a)} but {number(b)}; the driver may have changed within the "
-        f"last minutes, or does not respond in proportion: use neither number, and {go_on}"
-    )
+    return f"{name.replace('_', ' ')}: {word} is {number(a)} but {number(b)}"

@@ -13,11 +13,11 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from canid.estimators import armax_whole_drive, status
+from canid.estimators import armax_whole_drive, pooling, status
 from canid.estimators.armax_state import Learnt, Movement, Quality, Setup, State, check_state, init
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import residual_tests
-from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
+from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay, rates
 from canid.types import (
     Array,
     Channel,
@@ -90,7 +90,7 @@ class ArmaxSettings(NamedTuple):
     nk: Annotated[int, Field(ge=0, le=50)] = 1  # dead time in samples
     # s of data for the batch start
     start: Annotated[float, Field(ge=1.0, le=600.0, allow_inf_nan=False)] = 15.0
-    forgetting: Memories = armax_recursive.FORGETTING  # per sample, ascending
+    forgetting: Memories = armax_recursive.FORGETTING  # per tenth of a second, ascending
 
     @property
     def orders(self) -> armax_batch.Orders:
@@ -113,8 +113,11 @@ def configure(input_names: tuple[str, ...], dt: float, settings: ArmaxSettings) 
         or not 0.5 < memories[0] <= memories[-1] <= 1.0
     ):
         raise ValueError(f"forgetting {memories}: one or more in (0.5, 1], ascending")
+    count = pooling.per_row(dt)
+    step = count * dt if count > 1 else dt
     # the start needs at least five samples per parameter, whatever the settings say
-    return Setup(input_names, dt, o, memories, max(round(settings.start / dt), 6 * o.count(m)))
+    start = max(round(settings.start / step), 6 * o.count(m))
+    return Setup(input_names, step, o, rates.per_sample(memories, step), start, dt, count)
 
 
 # --- one sample ------------------------------------------------------------------------------------
@@ -124,6 +127,12 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     """Take a sample; whether an estimate is due."""
     if not math.isfinite(sample.t) or sample.t <= state.t:
         return state, False
+    pool, row = pooling.step(state.pool, sample, setup.grid, setup.per_row)
+    state = state._replace(pool=pool)
+    return _advanced(setup, state, row) if row is not None else (state, False)
+
+
+def _advanced(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     gap = sample.segment != state.segment or sample.t - state.t > 1.5 * setup.dt
     usable = sample.learn and all(map(math.isfinite, (sample.output, *sample.inputs)))
     if gap or not usable:
@@ -196,7 +205,9 @@ def _learn(setup: Setup, state: State, sample: Sample) -> tuple[State, tuple[flo
         learnt = _with_sample(setup, state.learnt, sample.t)
         return state._replace(movement=movement, learnt=learnt), (piece, math.nan)
     excited = _excited(setup, movement)
-    model, innovation = armax_recursive.step(before, setup.orders, sample.output, sample.inputs, excited)
+    model, innovation = armax_recursive.step(
+        before, setup.orders, sample.output, sample.inputs, excited, setup.dt
+    )
     if not excited:
         return state._replace(movement=movement, model=model), (math.nan, innovation)
     if model.restarts > before.restarts:
@@ -265,9 +276,9 @@ def _fitted(setup: Setup, state: State) -> State:
     if usable.sum() < state.due or not _excited(setup, state.movement):
         return state
     segment = np.where(usable, piece, -1.0).astype(np.int64)
-    fit = armax_batch.fit_armax(output, inputs, usable, setup.orders, segment=segment)
+    fit = armax_batch.fit_armax(output, inputs, usable, setup.orders, segment=segment, dt=setup.dt)
     try:
-        model = armax_recursive.begin(fit, setup.forgetting) if fit is not None else None
+        model = armax_recursive.begin(fit, setup.forgetting, dt=setup.dt) if fit is not None else None
     except ValueError:  # not every parameter is excited yet
         model = None
     if state.model is not None:  # else the start is tried again with the next samples
@@ -325,7 +336,7 @@ def _channels(setup: Setup, model: armax_recursive.State, inflation: float) -> d
     B = theta[o.na : o.na + m * o.nb].reshape(-1, o.nb)
     channels = gain_and_delay.channels(setup.input_names, A, B, o.nk, inflation * covariance, setup.dt)
     always = gain_and_delay.anytime_gain(
-        longest, inflation * now, inflation * before, model.anchored, na=o.na, nb=o.nb, inputs=m
+        longest, inflation * now, inflation * before, setup.dt * model.anchored, na=o.na, nb=o.nb, inputs=m
     )
     return {
         name: c._replace(K_anytime=K) if c.status is not Identifiable.NOT else c

@@ -8,9 +8,10 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from canid.estimators import status
+from canid.estimators import pooling, status
 from canid.identification.armax import armax_recursive
 from canid.identification.armax.armax_batch import Orders
+from canid.identification.armax.rates import rates
 from canid.state_constraints import FINITE, NOT_NEGATIVE, TIME
 from canid.types import Array
 
@@ -22,10 +23,12 @@ class Setup(NamedTuple):
     """Inputs, grid and settings, and what follows from them."""
 
     input_names: tuple[str, ...]  # m
-    dt: float  # s
+    dt: float  # s, from row to row
     orders: Orders
-    forgetting: tuple[float, ...]
-    start: int  # samples of the batch start
+    forgetting: tuple[float, ...]  # per row
+    start: int  # rows of the batch start
+    grid: float  # s, from sample to sample
+    per_row: int  # samples
 
     @property
     def width(self) -> int:
@@ -68,6 +71,7 @@ class State(NamedTuple):
     """What the next step needs. Rows are (piece, innovation, output, inputs...), a piece of NaN not to be learnt."""
 
     pace: status.Pace
+    pool: pooling.State  # samples of the next row
     t: Annotated[float, TIME]  # s, of the last sample
     segment: int  # of the inputs' history
     piece: int  # grows with every interruption
@@ -85,6 +89,7 @@ def init(setup: Setup) -> State:
     m = len(setup.input_names)
     return State(
         status.Pace(),
+        pooling.State(),
         math.nan,
         0,
         0,
@@ -126,11 +131,7 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
     ]
     if any(np.shape(part) != shape for part, shape in shapes):
         yield "the model of armax has another shape"
-    if (
-        len(model.psi) != o.nc
-        or len(model.block) >= armax_recursive.BLOCK_SAMPLES
-        or len(model.u) not in (0, m)
-    ):
+    if len(model.psi) != o.nc or len(model.block) >= rates(setup.dt).block or len(model.u) not in (0, m):
         yield "the lags of armax have another shape"
     if not abs(sum(model.trust.weights) - 1.0) < 1e-6:
         yield "the weights of armax do not add up to one"

@@ -2,51 +2,156 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from canid.estimators import pooling
 from canid.estimators.estimator import WholeDrive
-from canid.identification import residual_tests
-from canid.identification.armax import gain_and_delay
+from canid.identification import identifiability, residual_tests
+from canid.identification.armax import box_jenkins, box_jenkins_channels, gain_and_delay, measurement_noise
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
-from canid.types import Channel, ResidualTests, Trace
+from canid.identification.armax.box_jenkins import BoxJenkinsFit
+from canid.identification.fopdt.output_filter import is_unknown
+from canid.types import Array, Channel, ResidualTests, Trace
 
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     """Fit all usable samples of a drive; None: too few data, or no stable model."""
+    trace = pooling.pooled(trace)
     usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
-    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment)
+    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment, dt=trace.dt)
     if fit is None:
         return None
+    if trace.variance is not None:
+        of = [float(x) for x in np.nan_to_num(_means(trace.variance[usable]))]
+        fit = measurement_noise.without_bias(fit, of[0], of[1:])
     tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
-    covariance = residual_tests.variance_inflation(tests) * fit.covariance
-    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, covariance, trace.dt)
+    fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt)
+    separate = _separate_poles(trace, usable) if len(trace.input_names) > 1 else None
+    channels = channels if separate is None else separate.channels
     return WholeDrive(
         channels,
         fit,
         residual_tests=tests,
         specification=_specification(orders),
-        details=_details(fit, channels, tests),
-        lines=(f"poles {', '.join(map(_pole, fit.poles))}",),
+        details=_details(fit, trace.dt, channels, tests)
+        | ({} if separate is None else {"box_jenkins": _box_jenkins(separate.fit, trace)}),
+        lines=(
+            *_polynomials(fit, trace.input_names),
+            f"poles {', '.join(map(_pole, fit.poles))}",
+            *(() if separate is None else _separate_lines(separate.fit, trace)),
+        ),
     )
+
+
+class _Separate(NamedTuple):
+    """The model in which each input has a pole of its own, and what it says of each."""
+
+    fit: BoxJenkinsFit
+    channels: dict[str, Channel]
+
+
+def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | None:
+    """Fit separate poles per input and noise: an answer's gain and delay are then its own."""
+    of = trace.output_filter
+    rows = box_jenkins.ready_rows(
+        trace.output, trace.inputs, usable, segment=trace.segment, dt=trace.dt, output_filter=of
+    )
+    fit = box_jenkins.fit_rows(rows, trace.dt, is_unknown(of))
+    if fit is None:
+        return None
+    if fit.stride == 1:
+        own = fit.orders.nc + fit.orders.nd
+        tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, own)
+        fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+    found = box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
+    if is_unknown(of):
+        # the delays found are those of the driver and of the filter
+        found = {name: identifiability.gain_only(channel) for name, channel in found.items()}
+    return _Separate(fit, found)
+
+
+def _box_jenkins(fit: BoxJenkinsFit, trace: Trace) -> dict[str, Any]:
+    """Its keys in JSON."""
+    sd = fit.standard_errors
+    return {
+        "B": dict(zip(trace.input_names, fit.B, strict=True)),
+        "F": dict(zip(trace.input_names, fit.F, strict=True)),
+        "C": fit.C,
+        "D": fit.D,
+        "standard_errors": {
+            "B": dict(zip(trace.input_names, sd.B, strict=True)),
+            "F": dict(zip(trace.input_names, sd.F, strict=True)),
+            "C": sd.C,
+            "D": sd.D,
+        },
+        "nk": dict(zip(trace.input_names, fit.delays, strict=True)),
+        "noise_dt": fit.stride * trace.dt,
+        "sigma": fit.sigma,
+    }
+
+
+def _separate_lines(fit: BoxJenkinsFit, trace: Trace) -> list[str]:
+    sd = fit.standard_errors
+    rows = [
+        (f"{which} {name.replace('_', ' ')}", values, errors)
+        for which, all_values, all_errors in (("B", fit.B, sd.B), ("F", fit.F[:, 1:], sd.F[:, 1:]))
+        for name, values, errors in zip(trace.input_names, all_values, all_errors, strict=True)
+    ]
+    return ["K and delays from a model with separate poles (Box-Jenkins):", *_coefficients(rows)]
+
+
+def _means(variance: Array) -> Array:
+    """Mean of each column; NaN where it has none."""
+    known = np.isfinite(variance)
+    total = np.where(known, variance, 0.0).sum(axis=0)
+    out: Array = np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+    return out
 
 
 def _specification(o: Orders) -> str:
     return f"({o.na},{o.nb},{o.nc}), dead time {o.nk} sample{'s' * (o.nk > 1)}"
 
 
+def _polynomials(fit: ArmaxFit, names: tuple[str, ...]) -> list[str]:
+    """One line per polynomial: each coefficient with its standard error."""
+    sd = fit.standard_errors
+    rows = [("A", fit.A[1:], sd.A[1:])]
+    rows += [(f"B {name.replace('_', ' ')}", b, s) for name, b, s in zip(names, fit.B, sd.B, strict=True)]
+    rows += [("C", fit.C[1:], sd.C[1:])]
+    return _coefficients(rows)
+
+
+def _coefficients(rows: list[tuple[str, Array, Array]]) -> list[str]:
+    return [
+        f"{name}: {', '.join(f'{x:.4g} ± {s:.2g}' for x, s in zip(values, errors, strict=True))}"
+        for name, values, errors in rows
+        if len(values)
+    ]
+
+
 def _pole(p: complex) -> str:
     return f"{p.real:.3f}{p.imag:+.3f}j" if p.imag else f"{p.real:.3f}"
 
 
-def _details(fit: ArmaxFit, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
+def _details(fit: ArmaxFit, dt: float, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
     """Keys of `armax` in JSON, see docs/json.md."""
+    sd = fit.standard_errors
     return {
         "orders": fit.orders,
+        "dt": dt,
         "A": fit.A,
         "B": dict(zip(channels, fit.B, strict=True)),
         "C": fit.C,
+        "standard_errors": {
+            "A": sd.A,
+            "B": dict(zip(channels, sd.B, strict=True)),
+            "C": sd.C,
+            "offset": sd.offset,
+        },
         "offset": fit.offset,
         "sigma": float(fit.sigma),
         "K": {name: channel.K for name, channel in channels.items()},

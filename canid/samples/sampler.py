@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from canid.samples import lead, lead_readings, learning_gate, sampling_grid, session_clock
+from canid.samples import lead, lead_readings, learning_gate, sampling_grid, session_clock, update_instants
 from canid.samples.lead_readings import REPORTED, Made
 from canid.samples.sampling_grid import Ints, Readings, Role
-from canid.types import Array, Columns, Driver, Event, Sample
+from canid.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
 from canid.vehicle import Vehicle, decoder
 from canid.vehicle.decoding import Decoding, RoleReadings
 from canid.vehicle.decoding import Step as DecodingStep
@@ -31,6 +31,7 @@ class State(NamedTuple):
     lead: lead.State
     grid: sampling_grid.State
     gate: learning_gate.State
+    instants: update_instants.State
 
 
 class Samples(NamedTuple):
@@ -55,6 +56,10 @@ class _Settings(NamedTuple):
     roles: Mapping[str, Role]
     driver: Driver
     dt: float  # s
+    updated: str  # role whose instants are the grid; "": none
+
+
+_NO_READINGS = Readings(np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 
 
 def sampler(vehicle: Vehicle, dt: float) -> Sampler:
@@ -76,6 +81,7 @@ def sampler(vehicle: Vehicle, dt: float) -> Sampler:
         sampled_roles(vehicle),
         vehicle.driver,
         dt,
+        "" if following else vehicle.driver.output,
     )
     init = partial(_init, init_decoding)
     return Sampler(init, partial(_step, settings))
@@ -94,12 +100,24 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
         following = {role: Role(stale=age[role], needed=True) for role in REPORTED}
         reported = {name: Role(stale=age[role]) for role, name in REPORTED.items()}
         roles |= following | MADE | reported
+    elif vehicle.driver.output in roles:
+        # the wheel's corner at a decision is where the lines before and after it meet
+        output = roles[vehicle.driver.output]
+        roles[vehicle.driver.output] = output._replace(updated=True)
+        for name in TASK_INPUTS[vehicle.driver.task]:
+            if name in roles:
+                roles[name] = roles[name]._replace(smooth=True)
     return roles
 
 
 def _init(init_decoding: Callable[[], Decoding]) -> State:
     return State(
-        session_clock.init(), init_decoding(), lead.init(), sampling_grid.init(), learning_gate.init()
+        session_clock.init(),
+        init_decoding(),
+        lead.init(),
+        sampling_grid.init(),
+        learning_gate.init(),
+        update_instants.init(),
     )
 
 
@@ -114,22 +132,51 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
         following, found = lead_readings.step(following, decoded, frames, of.lead)
         passed, made = found.passed, found.made
         events += found.events
-    grid = sampling_grid.put(state.grid, _by_role(passed, made, frames, first))
-    grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles)
+    readings = _by_role(passed, made, frames, first)
+    grid = sampling_grid.put(state.grid, readings)
+    instants = state.instants
+    if of.updated:
+        instants = _instants(of, instants, readings.get(of.updated), timed.latest, first)
+        grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles, instants.grid)
+        instants = update_instants.trimmed(instants, (grid.next - 1) * of.dt)
+    else:
+        grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles)
     gate, samples = state.gate, []
     for points in parts:
+        variances = _variances(of, points)
         columns = (column.tolist() for column in (points.frame - first, points.t, *points.values.values()))
         for row, t, *values in zip(*columns, strict=True):
             gate, sample = learning_gate.step(
                 gate, t, dict(zip(points.values, values, strict=True)), of.driver, of.dt
             )
+            if variances is not None:
+                sample = sample._replace(variance=next(variances))
             samples.append((row, sample))
     events.sort(key=_row)
     if timed.rows is not None:
         rows = timed.rows.tolist()
         samples = [(rows[row], sample) for row, sample in samples]
         events = [(rows[row], event) for row, event in events]
-    return State(clock, decoding, following, grid, gate), Samples(samples, events)
+    return State(clock, decoding, following, grid, gate, instants), Samples(samples, events)
+
+
+def _variances(of: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
+    """Of output and inputs, sample by sample; None: of none is anything known."""
+    if not points.variances:
+        return None
+    names = (of.driver.output, *TASK_INPUTS[of.driver.task])
+    unknown = np.full(len(points.t), NAN)
+    return zip(*(points.variances.get(name, unknown).tolist() for name in names), strict=True)
+
+
+def _instants(
+    of: _Settings, state: update_instants.State, readings: Readings | None, latest: Array, first: int
+) -> update_instants.State:
+    """Instants at which the output is updated, after some more frames."""
+    if not latest.size:
+        return state
+    t, value, frame = readings if readings is not None else _NO_READINGS
+    return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), of.dt)
 
 
 def _row(item: tuple[int, Event]) -> int:

@@ -4,16 +4,21 @@ Holding the last value of a 20 Hz radar would put 20 ms of dead time into the dr
 
 A grid point is complete with the frame that brings the last reading that it needs, and has the value of the readings
 that had come by then, however many frames are processed together: each reading carries the number of its frame.
+
+With `Instants` the grid consists of the instants at which one role is updated, and that role has its value there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from canid.samples import local_polynomial, update_instants
+from canid.samples.local_polynomial import Fitted
+from canid.samples.update_instants import Instants
 from canid.types import NAN, Array
 
 # s; how long a grid point waits for the reading after it: the smoothing lag, plus four reports of a 10 Hz radar
@@ -25,6 +30,8 @@ MIN_TRIMMED = 256
 # s; grid points before the first reading of every needed role are left out, but for no longer than this: a
 # signal that is still missing then is missing
 MAX_START_S = 1.0
+# s; times are whole nanoseconds: half of one keeps the point at a block's start on its side
+ROUNDING_S = 5e-10
 # s; after a pause longer than this the grid goes on behind the pause: nothing is known inside it
 MAX_PAUSE_S = 10.0
 
@@ -37,6 +44,8 @@ class Role(NamedTuple):
     switch: bool = False  # held, not interpolated
     stale: float = 0.5  # s; older than this is NaN
     needed: bool = False  # a grid point waits for it
+    updated: bool = False  # its instants are the grid
+    smooth: bool = False  # a local parabola takes the noise of its readings off
 
 
 class Readings(NamedTuple):
@@ -56,6 +65,15 @@ class Kept(NamedTuple):
     newest: float = -np.inf  # s, time of the last reading
 
 
+# Instants that a grid follows, by blocks; None: k dt.
+Grid = tuple[Instants, ...] | None
+# s; half the width of the parabola through a smooth signal: a movement of 0.5 Hz loses 0.1 %, and what a driver does now
+# has moved no vehicle sideways by then
+SMOOTH_S = 0.15
+# grid points that are left out where the instants move, so that no sample's history spans two senders' clocks
+LEFT_OUT = 2
+
+
 class State(NamedTuple):
     """Readings not yet used up, and the next grid point."""
 
@@ -71,6 +89,8 @@ class Points(NamedTuple):
     t: Array  # (m,) s
     frame: Ints  # (m,) number of the frame that completed each
     values: dict[str, Array]  # role -> (m,); NaN = not measured then
+    # role -> (m,) of a value that several readings make, by their scatter; NaN = not known
+    variances: dict[str, Array]
 
 
 _NONE = Readings(np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
@@ -117,7 +137,9 @@ def _later(t: Array, newest: float) -> npt.NDArray[np.bool_] | None:
     return t > np.maximum.accumulate(np.concatenate([[newest], t]))[:-1]
 
 
-def take(state: State, latest: Array, dt: float, roles: Mapping[str, Role]) -> tuple[State, list[Points]]:
+def take(
+    state: State, latest: Array, dt: float, roles: Mapping[str, Role], grid: Grid = None
+) -> tuple[State, list[Points]]:
     """Take the grid points that some more frames complete.
 
     Args:
@@ -125,6 +147,7 @@ def take(state: State, latest: Array, dt: float, roles: Mapping[str, Role]) -> t
         latest: (n,) s, session time of the newest frame, at each frame.
         dt: the grid's step, s.
         roles: how each role is sampled.
+        grid: the instants that the grid follows; before the first of them there is none. None: k dt.
 
     Returns:
         the next state and the points, in parts that ascend in time.
@@ -139,7 +162,7 @@ def take(state: State, latest: Array, dt: float, roles: Mapping[str, Role]) -> t
     if not latest.size:
         return state, []
     after = state.frames + len(latest), float(latest[-1])
-    if not _complete(state, after[1], dt, roles):
+    if not _complete(state, after[1], dt, roles, grid):
         return state._replace(frames=after[0], latest=after[1]), []
     state = state._replace(kept={role: _joined(kept) for role, kept in state.kept.items()})
     out = []
@@ -152,20 +175,47 @@ def take(state: State, latest: Array, dt: float, roles: Mapping[str, Role]) -> t
         index = state.next
         if latest[begin] - index * dt > MAX_PAUSE_S:
             index = int((latest[begin] - MAX_WAIT_S) / dt)
-        t = np.arange(index, int(latest[end - 1] / dt) + 2) * dt
-        t = t[t <= latest[end - 1]]
-        frame = _completed_by(state, t, latest[begin:end], state.frames + begin, roles)
+        k = np.arange(index, int(latest[end - 1] / dt) + 2)
+        k, t = _points_of(k, dt, grid)
+        k, t = k[t <= latest[end - 1]], t[t <= latest[end - 1]]
+        frame = _completed_by(state, t, latest[begin:end], state.frames + begin, roles, dt)
         n = int(np.searchsorted(frame, state.frames + end))
-        state = state._replace(next=index + n)
+        state = state._replace(next=int(k[n - 1]) + 1 if n else index)
         if n:
             with np.errstate(all="ignore"):
-                out.append(_points(state, t[:n], frame[:n], roles))
-    return _trimmed(state, dt)._replace(frames=after[0], latest=after[1]), out
+                out.append(_points(state, t[:n], frame[:n], roles, _kinds(k[:n] * dt, grid), dt))
+    return _trimmed(state, dt, roles)._replace(frames=after[0], latest=after[1]), out
 
 
-def _complete(state: State, latest: float, dt: float, roles: Mapping[str, Role]) -> bool:
-    """Whether the next grid point is complete at time `latest` [s]."""
-    t = state.next * dt
+def _points_of(k: Ints, dt: float, grid: Grid) -> tuple[Ints, Array]:
+    """Grid points among those numbered k, and their times in s."""
+    if grid is None:
+        return k, np.multiply(k, dt, dtype=np.float64)
+    block = np.searchsorted(_starts(grid), k * dt + ROUNDING_S, side="right") - 1
+    phase = np.array([0.0, *(one.phase for one in grid)], np.float64)[block + 1]
+    # the first points of a block whose instants are others
+    since = np.round(k - np.array([0.0, *_starts(grid)])[block + 1] / dt)
+    fresh = np.array([True, *(one.fresh for one in grid)])[block + 1]
+    some = (block >= 0) & ~(fresh & (since < LEFT_OUT))
+    return k[some], np.add(k * dt, phase, dtype=np.float64)[some]
+
+
+def _starts(grid: tuple[Instants, ...]) -> list[float]:
+    return [one.start for one in grid]
+
+
+def _kinds(t: Array, grid: Grid) -> list[str]:
+    """How the updated role has its value at grid points of these nominal times."""
+    if grid is None:
+        return []
+    kinds = [one.kind for one in grid]
+    return [kinds[b] for b in np.searchsorted(_starts(grid), t + ROUNDING_S, side="right") - 1]
+
+
+def _complete(state: State, latest: float, dt: float, roles: Mapping[str, Role], grid: Grid) -> bool:
+    """Whether the next grid point may be complete at time `latest` [s]."""
+    # instants are within half a step of k dt
+    t = (state.next - 0.5 * (grid is not None)) * dt
     if latest >= t + MAX_WAIT_S:
         return True
     return latest >= t and all(
@@ -180,7 +230,9 @@ def _joined(kept: Kept) -> Kept:
     return kept._replace(joined=Readings(*(np.concatenate(column) for column in columns)), parts=())
 
 
-def _completed_by(state: State, t: Array, latest: Array, first: int, roles: Mapping[str, Role]) -> Ints:
+def _completed_by(
+    state: State, t: Array, latest: Array, first: int, roles: Mapping[str, Role], dt: float
+) -> Ints:
     """Number of the frame with which each grid point is complete; too large where it is not among these."""
     waited = first + np.searchsorted(latest, t + MAX_WAIT_S)
     complete = np.full(len(t), first, np.int64)
@@ -189,12 +241,15 @@ def _completed_by(state: State, t: Array, latest: Array, first: int, roles: Mapp
             continue
         readings = state.kept[role].joined if role in state.kept else _NONE
         frames = np.append(readings.frame, _NEVER)
-        complete = np.maximum(complete, frames[np.searchsorted(readings.t, t)])
+        ahead = dt if how.updated else SMOOTH_S * how.smooth
+        complete = np.maximum(complete, frames[np.searchsorted(readings.t, t + ahead)])
     return np.maximum.accumulate(np.minimum(complete, waited))
 
 
-def _points(state: State, t: Array, frame: Ints, roles: Mapping[str, Role]) -> Points:
-    values = {}
+def _points(
+    state: State, t: Array, frame: Ints, roles: Mapping[str, Role], kinds: list[str], dt: float
+) -> Points:
+    values, variances = {}, {}
     begun = np.ones(len(t), bool)
     for role, how in roles.items():
         kept = state.kept.get(role)
@@ -208,13 +263,19 @@ def _points(state: State, t: Array, frame: Ints, roles: Mapping[str, Role]) -> P
         first = np.maximum(come + kept.dropped - (READINGS_KEPT + 1), 0) - kept.dropped
         after = np.minimum(np.searchsorted(readings.t, t, side="right"), come)
         values[role] = _values(readings, t, after, come, (after > first) & (after > 0), how)
+        if how.updated and kinds:
+            values[role], variances[role] = _at_instants(readings, t, come, values[role], kinds, dt)
+        elif how.smooth:
+            values[role], variances[role] = _smooth(readings, t, come, values[role])
         if how.needed:
             oldest = np.minimum(np.maximum(first, 0), len(readings.t))
             begun &= (come > 0) & (np.append(readings.t, np.inf)[oldest] <= t)
     some = (t >= MAX_START_S) | begun
     if some.all():
-        return Points(t, frame, values)
-    return Points(t[some], frame[some], {role: value[some] for role, value in values.items()})
+        return Points(t, frame, values, variances)
+    return Points(
+        t[some], frame[some], *({role: x[some] for role, x in of.items()} for of in (values, variances))
+    )
 
 
 def _values(
@@ -248,13 +309,59 @@ def _values(
     return np.where(there & (known | exact), value, NAN)
 
 
-def _trimmed(state: State, dt: float) -> State:
+def _at_instants(
+    readings: Readings, t: Array, come: Ints, joined: Array, kinds: list[str], dt: float
+) -> tuple[Array, Array]:
+    """Values (m,) of the role whose instants the grid follows, and variances; joined where they are not shown."""
+
+    def at(i: int, near: slice) -> Fitted:
+        if kinds[i] == "none":
+            return Fitted()
+        times, values = readings.t[near], readings.value[near]
+        return update_instants.value_at(times, values, float(t[i]), kinds[i], dt)
+
+    return _each(readings, t, come, joined, dt, at)
+
+
+def _smooth(readings: Readings, t: Array, come: Ints, joined: Array) -> tuple[Array, Array]:
+    """Values (m,) of a smooth role, and variances; joined by lines where its readings are too few."""
+
+    def at(i: int, near: slice) -> Fitted:
+        return local_polynomial.parabola((readings.t[near] - t[i]).tolist(), readings.value[near].tolist())
+
+    return _each(readings, t, come, joined, SMOOTH_S, at)
+
+
+def _each(
+    readings: Readings,
+    t: Array,
+    come: Ints,
+    joined: Array,
+    reach: float,
+    fitted: Callable[[int, slice], Fitted],
+) -> tuple[Array, Array]:
+    """Fit the readings within `reach` s of each point that was measured, as many as had come."""
+    out, variance = joined.copy(), np.full(len(t), NAN)
+    low = np.searchsorted(readings.t, t - reach)
+    high = np.minimum(np.searchsorted(readings.t, t + reach), come)
+    for i, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
+        if joined[i] == joined[i]:
+            found = fitted(i, slice(a, b))
+            out[i] = found.value if found.value == found.value else joined[i]
+            variance[i] = found.variance
+    return out, variance
+
+
+def _trimmed(state: State, dt: float, roles: Mapping[str, Role]) -> State:
     """Drop what no later grid point can need: all but the last reading before the next one."""
-    needed_from = state.next * dt
     kept = dict(state.kept)
     for role, old in state.kept.items():
         if len(old.joined.t) < MIN_TRIMMED:
             continue
+        needed_from = state.next * dt
+        if any(how.updated for how in roles.values()):
+            # instants are within half a step of k dt
+            needed_from -= 0.5 * dt + max(dt, SMOOTH_S)
         t, value, frame = old.joined
         first = max(int(np.searchsorted(t, needed_from, side="right")) - 1, 0)
         rest = Readings(t[first:], value[first:], frame[first:])

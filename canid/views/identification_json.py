@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from canid.drive_parameters import Identified
-from canid.estimators.agreement import HEADLINE_ORDER
 from canid.estimators.estimator import WholeDrive
 from canid.views import json_values
 
-# The estimator whose result over the whole drive is `whole`; that of another one stands under its own name.
-WHOLE = HEADLINE_ORDER[0]
+# The estimator whose result stands as `whole` alone; every other one's stands under its own name.
+UNNAMED = "fopdt"
 
 
 def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
@@ -21,7 +20,7 @@ def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
         "duration": drive.duration,
         "driver_time": drive.driver_time,
         "windows": [json_values.estimate(e) for e in drive.windows],
-        **{"whole" if name == WHOLE else name: _whole(found) for name, found in drive.whole.items()},
+        **_results(drive),
         "orders": [
             {
                 **c.orders._asdict(),
@@ -31,6 +30,14 @@ def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
             for c in drive.orders
         ],
     }
+
+
+def _results(drive: Identified) -> dict[str, Any]:
+    """The headline's result as `whole`, and each estimator's under its name."""
+    first = drive.ranked[0] if drive.whole else ""
+    named = {name: _whole(found) for name, found in drive.whole.items() if name != UNNAMED or name != first}
+    whole = {"estimator": first, **(found if (found := _whole(drive.headline)) is not None else {})}
+    return {"whole": whole if drive.headline is not None else None, **named}
 
 
 def _whole(found: WholeDrive | None) -> dict[str, Any] | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from canid.drive_parameters import Identified
-from canid.estimators.agreement import headline_rank
 from canid.estimators.estimator import WholeDrive
 from canid.identification.armax.order_selection import Candidate
 from canid.views import estimate_text
@@ -19,7 +18,7 @@ def text(drive: Identified, log: str, vehicle: str) -> list[str]:
     lines = [f"{log}: {vehicle}, {time}", ""]
     lines += [estimate_text.estimate(e) for e in drive.windows]
     lines += [""] if drive.windows else []
-    for name in sorted(drive.whole, key=headline_rank):
+    for name in drive.ranked:
         lines += _whole(name.upper(), drive.whole[name])
     return lines + _orders(drive.orders)
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from benchmarks.identification import acceleration
 from benchmarks.identification.acceleration import DT
 from benchmarks.identification.noise_models import REMNANT
-from benchmarks.identification.tables import cuts, filters
+from benchmarks.identification.tables import cuts, filters, poles
+from canid.estimators import armax_whole_drive
+from canid.identification.armax.armax_batch import Orders
+from canid.types import Identifiable
 
 
 def test_a_cut_moves_nothing(seed: int) -> None:
@@ -31,3 +35,16 @@ def test_the_plant_is_what_it_says(seed: int) -> None:
     np.testing.assert_allclose(np.diff(drive.speed) / DT, drive.acceleration[:-1], atol=0.6)
     smooth = acceleration.published(drive, filters.CASES[1], seed)
     assert 0.7 < np.corrcoef(smooth[50:-50], drive.acceleration[50:-50])[0, 1] <= 1.0
+
+
+@pytest.mark.parametrize("declared", ["stated", "nothing"])
+def test_an_acceleration_shows_the_answer_to_range_rate(declared: str) -> None:
+    """By ARMAX, smoothed over 1.1 s, with its filter stated or not: K of range rate may be quoted and is right to 30 %."""
+    how = filters.CASES[1]
+    drive = acceleration.drive(4, 3.0, REMNANT)
+    trace = poles._trace(acceleration.published(drive, how, 4), drive.inputs, filters.given(how)[declared])
+    found = armax_whole_drive.identify(trace, Orders())
+    assert found is not None
+    channel = found.channels["range_rate"]
+    assert channel.status is not Identifiable.NOT
+    assert abs(channel.K.value / drive.channels[1].K - 1.0) < 0.3

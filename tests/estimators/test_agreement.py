@@ -76,7 +76,10 @@ def test_the_sum_of_the_delays_is_compared_too():
         for t in TIMES
     )
     assert out[-1].status is Status.INCONSISTENT
-    assert "lateral offset: tau + dead time is 0.60 [0.50, 0.70] s by fopdt" in out[-1].says
+    assert (
+        "lateral offset: tau + dead time is 0.30 [0.20, 0.40] s by armax but 0.60 [0.50, 0.70] s by fopdt"
+        in out[-1].says
+    )
 
 
 def test_one_agreement_restarts_the_clock():
@@ -224,3 +227,19 @@ def _apart(a, b):
     pairs = itertools.product(("a",), ("K", "tau_plus_dead_time"))
     bounds = [(getattr(a.channels[n], w), getattr(b.channels[n], w)) for n, w in pairs]
     return any(max(x.low, y.low) > min(x.high, y.high) for x, y in bounds)
+
+
+def test_steering_is_read_from_armax():
+    """FOPDT, of too low an order for steering, never carries its headline, and cannot take it from ARMAX."""
+    lane = {"channel": "lateral_offset"}
+    out = listen(both(t, (-1.0, -0.8), (-0.9, -0.7), **lane) for t in TIMES)
+    assert {(e.estimator, e.headline) for e in out} == {("armax", True), ("fopdt", False)}
+    out = listen(both(t, (-1.0, -0.8), (-0.6, -0.4), **lane) for t in TIMES)
+    late = [e for e in out if e.t > agreement.PERSISTENCE_S]
+    assert {(e.estimator, e.status, e.headline) for e in late} == {
+        ("armax", Status.OK, True),
+        ("fopdt", Status.INCONSISTENT, False),
+    }
+    assert "use armax" in late[-1].says
+    alone = listen([says(t, "fopdt", -0.6, -0.4, **lane)] for t in TIMES)
+    assert not any(e.headline for e in alone)

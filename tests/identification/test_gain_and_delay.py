@@ -86,7 +86,7 @@ def test_the_anytime_gain_is_the_plain_one_made_wider_by_what_was_learnt():
     P = 1e-7 * np.eye(8)
     shape = {"na": 2, "nb": 2, "inputs": 2}
     for gained, times in ((8.0, 3.035 / 1.96), (1.0, 3.637 / 1.96)):
-        estimated = gain_and_delay.anytime_gain(theta, P, gained * P, 150.0, **shape)
+        estimated = gain_and_delay.anytime_gain(theta, P, gained * P, 15.0, **shape)
         assert len(estimated) == 2
         for i, interval in enumerate(estimated):
             b = theta[2 + 2 * i : 4 + 2 * i].sum()

@@ -14,9 +14,12 @@ from benchmarks.identification.tables import (
     fopdt,
     log_score,
     peers_following,
+    poles,
     progress,
     residuals,
+    sample_times,
     speed,
+    steering,
     tracking,
     urban,
     verdict,
@@ -25,6 +28,9 @@ from benchmarks.identification.tables import (
 
 TABLES = (
     ("armax", armax.table),
+    ("steering", steering.table),
+    ("poles", poles.table),
+    ("sample_times", sample_times.table),
     ("tracking", tracking.table),
     ("windup", windup.table),
     ("anytime", anytime.table),

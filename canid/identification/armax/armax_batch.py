@@ -14,12 +14,10 @@ import numpy.typing as npt
 
 from canid.identification import residual_tests
 from canid.identification.armax import polynomial
+from canid.identification.armax.rates import STATED_S, rates
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
 from canid.runs import runs
 from canid.types import NAN, Array
-
-# Order of the long autoregression of the start: 1.5 s at 10 Hz, after which 1/C is gone for zeros up to 0.75.
-LONG_AR_ORDER = 15
 
 # Thirty steps: from Hannan & Rissanen five are usual.
 DAMPING = Damping(1e-6, up=10.0, down=10.0, least=1e-12, tries=12, iterations=30, tolerance=1e-9)
@@ -49,6 +47,15 @@ class Lags(NamedTuple):
     u: tuple[tuple[float, ...], ...] = ()  # per input, nb + nk - 1
     e: tuple[float, ...] = ()  # nc innovations
     psi: tuple[tuple[float, ...], ...] = ()  # nc gradients, each (n,)
+
+
+class StandardErrors(NamedTuple):
+    """Of the coefficients."""
+
+    A: Array  # (na + 1,) the first is 0
+    B: Array  # (m, nb)
+    C: Array  # (nc + 1,) the first is 0
+    offset: float
 
 
 class ArmaxFit(NamedTuple):
@@ -85,6 +92,17 @@ class ArmaxFit(NamedTuple):
     def offset(self) -> float:
         """The constant c0, in the output's unit times A(1)."""
         return float(self.theta[len(self.theta) - self.orders.nc - 1])
+
+    @property
+    def standard_errors(self) -> StandardErrors:
+        """Of the coefficients, in the shapes of A, B and C; the leading ones are exact."""
+        o, sd = self.orders, np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return StandardErrors(
+            np.concatenate([[0.0], sd[: o.na]]),
+            sd[o.na : -1 - o.nc].reshape(-1, o.nb),
+            np.concatenate([[0.0], sd[len(sd) - o.nc :]]),
+            float(sd[len(sd) - o.nc - 1]),
+        )
 
     @property
     def poles(self) -> npt.NDArray[np.complex128]:
@@ -144,11 +162,11 @@ def _gradient(theta: Array, e: Array, phi: Array, data: _Data, o: Orders) -> Arr
     return psi
 
 
-def _start(data: _Data, phi: Array, o: Orders) -> Array:
+def _start(data: _Data, phi: Array, o: Orders, long: int) -> Array:
     """Hannan & Rissanen."""
     N = len(data.y)
     inside = np.zeros(N, bool)
-    long = max(o.lag(), min(LONG_AR_ORDER, min(b - a for a, b in data.runs) // 3))
+    long = max(o.lag(), min(long, min(b - a for a, b in data.runs) // 3))
     far = Orders(long, long, 0, o.nk)
     for a, b in data.runs:
         inside[a + far.lag() : b] = True
@@ -175,6 +193,7 @@ def fit_armax(
     *,
     segment: npt.NDArray[np.int64] | None = None,
     start: Array | None = None,
+    dt: float = STATED_S,
 ) -> ArmaxFit | None:
     """Fit one ARMAX model to all usable stretches.
 
@@ -185,6 +204,7 @@ def fit_armax(
         orders: of the polynomials.
         segment: (N,), changes where the inputs' history breaks.
         start: (n,) parameters to start from, instead of Hannan & Rissanen's.
+        dt: s, the grid's step.
 
     Returns:
         The fit, or None where there are too few data or they do not excite (weak data are no error).
@@ -211,7 +231,7 @@ def fit_armax(
     if count < 5 * n or not scale > 0.0:
         return None
     phi = _regressors(data, orders)
-    theta = _start(data, phi, orders) if start is None else np.array(start, float)
+    theta = _start(data, phi, orders, rates(dt).long_order) if start is None else np.array(start, float)
     found = _descend(theta, phi, data, orders)
     if found is None:
         return None
@@ -226,7 +246,7 @@ def fit_armax(
     # the plain covariance times one honest factor covers better than the sandwich itself, whose
     # n^2 numbers a minute cannot fill: 0.92 against 0.88 of K in 60 s of simulated car following
     variance_inflation = residual_tests.long_run_inflation(
-        psi[:, inside] * e[inside], psi[:, inside] * sigma2**0.5
+        psi[:, inside] * e[inside], psi[:, inside] * sigma2**0.5, round(residual_tests.HAC_LAG_S / dt)
     )
     covariance = inverse * (sigma2 * variance_inflation)
     if not np.isfinite(covariance).all():

@@ -16,23 +16,14 @@ import numpy.typing as npt
 
 from canid.identification.armax import forgetting_mixture, polynomial, square_root_covariance
 from canid.identification.armax.armax_batch import ArmaxFit, Orders
+from canid.identification.armax.rates import STATED_S, rates
 from canid.state_constraints import NOT_NEGATIVE, POSITIVE
 from canid.types import Array
 
-# Per sample, ascending: memories of 5, 10, 20 and 50 s at 10 Hz, and one that keeps everything.
+# Per tenth of a second, ascending: memories of 5, 10, 20 and 50 s, and one that keeps everything.
 FORGETTING = (0.98, 0.99, 0.995, 0.998, 1.0)
 
-# Zeros of C stay within: at 10 Hz a zero at 0.995 remembers for 20 s, longer than any movement lasts.
-MAX_ZERO_RADIUS = 0.995
-
-# Samples after which is forgotten, and whose summed score is compared with that of white innovations: 2 s at
-# 10 Hz.
-BLOCK_SAMPLES = 20
-
-# Samples over which the variance is formed that a change is tested against: 10 s at 10 Hz.
-RECENT_SAMPLES = 100
-
-# Blocks over which the autocorrelation of the innovations is judged: 100 s at 10 Hz.
+# Blocks over which the autocorrelation of the innovations is judged: 100 s.
 WHITENESS_BLOCKS = 50
 
 # An innovation of more than three standard deviations (squared: 9) counts as three in the noise's variance: a
@@ -52,7 +43,7 @@ class Noise(NamedTuple):
 
     power: Annotated[float, POSITIVE]  # sum of leverage times squared innovation
     leverage: Annotated[float, POSITIVE]  # sum of psi' P psi with the covariance P at the start
-    recent: Annotated[float, NOT_NEGATIVE]  # variance over the last RECENT_SAMPLES samples
+    recent: Annotated[float, NOT_NEGATIVE]  # variance over the last RECENT_S seconds
 
     @property
     def variance(self) -> float:
@@ -92,6 +83,7 @@ def begin(
     fit: ArmaxFit,
     forgetting: Sequence[float] = FORGETTING,
     dtype: npt.DTypeLike = np.float64,
+    dt: float = STATED_S,
 ) -> State:
     """Go on from a batch fit, with the lags that it ended with.
 
@@ -99,6 +91,7 @@ def begin(
         fit: of the samples up to now.
         forgetting: per sample, one or more in (0, 1]; the largest must be the last.
         dtype: float64 or float32, of the recursion.
+        dt: s, the grid's step.
 
     Raises:
         ValueError: the fit's covariance is not positive definite: not every parameter was excited.
@@ -126,7 +119,7 @@ def begin(
         lags.u,
         np.tile(np.array(lags.e, dtype), (k, 1, 1)),
         tuple([np.tile(np.array(psi, dtype), (k, 1, 1)) for psi in lags.psi]),
-        forgetting_mixture.begin(forgetting),
+        forgetting_mixture.begin(forgetting, rates(dt).stated),
         Noise(n * variance, float(n), variance),
         (),
         np.full((2, k), float(fit.used)),
@@ -143,7 +136,12 @@ def rest(state: State) -> State:
 
 
 def step(
-    state: State, o: Orders, output: float, inputs: Sequence[float], learn: bool = True
+    state: State,
+    o: Orders,
+    output: float,
+    inputs: Sequence[float],
+    learn: bool = True,
+    dt: float = STATED_S,
 ) -> tuple[State, float]:
     """Take in one usable sample.
 
@@ -153,6 +151,7 @@ def step(
         output: finite.
         inputs: (m,) finite.
         learn: False: only the lags move on.
+        dt: s, the grid's step.
 
     Returns:
         The new state and the innovation; NaN while the lags fill.
@@ -188,10 +187,11 @@ def step(
     if not learn:
         return state._replace(y=y_next, u=u_next, e=_newest(e, state.e, o.nc), psi=psi_next), innovation
 
+    of = rates(dt)
     done = square_root_covariance.update(state.root, psi)
     new = theta + e @ done.gain
     if o.nc:
-        _keep_stable(new, theta, o.nc)
+        _keep_stable(new, theta, o.nc, of.zero_radius)
     # the residual with the new parameters is the better guess of the innovation
     after = output - new @ column
     noise = state.noise
@@ -208,7 +208,7 @@ def step(
         _newest(after, state.e, o.nc),
         psi_next,
         forgetting_mixture.step(state.trust, errors, done.spread.ravel().tolist(), worst),
-        Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / RECENT_SAMPLES),
+        Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / of.recent),
         (*state.block, BlockSample(psi, tuple(errors), square)),
         state.weights,
         state.score,
@@ -216,7 +216,7 @@ def step(
         state.anchored,
         state.restarts,
     )
-    if len(moved.block) == BLOCK_SAMPLES:
+    if len(moved.block) == of.block:
         moved = _closed(moved)
     best = forgetting_mixture.refuted(moved.trust)
     return (moved if best is None else _renewed(moved, best)), innovation
@@ -226,16 +226,16 @@ def _newest(e: Array, before: Array, nc: int) -> Array:
     return e if nc == 1 else np.concatenate([e, before], axis=2)[:, :, :nc]
 
 
-def _keep_stable(new: Array, old: Array, nc: int) -> None:
+def _keep_stable(new: Array, old: Array, nc: int, radius: float) -> None:
     """Shorten a step that would make 1/C unstable until it does not (Ljung & Söderström 1983, sec. 6.6)."""
-    every, sufficient = new[:, 0, -nc:].tolist(), MAX_ZERO_RADIUS**nc
+    every, sufficient = new[:, 0, -nc:].tolist(), radius**nc
     for i, c in enumerate(every):
         # the first is sufficient and, for one zero, all that is to be asked
-        if sum(map(abs, c)) < sufficient or polynomial.is_stable(c, MAX_ZERO_RADIUS):
+        if sum(map(abs, c)) < sufficient or polynomial.is_stable(c, radius):
             continue
         for _ in range(6):
             new[i] = 0.5 * (new[i] + old[i])
-            if polynomial.is_stable(new[i, 0, -nc:].tolist(), MAX_ZERO_RADIUS):
+            if polynomial.is_stable(new[i, 0, -nc:].tolist(), radius):
                 break
         else:
             new[i] = old[i]
@@ -247,19 +247,19 @@ def _closed(state: State) -> State:
     lead = _lead(state)
     e = np.array([one.e[lead] for one in state.block])
     own = psi[lead].astype(np.float64)
-    noise = state.noise
+    noise, count = state.noise, len(state.block)
     leverage = ((psi[-1] @ state.anchor) ** 2).sum(axis=1, dtype=np.float64)
     noise = noise._replace(
         power=noise.power + float(leverage @ [one.square for one in state.block]),
         leverage=noise.leverage + float(leverage.sum()),
     )
     score = np.array([(e @ own) ** 2, (own * own).sum(axis=0) * noise.variance])
-    fade = state.forgetting.astype(np.float64) ** BLOCK_SAMPLES
+    fade = state.forgetting.astype(np.float64) ** count
     return state._replace(
         root=square_root_covariance.forget(state.root, psi, state.forgetting),
         noise=noise,
         block=(),
-        weights=state.weights * [fade, fade * fade] + BLOCK_SAMPLES,
+        weights=state.weights * [fade, fade * fade] + count,
         score=state.score * (1.0 - 1.0 / WHITENESS_BLOCKS) + score,
     )
 

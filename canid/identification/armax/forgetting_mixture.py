@@ -18,14 +18,14 @@ from canid.state_constraints import NOT_NEGATIVE
 # estimate is noisy: at 0.995 the mixture's standard deviation after a minute is the longest's to 0.5 %.
 HOME = 0.995
 
-# Probability per sample that the longest of the others becomes the best: a change of the driver in half an hour
+# Probability per tenth of a second that the longest of the others becomes the best: a change of the driver in half an hour
 # or so. For the shorter ones it is less in proportion to their length: the shorter, the noisier the estimate that
 # a chance evidence for it would put into the mixture (with equal ones, 1 minute in 800 ended 8 bounds off).
 LEAVE = 5e-5
 
-# Probability per sample that the longest becomes the best again: after a change it has to fill first, which
-# takes a minute or more at 10 Hz.
-RETURN = 1e-4
+# Probability that the longest becomes the best again, over LEAVE: after a change it has to fill first, which
+# takes a minute or more.
+RETURN = 2.0
 
 # Natural logarithm of the odds at which the longest memory is refuted. While it is right the odds are a test
 # martingale: they exceed this once in e^12 samples at most, four hours at 10 Hz.
@@ -43,11 +43,12 @@ class Trust(NamedTuple):
     )
 
 
-def begin(forgetting: Sequence[float]) -> Trust:
+def begin(forgetting: Sequence[float], stated: float = 1.0) -> Trust:
     """Trust the longest memory.
 
     Args:
         forgetting: per sample, ascending; all but the last below one.
+        stated: samples' distance, in tenths of a second.
 
     >>> trust = begin((0.98, 0.99, 1.0))
     >>> [round(w, 5) for w in trust.weights], [round(1e5 * p, 2) for p in trust.leave]
@@ -59,7 +60,7 @@ def begin(forgetting: Sequence[float]) -> Trust:
     total = sum(lengths)
     return Trust(
         (*[(1.0 - HOME) * x / total for x in lengths], HOME),
-        tuple([LEAVE * x / lengths[-1] for x in lengths]),
+        tuple([stated * LEAVE * x / lengths[-1] for x in lengths]),
     )
 
 
@@ -83,7 +84,8 @@ def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], varian
     joint = [w * exp(x - top) for w, x in zip(trust.weights, likelihood, strict=True)]
     total = sum(joint)
     home = joint[-1] / total
-    away = [(1.0 - RETURN) * x / total + p * home for x, p in zip(joint, trust.leave, strict=False)]
+    back = 1.0 - RETURN * trust.leave[-1]
+    away = [back * x / total + p * home for x, p in zip(joint, trust.leave, strict=False)]
     # the sum of the log ratios since they were last below zero (Page 1954)
     odds = max(0.0, trust.odds + log(total) - (likelihood[-1] - top))
     return Trust((*away, 1.0 - sum(away)), trust.leave, odds)

@@ -26,9 +26,9 @@ from canid.types import Array, Channel, Interval
 SHARED_K = 1.25
 SHARED_SUM = 1.9
 
-# Samples after which the anytime interval is narrowest against the plain one: 2 min at 10 Hz. It is then 1.76
+# s after which the anytime interval is narrowest against the plain one: 2 min. It is then 1.76
 # times as wide after 20 s, 1.55 after 2 min, 1.61 after 10 min; 1.6 in the mean over ten minutes.
-SHARPEST = 1200.0
+SHARPEST_S = 120.0
 
 
 def _mean_and_variance(p: Array, at: Array) -> tuple[float, float, Array, Array]:
@@ -138,7 +138,7 @@ def _sums(covariance: Array, na: int) -> tuple[float, float, float]:
 
 
 def anytime_gain(
-    theta: Array, covariance: Array, before: Array, samples: float, *, na: int, nb: int, inputs: int
+    theta: Array, covariance: Array, before: Array, seconds: float, *, na: int, nb: int, inputs: int
 ) -> tuple[Interval, ...]:
     """Return, per input, the interval of K that holds at all times simultaneously while the driver stays the same.
 
@@ -148,13 +148,13 @@ def anytime_gain(
         theta: (n,) a1..., b_1,1..., b_2,1..., and whatever follows, of a memory that forgets nothing.
         covariance: (n, n) of theta now.
         before: (n, n) of theta when the memory began.
-        samples: that it knew when it began.
+        seconds: of data that it knew when it began.
         na: order of A.
         nb: order of B.
         inputs: how many.
 
     >>> theta, P = np.array([-0.8, 0.5]), 1e-6 * np.eye(2)
-    >>> found = anytime_gain(theta, P, 8 * P, 150.0, na=1, nb=1, inputs=1)[0]
+    >>> found = anytime_gain(theta, P, 8 * P, 15.0, na=1, nb=1, inputs=1)[0]
     >>> plain = ratio(0.5, 0.2, 1e-6, 1e-6, 0.0)
     >>> round((found.high - found.low) / (plain.high - plain.low), 2)
     1.55
@@ -166,9 +166,9 @@ def anytime_gain(
         of = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
         b = float(theta[na + i * nb : na + (i + 1) * nb].sum())
         now, then = (_sums(P[np.ix_(of, of)], na) for P in (covariance, before))
-        # what is known of B(1) - K A(1), against what would be after SHARPEST samples at the pace of the start
+        # what is known of B(1) - K A(1), against what would be after SHARPEST_S at the pace of the start
         gained = _of_ratio(b / a, then) / _of_ratio(b / a, now) if a else 0.0
-        z = confidence_sequence.widening(gained * samples / SHARPEST)
+        z = confidence_sequence.widening(gained * seconds / SHARPEST_S)
         vb, va, vab = now
         found.append(ratio(b, a, shared * vb, shared * va, shared * vab, z))
     return tuple(found)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
+from canid.identification.armax.rates import STATED_S
 from canid.types import NAN, Array
 
 # Orders from one to three and dead times up to 0.4 s at 10 Hz: what Chen & Ulsoy 2001 (sec. 2.2) tried, less
@@ -35,6 +36,7 @@ def compare(
     candidates: Sequence[Orders] = CANDIDATES,
     *,
     segment: npt.NDArray[np.int64] | None = None,
+    dt: float = STATED_S,
 ) -> list[Candidate]:
     """Fit every candidate and rank by BIC, best first.
 
@@ -44,6 +46,7 @@ def compare(
         usable: (N,).
         candidates: orders to try.
         segment: (N,), changes where the inputs' history breaks.
+        dt: s, the grid's step.
 
     >>> rng = np.random.default_rng(0)
     >>> u, e, y = rng.normal(size=(500, 1)), 0.1 * rng.normal(size=500), np.zeros(500)
@@ -53,7 +56,7 @@ def compare(
     """
     # all on the samples that the longest can predict, or the criteria compare different data
     longest = max(o.lag() for o in candidates)
-    fits = [(o, fit_armax(output, inputs, usable, o, segment=segment)) for o in candidates]
+    fits = [(o, fit_armax(output, inputs, usable, o, segment=segment, dt=dt)) for o in candidates]
     common = np.full(len(output), True)
     for _, fit in fits:
         if fit is not None:

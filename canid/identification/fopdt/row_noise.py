@@ -171,7 +171,7 @@ def estimate(
     free = np.where(data.usable, residual, 0.0)
     exact = power(free) <= EXACT_SHARE * power(data.y * data.usable)
     plain = exact or not near
-    stride = least if exact else max(least, _band_stride(free, data.usable, layout.step))
+    stride = least if exact else max(least, band_stride(free, data.usable, layout.step))
     same = before if before is not None and before.stride == stride else None
     phased = same.data if same is not None else _phased(data, stride)
     r = residual if stride == 1 else _phases(residual[None], stride)[0]
@@ -369,7 +369,7 @@ def _explained(
     return out
 
 
-def _band_stride(residual: Array, usable: Flags, step: float) -> int:
+def band_stride(residual: Array, usable: Flags, step: float) -> int:
     """Rows from one to the next so that no empty band is whitened, see BANDS."""
     change = np.diff(residual) * (usable[1:] & usable[:-1])
     of_change = np.abs(np.fft.rfft(change)) ** 2

@@ -1,0 +1,497 @@
+"""Box-Jenkins model by prediction errors: y = c0 + sum B_i / F_i u_i + C / D e (Box & Jenkins 1970; Ljung 1999, eq. 4.31).
+
+Each input has a pole of its own, and the noise has its own: what an input's answer is need not be paid for by the other's,
+or by the noise's. Starts: a grid of lags, B by least squares whitened by an autoregression; then Levenberg-Marquardt on
+the exact gradient.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.identification import residual_tests
+from canid.identification.armax import polynomial
+from canid.identification.armax.rates import STATED_S
+from canid.identification.confidence import CHI_SQUARED_QUANTILE
+from canid.identification.fopdt.fopdt_fit import MIN_STRIDE_S
+from canid.identification.fopdt.output_filter import Kernel, apply, equalizer, is_unknown
+from canid.identification.fopdt.row_noise import band_stride
+from canid.identification.levenberg_marquardt import Damping, Local, minimise
+from canid.types import NAN, Array, OutputFilter
+
+DAMPING = Damping(1e-3, up=8.0, down=8.0, least=1e-10, tries=8, iterations=40, tolerance=1e-8)
+
+# A dead time that is tried need not be fitted to the last digit: six steps show whether it is better.
+TRIAL = DAMPING._replace(iterations=6, tolerance=1e-4)
+
+# s; lags at which the search starts, for every input
+START_LAGS_S = (0.3, 1.0)
+# s; longest lag of a driver: a pole beyond is another offset
+MAX_LAG_S = 3.0
+# s; dead times that are tried: two coefficients of B span the tenth of a second from one to the next
+DEAD_TIMES_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
+# s; after which an answer has forgotten that its input's history before is not known
+FORGOTTEN_S = 4.5
+
+
+class BoxJenkinsOrders(NamedTuple):
+    """Orders of the polynomials."""
+
+    nb: int = 2
+    nf: int = 1
+    nc: int = 0
+    nd: int = 4
+    nk: int = 2  # dead time in samples with which the search begins
+
+
+class StandardErrors(NamedTuple):
+    """Of the coefficients."""
+
+    B: Array  # (m, nb)
+    F: Array  # (m, nf + 1) the first is 0
+    C: Array  # (nc + 1,) the first is 0
+    D: Array  # (nd + 1,) the first is 0
+
+
+class BoxJenkinsFit(NamedTuple):
+    """Parameters in the order b_1,1... f_1,1..., b_2,1... f_2,1..., c0, c1..., d1..."""
+
+    orders: BoxJenkinsOrders
+    delays: tuple[int, ...]  # samples, of each input
+    theta: Array  # (n,)
+    covariance: Array  # (n, n), widened by `variance_inflation`
+    variance_inflation: float  # >= 1: see residual_tests.long_run_inflation
+    sigma: float  # of the innovations
+    residual: Array  # (N,) innovations, NaN where not predicted
+    used: int  # samples
+    stride: (
+        int  # samples per step of C and D: more than one where the noise has no content above some frequency
+    )
+    cost: float  # sum of squared innovations over the stride
+
+    @property
+    def B(self) -> Array:  # noqa: N802
+        """Return (m, nb), one row per input, first coefficient at the input's delay."""
+        return self._inputs[:, : self.orders.nb]
+
+    @property
+    def F(self) -> Array:  # noqa: N802
+        """Return (m, nf + 1), with the leading one."""
+        own = self._inputs[:, self.orders.nb :]
+        return np.concatenate([np.ones((len(own), 1)), own], axis=1)
+
+    @property
+    def C(self) -> Array:  # noqa: N802
+        """Return (nc + 1,), with the leading one."""
+        first = len(self.theta) - self.orders.nc - self.orders.nd
+        return np.concatenate([[1.0], self.theta[first : first + self.orders.nc]])
+
+    @property
+    def D(self) -> Array:  # noqa: N802
+        """Return (nd + 1,), with the leading one."""
+        return np.concatenate([[1.0], self.theta[len(self.theta) - self.orders.nd :]])
+
+    @property
+    def standard_errors(self) -> StandardErrors:
+        """Of the coefficients, in the shapes of B, F, C and D; the leading ones are exact."""
+        sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        same = self._replace(theta=sd)
+        exact = (same.F - np.eye(1, same.F.shape[1]), same.C - np.eye(1, len(same.C))[0])
+        return StandardErrors(same.B, *exact, same.D - np.eye(1, len(same.D))[0])
+
+    @property
+    def _inputs(self) -> Array:
+        o = self.orders
+        return self.theta[: len(self.delays) * (o.nb + o.nf)].reshape(-1, o.nb + o.nf)
+
+
+class Rows(NamedTuple):
+    """Data made ready."""
+
+    y: Array  # (N,) by phase, zero where not used
+    u: Array  # (m, N) zero where not known
+    driven: npt.NDArray[np.int64]  # (N,) samples since the inputs' history began; -1: not known
+    age: npt.NDArray[np.int64]  # (N,) by phase: steps since the first of its run that is used; -1: not used
+    orders: BoxJenkinsOrders
+    delays: tuple[int, ...]
+    stride: int  # samples per step of the noise model
+    phased: npt.NDArray[np.int64]  # (N,) samples in the order of the phases of the stride
+
+
+def fit_box_jenkins(
+    output: Array,
+    inputs: Array,
+    usable: npt.NDArray[np.bool_],
+    orders: BoxJenkinsOrders = BoxJenkinsOrders(),  # noqa: B008
+    *,
+    segment: npt.NDArray[np.int64] | None = None,
+    dt: float = STATED_S,
+    output_filter: OutputFilter | None = None,
+) -> BoxJenkinsFit | None:
+    """Fit one model to all usable stretches.
+
+    Args:
+        output: (N,), NaN where not measured.
+        inputs: (N, m), NaN where not measured.
+        usable: (N,) whether the output may be learned from; the inputs drive the answers all the same.
+        orders: of the polynomials.
+        segment: (N,), changes where the inputs' history breaks.
+        dt: s, the grid's step.
+        output_filter: that the output has passed; None: not known.
+
+    Returns:
+        The fit, or None where there are too few data or they do not excite.
+
+    >>> rng = np.random.default_rng(0)
+    >>> u, e = rng.normal(size=(3000, 1)), 0.1 * rng.normal(size=3000)
+    >>> w, v = np.zeros(3000), np.zeros(3000)
+    >>> for t in range(2, 3000): w[t] = 0.8 * w[t-1] + 0.5 * u[t-1, 0]; v[t] = 0.6 * v[t-1] + e[t]
+    >>> fit = fit_box_jenkins(w + v, u, np.full(3000, True), BoxJenkinsOrders(1, 1, 0, 1, 1))
+    >>> fit.B.round(1), fit.F.round(1), fit.D.round(1)
+    (array([[0.5]]), array([[ 1. , -0.8]]), array([ 1. , -0.6]))
+    """
+    rows = ready_rows(output, inputs, usable, orders, segment=segment, dt=dt, output_filter=output_filter)
+    return fit_rows(rows, dt, is_unknown(output_filter))
+
+
+def fit_rows(rows: Rows, dt: float, unknown: bool = False) -> BoxJenkinsFit | None:
+    """Fit one model to rows made ready.
+
+    Args:
+        rows: from `ready_rows`.
+        dt: s.
+        unknown: the output has passed a filter that nobody has stated.
+    """
+    least = max(round(MIN_STRIDE_S / dt), 1) if unknown else 1
+    data = at_stride(rows, least)
+    found = _search(data, dt)
+    if found is None:
+        return None
+    # the residual of the first fit shows the noise's band
+    rest, used = np.empty(len(found.v)), np.empty(len(found.v), bool)
+    rest[data.phased], used[data.phased] = found.v, data.age >= 0
+    stride = max(least, band_stride(rest, used, dt))
+    if stride != data.stride:
+        data = at_stride(rows, stride)
+        found = _search(data, dt)
+    if found is None:
+        return None
+    data, found = _delayed(data, found, dt)
+    return _finished(found, data, np.full(len(found.theta), True), dt)
+
+
+def _delayed(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point]:
+    """Choose the dead time of each input, the last first, by the innovations' variance."""
+    o, free = data.orders, np.full(len(found.theta), True)
+    # a fall of 2 log likelihood that chance alone seldom makes; all phases fall together
+    clear = CHI_SQUARED_QUANTILE * data.stride * found.cost / max(int((data.age >= 0).sum()), 1)
+    for i in reversed(range(len(data.u))):
+        begun = data.delays[i]
+        for late in sorted({max(round(seconds / dt), 1) for seconds in DEAD_TIMES_S} - {begun}):
+            tried = data._replace(delays=(*data.delays[:i], late, *data.delays[i + 1 :]))
+            theta = found.theta.copy()
+            at = slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
+            theta[at] = theta[at].mean()
+            other = _descend(theta, tried, dt, free, TRIAL)
+            if other is not None and other.cost < found.cost - clear:
+                data, found = tried, other
+    best = _descend(found.theta, data, dt, free)
+    return data, found if best is None else best
+
+
+def refit(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, lag: float) -> BoxJenkinsFit | None:
+    """Fit again with the first pole of one input fixed.
+
+    Args:
+        fit: from `fit_box_jenkins`.
+        rows: what it was fitted to, from `ready_rows`.
+        dt: s.
+        i: the input.
+        lag: s, of its pole.
+    """
+    o, data = fit.orders, at_stride(rows._replace(delays=fit.delays), fit.stride)
+    at = i * (o.nb + o.nf) + o.nb
+    theta, free = fit.theta.copy(), np.full(len(fit.theta), True)
+    # the gain stays about where it was
+    pole = -np.exp(-dt / lag)
+    theta[at - o.nb : at] *= (1.0 + pole) / (1.0 + theta[at])
+    theta[at], free[at] = pole, False
+    found = _descend(theta, data, dt, free)
+    return None if found is None else _finished(found, data, free, dt)
+
+
+def ready_rows(
+    output: Array,
+    inputs: Array,
+    usable: npt.NDArray[np.bool_],
+    orders: BoxJenkinsOrders = BoxJenkinsOrders(),  # noqa: B008
+    *,
+    segment: npt.NDArray[np.int64] | None = None,
+    dt: float = STATED_S,
+    output_filter: OutputFilter | None = None,
+) -> Rows:
+    """Make data ready: a stated filter undone, runs found. Arguments as of `fit_box_jenkins`."""
+    output, inputs = np.array(output, float), np.array(inputs, float)
+    by = equalizer(output_filter, dt)
+    if by is not None:
+        output = _equalized(output, by.output)
+        inputs = np.array([_equalized(u, by.answers) for u in inputs.T]).T
+    return _ready(output, inputs, usable, orders, segment, dt)
+
+
+def at_stride(rows: Rows, stride: int) -> Rows:
+    """Put the phases of a stride one after the other: the noise model steps by `stride` samples.
+
+    Args:
+        rows: from `ready_rows`.
+        stride: samples.
+    """
+    N = len(rows.y)
+    phased = np.concatenate([np.arange(phase, N, stride) for phase in range(stride)])
+    # a step back is `stride` samples back: the same run, so many steps from its start
+    age = np.where(rows.age >= 0, rows.age // stride, -1)
+    return rows._replace(y=rows.y[phased], age=age[phased], stride=stride, phased=phased)
+
+
+def _search(data: Rows, dt: float) -> _Point | None:
+    o, m, inside = data.orders, len(data.u), data.age >= 0
+    n = m * (o.nb + o.nf) + 1 + o.nc + o.nd
+    if int(inside.sum()) < 10 * n * data.stride or not float(np.ptp(data.y[inside])) > 0.0:
+        return None
+    starts = [_start(data, lags, dt) for lags in itertools.product(START_LAGS_S, repeat=m)]
+    points = [_at(theta, data) for theta in starts if theta is not None]
+    if not points:
+        return None
+    nearest = min(points, key=lambda at: at.cost)
+    return _descend(nearest.theta, data, dt, np.full(n, True))
+
+
+def _finished(best: _Point, data: Rows, free: npt.NDArray[np.bool_], dt: float) -> BoxJenkinsFit | None:
+    inside = data.age >= 0
+    count, n = int(inside.sum()), int(free.sum())
+    psi = _gradient(best, data)[free]
+    sigma2 = best.cost / max(count - n * data.stride, 1)
+    try:
+        inverse = np.linalg.inv(psi @ psi.T)
+    except np.linalg.LinAlgError:
+        return None
+    inflation = residual_tests.long_run_inflation(
+        psi[:, inside] * best.e[inside],
+        psi[:, inside] * sigma2**0.5,
+        max(round(residual_tests.HAC_LAG_S / dt / data.stride), 1),
+    )
+    # the phases of a stride know together about as much as one of them
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = 0.5 * (inverse + inverse.T) * (sigma2 * inflation * data.stride)
+    if not np.isfinite(covariance).all() or not (np.diag(covariance)[free] > 0.0).all():
+        return None
+    residual = np.empty(len(best.e))
+    residual[data.phased] = np.where(inside, best.e, NAN)
+    return BoxJenkinsFit(
+        data.orders,
+        data.delays,
+        best.theta,
+        covariance,
+        inflation,
+        sigma2**0.5,
+        residual,
+        count,
+        data.stride,
+        best.cost / data.stride,
+    )
+
+
+def _equalized(x: Array, by: Kernel) -> Array:
+    """Filter (N,); NaN where the kernel reads what is not known."""
+    known = np.isfinite(x)
+    taps = len(by.weights)
+    whole = apply(by._replace(weights=np.ones(taps)), known.astype(float)) > taps - 0.5
+    return np.where(whole, apply(by, np.where(known, x, 0.0)), NAN)
+
+
+def _ready(
+    output: Array,
+    inputs: Array,
+    usable: npt.NDArray[np.bool_],
+    orders: BoxJenkinsOrders,
+    segment: npt.NDArray[np.int64] | None,
+    dt: float,
+) -> Rows:
+    N, delays = len(output), (orders.nk,) * inputs.shape[1]
+    known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(inputs).all(axis=1))
+    driven = _since(known, segment)
+    warm = round(FORGOTTEN_S / dt) + max(delays) + orders.nb
+    used: npt.NDArray[np.bool_] = np.asarray(usable & known & np.isfinite(output) & (driven >= warm))
+    return Rows(
+        np.where(used, output, 0.0),
+        np.ascontiguousarray(np.where(known[:, None], inputs, 0.0).T),
+        driven,
+        _since(used, segment),
+        orders,
+        delays,
+        1,
+        np.arange(N),
+    )
+
+
+def _since(good: npt.NDArray[np.bool_], segment: npt.NDArray[np.int64] | None) -> npt.NDArray[np.int64]:
+    """Samples since a run of True in one segment began; -1 outside."""
+    k = np.arange(len(good))
+    begins = good & ~np.concatenate([[False], good[:-1]])
+    if segment is not None:
+        begins |= good & np.concatenate([[False], np.diff(segment) != 0])
+    first = np.maximum.accumulate(np.where(begins, k, 0))
+    return np.where(good, k - first, -1)
+
+
+class _Point(NamedTuple):
+    theta: Array
+    e: Array  # (N,) innovations, by phase
+    begun: Array  # (N,) with those at the start of a run, which lack what was before
+    filtered: Array  # (m, N) inputs behind 1 / F
+    answers: Array  # (m, N)
+    v: Array  # (N,) the output without the answers, by phase
+    cost: float
+
+
+def _split(theta: Array, o: BoxJenkinsOrders, m: int) -> tuple[Array, Array, float, Array, Array]:
+    """B (m, nb), F (m, nf), offset, C, D; without leading ones."""
+    own = theta[: m * (o.nb + o.nf)].reshape(m, -1)
+    rest = theta[m * (o.nb + o.nf) :]
+    return own[:, : o.nb], own[:, o.nb :], float(rest[0]), rest[1 : 1 + o.nc], rest[1 + o.nc :]
+
+
+def _shifted(x: Array, lag: int, driven: npt.NDArray[np.int64]) -> Array:
+    out = np.zeros_like(x)
+    out[lag:] = x[: len(x) - lag] if lag else x
+    return np.where(driven >= lag, out, 0.0)
+
+
+def _whitened(x: Array, c: Array, d: Array, age: npt.NDArray[np.int64]) -> Array:
+    """D / C x along the last axis, from rest at the start of each run; age (N,) as x."""
+    x = np.where(age >= 0, x, 0.0)
+    out = x.copy()
+    for i, value in enumerate(d, 1):
+        late = np.zeros_like(x)
+        late[..., i:] = x[..., :-i]
+        out += value * np.where(age >= i, late, 0.0)
+    return polynomial.divide(out, c, age)
+
+
+def _at(theta: Array, data: Rows) -> _Point:
+    o, m = data.orders, len(data.u)
+    B, F, offset, c, d = _split(theta, o, m)
+    filtered = np.array([polynomial.divide(u, f, data.driven) for u, f in zip(data.u, F, strict=True)])
+    answers = np.array(
+        [
+            sum(b[j] * _shifted(x, late + j, data.driven) for j in range(o.nb))
+            for b, x, late in zip(B, filtered, data.delays, strict=True)
+        ]
+    )
+    v = np.where(data.age >= 0, data.y - offset - answers.sum(axis=0)[data.phased], 0.0)
+    begun = _whitened(v, c, d, data.age)
+    # the first innovations of a run lack what was before
+    e = np.where(data.age < o.nd, 0.0, begun)
+    return _Point(theta, e, begun, filtered, answers, v, float(e @ e))
+
+
+def _gradient(at: _Point, data: Rows) -> Array:
+    """Negative gradient (n, N) of the innovations."""
+    o, m = data.orders, len(data.u)
+    _, F, _, c, d = _split(at.theta, o, m)
+    rows = []
+    for x, w, f, late in zip(at.filtered, at.answers, F, data.delays, strict=True):
+        rows += [_shifted(x, late + j, data.driven) for j in range(o.nb)]
+        again = polynomial.divide(w, f, data.driven)
+        rows += [-_shifted(again, j, data.driven) for j in range(1, o.nf + 1)]
+    rows.append(np.ones(len(at.e)))
+    psi = np.empty((len(at.theta), len(at.e)))
+    psi[: len(rows)] = _whitened(np.array(rows)[:, data.phased], c, d, data.age)
+    k = len(rows)
+    if o.nc:
+        by_e = polynomial.divide(at.begun, c, data.age)
+        psi[k : k + o.nc] = [_shifted(by_e, i, np.maximum(data.age, 0)) for i in range(1, o.nc + 1)]
+        k += o.nc
+    by_v = polynomial.divide(at.v, c, data.age)
+    psi[k:] = np.array([-_shifted(by_v, i, np.maximum(data.age, 0)) for i in range(1, o.nd + 1)]).reshape(
+        o.nd, -1
+    )
+    psi[:, data.age < o.nd] = 0.0
+    return psi
+
+
+def _start(data: Rows, lags: tuple[float, ...], dt: float) -> Array | None:
+    """B and offset by generalised least squares at given lags, D by the residual's autoregression."""
+    o, inside = data.orders, data.age >= 0
+    rows = []
+    for u, lag, late in zip(data.u, lags, data.delays, strict=True):
+        pole = np.zeros(o.nf)
+        pole[:1] = -np.exp(-dt / lag)
+        filtered = polynomial.divide(u, pole, data.driven)
+        rows += [_shifted(filtered, late + j, data.driven) for j in range(o.nb)]
+    X = np.array([*rows, np.ones(len(data.y))])[:, data.phased]
+    c, d = np.zeros(o.nc), np.zeros(o.nd)
+    w = np.zeros(len(X))
+    for _ in range(2):
+        white = _whitened(np.concatenate([X, data.y[None]]), c, d, data.age)
+        white[:, data.age < o.nd] = 0.0
+        w = np.linalg.lstsq(white[:-1].T, white[-1], rcond=None)[0]
+        v = np.where(inside, data.y - w @ X, 0.0)
+        d = -_autoregression(v, o.nd, data.age)
+    own = []
+    for i, lag in enumerate(lags):
+        pole = np.zeros(o.nf)
+        pole[:1] = -np.exp(-dt / lag)
+        own += [*np.full(o.nb, w[i * o.nb : (i + 1) * o.nb].mean()), *pole]
+    theta = np.array([*own, w[-1], *c, *polynomial.project(d, 0.98)])
+    return theta if np.isfinite(theta).all() else None
+
+
+def _autoregression(v: Array, order: int, age: npt.NDArray[np.int64]) -> Array:
+    rows = np.array([_shifted(v, i, np.maximum(age, 0)) for i in range(1, order + 1)]).reshape(order, -1)
+    some = age >= order
+    found: Array = np.linalg.lstsq(rows[:, some].T, v[some], rcond=None)[0]
+    return found
+
+
+def _descend(
+    theta: Array, data: Rows, dt: float, free: npt.NDArray[np.bool_], damping: Damping = DAMPING
+) -> _Point | None:
+    o, m = data.orders, len(data.u)
+    longest = float(np.exp(-dt / MAX_LAG_S))
+
+    def allowed(theta: Array) -> bool:
+        B, F, _, c, d = _split(theta, o, m)
+        return (
+            # coefficients of B join the dead time between samples: of one sign
+            bool((np.abs(B.sum(axis=1)) >= np.abs(B).sum(axis=1) * (1.0 - 1e-9)).all())
+            and
+            # a driver's answer decays without changing sign
+            bool((F[:, 0] <= 0.0).all())
+            and all(polynomial.is_stable(f.tolist(), longest) for f in F)
+            and polynomial.is_stable(c.tolist(), 0.995)
+            and polynomial.is_stable(d.tolist(), 0.999)
+        )
+
+    def local(at: _Point) -> Local[_Point] | None:
+        psi = _gradient(at, data)[free]
+        H = psi @ psi.T
+        size = np.diag(H)
+        if not (np.isfinite(size).all() and (size > 0.0).all()):
+            return None
+
+        def move(step: Array) -> _Point | None:
+            trial = at.theta.copy()
+            trial[free] += step
+            return _at(trial, data) if allowed(trial) else None
+
+        return Local(-(psi @ at.e), H, size, move)
+
+    try:
+        return minimise(_at(theta, data), lambda at: at.cost, local, damping).point
+    except np.linalg.LinAlgError:
+        return None
