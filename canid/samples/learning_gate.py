@@ -18,7 +18,7 @@ FREE_HEADWAY_S, FOLLOWING_HEADWAY_S, FREE_FACTOR = 6.0, 5.0, 3.0
 # s and m/s; a lead that departs for so long beyond the headway of free traffic of the Highway Capacity Manual 2000 (3 s)
 # and a margin is not followed
 DEPARTING_HEADWAY_S, DEPARTING_RATE, DEPARTING_S = 4.0, 0.5, 10.0
-# s; a headway that is long only now and then is a matter of the moment
+# s; a headway that is long only now and then is no free driving
 FREE_AFTER_S = 3.0
 # s; sums of the grid's step must not make 3 s less than 3 s
 ROUNDING_S = 1e-6

@@ -16,8 +16,8 @@ from canid.signal_checks.check import Check, Found
 from canid.state_constraints import TIME
 from canid.types import NAN
 
-# column -> role, and the smallest jump after a held value that is no step of a coarse signal: such steps are 0.05 to 0.25
-WATCHED = {GAP: ("gap", 1.0), RANGE_RATE: ("range_rate", 0.4), SPEED: ("speed", 0.4)}
+# column -> role
+WATCHED = {GAP: "gap", RANGE_RATE: "range_rate", SPEED: "speed"}
 # s; shorter repeats are a coarse signal or a steady drive
 MIN_FREEZE_S = 3.0
 # m of change of the gap that the other signal must contradict: reports have a noise of 0.25 m and steps of 0.1 m
@@ -32,8 +32,14 @@ MIN_PEDAL_CHANGE, PEDAL_FREEZE_S = 5.0, 15.0
 UNUSUAL_FACTOR, KNOWN_BLOCKS = 6, 60
 # s; an unusual repeat that nothing else contradicts
 MIN_UNUSUAL_S = 8.0
-# samples of a held value; seconds with such a jump that are needed, and s in which they are counted
-HELD_SAMPLES, NEEDED_JUMPS, JUMP_SPAN_S = 3, 10, 40.0
+# samples of a held value, steps between such values that are kept, and needed
+HELD_SAMPLES, KEPT_STEPS, NEEDED_STEPS = 3, 24, 16
+# times the smallest step: a coarse signal goes from one value to the next, what is held jumps over some
+JUMP_FACTOR = 2.5
+# of the steps, that must be jumps; and of the samples of a second, that must be repeats
+JUMP_SHARE, REPEAT_SHARE = 0.6, 0.5
+# of the value; smaller steps are the rounding of the interpolation
+ROUNDING = 1e-9
 
 
 class Watch(NamedTuple):
@@ -47,7 +53,9 @@ class Watch(NamedTuple):
     way: float = 0.0  # integral over the run of what should move it
     low: float = 0.0  # smallest and largest of it
     high: float = 0.0
-    jumps: tuple[Annotated[float, TIME], ...] = ()  # s, of the blocks in which it jumped after a held value
+    held: float = NAN  # the last value that was held
+    steps: tuple[float, ...] = ()  # sizes of the latest steps between held values
+    first: Annotated[float, TIME] = NAN  # s, of the first of them
 
 
 class State(NamedTuple):
@@ -66,12 +74,8 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block."""
     watched, found = dict(state.watched), None
     pedal = state.pedal
-    for column, (role, jump) in WATCHED.items():
+    for column, role in WATCHED.items():
         of = watched.get(role, Watch())
-        spread = block.spread[column]
-        if spread > 0.0 and spread <= jump and not of.run and not of.jumps:  # the usual case
-            watched[role] = of._replace(moving=of.moving + 1)
-            continue
         still = block.spread[column] == 0.0 and _may_move(column, block)
         if still and of.run == 0:
             of = of._replace(
@@ -85,19 +89,19 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
         else:
             usual = of.usual if _says(of, role, pedal) else max(of.usual, of.run)
             of = of._replace(run=0, usual=usual, moving=of.moving + (block.spread[column] > 0.0))
-        of = _jumps(of, column, jump, block)
+            of = _held(of, column, block)
         watched[role] = of
         says = _says(of, role, pedal)
         if says and found is None:
             remedy = f"its sender repeats itself: leave this part out, and check the source of {role}"
             found = Found(f"{role}_frozen", (role,), of.begin, says, remedy)
-        elif found is None and len(of.jumps) >= NEEDED_JUMPS:
+        elif found is None and _is_held(of):
             says = (
-                f"{role} repeats values and jumps: in {len(of.jumps)} of {JUMP_SPAN_S:.0f} s after {HELD_SAMPLES} or "
-                "more equal samples"
+                f"{role} repeats values and jumps: {len(of.steps)} steps between values that are held for {HELD_SAMPLES} "
+                f"samples or more, {max(of.steps):.2g} the largest"
             )
-            remedy = f"its source is slower than its message: dead times are off by half of the hold; map another {role}"
-            found = Found(f"{role}_repeated", (role,), of.jumps[0], says, remedy)
+            remedy = f"its source is slower than its message, so dead times are off: map another {role}"
+            found = Found(f"{role}_repeated", (role,), of.first, says, remedy)
     return State(watched, pedal), found
 
 
@@ -140,22 +144,31 @@ def _says(of: Watch, role: str, pedal: tuple[float, float]) -> str:
     return f"{begins}, never more than {of.usual} s before" if unusual else ""
 
 
-def _jumps(of: Watch, column: int, jump: float, block: Block) -> Watch:
-    """Note whether the value jumps after it was held."""
-    jumps = of.jumps
-    if block.spread[column] > jump and _may_move(column, block):
-        held = 0
-        for size in np.diff(block.values[:, column]).tolist():
-            if size == 0.0:
-                held += 1
-                continue
-            if held >= HELD_SAMPLES - 1 and abs(size) > jump:
-                jumps = (*jumps, block.t)
-                break
-            held = 0
-    if jumps and jumps[0] <= block.t - JUMP_SPAN_S:
-        jumps = jumps[1:]
-    return of._replace(jumps=jumps)
+def _held(of: Watch, column: int, block: Block) -> Watch:
+    """Note the steps between values that are held; a second in which most values are new ends the count."""
+    if not _may_move(column, block):
+        return of
+    x = block.values[:, column]
+    same = x[1:] == x[:-1]
+    if np.count_nonzero(same) < REPEAT_SHARE * len(same):
+        return of if not of.steps else of._replace(steps=of.steps[1:])
+    held, steps, first, count = of.held, of.steps, of.first, 1
+    for value, repeats in zip(x[1:].tolist(), same.tolist(), strict=True):
+        count = count + 1 if repeats else 1
+        if count == HELD_SAMPLES:
+            if abs(value - held) > ROUNDING * (1.0 + abs(value)):
+                first = first if steps else block.t
+                steps = (*steps, abs(value - held))[-KEPT_STEPS:]
+            held = value
+    return of._replace(held=held, steps=steps, first=first)
+
+
+def _is_held(of: Watch) -> bool:
+    """Whether the steps are jumps over values between them."""
+    if len(of.steps) < NEEDED_STEPS:
+        return False
+    limit = JUMP_FACTOR * min(of.steps)
+    return sum(step > limit for step in of.steps) >= JUMP_SHARE * len(of.steps)
 
 
 CHECK = Check("frozen_values", init, step)

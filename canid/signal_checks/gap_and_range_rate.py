@@ -39,6 +39,7 @@ RIGHT_SCALE = (0.85, 1.15)
 MIN_SCALE_WINDOWS, SCALE_SIGMAS = 8, 3.7
 # windows below which a correlation is chance, so that a contradiction is not called a sign or a scale
 MIN_NAMED_WINDOWS = 6
+CONTRADICTION = "gap_contradicts_range_rate"
 # of their movement: what a wrong scale may leave once it is corrected
 MAX_SCALED_REST = 0.2
 
@@ -116,20 +117,36 @@ def _pair(state: State, block: Block, change: float, integral: float, noise: flo
     window = Window(state.begin, state.change, state.integral, state.noise)
     windows = (*state.windows, window)[-KEPT_WINDOWS:]
     state = state._replace(blocks=0, windows=windows)
-    return state._replace(found=_standing(windows, _decide(windows)))
+    return state._replace(found=_latest(state.found, _judge(windows)))
 
 
-def _decide(windows: tuple[Window, ...]) -> int:
-    """How many of the latest windows contradict each other, or have another scale; 0: they agree."""
-    x = np.array([w.change for w in windows])
-    y = np.array([w.integral for w in windows])
-    noise = np.array([w.noise for w in windows])
-    for span in SPANS:
-        if span > len(windows):
-            break
-        if _contradict(x[-span:], y[-span:], noise[-span:]):
-            return span
-    return len(windows) if _scaled(x, y, noise) is not None else 0
+def _judge(windows: tuple[Window, ...]) -> Found | None:
+    """What the latest windows show: by the longest span that has a name, else by the longest that contradicts itself."""
+    unnamed = None
+    for span in reversed(SPANS):
+        part = windows[-span:]
+        if len(part) < span:
+            continue
+        x, y, noise = (np.array(column) for column in list(zip(*part, strict=True))[1:])
+        if not _contradict(x, y, noise):
+            continue
+        found = _named(part, x, y, noise)
+        if found.name != CONTRADICTION:
+            return found
+        unnamed = unnamed or found
+    if unnamed is None and len(windows) >= MIN_SCALE_WINDOWS:
+        x, y, noise = (np.array(column) for column in list(zip(*windows, strict=True))[1:])
+        return _named(windows, x, y, noise) if _scaled(x, y, noise) is not None else None
+    return unnamed
+
+
+def _latest(before: Found | None, now: Found | None) -> Found | None:
+    """A name stays while the contradiction does, and what is renamed began when it was first found."""
+    if before is None or now is None:
+        return now
+    if now.name == CONTRADICTION and before.name != CONTRADICTION:
+        return before
+    return now._replace(since=min(now.since, before.since))
 
 
 def _median(x: Array) -> float:
@@ -182,14 +199,8 @@ def _ratio(xx: float, yy: float, xy: float, n: int) -> _Scale:
     return _Scale(ratio, a - wide, b + wide)
 
 
-def _standing(windows: tuple[Window, ...], span_windows: int) -> Found | None:
-    """Name what the latest windows show."""
-    if not span_windows:
-        return None
-    windows = windows[-span_windows:]
-    x = np.array([w.change for w in windows])
-    y = np.array([w.integral for w in windows])
-    noise = np.array([w.noise for w in windows])
+def _named(windows: tuple[Window, ...], x: Array, y: Array, noise: Array) -> Found:
+    """Name what these windows show."""
     e = y - x
     limit = _limit(x, y, noise)
     wrong = np.flatnonzero(e * e > limit)
@@ -222,7 +233,7 @@ def _standing(windows: tuple[Window, ...], span_windows: int) -> Found | None:
         f"{rms_x:.1f} m (their noise explains {math.sqrt(_median(noise)):.1f} m)"
     )
     remedy = "they may be of two objects or estimates of a camera: map a radar's, or leave this drive out"
-    return Found("gap_contradicts_range_rate", both, since, says, remedy)
+    return Found(CONTRADICTION, both, since, says, remedy)
 
 
 CHECK = Check("gap_and_range_rate", init, step)

@@ -13,14 +13,14 @@ from canid.state_constraints import TIME
 from canid.types import NAN
 
 # seconds at rest that are kept, and needed
-KEPT, NEEDED = 60, 12
+KEPT, NEEDED = 60, 10
 # %; one step of an 8-bit sensor is 0.4: a released pedal shows less
 RELEASED_PERCENT = 1.0
-# of the seconds at rest: a person overrides cruise control, or brakes with the left foot, for less of the time
+# of the seconds at rest: a person overrides cruise control, or brakes with the left leg, for less of the time
 MIN_SHARE = 0.8
 # m/s²; engine drag slows a car by 1 at most, more is the brake
 BRAKING = 1.5
-# seconds after the brake is pressed in which the right foot may still be on its way
+# blocks after cruise control takes over in which the driver may still press the pedal
 SETTLED_BLOCKS = 2
 
 
@@ -29,7 +29,7 @@ class State(NamedTuple):
 
     pedals: tuple[float, ...] = ()
     times: tuple[Annotated[float, TIME], ...] = ()
-    resting: int = 0  # blocks for which nobody has pressed the pedal
+    resting: int = 0  # blocks of cruise control
     last_speed: float = NAN  # m/s
 
 
@@ -42,9 +42,9 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block."""
     pedal, speed = block.mean[PEDAL], block.mean[SPEED]
     braked = block.mean[BRAKE] == 1.0 or (block.joined and speed - state.last_speed < -BRAKING)
-    resting = state.resting + 1 if braked or block.mean[CRUISE] == 1.0 else 0
+    resting = state.resting + 1 if block.mean[CRUISE] == 1.0 else 0
     state = state._replace(resting=resting, last_speed=speed)
-    if resting > SETTLED_BLOCKS and pedal == pedal:
+    if (braked or resting > SETTLED_BLOCKS) and pedal == pedal:
         state = state._replace(pedals=(*state.pedals, pedal)[-KEPT:], times=(*state.times, block.t)[-KEPT:])
     return state, _judge(state)
 
