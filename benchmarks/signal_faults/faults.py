@@ -80,7 +80,7 @@ def departing(t: Array, x: Array, rng: np.random.Generator) -> Array:
     for dt in steps.tolist():
         rate += -rate * dt / 10.0 + 1.5 * float(np.sqrt(2 * max(dt, 0.0) / 10.0)) * rng.standard_normal()
         rates.append(rate)
-    moved: Array = np.maximum(x + np.cumsum(np.array(rates) * steps), 1.0)
+    moved: Array = 3.0 + np.abs(x + np.cumsum(np.array(rates) * steps) - 3.0)
     return moved
 
 

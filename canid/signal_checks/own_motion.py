@@ -44,7 +44,7 @@ EVIDENCE = 12.0
 SURE = 7.0
 # the same, by which a δ must be likelier than 0
 LATE_EVIDENCE = 15.0
-# s; what the bias by the lead's motion may be where the standard deviation is below the limit, and where it is not, see above
+# s; bias by the lead's motion where the standard deviation is below the limit, and where it is not, see above
 BIAS_S, PRECISE_SD_S, IMPRECISE_BIAS_S = 0.1, 0.06, 0.4
 # s; what ages may be: reports of a 20 Hz radar are 0.05 s old, and dead times are quoted to 0.05 s
 MAX_AGE_S = 0.1
@@ -54,9 +54,9 @@ FACTORS = np.array([0.15, 0.2, 0.278, 0.36, 0.447, 0.55, 0.7, 0.85, 1.0, 1.2, 1.
 # 1/c outside which no right unit comes out, and medians of headway (s) that confirm it: drivers keep 1 to 3 s
 LOW_FACTOR, HIGH_FACTOR = 0.4, 1.4
 SHORT_HEADWAY_S, LONG_HEADWAY_S = 1.0, 3.5
-# s; nobody keeps a shorter one for a minute: comfortable minima are 0.6 to 1 s (Taieb-Maimon & Shinar 2001). And m/s:
-# 270 km/h
-SHORTEST_HEADWAY_S, FASTEST = 0.35, 75.0
+# s; nobody keeps a shorter one for a minute: comfortable minima are 0.6 to 1 s (Taieb-Maimon & Shinar 2001). And m/s and s:
+# 200 km/h at 0.7 s, which is a minimum of slow traffic; and 270 km/h
+SHORTEST_HEADWAY_S, FAST, SHORT_IF_FAST_S, FASTEST = 0.35, 55.0, 0.7, 75.0
 # headways that are kept, one a second, and needed
 KEPT_HEADWAYS, NEEDED_HEADWAYS = 60, 40
 
@@ -70,6 +70,7 @@ class State(NamedTuple):
     blocks: int = 0  # since the last judgement
     begin: Annotated[float, TIME] = NAN  # s, of the first row
     headways: tuple[float, ...] = ()  # s
+    speeds: tuple[float, ...] = ()  # m/s, with them
     age: tuple[float, float] = (NAN, NAN)  # s, δ and its standard deviation; NaN: not known
     late: float = NAN  # log likelihood of δ over that of no delay
     factor: tuple[float, float, float] = (NAN, NAN, NAN)  # 1/c and its interval
@@ -92,7 +93,10 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     means = np.add.reduce(values[: n * per_step].reshape(n, per_step, 2), axis=1) / per_step
     history = np.concatenate([state.history if block.joined else state.history[:0], means])
     begin = state.begin if state.begin == state.begin else max(block.t - 1.0, 0.0)
-    state = state._replace(history=history, headways=headways, begin=begin, blocks=state.blocks + 1)
+    speeds = (*state.speeds, block.mean[SPEED])[-KEPT_HEADWAYS:]
+    state = state._replace(
+        speeds=speeds, history=history, headways=headways, begin=begin, blocks=state.blocks + 1
+    )
     fresh = len(history) - 1 - _REACH - YOUNGEST
     if fresh >= FRESH_ROWS:
         keep = (1.0 - 1.0 / MEMORY_ROWS) ** fresh
@@ -167,23 +171,26 @@ def _found(state: State) -> Found | None:
     return _implausible(state) or _wrong_unit(state) or _late(state)
 
 
-def _median_headway(state: State) -> float:
-    n = len(state.headways)
-    return sorted(state.headways)[n // 2] if n >= NEEDED_HEADWAYS else NAN
+def _median(x: tuple[float, ...]) -> float:
+    return sorted(x)[len(x) // 2] if len(x) >= NEEDED_HEADWAYS else NAN
 
 
 def _implausible(state: State) -> Found | None:
-    headway = _median_headway(state)
-    if not headway < SHORTEST_HEADWAY_S:
+    headway, speed = _median(state.headways), _median(state.speeds)
+    fast = speed > FASTEST or (speed > FAST and headway < SHORT_IF_FAST_S)
+    if not (headway < SHORTEST_HEADWAY_S or fast):
         return None
-    says = f"headways are implausible: {headway:.2f} s is the median of {len(state.headways)} s"
+    says = (
+        f"headways are implausible: medians of {headway:.2f} s and {speed:.0f} m/s ({3.6 * speed:.0f} km/h) over "
+        f"{len(state.headways)} s"
+    )
     remedy = "check the units of speed and gap (km/h declared as m/s?)"
     return Found("speed_unit", ("speed", "gap"), state.begin, says, remedy)
 
 
 def _wrong_unit(state: State) -> Found | None:
     value, low, high = state.factor
-    headway = _median_headway(state)
+    headway = _median(state.headways)
     short = high < LOW_FACTOR and headway < SHORT_HEADWAY_S
     if not (short or (low > HIGH_FACTOR and headway > LONG_HEADWAY_S)):
         return None
