@@ -74,7 +74,7 @@ def both(*plants: Plant) -> Plant:
 
 
 def departing(t: Array, x: Array, rng: np.random.Generator) -> Array:
-    """A camera's gap: it wanders off by about 1 m/s, for some ten seconds to either side."""
+    """A camera's gap: it departs by about 1 m/s, for some ten seconds to either side."""
     steps = np.diff(t, prepend=t[:1])
     rate, rates = 0.0, []
     for dt in steps.tolist():
