@@ -94,16 +94,22 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     if len(rows) < round(BLOCK_S / dt):
         return State(t, rows, state.joined, state.gap, state.stamps), None
     values = _values(rows)
-    mean = np.add.reduce(values) / len(rows)
-    spread = np.maximum.reduce(values) - np.minimum.reduce(values)
+    lowest = np.minimum.reduce(values)
+    mean = (np.add.reduce(values) / len(rows)).tolist()
+    spread = (np.maximum.reduce(values) - lowest).tolist()
     block = Block(
         t,
         dt,
         values,
-        tuple(mean.tolist()),
-        tuple(spread.tolist()),
+        tuple(mean),
+        tuple(spread),
         state.joined,
-        _follows(values, state.gap, dt),
+        # comparisons with NaN are false
+        mean[LEAD_VALID] == 1.0
+        and spread[LEAD_VALID] == 0.0
+        and bool(lowest[SPEED] > CREEP_SPEED)
+        and mean[RANGE_RATE] == mean[RANGE_RATE]
+        and _same_lead(values[:, GAP], state.gap, dt),
         state.stamps,
     )
     return State(t, (), True, float(values[-1, GAP])), block
@@ -121,13 +127,8 @@ def _values(rows: tuple[Mapping[str, float], ...]) -> Array:
     return values
 
 
-def _follows(values: Array, before: float, dt: float) -> bool:
-    """Whether one lead is measured throughout."""
-    gap = values[:, GAP]
-    # comparisons with NaN are false
-    if not (values[:, SPEED].min() > CREEP_SPEED and (values[:, LEAD_VALID] == 1.0).all()):
-        return False
+def _same_lead(gap: Array, before: float, dt: float) -> bool:
+    """Whether the gap goes on without a jump; `before` is its last value before the block, m."""
     limit = MAX_GAP_STEP_M + MAX_RANGE_RATE * dt
     steps = np.abs(gap[1:] - gap[:-1]).max()
-    first = abs(float(gap[0]) - before)
-    return bool(steps < limit and np.isfinite(values[:, RANGE_RATE]).all()) and not first >= limit
+    return bool(steps < limit) and not abs(float(gap[0]) - before) >= limit

@@ -156,11 +156,14 @@ def _judged(state: State) -> State:
             shift = 0.5 * (left - right) / curvature
             age = ((float(DELAYS[k]) + shift) * STEP_S, STEP_S / (-curvature) ** 0.5)
     late = float(by_delay[k] - by_delay[YOUNGEST])
+    factor = (NAN, NAN, NAN)
+    headway = _median(state.headways)
+    if not (headway < SHORT_HEADWAY_S or headway > LONG_HEADWAY_S):  # nothing would confirm a wrong unit
+        return state._replace(age=age, late=late, factor=factor)
     # the delay is free here, as a wrong unit hides it
     pairs = [(delay, factor) for delay in (-1, 0, 1, 2, 3) for factor in FACTORS.tolist()]
     delays, factors = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
     profile = _log_likelihoods(m, rows, delays, factors).reshape(-1, len(FACTORS)).max(axis=0)
-    factor = (NAN, NAN, NAN)
     if float(profile.max()) - without > EVIDENCE:
         inside = FACTORS[profile > profile.max() - SURE]
         factor = (float(FACTORS[int(np.argmax(profile))]), float(inside.min()), float(inside.max()))

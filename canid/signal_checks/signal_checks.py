@@ -146,8 +146,14 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
 
 
 def sentence(finding: SignalFinding) -> str:
-    """What, since when, and what to do, in one line."""
-    return f"{finding.says} (since {finding.since:.0f} s): {finding.remedy}"
+    """What, since when, and what to do, in one line.
+
+    Example:
+        >>> sentence(SignalFinding("speed_unit", ("speed",), -8.0, 2.0, "speed is 3.6 times gnss_speed", "check it", True))
+        'speed is 3.6 times gnss_speed (since before this start): check it'
+    """
+    since = f"{finding.since:.0f} s" if finding.since >= 0.0 else "before this start"
+    return f"{finding.says} (since {since}): {finding.remedy}"
 
 
 def moved(report: SignalReport, by: float) -> SignalReport:
