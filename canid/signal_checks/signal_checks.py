@@ -38,6 +38,8 @@ CHECKS: tuple[Check, ...] = (
 # s; the window of FOPDT (estimators/fopdt.py): afterwards nothing of the wrong signal is in it
 HOLD_S = 60.0
 
+# statuses that the data decide: what they say rests on the wrong signal
+_FROM_DATA = (Status.OK, Status.CONVERGING, Status.NOT_EXCITED, Status.INCONSISTENT)
 # roles that the inputs of a task are made of
 _INPUT_ROLES = {"car_following": ("gap", "range_rate", "speed"), "lane_keeping": ("lateral_offset",)}
 
@@ -126,14 +128,14 @@ def at(several: Iterable[SignalFinding], t: float) -> tuple[SignalFinding, ...]:
 
 
 def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
-    """Withhold the numbers of an `ok` estimate while a finding stands that touches an input or the output.
+    """Withhold the numbers of an estimate while a finding stands that touches an input or the output.
 
     Returns:
         The estimate without numbers, `stale` where a value is frozen, else `inconsistent`, with the finding's sentence;
-        or as it is.
+        or as it is, where nothing stands, or nobody drives behind a lead.
     """
     why = next((one for one in stand if one.withholds), None)
-    if why is None or estimate.status is not Status.OK:
+    if why is None or estimate.status not in _FROM_DATA:
         return estimate
     status = Status.STALE if why.name.endswith(("_frozen", "_dead")) else Status.INCONSISTENT
     return estimate._replace(
