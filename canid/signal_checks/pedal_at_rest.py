@@ -18,8 +18,11 @@ KEPT, NEEDED = 60, 10
 RELEASED_PERCENT = 1.0
 # of the seconds at rest: a person overrides cruise control, or brakes with the left leg, for less of the time
 MIN_SHARE = 0.8
-# m/s²; engine drag slows a car by 1 at most, more is the brake
-BRAKING = 1.5
+# m/s²; drag and a slope of 5 % slow a car with a pedal that is hardly pressed by 0.9. On 24 simulated drives and in the
+# measured logs the pedal was pressed in less than a fifth of the seconds that slowed the car by more than 1
+BRAKING = 1.2
+# samples of the brake after which the pedal is released, in one block
+BRAKED_SAMPLES = 3
 # blocks after cruise control takes over in which the driver may still press the pedal
 SETTLED_BLOCKS = 2
 
@@ -41,12 +44,25 @@ def init() -> State:
 def step(state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block."""
     pedal, speed = block.mean[PEDAL], block.mean[SPEED]
-    braked = block.mean[BRAKE] == 1.0 or (block.joined and speed - state.last_speed < -BRAKING)
+    slows = block.joined and speed - state.last_speed < -BRAKING
     resting = state.resting + 1 if block.mean[CRUISE] == 1.0 else 0
     state = state._replace(resting=resting, last_speed=speed)
-    if (braked or resting > SETTLED_BLOCKS) and pedal == pedal:
+    rests = slows or resting > SETTLED_BLOCKS
+    if not rests and block.mean[BRAKE] > 0.0:
+        pedal, rests = _while_braking(block)
+    if rests and pedal == pedal:
         state = state._replace(pedals=(*state.pedals, pedal)[-KEPT:], times=(*state.times, block.t)[-KEPT:])
     return state, _judge(state)
+
+
+def _while_braking(block: Block) -> tuple[float, bool]:
+    """Mean pedal of the samples in which the brake has been pressed for `BRAKED_SAMPLES`, %; and whether there are any."""
+    pressed, pedals = 0, []
+    for brake, pedal in block.values[:, (BRAKE, PEDAL)].tolist():
+        pressed = pressed + 1 if brake == 1.0 else 0
+        if pressed >= BRAKED_SAMPLES:
+            pedals.append(pedal)
+    return (sum(pedals) / len(pedals), True) if pedals else (NAN, False)
 
 
 def _judge(state: State) -> Found | None:
