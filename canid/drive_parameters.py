@@ -13,7 +13,18 @@ from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
 from canid.identification.armax.armax_batch import ArmaxFit
 from canid.identification.armax.order_selection import Candidate
-from canid.types import NAN, Channel, Estimate, ResidualTests, Sample, Trace
+from canid.signal_checks import signal_checks
+from canid.signal_checks.drive_time import drive_time, usable
+from canid.types import (
+    NAN,
+    Channel,
+    DriveTime,
+    Estimate,
+    ResidualTests,
+    Sample,
+    SignalFinding,
+    Trace,
+)
 
 
 class ArmaxDrive(NamedTuple):
@@ -28,10 +39,12 @@ class Identified(NamedTuple):
     """Parameters of the driver of one drive."""
 
     duration: float  # s
-    driver_time: float  # s in which a person drove and followed
+    driver_time: float  # s that are usable, see `signal_checks.drive_time`
     windows: tuple[Estimate, ...]
     whole: Mapping[str, WholeDrive | None]  # estimator -> its result over the whole drive; None: it has none
     orders: tuple[Candidate, ...]  # of ARMAX, compared on this drive, best first
+    time: DriveTime = DriveTime(0.0, 0.0, 0.0, 0.0)
+    findings: tuple[SignalFinding, ...] = ()  # on the signals
 
     @property
     def ranked(self) -> list[str]:
@@ -90,15 +103,18 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
     if unknown:
         names = ", ".join(estimator.name for estimator in ESTIMATORS)
         raise TypeError(f"identify: no estimator is called {', '.join(unknown)}; there are {names}")
-    usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
-    rows = pooling.pooled(trace)
+    used = usable(trace)
+    time = drive_time(trace.t, trace.gate, trace.learn, trace.findings, trace.dt)
+    # what a wrong signal has touched teaches nothing; the windows are withheld, as live
+    trusted = trace if used.all() or not trace.findings else trace._replace(learn=used, bound=None)
+    rows = pooling.pooled(trusted)
     ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)
     return Identified(
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
-        driver_time=float(usable.sum() * trace.dt),
+        driver_time=time.usable,
         windows=tuple(windows(trace, **settings)),
         whole={
-            estimator.name: estimator.identify(trace, _settings(estimator, trace, settings))
+            estimator.name: estimator.identify(trusted, _settings(estimator, trace, settings))
             for estimator in ESTIMATORS
             if estimator.identify is not None
         },
@@ -107,6 +123,8 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
             if select_orders
             else ()
         ),
+        time=time,
+        findings=trace.findings,
     )
 
 
@@ -116,7 +134,10 @@ def windows(trace: Trace, **settings: Any) -> list[Estimate]:
         estimator.make(trace.input_names, trace.dt, _settings(estimator, trace, settings))
         for estimator in ESTIMATORS
     ]
-    return reported_estimates(running, samples(trace))
+    made = reported_estimates(running, samples(trace))
+    if not trace.findings:
+        return made
+    return [signal_checks.withheld(e, signal_checks.at(trace.findings, e.t)) for e in made]
 
 
 def _settings(estimator: AnyEstimator, trace: Trace, given: Mapping[str, Any]) -> Any:

@@ -20,6 +20,7 @@ from canid.frame_columns import gather, select
 from canid.logs import Log, open_log
 from canid.saving import checksum
 from canid.saving.saved_state import SAVE_INTERVAL_S, resume, saver
+from canid.signal_checks import signal_checks
 from canid.types import (
     TASK_INPUTS,
     Array,
@@ -31,6 +32,7 @@ from canid.types import (
     Frame,
     Sample,
     Signal,
+    SignalReport,
     Trace,
 )
 from canid.vehicle import Vehicle, decoder, mapped_ids, missing, read_vehicle
@@ -269,6 +271,7 @@ def read_drive(
     car = as_vehicle(vehicle)
     log = open_log(path) if log is None else log
     parts: list[Trace] = []
+    reports: list[SignalReport] = []
     estimates: list[Estimate] = []
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
@@ -279,6 +282,7 @@ def read_drive(
         parts.append(trace([item for item in out if isinstance(item, Sample)], car.driver, dt))
         estimates += [item for item in out if isinstance(item, Estimate)]
         events += [item for item in out if isinstance(item, Event)]
+        reports += [item for item in out if isinstance(item, SignalReport)]
         if progress is not None:
             progress(log.progress)
     if state is None:
@@ -286,7 +290,8 @@ def read_drive(
     shown = health(log, car, state, frames, last, events)
     if not shown.mapped:
         raise nothing_mapped(path, car, frames)
-    return Drive(_joined(parts), tuple(estimates), shown)
+    found = _joined(parts)._replace(findings=signal_checks.episodes(reports))
+    return Drive(found, tuple(estimates), shown)
 
 
 def _joined(parts: list[Trace]) -> Trace:

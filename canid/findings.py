@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import NAN, Array, Channel, Interval
+from canid.types import NAN, Array, Channel, DriveTime, Interval, SignalFinding
 
 Flags = npt.NDArray[np.bool_]
 
@@ -193,6 +193,8 @@ class Report(NamedTuple):
     advice: tuple[str, ...]  # which drives would decide what is not testable
     steps: tuple[str, ...]  # what was done, in order
     provenance: Provenance = Provenance()
+    signals: tuple[SignalFinding, ...] = ()  # findings on the signals
+    time: DriveTime | None = None  # what the drive holds
 
 
 def no_fit(n: int) -> Fit:

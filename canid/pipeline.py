@@ -17,14 +17,19 @@ from canid.estimators.estimator import AnyRunning
 from canid.frame_columns import columns_of
 from canid.monitor import change_monitor
 from canid.samples import sampler
+from canid.samples.stamps import StampIntervals
+from canid.signal_checks import signal_checks
 from canid.types import (
     TASK_INPUTS,
     Columns,
+    Driver,
     Estimate,
     Event,
     Frame,
     MonitorReport,
     Sample,
+    SignalFinding,
+    SignalReport,
 )
 from canid.vehicle import Vehicle
 
@@ -33,7 +38,7 @@ DT = 0.1
 # frames per chunk of `run`: numpy's overhead is spread over them
 _FRAMES_PER_CHUNK = 4096
 
-Output = Sample | Estimate | MonitorReport | Event
+Output = Sample | Estimate | MonitorReport | SignalReport | Event
 
 
 class State(NamedTuple):
@@ -44,6 +49,7 @@ class State(NamedTuple):
     time: restart_time.State = restart_time.State()  # of the estimators
     agreement: agreement.State = agreement.State()  # among them
     monitor: change_monitor.State | None = None  # None: not estimating
+    signals: signal_checks.State = signal_checks.init()
 
 
 class Known(NamedTuple):
@@ -53,6 +59,7 @@ class Known(NamedTuple):
     estimators: tuple[Any, ...]
     agreement: agreement.State
     monitor: change_monitor.State
+    signals: signal_checks.State
 
 
 class Pipeline(NamedTuple):
@@ -70,6 +77,7 @@ class _Parts(NamedTuple):
     sampler: sampler.Sampler
     estimators: tuple[AnyRunning, ...]
     monitor: change_monitor.Monitor | None  # None: not estimating
+    driver: Driver
     inputs: int  # of the model
     dt: float  # s
 
@@ -87,7 +95,8 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
 
     Args:
         vehicle: from `read_vehicle`.
-        estimating: False leaves the estimators and the monitor out: only samples and events come.
+        estimating: False leaves the estimators and the monitor out: only samples, reports on the signals and events
+            come.
         dt: step of the grid, s.
 
     Returns:
@@ -99,6 +108,7 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
         sampler.sampler(vehicle, dt),
         estimators(vehicle, dt) if estimating else (),
         change_monitor.make(names) if estimating else None,
+        vehicle.driver,
         len(names),
         dt,
     )
@@ -116,11 +126,20 @@ def _step(parts: _Parts, state: State, chunk: Columns) -> tuple[State, list[tupl
     state = state._replace(sampler=after)
     # of one frame, events come first
     out: list[tuple[int, Output]] = list(made.events)
+    stamps = made.stamps
     for row, sample in made.samples:
+        while stamps and stamps[0][0] <= row:
+            state, stamps = _stamped(state, stamps[0][1]), stamps[1:]
         state, outputs = _estimated(parts, state, sample)
         out += [(row, item) for item in outputs]
+    for _, intervals in stamps:
+        state = _stamped(state, intervals)
     out.sort(key=itemgetter(0))
     return state, out
+
+
+def _stamped(state: State, intervals: StampIntervals) -> State:
+    return state._replace(signals=signal_checks.put(state.signals, intervals))
 
 
 def _estimated(parts: _Parts, state: State, sample: Sample) -> tuple[State, list[Output]]:
@@ -133,13 +152,22 @@ def _estimated(parts: _Parts, state: State, sample: Sample) -> tuple[State, list
         if estimate is not None:
             estimates.append(estimate)
     agreed, checked = agreement.step(state.agreement, estimates)
-    out: list[Output] = [sample, *(estimate._replace(t=sample.t) for estimate in checked)]
+    signals, found = signal_checks.step(state.signals, own, parts.driver, parts.dt)
+    stand = signal_checks.findings(signals)
+    ahead = sample.t - own.t
+    out: list[Output] = [sample]
+    if found is not None:
+        out.append(signal_checks.moved(found, ahead))
+    if stand and checked:
+        stand = signal_checks.moved(SignalReport(own.t, stand), ahead).findings
+        checked = tuple(signal_checks.withheld(estimate, stand) for estimate in checked)
+    out += [estimate._replace(t=sample.t) for estimate in checked]
     monitored = state.monitor
     if parts.monitor is not None and monitored is not None:
         monitored, report = parts.monitor.step(monitored, own)
         if report is not None:
-            out.append(change_monitor.moved(report, sample.t - own.t))
-    return State(state.sampler, tuple(states), time, agreed, monitored), out
+            out.append(change_monitor.moved(report, ahead))
+    return State(state.sampler, tuple(states), time, agreed, monitored, signals), out
 
 
 def _resume(parts: _Parts, state: State, known: Known) -> State:
@@ -149,14 +177,24 @@ def _resume(parts: _Parts, state: State, known: Known) -> State:
     pairs = zip(parts.estimators, known.estimators, strict=True)
     paused = tuple(estimator.step(inner, pause)[0] for estimator, inner in pairs)
     monitored, _ = parts.monitor.step(known.monitor, pause)
-    return state._replace(estimators=paused, time=time, agreement=known.agreement, monitor=monitored)
+    signals, _ = signal_checks.step(known.signals, pause, parts.driver, parts.dt)
+    return state._replace(
+        estimators=paused, time=time, agreement=known.agreement, monitor=monitored, signals=signals
+    )
 
 
 def known(state: State) -> Known | None:
     """Return what outlives a restart; None where no sample has come that could have added to it."""
     if state.monitor is None or state.time.t != state.time.t or state.time.resumed:
         return None
-    return Known(state.time, state.estimators, state.agreement, state.monitor)
+    return Known(state.time, state.estimators, state.agreement, state.monitor, state.signals)
+
+
+def findings(state: State) -> tuple[SignalFinding, ...]:
+    """Return the findings on the signals that stand, in session time."""
+    by = state.time.ahead
+    report = SignalReport(state.time.t, signal_checks.findings(state.signals))
+    return signal_checks.moved(report, -by).findings
 
 
 def run(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[Output]:

@@ -106,12 +106,14 @@ class LearnGate(Enum):
 
     OPEN = ""
     NO_LEAD = "no vehicle ahead: follow one to be identified"
+    FREE_DRIVING = "free driving: the vehicle ahead is too far away to be followed; close up to be identified"
     TARGET_CHANGE = "the vehicle ahead has just changed"
     CRUISE = "cruise control drives: the pedal says nothing about the person"
     NO_CRUISE = "cruise control is off: there is no controller to identify"
     BRAKE = "the brake is pressed: the pedal does not carry the driver's answer"
     PEDAL_FLOOR = "pedal at 0 %: the driver's answer is below what a pedal can show"
     STANDSTILL = "the vehicle stands or creeps"
+    REVERSE = "reverse gear: nobody is followed"
     STALE = "a signal that the model needs does not arrive"
 
 
@@ -162,6 +164,16 @@ class Trace(NamedTuple):
     output_filter: OutputFilter | None = None  # that the output has passed; None: nothing is said of one
     bound: Array | None = None  # (n,) see Sample; None: nowhere
     variance: Array | None = None  # (n, 1 + m) of the measurement noise of output and inputs; None: not known
+    findings: tuple[SignalFinding, ...] = ()  # about the signals, by the time at which each was raised
+
+
+class DriveTime(NamedTuple):
+    """What a drive holds, s; defined in `signal_checks.drive_time`, for all verbs."""
+
+    total: float
+    driving: float
+    behind_lead: float
+    usable: float
 
 
 class Signal(NamedTuple):
@@ -289,6 +301,31 @@ class MonitorReport(NamedTuple):
     block: str  # the suspected one: "driver", "vehicle" or "sensing"; "": none
     says: str
     blocks: Mapping[str, BlockReport]
+
+
+# --- the signals themselves ------------------------------------------------------------------------
+
+
+class SignalFinding(NamedTuple):
+    """What is wrong with a signal, as the signal checks found it."""
+
+    name: str  # of the fault
+    roles: tuple[str, ...]  # that may be wrong
+    since: Annotated[float, TIME]  # s, since when it is so
+    raised: Annotated[float, TIME]  # s, since when it is known
+    says: str  # what, with numbers and their uncertainty
+    remedy: str  # what to do
+    withholds: (
+        bool  # an input or the output of the model is among the roles: no estimate is `ok` while it stands
+    )
+    until: Annotated[float, TIME] = NAN  # s; NaN: it stands
+
+
+class SignalReport(NamedTuple):
+    """The findings about the signals, whenever one begins or ends."""
+
+    t: float
+    findings: tuple[SignalFinding, ...]  # that stand, and those that have just ended
 
 
 # --- configuration that several floors share ------------------------------------------------------------

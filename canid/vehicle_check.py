@@ -10,8 +10,19 @@ import numpy as np
 
 from canid import pipeline
 from canid.frame_columns import chunks
-from canid.samples.sampler import sampler
-from canid.types import NAN, Array, Event, Frame, LearnGate
+from canid.signal_checks import signal_checks
+from canid.signal_checks.drive_time import drive_time
+from canid.types import (
+    NAN,
+    Array,
+    DriveTime,
+    Event,
+    Frame,
+    LearnGate,
+    Sample,
+    SignalFinding,
+    SignalReport,
+)
 from canid.vehicle import Vehicle, decoder, missing
 
 # correlation of range rate and change of the gap below which the sign of range rate is reported as wrong
@@ -48,6 +59,8 @@ class Check(NamedTuple):
     gates: dict[str, float]  # gate -> share of the time, %
     problems: tuple[str, ...]
     remarks: tuple[str, ...]
+    time: DriveTime = DriveTime(0.0, 0.0, 0.0, 0.0)
+    findings: tuple[SignalFinding, ...] = ()  # on the signals; problems as well
 
 
 class Contents(NamedTuple):
@@ -82,13 +95,16 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         vehicle: from `read_vehicle`.
         on_time: called now and then with the time of the log, s.
     """
-    make = sampler(vehicle, pipeline.DT)
-    state = make.init()
+    running = pipeline.build(vehicle, estimating=False)
+    state = running.init()
     ids: Counter[tuple[int, int]] = Counter()
     values: dict[str, list[Array]] = {}
     points: dict[str, list[Array]] = {"gap": [], "range_rate": []}
     tracks = 0
-    times: Counter[LearnGate] = Counter()
+    times: list[float] = []
+    learn: list[bool] = []
+    judged: list[LearnGate] = []
+    reports: list[SignalReport] = []
     events: list[Event] = []
     last = 0.0
     init_decoding, decode = decoder(vehicle)
@@ -102,15 +118,22 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
             if role in points:
                 points[role].append(np.column_stack([chunk.t[row], value]))
         tracks += sum(int(track.valid.sum()) for track in decoded.tracks)
-        state, made = make.step(state, chunk)
-        times.update(sample.gate for _, sample in made.samples)
-        events += [event for _, event in made.events]
+        state, out = running.step(state, chunk)
+        for _, item in out:
+            if isinstance(item, Sample):
+                times.append(item.t)
+                learn.append(item.learn)
+                judged.append(item.gate)
+            elif isinstance(item, SignalReport):
+                reports.append(item)
+            elif isinstance(item, Event):
+                events.append(item)
         if on_time is not None:
             on_time(last)
     rows = tuple(_row(role, vehicle, values.get(role, []), last) for role in vehicle.roles)
     gates = {
-        (gate.name.lower() if gate is not LearnGate.OPEN else "driving"): 100 * n / times.total()
-        for gate, n in times.most_common()
+        (gate.name.lower() if gate is not LearnGate.OPEN else "driving"): 100 * n / len(judged)
+        for gate, n in Counter(judged).most_common()
     }
     problems = list(missing(vehicle, decoding))
     problems += [
@@ -119,14 +142,21 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         if row.readings and row.missing_percent == 100.0
     ]
     problems += [event.says for event in events if event.what == "ambiguous_bus"]
-    if state.clock.dropped:
-        problems.append(f"{state.clock.dropped} frames go back in time, by up to {state.clock.worst:.3g} s")
-    problems += _signs(points["gap"], points["range_rate"])
-    remarks = [f"{what}: {n} times" for what, n in sorted(decoding.counters.items())]
+    clock = state.sampler.clock
+    if clock.dropped:
+        problems.append(f"{clock.dropped} frames go back in time, by up to {clock.worst:.3g} s")
+    findings = signal_checks.episodes(reports)
+    if not any("range_rate" in one.roles for one in findings):
+        problems += _signs(points["gap"], points["range_rate"])
+    problems += [signal_checks.sentence(one) for one in findings]
+    remarks = list(signal_checks.remarks(state.signals))
+    remarks += [f"{what}: {n} times" for what, n in sorted(decoding.counters.items())]
     if vehicle.lead.tracks is not None:
         changes = sum(event.what == "target_change" for event in events)
         remarks.append(f"radar: {tracks} valid track reports; the lead changed {changes} times")
-    return Check(sum(ids.values()), last, dict(ids), rows, gates, tuple(problems), tuple(remarks))
+    summed = drive_time(np.array(times), judged, np.array(learn, dtype=bool), findings, pipeline.DT)
+    numbers = sum(ids.values()), last, dict(ids)
+    return Check(*numbers, rows, gates, tuple(problems), tuple(remarks), summed, findings)
 
 
 def _row(role: str, vehicle: Vehicle, values: list[Array], duration: float) -> Row:

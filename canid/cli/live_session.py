@@ -17,7 +17,7 @@ from canid.cli.priority import raise_priority
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.recording.rotation import Rotation
 from canid.session import Result, World, session
-from canid.types import Estimate, MonitorReport
+from canid.types import Estimate, MonitorReport, SignalReport
 from canid.views import end_summary, json_values, status_lines
 from canid.views.live_view import HealthLine, View
 
@@ -123,6 +123,8 @@ def watch(
                     last = item
                 elif isinstance(item.item, Estimate):
                     tally.put(item.item)
+                elif isinstance(item.item, SignalReport):
+                    tally.distrust(item.item)
                 shown.put(item)
         finally:
             shown.close()
@@ -183,7 +185,7 @@ class SessionOutput:
             self._display.lines([*health_lines(item), *warnings], item.output)
             return
         self._display.put(item.item)
-        if isinstance(item.item, Estimate | MonitorReport):
+        if isinstance(item.item, Estimate | MonitorReport | SignalReport):
             display.write_json(self._sink, item.item)
 
     def write_json(self, value: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from canid.cli.output import display, output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output, TextOutput
 from canid.errors import DAMAGED, DONE, ConfigError
-from canid.types import Estimate, Event, MonitorReport, Sample
+from canid.types import Estimate, Event, MonitorReport, Sample, SignalReport
 from canid.views.live_view import HealthLine, View
 
 if TYPE_CHECKING:
@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> int:
     if args.vehicle is None:
         raise ConfigError("replay needs --vehicle V.toml (`canid init FILE.dbc` proposes one)")
     from canid.logs import open_log
-    from canid.views import end_summary
+    from canid.signal_checks import signal_checks
+    from canid.views import end_summary, signal_text
 
     json = options.json_output(args)
     state = Output("--state", args.state, output_kinds.STATE) if args.state else None
@@ -65,18 +66,26 @@ def run(args: argparse.Namespace) -> int:
     vehicle = reading.read_vehicle(args.vehicle)
     log = open_log(args.log)
     tally = end_summary.EstimateTally()
+    reports: list[SignalReport] = []
     with outputs.opened(json) as sink:
-        health = play(args, log, vehicle, tally, sink)
+        health = play(args, log, vehicle, tally, reports, sink)
     show = line_printer(args.json)
     show("")
     show(f"{args.log}: {health.duration:.1f} s, {health.frames:,} frames, vehicle {vehicle.name}")
     for line in end_summary.estimates(tally):
         show(line)
+    for line in signal_text.findings(signal_checks.episodes(reports)):
+        show(line)
     return reading.report_health(health)
 
 
 def play(
-    args: argparse.Namespace, log: Log, vehicle: Vehicle, tally: EstimateTally, sink: TextOutput | None
+    args: argparse.Namespace,
+    log: Log,
+    vehicle: Vehicle,
+    tally: EstimateTally,
+    reports: list[SignalReport],
+    sink: TextOutput | None,
 ) -> Health:
     """Run the log through the pipeline at --speed, and show and count what comes out.
 
@@ -108,9 +117,12 @@ def play(
                 shown.put(item)
                 if isinstance(item, Event):
                     events.append(item)
+                if isinstance(item, SignalReport):
+                    reports.append(item)
+                    tally.distrust(item)
                 if isinstance(item, Estimate):
                     tally.put(item)
-                if isinstance(item, Estimate | MonitorReport):
+                if isinstance(item, Estimate | MonitorReport | SignalReport):
                     display.write_json(sink, item)
             if out and isinstance(out[-1], Sample | Estimate | MonitorReport):
                 shown.lines([HealthLine(f"{frames:,} frames   {100 * log.progress:.0f} % of the log")])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis import corrections, masks, overall_verdict, residual_maps
+from canid.diagnosis import corrections, masks, overall_verdict, residual_maps, signal_findings
 from canid.diagnosis.adequacy import adequacy
 from canid.diagnosis.driver import (
     closed_loop,
@@ -38,7 +38,8 @@ from canid.findings import (
     no_fit,
 )
 from canid.identification.confidence import SIGMAS
-from canid.types import NAN, Array, Interval, LearnGate, Trace
+from canid.signal_checks.drive_time import behind_a_lead, of_trace
+from canid.types import NAN, Array, Interval, Trace
 
 # s of driving that a diagnosis needs: in less than two minutes no cause stands out from chance (evidence grows with time)
 MIN_DRIVING_S = 90.0
@@ -84,13 +85,23 @@ def diagnose(
         >>> report.verdict.value
         'adequate'
     """
+    report = _diagnosed(trace, catalogue, minimum)
+    return report._replace(signals=trace.findings, time=of_trace(trace))
+
+
+def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> Report:
     context = corrections.diagnose_context(trace, catalogue)
     given, trace, usable, masked = trace, context.trace, context.usable, context.masked
+    wrong = signal_findings.untrusted(given, context.sensing.findings)
+    sound, stretches = signal_findings.mask(given, wrong)
+    usable, masked = usable & sound, tuple(sorted((*masked, *stretches), key=lambda one: one.start))
     steps = [f"{trace.t.size} samples at {trace.dt:g} s"]
     if masked:
         spans = (f"{effect} {seconds:.0f} s" for effect, seconds in masked_for(masked).items())
         steps.append(f"masked before any fit: {', '.join(spans)}")
-    missing = lacking(trace, usable, masked, minimum)
+    missing = signal_findings.lacking(wrong, sound, minimum, trace.dt) or lacking(
+        trace, usable, masked, minimum
+    )
     if missing:
         return overall_verdict.with_context(nothing(trace, missing, masked, steps), context)
     prepared = ready(trace, usable)
@@ -168,7 +179,7 @@ def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: fl
             return f"{what}: `{role}` is there for {known.sum() * trace.dt:.0f} s only; {need}"
     if np.isfinite(trace.output).sum() * trace.dt < minimum:
         return "the driver's output is not in the log; map it in the vehicle file ([driver] output)"
-    follows = np.array([g in (LearnGate.OPEN, LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) for g in trace.gate])
+    follows = behind_a_lead(trace.gate)
     seconds = float((usable & follows).sum() * trace.dt)
     if seconds < minimum:
         return f"a person follows a lead for {seconds:.0f} s only{_rest(masked)}; {need}"

@@ -47,7 +47,9 @@ _AT_ONCE = {
     LearnGate.CRUISE: Status.NO_DRIVER,
     LearnGate.NO_CRUISE: Status.NO_DRIVER,
     LearnGate.STANDSTILL: Status.NO_DRIVER,
+    LearnGate.REVERSE: Status.NO_DRIVER,
     LearnGate.NO_LEAD: Status.NO_LEAD,
+    LearnGate.FREE_DRIVING: Status.NO_LEAD,
     LearnGate.STALE: Status.STALE,
 }
 _AFTER_BRIEF_CLOSURE = {

@@ -11,6 +11,17 @@ from canid.types import NAN, Driver, LearnGate, Sample
 PEDAL_FLOOR_PERCENT = 0.5
 # m/s; below walking pace headway = gap/speed says nothing and people creep
 CREEP_SPEED = 2.0
+# s; up to 6 s a driver's speed depends on that of the vehicle ahead (Vogel 2002, "What characterizes a free vehicle in an
+# urban area?"); one who wants a longer headway than 2 s may follow at three times that. Following is resumed below 5 s, the
+# limit of the Highway Capacity Manual 1985, so that the gate does not flutter
+FREE_HEADWAY_S, FOLLOWING_HEADWAY_S, FREE_FACTOR = 6.0, 5.0, 3.0
+# s and m/s; a lead that departs for so long beyond the headway of free traffic of the Highway Capacity Manual 2000 (3 s)
+# and a margin is not followed
+DEPARTING_HEADWAY_S, DEPARTING_RATE, DEPARTING_S = 4.0, 0.5, 10.0
+# s; a headway that is long only now and then is no free driving
+FREE_AFTER_S = 3.0
+# s; sums of the grid's step must not make 3 s less than 3 s
+ROUNDING_S = 1e-6
 # s after the gate opens again before anything is learnt. The person takes over from cruise or finds a new lead in
 # about 2 s (openpilot waits the same time); the driver changes from brake to accelerator in 1 s; at the floor only the
 # pedal was hidden, not the driver: three samples for the sensor's own lag
@@ -26,6 +37,9 @@ class State(NamedTuple):
     target: float = NAN  # serial number of the lead
     cruise: float = NAN
     segment: int = 0
+    distant: float = NAN  # s, since when the headway has been too long; NaN: it is not
+    departing: float = NAN  # s, since when the lead has been departing
+    free: bool = False  # the lead is not followed
 
 
 def init() -> State:
@@ -67,6 +81,8 @@ def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGat
         return LearnGate.CRUISE
     if driver.output == "accel_command" and "cruise_active" in values and not cruise:
         return LearnGate.NO_CRUISE
+    if in_reverse(values):
+        return LearnGate.REVERSE
     if speed < CREEP_SPEED:
         return LearnGate.STANDSTILL
     if driver.task == "car_following":
@@ -77,6 +93,8 @@ def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGat
             return LearnGate.STALE if valid != valid else LearnGate.NO_LEAD
         if state.target == state.target and values.get("target", NAN) != state.target:
             return LearnGate.TARGET_CHANGE
+        if state.free:
+            return LearnGate.FREE_DRIVING
     elif any(x != x for x in inputs(values, driver)):
         return LearnGate.STALE
     if driver.output == "pedal":
@@ -85,6 +103,34 @@ def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGat
         if output <= PEDAL_FLOOR_PERCENT:
             return LearnGate.PEDAL_FLOOR
     return LearnGate.OPEN
+
+
+def in_reverse(values: Mapping[str, float]) -> bool:
+    """Whether the reverse gear is engaged: `reverse` says so, or `gear` is negative.
+
+    Example:
+        >>> in_reverse({"gear": -1.0}), in_reverse({"reverse": 1.0}), in_reverse({"gear": 3.0}), in_reverse({})
+        (True, True, False, False)
+    """
+    return values.get("reverse", 0.0) > 0.0 or values.get("gear", 0.0) < 0.0
+
+
+def _distance(state: State, t: float, values: Mapping[str, float], driver: Driver) -> State:
+    """Follow whether the lead is beyond reach."""
+    headway = values["headway"]
+    # a driver who wants a longer headway follows at longer ones
+    wide = max(1.0, FREE_FACTOR * driver.headway_desired / FREE_HEADWAY_S)
+    if not headway > DEPARTING_HEADWAY_S * wide or values.get("lead_valid", NAN) != 1.0:
+        known = state.free or state.distant == state.distant or state.departing == state.departing
+        return state._replace(distant=NAN, departing=NAN, free=False) if known else state
+    departs = values["range_rate"] > DEPARTING_RATE
+    departing = (state.departing if state.departing == state.departing else t) if departs else NAN
+    far = headway > FREE_HEADWAY_S * wide
+    distant = (state.distant if state.distant == state.distant else t) if far else NAN
+    stays = state.free and (headway > FOLLOWING_HEADWAY_S * wide or departs)
+    # comparisons with NaN are false
+    begins = t - distant >= FREE_AFTER_S - ROUNDING_S or t - departing >= DEPARTING_S - ROUNDING_S
+    return state._replace(distant=distant, departing=departing, free=stays or begins)
 
 
 def step(
@@ -106,6 +152,8 @@ def step(
         ('BRAKE', False)
     """
     values = {**values, "headway": headway(values)}
+    if driver.task == "car_following":
+        state = _distance(state, t, values, driver)
     gate = judge(state, values, driver)
     segment = state.segment
     target = values.get("target", NAN)
@@ -133,6 +181,9 @@ def step(
         target if target == target else state.target,
         cruise if cruise == cruise else state.cruise,
         segment,
+        state.distant,
+        state.departing,
+        state.free,
     )
     output = values.get(driver.output, NAN)
     # who brakes with the pedal pressed says nothing of his demand; a released pedal does

@@ -8,9 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.samples import lead, lead_readings, learning_gate, sampling_grid, session_clock, update_instants
+from canid.samples import (
+    lead,
+    lead_readings,
+    learning_gate,
+    sampling_grid,
+    session_clock,
+    stamps,
+    update_instants,
+)
 from canid.samples.lead_readings import REPORTED, Made
 from canid.samples.sampling_grid import Ints, Readings, Role
+from canid.samples.stamps import StampIntervals
 from canid.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
 from canid.vehicle import Vehicle, decoder
 from canid.vehicle.decoding import Decoding, RoleReadings
@@ -32,6 +41,7 @@ class State(NamedTuple):
     grid: sampling_grid.State
     gate: learning_gate.State
     instants: update_instants.State
+    stamps: stamps.State
 
 
 class Samples(NamedTuple):
@@ -39,6 +49,7 @@ class Samples(NamedTuple):
 
     samples: list[tuple[int, Sample]]
     events: list[tuple[int, Event]]
+    stamps: list[tuple[int, StampIntervals]]
 
 
 class Sampler(NamedTuple):
@@ -55,6 +66,7 @@ class _Settings(NamedTuple):
     lead: lead.Settings | None  # None: no lead is followed
     roles: Mapping[str, Role]
     driver: Driver
+    stamped: frozenset[str]  # one role of each message whose stamps are watched
     dt: float  # s
     updated: str  # role whose instants are the grid; "": none
 
@@ -80,6 +92,7 @@ def sampler(vehicle: Vehicle, dt: float) -> Sampler:
         lead.settings_of(vehicle) if following else None,
         sampled_roles(vehicle),
         vehicle.driver,
+        _stamped(vehicle),
         dt,
         "" if following else vehicle.driver.output,
     )
@@ -87,9 +100,23 @@ def sampler(vehicle: Vehicle, dt: float) -> Sampler:
     return Sampler(init, partial(_step, settings))
 
 
+# roles that a model needs, besides the driver's output
+NEEDED = ("speed", "gap", "range_rate", "lateral_offset")
+
+
+def _stamped(vehicle: Vehicle) -> frozenset[str]:
+    """One role of each message that carries what the model needs."""
+    by_message: dict[tuple[str, int | None], str] = {}
+    for role in (vehicle.driver.output, *NEEDED):
+        how = vehicle.roles.get(role)
+        if how is not None:
+            by_message.setdefault((how.message, how.bus), role)
+    return frozenset(by_message.values())
+
+
 def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
     """How each role that this vehicle has is brought onto the grid."""
-    needed = {vehicle.driver.output, "speed", "gap", "range_rate", "lateral_offset"}
+    needed = {vehicle.driver.output, *NEEDED}
     roles = {
         role: Role(how.switch, how.stale, role in needed and not how.switch)
         for role, how in vehicle.roles.items()
@@ -118,6 +145,7 @@ def _init(init_decoding: Callable[[], Decoding]) -> State:
         sampling_grid.init(),
         learning_gate.init(),
         update_instants.init(),
+        stamps.init(),
     )
 
 
@@ -132,6 +160,11 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
         following, found = lead_readings.step(following, decoded, frames, of.lead)
         passed, made = found.passed, found.made
         events += found.events
+    intervals, stamped = state.stamps, list[tuple[int, StampIntervals]]()
+    for role, row, _ in decoded.roles:
+        if role in of.stamped:
+            intervals, spans = stamps.step(intervals, role, frames.t[row], row)
+            stamped += spans
     readings = _by_role(passed, made, frames, first)
     grid = sampling_grid.put(state.grid, readings)
     instants = state.instants
@@ -157,7 +190,10 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
         rows = timed.rows.tolist()
         samples = [(rows[row], sample) for row, sample in samples]
         events = [(rows[row], event) for row, event in events]
-    return State(clock, decoding, following, grid, gate, instants), Samples(samples, events)
+        stamped = [(rows[row], span) for row, span in stamped]
+    stamped.sort(key=_row)
+    after = State(clock, decoding, following, grid, gate, instants, intervals)
+    return after, Samples(samples, events, stamped)
 
 
 def _variances(of: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
@@ -179,7 +215,7 @@ def _instants(
     return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), of.dt)
 
 
-def _row(item: tuple[int, Event]) -> int:
+def _row(item: tuple[int, Event | StampIntervals]) -> int:
     return item[0]
 
 

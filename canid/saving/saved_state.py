@@ -13,6 +13,8 @@ from canid.saving import validity
 from canid.saving.checksum import Refused, seal, unseal
 from canid.saving.fingerprint import fingerprint
 from canid.saving.state_codec import MAX_MESSAGE_LENGTH, Codec, MismatchError, codec
+from canid.signal_checks import blocks as signal_blocks
+from canid.signal_checks import signal_checks, standing
 from canid.types import Event
 from canid.vehicle import Vehicle
 
@@ -66,7 +68,7 @@ def saver(vehicle: Vehicle, running: pipeline.Pipeline, dt: float = pipeline.DT)
         >>> vehicle = read_vehicle("generic")
         >>> running = pipeline.build(vehicle)
         >>> state = running.init()
-        >>> known = pipeline.Known(restart_time.State(t=12.3), state.estimators, state.agreement, state.monitor)
+        >>> known = pipeline.known(state._replace(time=restart_time.State(t=12.3)))
         >>> save, restore = saver(vehicle, running)
         >>> restore(save(known, 1e9), 1e9 + 60.0).known.time.t
         12.3
@@ -78,7 +80,7 @@ def saver(vehicle: Vehicle, running: pipeline.Pipeline, dt: float = pipeline.DT)
 
     def save(known: pipeline.Known, utc: float) -> bytes:
         try:
-            encoded = known_codec.encode(tuple(known))
+            encoded = known_codec.encode((*known[:-1], tuple(known.signals)))
         except MismatchError as error:
             raise OutputError(f"the state cannot be saved: {error}") from error
         return seal(
@@ -102,6 +104,7 @@ def saver(vehicle: Vehicle, running: pipeline.Pipeline, dt: float = pipeline.DT)
         try:
             encoded = base64.b64decode(fields.get("known", ""), validate=True)
             known = pipeline.Known(*known_codec.decode(encoded))
+            known = known._replace(signals=signal_checks.State(*known.signals))
         except (MismatchError, ValueError, TypeError) as error:
             return Refused(f"the saved state is damaged: {_brief(str(error), MAX_MESSAGE_LENGTH)}")
         wrong = validity.check(known, vehicle, dt)
@@ -137,7 +140,11 @@ def resume(
 def _known_codec(state: pipeline.State) -> Codec:
     """Serialisation of `Known`, whose types are those of the estimators that this pipeline runs."""
     kinds = tuple(type(inner) for inner in state.estimators)
-    return codec(tuple[restart_time.State, tuple[kinds], type(state.agreement), change_monitor.State])  # type: ignore[valid-type, misc]
+    checks = tuple(type(inner) for inner in state.signals.checks)
+    signals = tuple[signal_blocks.State, standing.State, tuple[checks]]  # type: ignore[valid-type]
+    return codec(
+        tuple[restart_time.State, tuple[kinds], type(state.agreement), change_monitor.State, signals]  # type: ignore[valid-type, misc]
+    )
 
 
 def _configuration(vehicle: Vehicle, dt: float, known_codec: Codec) -> dict[str, str]:

@@ -22,6 +22,7 @@ from canid import pipeline, restart_time
 from canid.estimators import agreement
 from canid.identification.identifiability import QUOTABLE
 from canid.monitor import change_monitor
+from canid.signal_checks import signal_checks
 from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE, TIME, Constraint
 from canid.types import TASK_INPUTS, Estimate, Identifiable, LearnGate, Sample, Status
 from canid.vehicle import Vehicle
@@ -133,6 +134,7 @@ def _trial_error(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
     _, pause = restart_time.resume(known.time, dt, len(names))
     states = [one.step(of, pause)[0] for one, of in zip(estimators, known.estimators, strict=True)]
     monitored, _ = monitor.step(known.monitor, pause)
+    signals, _ = signal_checks.step(known.signals, pause, vehicle.driver, dt)
     agreed = known.agreement
     for k in range(1, TRIAL_SAMPLES + 1):
         sample = _sample(pause.t + k * dt, pause.segment, k, len(names))
@@ -142,6 +144,7 @@ def _trial_error(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
             said += [estimate] if estimate is not None else []
         agreed, estimates = agreement.step(agreed, said)
         monitored, _ = monitor.step(monitored, sample)
+        signals, _ = signal_checks.step(signals, sample, vehicle.driver, dt)
         for estimate in estimates:
             if not _plausible(estimate):
                 return f"{estimate.estimator} gives impossible numbers from it"

@@ -26,7 +26,7 @@ from canid.vehicle.quoting import brief, shown
 
 _DRIVER, _LEAD = Driver(), LeadConfig()
 
-# Entries of a section. There are 23 roles; more keys than this are no vehicle file, and each would be one more mistake.
+# Entries of a section. There are 25 roles; more keys than this are no vehicle file, and each would be one more mistake.
 MAX_KEYS = 100
 # characters of the vehicle's name; it stands in every view and result
 MAX_NAME_LENGTH = 200

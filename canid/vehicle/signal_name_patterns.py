@@ -36,6 +36,8 @@ NAME_PATTERNS: dict[str, tuple[str, str]] = {
     "lon": (r"^(gps |gnss )?long?\w*tude$|^lon$", NO_NAME),
     "yaw_rate": (r"yaw ?rate", r"offset|bias|valid|stat"),
     "gnss_speed": (r"(gps|gnss) ?(spd|speed|vel)", NO_NAME),
+    "wheel_speed": (r"wheel ?(spd|speed)( avg| average| mean)?$", r"fl|fr|rl|rr|front|rear|left|right|yaw"),
+    "reverse": (r"^reverse$|reverse (gear|light|engaged|active)", r"lever|req|lock|possible"),
     "gear": (r"^(current |actual )?gear$|gear (pos|act|engaged)", r"lever|shift|req"),
     "engine_speed": (r"(engine|eng|motor) ?(spd|speed|rpm)|^rpm$", r"fan|target|idle"),
     "lateral_offset": (r"(lateral|lane|lat) ?(offset|pos\w*|dev\w*)", r"left|right"),

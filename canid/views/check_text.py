@@ -6,7 +6,7 @@ from typing import Any
 
 from canid.types import NAN
 from canid.vehicle_check import Check, Contents
-from canid.views import json_values
+from canid.views import json_values, signal_text
 from canid.views.names import readable
 from canid.views.numbers import number
 from canid.views.table import columns
@@ -34,11 +34,17 @@ def check(found: Check) -> list[str]:
     lines += columns(("role", "unit", "from", "readings", "1/s", "missing %", "low", "median", "high"), rows)
     lines += [
         "",
-        "time: " + ", ".join(f"{readable(gate)} {share:.0f} %" for gate, share in found.gates.items()),
+        f"time: {signal_text.time(found.time)}",
+        "learning gate: " + ", ".join(f"{_gate(gate)} {share:.0f} %" for gate, share in found.gates.items()),
     ]
     lines += list(found.remarks)
     problems = [f"✗ {problem}" for problem in found.problems]
     return [*lines, "", *(problems or ["✓ the vehicle file fits"])]
+
+
+def _gate(name: str) -> str:
+    # the key of JSON for an open gate is older than the definition of driving
+    return "open" if name == "driving" else readable(name)
 
 
 def check_json(found: Check) -> dict[str, Any]:
@@ -60,6 +66,8 @@ def check_json(found: Check) -> dict[str, Any]:
             for row in found.rows
         },
         "gates": found.gates,
+        "time": json_values.plain(found.time),
+        "signals": [json_values.signal_finding(one) for one in found.findings],
         "problems": list(found.problems),
         "remarks": list(found.remarks),
     }

@@ -23,6 +23,8 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "vehicle": vehicle,
         "duration": json_values.number(duration(report)),
         "used_time": json_values.number(used_time(report)),
+        "time": None if report.time is None else json_values.plain(report.time),
+        "signals": [json_values.signal_finding(one) for one in report.signals],
         "output": report.output,
         "unit": role_unit(report.output),
         "verdict": report.verdict.value,

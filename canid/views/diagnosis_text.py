@@ -10,6 +10,7 @@ import numpy as np
 from canid.findings import Finding, Report, Trajectory, masked_for
 from canid.identification import identifiability
 from canid.types import Array, Interval
+from canid.views import signal_text
 from canid.views.names import SYMBOLS, parameter, readable
 from canid.views.numbers import interval, number, percent, role_unit, time_range
 from canid.views.table import columns
@@ -53,6 +54,8 @@ def _about(report: Report, log: str, vehicle: str) -> list[str]:
     lines = [
         f"{log}: {vehicle}, {number(duration(report), 's')}, {number(used_time(report), 's')} of them used"
     ]
+    lines += [] if report.time is None else [f"time: {signal_text.time(report.time)}"]
+    lines += signal_text.findings(report.signals)
     before, after = report.baseline.fit_percent, report.extended.fit_percent
     if before == before:
         fit = f"fit of the simulation {number(before, '%')}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from canid.types import Damage, Estimate, Status
+from canid.types import Damage, Estimate, SignalReport, Status
 from canid.views import estimate_text
 from canid.views.names import HEADLINE_MARK
 
@@ -28,6 +28,14 @@ class EstimateTally:
             self.last_ok[e.estimator] = e
         if e.headline:
             self.headline = e.estimator
+
+    def distrust(self, report: SignalReport) -> None:
+        """Drop good estimates from the time in which a signal was wrong and nobody knew it yet."""
+        for one in report.findings:
+            if one.withholds:
+                self.last_ok = {
+                    name: e for name, e in self.last_ok.items() if not one.since <= e.t <= one.raised
+                }
 
 
 def estimates(tally: EstimateTally) -> list[str]:

@@ -19,6 +19,8 @@ def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
         "vehicle": vehicle,
         "duration": drive.duration,
         "driver_time": drive.driver_time,
+        "time": json_values.plain(drive.time),
+        "signals": [json_values.signal_finding(one) for one in drive.findings],
         "windows": [json_values.estimate(e) for e in drive.windows],
         **_results(drive),
         "orders": [

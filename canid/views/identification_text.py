@@ -5,7 +5,7 @@ from __future__ import annotations
 from canid.drive_parameters import Identified
 from canid.estimators.estimator import WholeDrive
 from canid.identification.armax.order_selection import Candidate
-from canid.views import estimate_text
+from canid.views import estimate_text, signal_text
 from canid.views.numbers import number
 
 # candidates of the order selection that are listed
@@ -14,8 +14,7 @@ ORDERS_SHOWN = 3
 
 def text(drive: Identified, log: str, vehicle: str) -> list[str]:
     """What `canid identify` prints: estimates over sliding windows, then each estimator's model of the whole drive."""
-    time = f"{drive.duration:.0f} s, {drive.driver_time:.0f} s of them usable for identification"
-    lines = [f"{log}: {vehicle}, {time}", ""]
+    lines = [f"{log}: {vehicle}, {signal_text.time(drive.time)}", *signal_text.findings(drive.findings), ""]
     lines += [estimate_text.estimate(e) for e in drive.windows]
     lines += [""] if drive.windows else []
     for name in drive.ranked:

@@ -10,7 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from canid.types import Array, BlockReport, Channel, Estimate, Event, Interval, MonitorReport, ResidualTests
+from canid.types import (
+    Array,
+    BlockReport,
+    Channel,
+    Estimate,
+    Event,
+    Interval,
+    MonitorReport,
+    ResidualTests,
+    SignalFinding,
+    SignalReport,
+)
 
 
 def number(x: float) -> float | None:
@@ -131,6 +142,30 @@ def monitor_report(s: MonitorReport) -> dict[str, Any]:
     values = {"fits": s.fits, "since": number(s.since), "block": s.block, "says": s.says}
     blocks = {name: block_report(w) for name, w in s.blocks.items()}
     return {"t": number(round(s.t, 6)), "screen": values | {"blocks": blocks}}
+
+
+def signal_finding(one: SignalFinding) -> dict[str, Any]:
+    """One finding on the signals."""
+    return {
+        "finding": one.name,
+        "roles": list(one.roles),
+        "since": number(round(one.since, 6)),
+        "raised": number(round(one.raised, 6)),
+        "until": number(round(one.until, 6)),
+        "says": one.says,
+        "remedy": one.remedy,
+        "withholds": one.withholds,
+    }
+
+
+def signal_report(r: SignalReport) -> dict[str, Any]:
+    """The findings on the signals, as a line of its own.
+
+    Example:
+        >>> signal_report(SignalReport(60.0, ()))
+        {'t': 60.0, 'signals': []}
+    """
+    return {"t": number(round(r.t, 6)), "signals": [signal_finding(one) for one in r.findings]}
 
 
 def event(e: Event) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from canid.signal_checks.signal_checks import sentence
 from canid.types import (
     BlockStatus,
     Channel,
@@ -19,6 +20,8 @@ from canid.types import (
     LearnGate,
     MonitorReport,
     Sample,
+    SignalFinding,
+    SignalReport,
     Status,
 )
 from canid.views import estimate_text
@@ -64,10 +67,11 @@ class View(NamedTuple):
     lines: tuple[HealthLine, ...] = ()
     events: tuple[Event, ...] = ()
     monitor: MonitorReport | None = None  # the latest of the model monitor
+    signals: tuple[SignalFinding, ...] = ()  # that stand
     truth: tuple[tuple[str, str], ...] = ()  # (channel, known values), in a demonstration
 
 
-def update(view: View, item: Sample | Estimate | MonitorReport | Event) -> View:
+def update(view: View, item: Sample | Estimate | MonitorReport | SignalReport | Event) -> View:
     """Take one output of the pipeline into the view."""
     if isinstance(item, Sample):
         return view._replace(t=item.t, sample=item)
@@ -75,6 +79,15 @@ def update(view: View, item: Sample | Estimate | MonitorReport | Event) -> View:
         return view._replace(events=(*view.events, item)[-EVENTS_SHOWN:])
     if isinstance(item, MonitorReport):
         return view._replace(t=max(view.t, item.t), monitor=item)
+    if isinstance(item, SignalReport):
+        wrong = [one for one in item.findings if one.withholds]
+        return view._replace(
+            signals=tuple(one for one in item.findings if one.until != one.until),
+            # what was good while a signal was wrong, and nobody knew it yet
+            last_ok=tuple(
+                e for e in view.last_ok if not any(one.since <= e.t <= one.raised for one in wrong)
+            ),
+        )
     others = tuple(e for e in view.estimates if e.estimator != item.estimator)
     view = view._replace(t=max(view.t, item.t), estimates=tuple(sorted((*others, item), key=_by_name)))
     if item.status is Status.OK:
@@ -95,6 +108,8 @@ def render(view: View) -> RenderableType:
         parts += [Text(), *_estimator(latest, last_ok.get(latest.estimator), view.output)]
     if view.monitor is not None:
         parts += [Text(), _monitor_line(view.monitor)]
+    if view.signals:
+        parts += [Text(), *(_line(f"✗ {sentence(one)}", "bold red") for one in view.signals)]
     if view.truth:
         known = Text("truth  ", style="bold magenta")
         known.append("   ".join(f"{name}: {values}" for name, values in view.truth), style="magenta")

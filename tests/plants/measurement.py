@@ -26,7 +26,7 @@ from canid.vehicle import Vehicle, encoder, read_vehicle
 from tests.plants import fixed_lag_smoother, quantisation
 from tests.plants.grid import Came, sampled
 from tests.plants.planted_drive import Array, Planted
-from tests.plants.sensors import noise, sense
+from tests.plants.sensors import Message, noise, sense
 
 LEAN = Path(__file__).with_name("lean.toml")
 # s since the epoch; Tuesday, 6 January 2026, 07:00 UTC: any fixed time, so that a seed gives the same bytes
@@ -110,7 +110,16 @@ def trace(planted: Planted, vehicle: Vehicle | None = None, seed: int | None = N
     car = lean() if vehicle is None else vehicle
     if not _short_cut(car):
         return _long_way(frames(planted, car, seed), car)
-    messages = sense(planted, car, _seed(planted, seed))
+    return of_messages(sense(planted, car, _seed(planted, seed)), car)
+
+
+def of_messages(messages: list[Message], car: Vehicle) -> Trace:
+    """The trace of what the sensors say; for vehicles for which the short cut holds.
+
+    Args:
+        messages: from `sense`.
+        car: whose messages they are.
+    """
     every = np.sort(np.concatenate([message.t for message in messages]))
     came = {
         role: Came(t, value, t)

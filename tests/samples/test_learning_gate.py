@@ -91,3 +91,43 @@ def test_lane_keeping_needs_no_lead() -> None:
     )
     assert {s.gate for s in samples} == {LearnGate.OPEN}
     assert samples[0].inputs == (0.1,)
+
+
+@pytest.mark.parametrize("change", [{"gear": -1.0}, {"reverse": 1.0}])
+def test_nothing_is_learned_in_reverse(change: dict[str, float]) -> None:
+    """A negative gear, or the role `reverse`, shuts the gate at once; a forward gear does not."""
+    samples = run({0.0: {"gear": 3.0, "reverse": 0.0}, 4.0: change}, Driver())
+    assert {s.gate for s in samples[:40]} == {LearnGate.OPEN}
+    assert {s.gate for s in samples[40:]} == {LearnGate.REVERSE}
+
+
+def test_a_lead_beyond_reach_is_not_followed() -> None:
+    """Free driving begins 3 s after the headway has exceeded 6 s, and ends where it falls below 5 s."""
+    changes = {5.0: {"gap": 130.0}, 15.0: {"gap": 110.0}, 20.0: {"gap": 90.0}}
+    samples = run(changes, Driver(), 30.0)
+    free = [round(s.t, 1) for s in samples if s.gate is LearnGate.FREE_DRIVING]
+    assert (free[0], free[-1]) == (8.0, 19.9)
+    assert len(free) == 120
+    assert not any(s.learn for s in samples if 8.0 <= s.t < 21.8)
+
+
+def test_a_lead_that_departs_is_not_followed() -> None:
+    """A gap that opens for 10 s beyond a headway of 4 s is free driving; one that closes is following."""
+    departing = run({5.0: {"gap": 90.0, "range_rate": 1.0}}, Driver(), 30.0)
+    assert next(s.t for s in departing if s.gate is LearnGate.FREE_DRIVING) == pytest.approx(15.0)
+    closing = run({5.0: {"gap": 90.0, "range_rate": -1.0}}, Driver(), 30.0)
+    assert {s.gate for s in closing} == {LearnGate.OPEN}
+
+
+def test_who_wants_a_longer_headway_follows_at_a_longer_one() -> None:
+    """With a desired headway of 4 s, 7 s is following."""
+    samples = run({5.0: {"gap": 140.0}}, Driver(headway_desired=4.0), 20.0)
+    assert {s.gate for s in samples} == {LearnGate.OPEN}
+
+
+def test_a_new_lead_is_followed_at_once() -> None:
+    """Free driving belongs to one lead: it ends where none is measured."""
+    changes = {2.0: {"gap": 140.0}, 8.0: {"lead_valid": 0.0}, 9.0: {"lead_valid": 1.0, "gap": 110.0}}
+    samples = run(changes, Driver(), 16.0)
+    assert any(s.gate is LearnGate.FREE_DRIVING for s in samples[:80])
+    assert not any(s.gate is LearnGate.FREE_DRIVING for s in samples[80:])

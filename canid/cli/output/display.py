@@ -12,8 +12,8 @@ from typing import Protocol, TextIO
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.outputs import TextOutput
 from canid.cli.output.progress import REDRAW_HZ, is_terminal
-from canid.types import Estimate, Event, MonitorReport, Sample, Status
-from canid.views import estimate_text, json_values
+from canid.types import Estimate, Event, MonitorReport, Sample, SignalReport, Status
+from canid.views import estimate_text, json_values, signal_text
 from canid.views.live_view import HealthLine, View, render, update
 
 # s of the log between two plain lines of the same estimator with the same status
@@ -24,7 +24,7 @@ SAME_LINE_INTERVAL_S = 30.0
 TROUBLE_INTERVAL_S = 10.0
 
 
-Item = Sample | Estimate | MonitorReport | Event
+Item = Sample | Estimate | MonitorReport | SignalReport | Event
 
 
 class Display(Protocol):
@@ -80,6 +80,9 @@ class PlainLines:
         elif isinstance(item, MonitorReport) and item.block != self._suspected:
             self._suspected = item.block
             print_line(estimate_text.monitor_report(item))
+        elif isinstance(item, SignalReport):
+            for line in signal_text.report(item):
+                print_line(line)
 
     def lines(self, lines: Iterable[HealthLine], output: str = "") -> None:
         """Report what is wrong: at once, and every few seconds while it lasts and its numbers change."""
@@ -144,11 +147,14 @@ def display(view: View, *, json: str | None) -> Display:
     return EventsOnly() if json == "-" else PlainLines()
 
 
-def write_json(file: TextOutput | None, item: Estimate | MonitorReport) -> None:
-    """Write an estimate, or the monitor's reports, as one line; the monitor has none before the first misfit."""
+def write_json(file: TextOutput | None, item: Estimate | MonitorReport | SignalReport) -> None:
+    """Write an estimate or a report as one line; the monitor has none before the first misfit."""
     if file is None or (isinstance(item, MonitorReport) and item.since != item.since):
         return
-    value = (
-        json_values.monitor_report(item) if isinstance(item, MonitorReport) else json_values.estimate(item)
-    )
+    if isinstance(item, SignalReport):
+        value = json_values.signal_report(item)
+    elif isinstance(item, MonitorReport):
+        value = json_values.monitor_report(item)
+    else:
+        value = json_values.estimate(item)
     file.write(json_values.line(value) + "\n")

@@ -1,0 +1,1 @@
+"""Signal checks: planted faults caught and named, and false alarms on clean and on measured drives."""

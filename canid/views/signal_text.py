@@ -1,0 +1,50 @@
+"""Findings on the signals, and what a drive holds, as lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from canid.signal_checks.signal_checks import sentence
+from canid.types import DriveTime, SignalFinding, SignalReport
+
+
+def time(of: DriveTime) -> str:
+    """What a drive holds.
+
+    Example:
+        >>> time(DriveTime(60.0, 55.0, 50.0, 43.0))
+        '60 s, driving 55 s, behind a lead 50 s, usable for identification 43 s'
+    """
+    return (
+        f"{of.total:.0f} s, driving {of.driving:.0f} s, behind a lead {of.behind_lead:.0f} s, "
+        f"usable for identification {of.usable:.0f} s"
+    )
+
+
+def findings(several: Iterable[SignalFinding]) -> list[str]:
+    """One line per finding.
+
+    Example:
+        >>> one = SignalFinding("speed_unit", ("speed",), 3.0, 20.0, "speed is 3.6 times gnss_speed", "check it", True)
+        >>> findings([one, one._replace(until=90.0)])[1]
+        '✗ speed is 3.6 times gnss_speed (since 3 s): check it; until 90 s'
+    """
+    return [
+        f"✗ {sentence(one)}{f'; until {one.until:.0f} s' if one.until == one.until else ''}"
+        for one in several
+    ]
+
+
+def report(r: SignalReport) -> list[str]:
+    """A report in lines: what has begun or ended now.
+
+    Example:
+        >>> one = SignalFinding("speed_unit", ("speed",), 3.0, 20.0, "speed is 3.6 times gnss_speed", "check it", True)
+        >>> report(SignalReport(20.0, (one,)))
+        ['     20.0 s  signals wrong         speed is 3.6 times gnss_speed (since 3 s): check it']
+    """
+    new = [one for one in r.findings if r.t in (one.raised, one.until)]
+    return [
+        f" {r.t:8.1f} s  {'signals':7} {'wrong' if one.until != one.until else 'no longer':12}  {sentence(one)}"
+        for one in new
+    ]

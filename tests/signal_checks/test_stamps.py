@@ -1,0 +1,57 @@
+"""Stamps that jitter are found; lost frames, pauses and slow messages are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.samples import stamps
+from canid.signal_checks import signal_checks
+from canid.types import Driver
+from tests.signal_checks.synthetic import following, samples
+
+
+def spans(t: np.ndarray, cuts: int = 1) -> list[stamps.StampIntervals]:
+    """The intervals of these stamps, in so many parts."""
+    state, out = stamps.init(), []
+    for part in np.array_split(np.arange(len(t)), cuts):
+        state, found = stamps.step(state, "gap", t[part], part)
+        out += [span for _, span in found]
+    return out
+
+
+def stamped(kind: str, rng: np.random.Generator) -> np.ndarray:
+    t = np.arange(0.0, 60.0, 0.05)
+    if kind == "bursts":
+        return np.sort((np.floor(t / 0.3) + 1) * 0.3 + 0.001 * np.arange(len(t)) % 0.3 * 0.01)
+    if kind == "jitter":
+        return np.sort(t + rng.exponential(0.1, len(t)))
+    if kind == "lost":
+        return t[rng.random(len(t)) > 0.15]
+    if kind == "pauses":
+        return t[(t % 20.0) > 3.0]
+    if kind == "slow":
+        return np.arange(0.0, 60.0, 0.5) + 0.01 * rng.random(120)
+    return t + 0.002 * rng.random(len(t))
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [("bursts", True), ("lost", False), ("pauses", False), ("slow", False), ("even", False)],
+)
+def test_bursts_are_found_and_lost_frames_are_not(kind: str, wrong: bool, seed: int) -> None:
+    """Frames that are stamped when an adapter is read, against all that is no jitter."""
+    waiting = spans(stamped(kind, np.random.default_rng(seed)))
+    state, names = signal_checks.init(), set()
+    for sample in samples(following(3, 1.0)):
+        while waiting and waiting[0].t <= sample.t:
+            state = signal_checks.put(state, waiting.pop(0))
+        state, report = signal_checks.step(state, sample, Driver(), 0.1)
+        names |= {one.name for one in report.findings} if report is not None else set()
+    assert ("stamps_jitter" in names) is wrong
+
+
+def test_sums_do_not_depend_on_the_division(seed: int) -> None:
+    """Whole numbers are summed: any division gives the same intervals."""
+    t = stamped("jitter", np.random.default_rng(seed))
+    assert spans(t) == spans(t, 7) == spans(t, len(t))
