@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from benchmarks.identification.bounds import Lag
-from benchmarks.identification.loops import NORMAL, Drive, Lead
+from benchmarks.identification.loops import NORMAL, Drive, Gain, Lead, constant
 from benchmarks.identification.noise_models import REMNANT, NoiseModel, draw, low_pass
 
 DT = 0.01
@@ -25,7 +25,12 @@ P0 = 40.0  # %; far from the floor, which this loop does not have
 
 
 def drive(
-    seed: int, seconds: float, remnant: float = 1.0, lead: Lead = NORMAL, noise_model: NoiseModel = REMNANT
+    seed: int,
+    seconds: float,
+    remnant: float = 1.0,
+    lead: Lead = NORMAL,
+    noise_model: NoiseModel = REMNANT,
+    gain: Gain = constant,
 ) -> Drive:
     """Draw one drive.
 
@@ -35,6 +40,7 @@ def drive(
         remnant: sd of the pedal's own noise, %.
         lead: of the vehicle ahead.
         noise_model: of the remnant.
+        gain: factor on both gains over the drive.
     """
     rng = np.random.default_rng([seed, 3])
     settle = 60.0  # s; the loop starts at its balance, and is given out once it has forgotten that
@@ -42,6 +48,7 @@ def drive(
     ahead = (CRUISE + lead.sd * low_pass(n, DT, lead.cut, rng)).tolist()
     noise = (remnant * draw(noise_model, n, DT, rng)).tolist()
     grade = (0.1 * draw(HILLS, n, DT, rng)).tolist()
+    factor = gain(np.arange(n) * DT - settle).tolist()
     d1, d2 = round(THETA1 / DT), round(THETA2 / DT)
     a1, a2 = math.exp(-DT / TAU1), math.exp(-DT / TAU2)
     g1, g2 = 1.0 - TAU1 / DT * (1.0 - a1), 1.0 - TAU2 / DT * (1.0 - a2)
@@ -56,7 +63,7 @@ def drive(
         x1 = a1 * x1 + (1.0 - a1) * u + g1 * (w - u)
         u, w = rate[-d2 - 2], rate[-d2 - 1]
         x2 = a2 * x2 + (1.0 - a2) * u + g2 * (w - u)
-        pedal = P0 + K1 * x1 + K2 * x2 + noise[k]
+        pedal = P0 + factor[k] * (K1 * x1 + K2 * x2) + noise[k]
         out[k] = pedal, v, gap, ahead[k] - v
         v += DT * ((0.8 * (pedal - P0) - (v - CRUISE)) / 20.0 + grade[k])
         gap += DT * (ahead[k] - v)
