@@ -12,7 +12,7 @@ from operator import itemgetter
 from typing import Any, NamedTuple
 
 from canid import restart_time
-from canid.estimators import ESTIMATORS, agreement
+from canid.estimators import ESTIMATORS, agreement, gain_change
 from canid.estimators.estimator import AnyRunning
 from canid.frame_columns import columns_of
 from canid.monitor import change_monitor
@@ -133,12 +133,16 @@ def _estimated(parts: _Parts, state: State, sample: Sample) -> tuple[State, list
         if estimate is not None:
             estimates.append(estimate)
     agreed, checked = agreement.step(state.agreement, estimates)
-    out: list[Output] = [sample, *(estimate._replace(t=sample.t) for estimate in checked)]
+    by = sample.t - own.t
+    moved = [e._replace(t=sample.t, change=gain_change.moved(e.change, by)) for e in checked]
+    changes = [e.change for e in moved if e.change is not None and e.change.new]
+    events = [Event(sample.t, "gain_change", gain_change.says(change)) for change in changes]
+    out: list[Output] = [sample, *events, *moved]
     monitored = state.monitor
     if parts.monitor is not None and monitored is not None:
         monitored, report = parts.monitor.step(monitored, own)
         if report is not None:
-            out.append(change_monitor.moved(report, sample.t - own.t))
+            out.append(change_monitor.moved(report, by))
     return State(state.sampler, tuple(states), time, agreed, monitored), out
 
 

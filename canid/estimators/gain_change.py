@@ -37,6 +37,8 @@ ALARM = math.log(FALSE_ALARM_INTERVAL_H * 3600.0 / CANDIDATE_S)
 HOLD = 5.0
 # s that a reference is kept at most while the evidence neither grows to an alarm nor goes
 MAX_HELD_S = 60.0
+# s of usable data that a reference needs: gains of the first 20 s may be off by their own size
+MIN_REFERENCE_S = 40.0
 # Steps a second, before the data: two an hour. It weighs the steps in the mixture below the alarm.
 STEP_RATE = 2.0 / 3600.0
 # Weight of all steps together below which they move no 95 % interval
@@ -97,7 +99,7 @@ def due(watch: Watch, t: float) -> bool:
 def check(watch: Watch, window: Window, t: float) -> Watch:
     """Look for a step at time t [s]; a new one has `new` set."""
     watch = watch._replace(checked=t)
-    if watch.reference is None or len(window.rows) < 3 * window.block:
+    if watch.reference is None or watch.cut == watch.cut or len(window.rows) < 3 * window.block:
         return watch
     if not (window.rows[-window.block :, 1] > 0.0).any():
         return watch
@@ -132,7 +134,8 @@ def trim(watch: Watch, window: Window) -> tuple[Watch, Array]:
 def learn(watch: Watch, fit: ProcessFit, channels: Mapping[str, Channel], window: Window, t: float) -> Watch:
     """Take a reported fit as the reference, unless there is evidence that it holds a step."""
     kept = watch.reference is not None and watch.evidence >= HOLD
-    if watch.cut == watch.cut or (kept and t - watch.reference_t < MAX_HELD_S):
+    used = float((window.rows[:, 1] > 0.0).sum()) * window.layout.step
+    if watch.cut == watch.cut or used < MIN_REFERENCE_S or (kept and t - watch.reference_t < MAX_HELD_S):
         return watch
     at = answer_columns.reference(fit)
     made = _columns(at, window) if at is not None else None
@@ -215,3 +218,34 @@ def _intervals(names: tuple[str, ...], value: Array, sd: Array) -> dict[str, Int
         name: Interval(float(v), float(v - NORMAL_QUANTILE * s), float(v + NORMAL_QUANTILE * s))
         for name, v, s in zip(names, value, sd, strict=True)
     }
+
+
+def says(change: GainChange) -> str:
+    """The sentence for the user.
+
+    >>> K = {"range_rate": Interval(5.6, 5.2, 6.0)}, {"range_rate": Interval(8.4, 7.0, 9.8)}
+    >>> says(GainChange(Interval(190.0, 188.0, 191.0), *K, 14.0))
+    'the driver changed at 3:10 (3:08 to 3:11): range rate K 5.60 [5.20, 6.00] -> 8.40 [7.00, 9.80]'
+    """
+    first, low, high = map(_clock, change.t)
+    gains = ", ".join(
+        f"{name.replace('_', ' ')} K {_gain(change.before[name])} -> {_gain(change.after[name])}"
+        for name in change.before
+    )
+    return f"the driver changed at {first} ({low} to {high}): {gains}"
+
+
+def _clock(t: float) -> str:
+    minutes, seconds = divmod(round(max(t, 0.0)), 60)
+    return f"{minutes}:{seconds:02d}"
+
+
+def _gain(K: Interval) -> str:
+    return f"{K.value:.2f} [{K.low:.2f}, {K.high:.2f}]"
+
+
+def moved(change: GainChange | None, by: float) -> GainChange | None:
+    """Shift the times of a change by some seconds: from the estimators' time to the session's."""
+    if change is None or not by:
+        return change
+    return change._replace(t=Interval(*(t + by for t in change.t)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from canid.drive_parameters import Identified
+from canid.estimators import gain_change
 from canid.estimators.agreement import headline_rank
 from canid.estimators.estimator import WholeDrive
 from canid.identification.armax.order_selection import Candidate
@@ -17,7 +18,13 @@ def text(drive: Identified, log: str, vehicle: str) -> list[str]:
     """What `canid identify` prints: estimates over sliding windows, then each estimator's model of the whole drive."""
     time = f"{drive.duration:.0f} s, {drive.driver_time:.0f} s of them usable for identification"
     lines = [f"{log}: {vehicle}, {time}", ""]
-    lines += [estimate_text.estimate(e) for e in drive.windows]
+    reported: set[float] = set()
+    for e in drive.windows:
+        # the minutes after a change all carry it
+        if e.change is not None and e.change.t.value not in reported:
+            reported.add(e.change.t.value)
+            lines.append(f"           {gain_change.says(e.change)}")
+        lines.append(estimate_text.estimate(e))
     lines += [""] if drive.windows else []
     for name in sorted(drive.whole, key=headline_rank):
         lines += _whole(name.upper(), drive.whole[name])
