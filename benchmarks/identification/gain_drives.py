@@ -72,9 +72,7 @@ def estimates(seen: Seen, since: float, names: tuple[str, ...] = ("fopdt", "arma
             running.append(one.make(NAMES, bus.GRID, settings))
     states, agreed = [one.init() for one in running], agreement.init()
     emitted = [float("nan")] * len(running)
-    for k, (y, u, learn, segment) in enumerate(
-        zip(*(x.tolist() for x in seen.samples), strict=True)
-    ):
+    for k, (y, u, learn, segment) in enumerate(zip(*(x.tolist() for x in seen.samples), strict=True)):
         t = round(k * bus.GRID, 6)
         gate = LearnGate.OPEN if learn else LearnGate.PEDAL_FLOOR
         sample = Sample(t, y, tuple(u), gate, learn, segment, {})

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from canid.estimators import gain_change, status
+from canid.estimators import fopdt_whole_drive, gain_change, status
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification.fopdt import fopdt_fit, regression_rows
 from canid.identification.fopdt.output_filter import is_unknown
@@ -273,22 +273,15 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
 
 
 def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
-    """Fit all usable samples of a drive at once."""
-    fit = fopdt_fit.fit_process(
-        trace.output,
-        trace.inputs,
-        trace.learn,
-        trace.dt,
-        segment=trace.segment,
-        tau_max=settings.tau_max,
-        dead_time_max=settings.dead_time_max,
-        prior=settings.prior,
-        output_filter=settings.output_filter,
-    )
+    """Fit all usable samples of a drive at once, and find what changes during it."""
+    options = {"prior": settings.prior, "output_filter": settings.output_filter}
+    how = fopdt_whole_drive.Fitting(settings.tau_max, settings.dead_time_max, options, settings.output_filter)
+    fit = how.fit(trace, slice(None))
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
     sentences = (status.implausible(channels), UNKNOWN_FILTER if is_unknown(settings.output_filter) else "")
     lines = tuple(sentence for sentence in sentences if sentence)
-    return WholeDrive(channels, fit, fit.fit_percent, lines=lines)
+    drive = WholeDrive(channels, fit, fit.fit_percent, lines=lines)
+    return fopdt_whole_drive.with_changes(drive, fopdt_whole_drive.over_time(trace, fit, how))
 
 
 FOPDT = Estimator(NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state)

@@ -1,11 +1,11 @@
-"""Detection of a step of the gains in the FOPDT estimator's window, once a second (Shiryaev-Roberts).
+"""Detection of a step of the gains in the FOPDT estimator's window, every two seconds (Shiryaev-Roberts).
 
 The mathematics is in identification/fopdt/gain_step.py. Lags, dead times, noise model and its scale are those of the last
 reported fit before the evidence grew (`Watch.reference`): a fit of the window over the step itself would take the misfit for
 noise. Below the threshold of an alarm the gains of a window are a mixture over "no step" and a step at each second; from
 the alarm on the gains are those since the step, and once `BRIDGE_S` of data have come since, the window begins there.
 
-It runs in `advance` at whole seconds and depends on reported fits only, so live and batch detect the same.
+It runs in `advance` at even seconds and depends on reported fits only, so live and batch detect the same.
 """
 
 from __future__ import annotations
@@ -27,12 +27,14 @@ from canid.identification.fopdt.regression_rows import Layout
 from canid.state_constraints import TIME
 from canid.types import NAN, Array, Channel, GainChange, Identifiable, Interval, OutputFilter
 
-# s between two checks
-CHECK_EVERY_S = 1.0
+# s between two checks: a check takes a third of a refit
+CHECK_EVERY_S = 2.0
 # h; mean time between false alarms of a constant driver, by the bound of the statistic, as of the change monitor
 FALSE_ALARM_INTERVAL_H = 40.0
 # log of the Shiryaev-Roberts statistic from which on a step is reported
 ALARM = math.log(FALSE_ALARM_INTERVAL_H * 3600.0 / CANDIDATE_S)
+# log of it below which a step is not worth a second pass
+SECOND_PASS = 4.0
 # log of it from which on the reference is kept as it is: with nothing changed, a window of a minute has log 60 = 4.1
 HOLD = 5.0
 # s that a reference is kept at most while the evidence neither grows to an alarm nor goes
@@ -176,7 +178,7 @@ def since_step(watch: Watch, window: Window) -> Mapping[str, Channel] | None:
     first = window.row_at(watch.cut)
     parts = gain_step.grams(made, 1)
     two = np.array([parts[:first].sum(axis=0), parts[first:].sum(axis=0)])
-    rows = np.array([0, first])
+    rows = np.array([0.0, first])
     found = gain_step.of_grams(two, made, watch.reference.size, rows, DETECTED_SD)
     gains = _intervals(window.names, found.after[0], found.after_sd[0])
     out = {}
@@ -206,6 +208,8 @@ def _steps(at: Reference, window: Window) -> Steps | None:
     if made is None:
         return None
     found = gain_step.steps(made, at.size, window.block)
+    if found.evidence < SECOND_PASS:
+        return found
     m = made.inputs
     after = np.arange(made.values.shape[1]) >= found.rows[found.best]
     e = answer_columns.residual(made, made.values[: m + 1] * after)

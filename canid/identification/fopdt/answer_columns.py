@@ -184,4 +184,5 @@ def weighed(columns: Columns, e: Array, at: Reference, stretch: int, least: floa
 
 def _scale(e: Array) -> float:
     """Robust sd: median absolute deviation (Hampel 1974)."""
-    return max(float(np.median(np.abs(e))) / MAD_SD, 1e-12) if len(e) else 1e-12
+    middle = len(e) // 2
+    return max(float(np.partition(np.abs(e), middle)[middle]) / MAD_SD, 1e-12) if len(e) else 1e-12

@@ -31,7 +31,7 @@ CANDIDATE_S = 1.0
 class Steps(NamedTuple):
     """What the data say of a step at each candidate time."""
 
-    rows: Array  # (k,) int, the first row after the step
+    rows: Array  # (k,) the first row after the step
     log_bayes: Array  # (k,) log Bayes factor of a step of gains against none
     before: Array  # (k, m) gains
     before_sd: Array  # (k, m)
@@ -71,7 +71,7 @@ def steps(columns: Columns, size: Array, block: int, change_sd: float = CHANGE_S
     """
     n = columns.values.shape[1]
     parts = grams(columns, block)
-    return of_grams(parts, columns, size, np.arange(len(parts)) * block - (-n % block), change_sd)
+    return of_grams(parts, columns, size, np.arange(len(parts)) * float(block) - (-n % block), change_sd)
 
 
 def of_grams(parts: Array, columns: Columns, size: Array, rows: Array, change_sd: float = CHANGE_SD) -> Steps:
