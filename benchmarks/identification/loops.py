@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.identification.bounds import Lag
 
-
 # factor on both gains at times (n,) in s since the drive's first row; before 0 the loop settles
 Gain = Callable[[np.ndarray], np.ndarray]
 

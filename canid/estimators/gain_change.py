@@ -41,6 +41,8 @@ HOLD = 5.0
 MAX_HELD_S = 60.0
 # s of usable data that a reference needs: gains of the first 20 s may be off by their own size
 MIN_REFERENCE_S = 40.0
+# s after which a reference no longer stands for the driver now
+MAX_REFERENCE_AGE_S = 2.0 * MAX_HELD_S
 # Steps a second, before the data: two an hour. It weighs the steps in the mixture below the alarm.
 STEP_RATE = 2.0 / 3600.0
 # Weight of all steps together below which they move no 95 % interval
@@ -103,6 +105,8 @@ def check(watch: Watch, window: Window, t: float) -> Watch:
     watch = watch._replace(checked=t)
     if watch.reference is None or watch.cut == watch.cut or len(window.rows) < 3 * window.block:
         return watch
+    if t - watch.reference_t > MAX_REFERENCE_AGE_S:
+        return watch._replace(reference=None, evidence=0.0)
     if not (window.rows[-window.block :, 1] > 0.0).any():
         return watch
     found = _steps(watch.reference, window)
@@ -139,7 +143,9 @@ def learn(watch: Watch, fit: ProcessFit, channels: Mapping[str, Channel], window
     used = float((window.rows[:, 1] > 0.0).sum()) * window.layout.step
     if watch.cut == watch.cut or used < MIN_REFERENCE_S or (kept and t - watch.reference_t < MAX_HELD_S):
         return watch
-    at = answer_columns.reference(fit)
+    # of a gain that is not known nobody can say that it changed
+    known = any(identifiability.quotable(channel, "K") for channel in channels.values())
+    at = answer_columns.reference(fit) if known else None
     made = _columns(at, window) if at is not None else None
     if at is None or made is None:
         return watch
@@ -232,9 +238,12 @@ def says(change: GainChange) -> str:
     'the driver changed at 3:10 (3:08 to 3:11): range rate K 5.60 [5.20, 6.00] -> 8.40 [7.00, 9.80]'
     """
     first, low, high = map(_clock, change.t)
+    known = [
+        name for name in change.before if _is_known(change.before[name]) or _is_known(change.after[name])
+    ]
     gains = ", ".join(
         f"{name.replace('_', ' ')} K {_gain(change.before[name])} -> {_gain(change.after[name])}"
-        for name in change.before
+        for name in known or change.before
     )
     return f"the driver changed at {first} ({low} to {high}): {gains}"
 
@@ -242,6 +251,12 @@ def says(change: GainChange) -> str:
 def _clock(t: float) -> str:
     minutes, seconds = divmod(round(max(t, 0.0)), 60)
     return f"{minutes}:{seconds:02d}"
+
+
+def _is_known(K: Interval) -> bool:
+    """Whether a gain differs from zero, as its quotation asks for."""
+    half = (K.high - K.low) / (2.0 * NORMAL_QUANTILE)
+    return abs(K.value) >= identifiability.GAIN_RATIO * half
 
 
 def _gain(K: Interval) -> str:

@@ -3,6 +3,7 @@
 from benchmarks.identification.tables import (
     anytime,
     armax,
+    constancy,
     coverage,
     cuts,
     deadtime,
@@ -10,6 +11,7 @@ from benchmarks.identification.tables import (
     floor,
     following,
     fopdt,
+    gain_steps,
     progress,
     speed,
     tracking,
@@ -31,5 +33,7 @@ TABLES = (
     ("progress", progress.table),
     ("verdict", verdict.table),
     ("floor", floor.table),
+    ("gain_steps", gain_steps.table),
+    ("constancy", constancy.table),
     ("time", speed.table),
 )
