@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from canid.drive_parameters import Identified
+from canid.identification.confidence import NORMAL_QUANTILE
 from canid.types import Array, Interval
 from canid.views.names import SYMBOLS, readable
 from canid.views.numbers import number
@@ -48,7 +49,7 @@ def svg(drive: Identified, log: str, vehicle: str) -> str:
 def _panel(panel: Mapping[str, Any], changes: Sequence[Interval], duration: float, top: float) -> list[str]:
     """One parameter over the drive."""
     t, level, low, high = (np.asarray(panel[key], float) for key in ("t", "level", "low", "high"))
-    value, half = np.asarray(panel["value"], float), 1.96 * np.asarray(panel["sd"], float)
+    value, half = np.asarray(panel["value"], float), NORMAL_QUANTILE * np.asarray(panel["sd"], float)
     reach = MARGIN * max(float(np.max(high) - np.min(low)), float(np.median(2.0 * half)), 1e-9)
     bottom_value, top_value = float(np.min(low)) - reach, float(np.max(high)) + reach
     end = max(duration, float(t[-1]), 1.0)
