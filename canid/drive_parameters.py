@@ -13,7 +13,7 @@ from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
 from canid.identification.armax.armax_batch import ArmaxFit
 from canid.identification.armax.order_selection import Candidate
-from canid.types import NAN, Channel, Estimate, ResidualTests, Sample, Trace
+from canid.types import NAN, Channel, Estimate, Identifiable, ResidualTests, Sample, Trace
 
 
 class ArmaxDrive(NamedTuple):
@@ -84,17 +84,35 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=float(usable.sum() * trace.dt),
         windows=tuple(windows(trace, **settings)),
-        whole={
-            estimator.name: estimator.identify(trace, _settings(estimator, trace, settings))
-            for estimator in ESTIMATORS
-            if estimator.identify is not None
-        },
+        whole=_with_changes(
+            {
+                estimator.name: estimator.identify(trace, _settings(estimator, trace, settings))
+                for estimator in ESTIMATORS
+                if estimator.identify is not None
+            }
+        ),
         orders=tuple(
             order_selection.compare(trace.output, trace.inputs, usable, segment=trace.segment)
             if select_orders
             else ()
         ),
     )
+
+
+# said of a method that finds no changes itself, where another has found some
+CHANGED = "the gains changed during the drive: none of these holds for all of it"
+
+
+def _with_changes(whole: dict[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
+    """Where one method finds that the gains changed, nothing that another says of the whole drive may be quoted."""
+    if not any(found.details.get("changes") for found in whole.values() if found is not None):
+        return whole
+    out = dict(whole)
+    for name, found in whole.items():
+        if found is not None and not found.details.get("changes"):
+            channels = {key: c._replace(status=Identifiable.NOT) for key, c in found.channels.items()}
+            out[name] = found._replace(channels=channels, lines=(CHANGED, *found.lines))
+    return out
 
 
 def windows(trace: Trace, **settings: Any) -> list[Estimate]:

@@ -101,7 +101,8 @@ def over_time(trace: Trace, fit: fopdt_fit.ProcessFit, how: Fitting) -> OverTime
     if at is None or blocks is None:
         return OverTime((), (), ())
     found = gain_segments.segment(blocks.parts, blocks.used, blocks.columns, at.size, gain_change.ALARM)
-    segments = _segments(trace, how, [_begin(blocks, c.block) for c in found]) if found else ()
+    fits = _fits(trace, how, [_begin(blocks, c.block) for c in found]) if found else []
+    segments = tuple(segment for segment, _ in fits)
     changes = tuple(
         GainChange(
             Interval(*(_begin(blocks, block) for block in (c.block, c.low, c.high))),
@@ -109,9 +110,15 @@ def over_time(trace: Trace, fit: fopdt_fit.ProcessFit, how: Fitting) -> OverTime
             {name: channel.K for name, channel in after.channels.items()},
             c.evidence,
         )
-        for c, before, after in zip(found, segments, segments[1:], strict=False)
+        for c, (before, after) in zip(found, pairwise(segments), strict=True)
     )
-    return OverTime(changes, segments, _constancy(trace.input_names, fit, at, blocks))
+    if fits:
+        # the noise model of a fit over a change holds the misfit: take that of the longest stretch
+        _, longest = max(fits, key=lambda pair: pair[1].used)
+        own = answer_columns.reference(longest)
+        of_own = _blocks(trace, own, how) if own is not None else None
+        blocks = of_own if of_own is not None else blocks
+    return OverTime(changes, segments, _constancy(trace.input_names, fit, blocks))
 
 
 def _blocks(trace: Trace, at: answer_columns.Reference, how: Fitting) -> Blocks | None:
@@ -143,19 +150,17 @@ def _begin(blocks: Blocks, block: int) -> float:
     return float(blocks.end[max(block - 1, 0)])
 
 
-def _segments(trace: Trace, how: Fitting, times: list[float]) -> tuple[Segment, ...]:
-    edges = [float(trace.t[0]), *times, float(trace.t[-1])]
+def _fits(trace: Trace, how: Fitting, times: list[float]) -> list[tuple[Segment, fopdt_fit.ProcessFit]]:
+    """Fit each stretch between the changes."""
     out = []
-    for start, stop in pairwise(edges):
+    for start, stop in pairwise([float(trace.t[0]), *times, float(trace.t[-1])]):
         part = slice(int(np.searchsorted(trace.t, start)), int(np.searchsorted(trace.t, stop)))
         fit = how.fit(trace, part)
-        out.append(Segment(start, stop, dict(zip(trace.input_names, fit.channels, strict=True))))
-    return tuple(out)
+        out.append((Segment(start, stop, dict(zip(trace.input_names, fit.channels, strict=True))), fit))
+    return out
 
 
-def _constancy(
-    names: tuple[str, ...], fit: fopdt_fit.ProcessFit, at: answer_columns.Reference, blocks: Blocks
-) -> tuple[Constancy, ...]:
+def _constancy(names: tuple[str, ...], fit: fopdt_fit.ProcessFit, blocks: Blocks) -> tuple[Constancy, ...]:
     """Fit a local level to each parameter that the whole drive knows."""
     windows = _windows(blocks)
     if len(windows) < local_level.MIN_WINDOWS:

@@ -37,9 +37,11 @@ def _whole(name: str, found: WholeDrive | None) -> list[str]:
     fit = f", fit {number(found.fit_percent, '%')}" if found.fit_percent is not None else ""
     tests = estimate_text.residual_tests(found.residual_tests) if found.residual_tests is not None else []
     missing = estimate_text.all_missing(found.channels)
+    # where the gains changed, the lines hold those of each stretch
+    channels = {} if found.details.get("changes") else found.channels
     return [
         f"whole drive, {name}{found.specification}{fit}",
-        *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in found.channels.items()),
+        *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in channels.items()),
         *(f"  {line}" for line in (*([missing] if missing else []), *found.lines, *tests)),
     ]
 
