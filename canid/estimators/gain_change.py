@@ -115,13 +115,14 @@ def check(watch: Watch, window: Window, t: float) -> Watch:
     if found.evidence < ALARM:
         return watch._replace(evidence=found.evidence)
     first, low, high = (window.time_of(row) for row in gain_step.when(found))
-    best = found.best
-    change = GainChange(
-        Interval(first, low, high),
-        _intervals(window.names, found.before[best], found.before_sd[best]),
-        _intervals(window.names, found.after[best], found.after_sd[best]),
-        found.evidence,
+    # over all times at which it may have been
+    weight = np.exp(found.log_bayes - found.log_bayes.max())
+    before, after = (
+        {name: gain_step.mixture(K[:, i], sd[:, i], weight) for i, name in enumerate(window.names)}
+        for K, sd in ((found.before, found.before_sd), (found.after, found.after_sd))
     )
+    # a step between two candidates is found at either
+    change = GainChange(Interval(first, low - CANDIDATE_S, high + CANDIDATE_S), before, after, found.evidence)
     return watch._replace(evidence=0.0, change=change, detected=t, cut=first, new=True)
 
 
