@@ -20,6 +20,7 @@ from canid.types import (
     Channel,
     DriveTime,
     Estimate,
+    Identifiable,
     ResidualTests,
     Sample,
     SignalFinding,
@@ -113,11 +114,13 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
         windows=tuple(windows(trace, **settings)),
-        whole={
-            estimator.name: estimator.identify(trusted, _settings(estimator, trace, settings))
-            for estimator in ESTIMATORS
-            if estimator.identify is not None
-        },
+        whole=_with_changes(
+            {
+                estimator.name: estimator.identify(trusted, _settings(estimator, trace, settings))
+                for estimator in ESTIMATORS
+                if estimator.identify is not None
+            }
+        ),
         orders=tuple(
             order_selection.compare(rows.output, rows.inputs, ready, segment=rows.segment, dt=rows.dt)
             if select_orders
@@ -126,6 +129,22 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         time=time,
         findings=trace.findings,
     )
+
+
+# said of a method that finds no changes itself, where another has found some
+CHANGED = "the gains changed during the drive: none of these holds for all of it"
+
+
+def _with_changes(whole: dict[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
+    """Where one method finds that the gains changed, nothing that another says of the whole drive may be quoted."""
+    if not any(found.details.get("changes") for found in whole.values() if found is not None):
+        return whole
+    out = dict(whole)
+    for name, found in whole.items():
+        if found is not None and not found.details.get("changes"):
+            channels = {key: c._replace(status=Identifiable.NOT) for key, c in found.channels.items()}
+            out[name] = found._replace(channels=channels, lines=(CHANGED, *found.lines))
+    return out
 
 
 def windows(trace: Trace, **settings: Any) -> list[Estimate]:

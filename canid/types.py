@@ -255,6 +255,16 @@ class ResidualTests(NamedTuple):
     left_over_share: Mapping[str, float] = {}
 
 
+class GainChange(NamedTuple):
+    """A step of the driver's gains."""
+
+    t: Interval  # s, when
+    before: Mapping[str, Interval]  # input name -> K
+    after: Mapping[str, Interval]
+    evidence: float  # log of the Shiryaev-Roberts statistic
+    new: bool = False  # on the first estimate after it was detected
+
+
 class Estimate(NamedTuple):
     """An estimator's result at time t."""
 
@@ -268,6 +278,7 @@ class Estimate(NamedTuple):
     used: float = NAN  # s of data that the estimate rests on
     residual_tests: ResidualTests | None = None
     headline: bool = False  # the headline estimate, by the rule in estimators/agreement.py
+    change: GainChange | None = None  # the last step of the gains, for a minute after it was detected
 
 
 # --- monitored -------------------------------------------------------------------------------------

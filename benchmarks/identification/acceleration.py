@@ -13,6 +13,7 @@ import numpy as np
 from scipy.signal import lfilter, savgol_filter
 
 from benchmarks.identification.bounds import Lag
+from benchmarks.identification.loops import Gain, constant
 from benchmarks.identification.noise_models import NoiseModel, draw
 
 DT = 0.1  # s, of what is published
@@ -41,8 +42,16 @@ class Measured(NamedTuple):
     speed_noise: float  # m/s
 
 
-def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0) -> Drive:
-    """Simulate a drive; driver, lead and noise are drawn. `sensor`: times the usual sensor noise."""
+def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0, gain: Gain = constant) -> Drive:
+    """Simulate a drive; driver, lead and noise are drawn.
+
+    Args:
+        seed: of the run.
+        minutes: how long.
+        noise: of the driver.
+        sensor: times the usual sensor noise.
+        gain: factor on both gains over the drive.
+    """
     rng = np.random.default_rng(seed)
     n = int(minutes * 60 / FINE)
     gains = rng.uniform(0.15, 0.5), rng.uniform(0.4, 0.9)
@@ -51,6 +60,7 @@ def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0) -> 
     remnant = REMNANT * draw(noise, n, FINE, rng)
     late = np.round(dead_time / FINE).astype(int)
     decay = np.exp(-FINE / tau)
+    factor = gain(np.arange(n) * FINE).tolist()
     state, speed, gap = [0.0, 0.0], lead[0], HEADWAY * lead[0]
     seen = np.zeros((2, n))
     out = np.empty((2, n))
@@ -59,7 +69,8 @@ def drive(seed: int, minutes: float, noise: NoiseModel, sensor: float = 1.0) -> 
         for k in range(2):
             u = seen[k, i - late[k]] if i >= late[k] else 0.0
             state[k] = decay[k] * state[k] + (1.0 - decay[k]) * u
-        a = min(max(gains[0] * state[0] + gains[1] * state[1] + remnant[i], -6.0), 4.0)
+        answer = factor[i] * (gains[0] * state[0] + gains[1] * state[1])
+        a = min(max(answer + remnant[i], -6.0), 4.0)
         out[:, i] = a, speed
         gap = max(gap + FINE * (lead[i] - speed), 2.0)
         speed = max(speed + FINE * a, 3.0)

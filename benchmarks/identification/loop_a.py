@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from benchmarks.identification.bounds import Lag
-from benchmarks.identification.loops import NORMAL, Drive, Lead
+from benchmarks.identification.loops import NORMAL, Drive, Gain, Lead, constant
 from benchmarks.identification.noise_models import REMNANT, NoiseModel, draw, low_pass
 
 DT = 0.01
@@ -32,6 +32,7 @@ def drive(
     lead: Lead = NORMAL,
     noise_model: NoiseModel = REMNANT,
     channels: tuple[Lag, Lag] = GROVER,
+    gain: Gain = constant,
 ) -> Drive:
     """Draw one drive.
 
@@ -42,6 +43,7 @@ def drive(
         lead: of the vehicle ahead.
         noise_model: of the remnant.
         channels: the driver.
+        gain: factor on both gains over the drive.
     """
     rng = np.random.default_rng([seed, 3])
     settle = 60.0  # s; the loop starts at its balance, and is given out once it has forgotten that
@@ -49,6 +51,7 @@ def drive(
     ahead = (CRUISE + lead.sd * low_pass(n, DT, lead.cut, rng)).tolist()
     noise = (remnant * draw(noise_model, n, DT, rng)).tolist()
     grade = (0.1 * draw(HILLS, n, DT, rng)).tolist()
+    factor = gain(np.arange(n) * DT - settle).tolist()
     one, two = channels
     d1, d2 = round(one.dead_time / DT), round(two.dead_time / DT)
     a1, a2 = math.exp(-DT / one.tau), math.exp(-DT / two.tau)
@@ -64,7 +67,7 @@ def drive(
         x1 = a1 * x1 + (1.0 - a1) * u + g1 * (w - u)
         u, w = rate[-d2 - 2], rate[-d2 - 1]
         x2 = a2 * x2 + (1.0 - a2) * u + g2 * (w - u)
-        pedal = P0 + one.K * x1 + two.K * x2 + noise[k]
+        pedal = P0 + factor[k] * (one.K * x1 + two.K * x2) + noise[k]
         out[k] = pedal, v, gap, ahead[k] - v
         v += DT * ((0.8 * (pedal - P0) - (v - CRUISE)) / 20.0 + grade[k])
         gap += DT * (ahead[k] - v)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from benchmarks.identification.bounds import Lag
-from benchmarks.identification.loops import NORMAL, Drive, Lead
+from benchmarks.identification.loops import NORMAL, Drive, Gain, Lead, constant
 
 STEP = 0.02
 GAIN_HEADWAY, GAIN_RATE = 6.2, 6.0  # % per s, % per m/s
@@ -67,6 +67,7 @@ def drive(
     lead: Lead = NORMAL,
     middle: float = 22.0,
     shift: float = 8.0,
+    gain: Gain = constant,
 ) -> Drive:
     """Draw one drive.
 
@@ -77,6 +78,7 @@ def drive(
         lead: of the vehicle ahead.
         middle: m/s, about which the lead drives.
         shift: % by which the pedal stands above what level road at `middle` needs (an ascent); less brings the floor.
+        gain: factor on both gains over the drive.
     """
     rng = np.random.default_rng([seed, 4])
     lost = 80.0
@@ -96,6 +98,7 @@ def drive(
     alpha = math.exp(-STEP / LAG)
     gamma = 1.0 - LAG / STEP * (1.0 - alpha)
     before = 0.0
+    factor = gain(np.arange(n) * STEP - lost).tolist()
     for k in range(n):
         headways[k], rates[k] = gap / v, ahead[k] - v
         now = GAIN_HEADWAY * (headways[max(k - i, 0)] - WANTED) + GAIN_RATE * rates[max(k - j, 0)]
@@ -106,7 +109,7 @@ def drive(
             math.exp(-STEP / 3.0) * wind
             + 0.06 * math.sqrt(1 - math.exp(-2 * STEP / 3.0)) * rng.standard_normal()
         )
-        demand = rest + lag + noise
+        demand = rest + factor[k] * lag + noise
         throttle = LSB * round(max(demand, 0.0) / LSB)
         braking = max(BRAKES - demand, 0.0)
         columns[k] = throttle, braking > 0.0, v, gap, rates[k], demand > 0.0

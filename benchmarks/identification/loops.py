@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from benchmarks.identification.bounds import Lag
+
+# factor on both gains at times (n,) in s since the drive's first row; before 0 the loop settles
+Gain = Callable[[np.ndarray], np.ndarray]
+
+
+def constant(t: np.ndarray) -> np.ndarray:
+    """Return the factor of a driver who does not change."""
+    return np.ones(len(t))
 
 
 class Drive(NamedTuple):

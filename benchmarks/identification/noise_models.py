@@ -22,6 +22,7 @@ class NoiseModel(NamedTuple):
     frequency: float = 0.0  # Hz of the resonance; 0: none
     damping: float = 0.0
     white: float = 0.0  # share of the variance
+    freedom: float = 0.0  # degrees of freedom of Student's t that its shocks are drawn from; 0: Gaussian
 
 
 WHITE = NoiseModel("white", white=1.0)
@@ -33,6 +34,7 @@ NOISE_MODELS = (
     NoiseModel("OU 1 s + white", time_constant=1.0, white=0.3),
     NoiseModel("resonant 0.6 Hz", frequency=0.6, damping=0.15),
 )
+HEAVY_TAILED = NoiseModel("OU 1 s, Student's t with 3", time_constant=1.0, freedom=3.0)
 REMNANT = NoiseModel("OU 1 s", time_constant=1.0)
 
 
@@ -58,7 +60,10 @@ def draw(noise: NoiseModel, n: int, dt: float, rng: np.random.Generator) -> np.n
     out = math.sqrt(noise.white) * rng.standard_normal(n)
     if not h.any():
         return out
-    drive = rng.standard_normal((n, len(h))) @ np.linalg.cholesky(P - F @ P @ F.T + 1e-15 * P).T
+    shocks = rng.standard_normal((n, len(h)))
+    if noise.freedom > 2.0:
+        shocks = rng.standard_t(noise.freedom, shocks.shape) * math.sqrt(1.0 - 2.0 / noise.freedom)
+    drive = shocks @ np.linalg.cholesky(P - F @ P @ F.T + 1e-15 * P).T
     drive[0] = np.sqrt(np.diag(P)) * rng.standard_normal(len(h))
     if len(h) == 1:
         return out + lfilter([1.0], [1.0, -F[0, 0]], drive[:, 0])

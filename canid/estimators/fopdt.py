@@ -6,13 +6,13 @@ The mathematics is in identification/fopdt/fopdt_fit.py.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from canid.estimators import plausibility, status
+from canid.estimators import fopdt_whole_drive, gain_change, plausibility, status
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
@@ -125,6 +125,7 @@ class State(NamedTuple):
     window: Array  # (n, width) rows, read only
     start: fopdt_fit.Start | None  # where the last reported fit ended
     reported: bool = False  # the estimate that is due is a report's: its fit begins with the whole box
+    watch: gain_change.Watch = gain_change.Watch()  # for steps of the gains
 
 
 def init(setup: Setup) -> State:
@@ -153,12 +154,16 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     pace, forced = status.by_gate(state.pace, sample)
     state = state._replace(pace=pace, t=sample.t, recent=recent)
     state = _with_rows(setup, state) if len(recent) >= MAX_PENDING_SAMPLES else state
+    if state.watch.new and state.pace.emitted < sample.t and state.pace.emitted >= state.watch.detected:
+        state = state._replace(watch=state.watch._replace(new=False))
+    if forced is None and gain_change.due(state.watch, sample.t):
+        state = _checked(setup, state, sample.t)
     every = setup.settings.refit
     if forced is not None:
         if not status.due(pace, sample.t, forced, every):
             return state, False
     # a kind that is new because the gate has just opened is emitted at once, with a fit of its own
-    elif not status.due_from_data(pace, sample.t, every):
+    elif not status.due_from_data(pace, sample.t, every) and state.watch.detected != sample.t:
         return state, False
     emitted = status.emitted(pace, sample.t, Status.OK if forced is None else forced)
     return state._replace(pace=emitted, reported=status.reported(pace, sample.t)), True
@@ -192,6 +197,27 @@ def _with_rows(setup: Setup, state: State) -> State:
     return state._replace(making=making, window=window, recent=())
 
 
+def _checked(setup: Setup, state: State, t: float) -> State:
+    """Look for a step of the gains."""
+    state = _with_rows(setup, state)
+    watch = gain_change.check(state.watch, _window(setup, state), t)
+    watch, rows = gain_change.trim(watch, _window(setup, state))
+    return state._replace(watch=watch, window=rows)
+
+
+def _window(setup: Setup, state: State) -> gain_change.Window:
+    """Return the rows with the time of the last; the samples after it wait for the next known input."""
+    making = state.making
+    waiting = len(making.pending) - (making.history is not None) + len(making.answered)
+    return gain_change.Window(
+        setup.layout,
+        setup.input_names,
+        state.window,
+        state.t - waiting * setup.dt,
+        setup.settings.output_filter,
+    )
+
+
 def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]:
     names, window = setup.input_names, state.window
     usable = window[:, 1] > 0.0
@@ -214,12 +240,29 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     weak = status.by_data(used, setup.needed, excitation, moved)
     if weak is not None:
         return state, refused(*weak)
-    start = None if state.reported else state.start
+    change = gain_change.shown(state.watch, sample.t)
     given = setup.settings
+    if state.watch.cut == state.watch.cut:
+        since = gain_change.since_step(state.watch, _window(setup, state))
+        if since is not None:
+            kind, says = status.by_fit(since, excitation)
+            if kind is not Status.OK:
+                return state, refused(kind, says)._replace(change=change)
+            says = f"{says}; K since the driver changed, tau and dead time from before"
+            used = sample.t - state.watch.cut
+            return state, Estimate(
+                sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change
+            )
+    start = None if state.reported else state.start
     fit = fopdt_fit.fit_rows(setup.layout, window, start, given.prior, given.output_filter)
     if state.reported:
         state = state._replace(start=fit.start)
-    channels = dict(zip(names, fit.channels, strict=True))
+    channels: Mapping[str, Channel] = dict(zip(names, fit.channels, strict=True))
+    if state.reported:
+        window_now = _window(setup, state)
+        watch = gain_change.learn(state.watch, fit, channels, window_now, sample.t)
+        state = state._replace(watch=watch)
+    channels = gain_change.with_steps(state.watch, channels, _window(setup, state))
     following = _following(given, sample.signals.get("speed"), sample.signals.get("headway"))
     verdict = plausibility.judge(channels, fit.fit_percent, _ranges(given), following)
     kind, says = status.by_fit(channels, excitation, *verdict)
@@ -229,12 +272,14 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
         simulated = fopdt_residual.simulate_window(setup.layout, window, fit)
         tests = fopdt_residual.run_tests(simulated, fit, names, given.output_filter)
     if kind is not Status.OK:
-        made = refused(kind, says)
+        made = refused(kind, says)._replace(change=change)
         # what was found against a model is the reason, whatever the gate says just now
         return state, made._replace(says=says, residual_tests=tests) if verdict.refused else made
     if is_unknown(given.output_filter):
         says = f"{says}; {UNKNOWN_FILTER}"
-    return state, Estimate(sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests)
+    return state, Estimate(
+        sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests, change=change
+    )
 
 
 def _ranges(given: FopdtSettings) -> plausibility.Ranges:
@@ -256,19 +301,10 @@ def _following(
 
 
 def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
-    """Fit all usable samples of a drive at once."""
-    fit = fopdt_fit.fit_process(
-        trace.output,
-        trace.inputs,
-        trace.learn,
-        trace.dt,
-        segment=trace.segment,
-        tau_max=settings.tau_max,
-        dead_time_max=settings.dead_time_max,
-        prior=settings.prior,
-        output_filter=settings.output_filter,
-        bound=trace.bound,
-    )
+    """Fit all usable samples of a drive at once, and find what changes during it."""
+    options = {"prior": settings.prior, "output_filter": settings.output_filter}
+    how = fopdt_whole_drive.Fitting(settings.tau_max, settings.dead_time_max, options, settings.output_filter)
+    fit = how.fit(trace, slice(None))
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
     tests, left = None, ""
     if fit.start is not None:
@@ -285,7 +321,10 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
     unknown = UNKNOWN_FILTER if is_unknown(settings.output_filter) else ""
     lines = tuple(filter(None, (*verdict.refused, *verdict.remarks, left, unknown)))
     details = {"says": "; ".join(lines)}
-    return WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
+    drive = WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
+    if verdict.refused:
+        return fopdt_whole_drive.with_changes(drive, fopdt_whole_drive.OverTime((), (), ()))
+    return fopdt_whole_drive.with_changes(drive, fopdt_whole_drive.over_time(trace, fit, how))
 
 
 def _mean(trace: Trace, role: str) -> float | None:

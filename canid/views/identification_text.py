@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from canid.drive_parameters import Identified
+from canid.estimators import gain_change
 from canid.estimators.estimator import WholeDrive
 from canid.identification.armax.order_selection import Candidate
 from canid.views import estimate_text, signal_text
@@ -15,7 +16,13 @@ ORDERS_SHOWN = 3
 def text(drive: Identified, log: str, vehicle: str) -> list[str]:
     """What `canid identify` prints: estimates over sliding windows, then each estimator's model of the whole drive."""
     lines = [f"{log}: {vehicle}, {signal_text.time(drive.time)}", *signal_text.findings(drive.findings), ""]
-    lines += [estimate_text.estimate(e) for e in drive.windows]
+    reported: set[float] = set()
+    for e in drive.windows:
+        # the minutes after a change all carry it
+        if e.change is not None and e.change.t.value not in reported:
+            reported.add(e.change.t.value)
+            lines.append(f"           {gain_change.says(e.change)}")
+        lines.append(estimate_text.estimate(e))
     lines += [""] if drive.windows else []
     for name in drive.ranked:
         lines += _whole(name.upper(), drive.whole[name])
@@ -28,9 +35,11 @@ def _whole(name: str, found: WholeDrive | None) -> list[str]:
     fit = f", fit {number(found.fit_percent, '%')}" if found.fit_percent is not None else ""
     tests = estimate_text.residual_tests(found.residual_tests) if found.residual_tests is not None else []
     missing = estimate_text.all_missing(found.channels)
+    # where the gains changed, the lines hold those of each stretch
+    channels = {} if found.details.get("changes") else found.channels
     return [
         f"whole drive, {name}{found.specification}{fit}",
-        *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in found.channels.items()),
+        *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in channels.items()),
         *(f"  {line}" for line in (*([missing] if missing else []), *found.lines, *tests)),
     ]
 

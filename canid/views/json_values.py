@@ -118,6 +118,7 @@ def estimate(e: Estimate) -> dict[str, Any]:
         "used": number(e.used),
         "residual_tests": None if e.residual_tests is None else residual_tests(e.residual_tests),
         "headline": e.headline,
+        "change": plain(e.change),
     }
 
 

@@ -28,6 +28,7 @@ VIRTUAL = ("-i", "virtual", "-c", "outputs", "--duration", 0.2)
 # (name of a verb's option that writes -> the words around it); {} is the file
 WRITERS: dict[str, tuple[object, ...]] = {
     "identify --json": ("identify", "LOG", *PART, "--json"),
+    "identify --plot": ("identify", "LOG", *PART, "--plot"),
     "diagnose --json": ("diagnose", "LOG", *PART, "--json"),
     "diagnose --report": ("diagnose", "LOG", *PART, "--report"),
     "replay --json": ("replay", "LOG", *PART, "--json"),

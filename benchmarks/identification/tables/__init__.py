@@ -4,6 +4,7 @@ from benchmarks.identification.tables import (
     anytime,
     armax,
     calibration,
+    constancy,
     coverage,
     cuts,
     deadtime,
@@ -12,6 +13,7 @@ from benchmarks.identification.tables import (
     floor,
     following,
     fopdt,
+    gain_steps,
     log_score,
     peers_following,
     poles,
@@ -49,5 +51,7 @@ TABLES = (
     ("urban", urban.table),
     ("drift", drift.table),
     ("log_score", log_score.table),
+    ("gain_steps", gain_steps.table),
+    ("constancy", constancy.table),
     ("time", speed.table),
 )

@@ -76,6 +76,11 @@ def is_page(head: bytes) -> bool:
     return start.startswith(b"<!doctype html") and b"canid diagnosis" in head
 
 
+def is_plot(head: bytes) -> bool:
+    """A plot of `canid identify`."""
+    return head.lstrip()[:4] == b"<svg" and b"canid identify" in head
+
+
 def is_samples_or_estimates(head: bytes) -> bool:
     r"""A table of `canid export`.
 
@@ -98,6 +103,7 @@ def is_vehicle(head: bytes) -> bool:
 JSON = Kind("JSON text", (".json", ".jsonl", ".ndjson"), is_json)
 TRUTH = Kind("the truth of a simulated drive", (".truth.json",), is_truth)
 PAGE = Kind("a page of canid diagnose", (".html", ".htm"), is_page)
+PLOT = Kind("a plot of canid identify", (".svg",), is_plot)
 CSV = Kind("a table of canid export", (".csv",), is_samples_or_estimates)
 PARQUET = Kind("a Parquet table", (".parquet",), lambda head: head.startswith(b"PAR1"))
 VEHICLE_FILE = Kind("a vehicle file", (".toml",), is_vehicle)
@@ -116,6 +122,7 @@ FOREIGN_SUFFIXES = {
     **dict.fromkeys((".py", ".pyc", ".so", ".pth", ".sh", ".m", ".ipynb"), "a program"),
     ".html": "a page",
     ".htm": "a page",
+    ".svg": "a plot",
     ".parquet": "a table",
     ".events.jsonl": "a recording's journal",
     ".truth.json": "the truth of a simulated drive",

@@ -7,6 +7,7 @@ time; there is no descent that could stop in a local minimum. K and the offset a
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Annotated, NamedTuple
 
@@ -61,7 +62,7 @@ class ProcessFit(NamedTuple):
     point: Point  # the posterior's mean
     noise: Array  # (p,) autoregression of every `stride`-th row
     stride: int
-    sigma: float  # of the whitened residual
+    sigma: float  # root mean square of the whitened residual
     variance_inflation: float  # >= 1: inflation of variances by the autocorrelation that whitening left
     law: innovation_law.Law | None  # of the innovations; None: no estimate
     drift: int  # cosines that the offset follows
@@ -303,7 +304,7 @@ def _search(
         point=known.point,
         noise=noise.ar,
         stride=noise.stride,
-        sigma=(grid.residual * noise.stride / noise.counted) ** 0.5,
+        sigma=(grid.residual * noise.stride / noise.counted) ** 0.5 if math.isnan(noise.sd) else noise.sd,
         variance_inflation=noise.variance_inflation,
         law=noise.law,
         drift=0 if noise.drift is None else len(noise.drift),

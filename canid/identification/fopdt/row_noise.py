@@ -92,6 +92,7 @@ class Noise(NamedTuple):
     shift: Array | None  # (n,) from the whitened bound to its pseudo-value; None: no row at a bound counts
     drift: Array | None  # (k, n) slow cosines that the offset follows, mostly none; None: not yet looked for
     counted: float  # rows that count, those at a bound by what they are worth
+    sd: float  # of the innovations where the output is known; NaN: as the sum of squares says
 
 
 def white(data: Data) -> Noise:
@@ -223,6 +224,7 @@ def estimate(
         weighed.shift,
         drift,
         weighed.counted,
+        float("nan") if weighed.root is None else own,
     )
 
 
