@@ -100,9 +100,8 @@ def white(data: Data) -> Noise:
     n = len(data.usable)
     count = float(np.count_nonzero(data.usable))
     law = innovation_law.Law(float("inf"), 1.0, np.zeros(0))
-    return Noise(
-        np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0, law, 1.0, None, None, np.zeros((0, n)), count
-    )
+    plain = (np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0, law, 1.0)
+    return Noise(*plain, root=None, shift=None, drift=None, counted=count, sd=float("nan"))
 
 
 def by_channel(layout: rows.Layout, w: Array) -> Array:
