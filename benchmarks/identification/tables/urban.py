@@ -1,4 +1,4 @@
-"""Town traffic: the pedal stands at its floor or the foot on the brake for a third of the time."""
+"""Town traffic: the pedal stands at its floor or the driver brakes, for a third of the time."""
 
 from __future__ import annotations
 
