@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -142,3 +144,11 @@ def test_rav4_the_controller_itself_is_identified(tmp_path: Path) -> None:
     assert good, [e.says for e in drive.estimates][-2:]
     K = good[-1].channels["range_rate"].K
     assert 0.1 < K.value < 1.5
+
+
+def test_the_estimators_start_without_scipy() -> None:
+    """Nothing that a live start imports needs scipy.signal or matplotlib, which take a second each."""
+    heavy = "{'scipy.signal', 'scipy.stats', 'filterpy', 'matplotlib'}"
+    code = f"import sys, canid.pipeline; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from canid.types import Array
 
@@ -40,6 +39,9 @@ def below(bound: Array) -> Pseudo:
     >>> bool(below(np.array([8.0])).weight[0] < 1e-10)  # expected far below: nothing is learnt
     True
     """
+    # imported here: it takes 0.3 s, and only who has released the pedal needs it
+    from scipy.special import log_ndtr
+
     a = np.clip(bound, -MAX_SD, MAX_SD)
     ratio = np.exp(-0.5 * a * a - log_ndtr(a)) / np.sqrt(2.0 * np.pi)
     steep = np.maximum(ratio + a, 1e-12)

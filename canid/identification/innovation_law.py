@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
-from scipy.special import gammaln
 
+from canid.identification import first_order
 from canid.types import Array
 
 # degrees of freedom that are compared
@@ -75,7 +74,7 @@ def features(e: Array, rows: npt.NDArray[np.bool_], change: Array, per_second: f
     square = np.where(rows, e * e, 0.0)
     middle = float(square.sum()) / max(int(rows.sum()), 1)
     square[~rows] = middle
-    known = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * middle])[0]
+    known = middle + first_order.scan((1.0 - keep) * (square - middle), np.array([keep]))
     recent = np.empty(len(e))
     recent[0], recent[1:] = middle, known[:-1]
     of_change = np.log(change + 0.25 * float(change[rows].mean()) + 1e-300)
@@ -203,7 +202,9 @@ def _at(square: Array, freedom: float, share: float, shift: float) -> tuple[floa
 
 @cache
 def _constant(freedom: float) -> float:
-    return float(gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * math.log(freedom * math.pi))
+    return float(
+        math.lgamma(0.5 * (freedom + 1.0)) - math.lgamma(0.5 * freedom) - 0.5 * math.log(freedom * math.pi)
+    )
 
 
 def log_density(e: Array, weights: Weights) -> Array:

@@ -13,7 +13,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import savgol_coeffs
 
 from canid.types import Array, OutputFilter
 
@@ -61,8 +60,9 @@ def kernel(of: OutputFilter, step: float) -> Kernel:
     if of.kind == "moving_average":
         weights = np.ones(2 * half + 1)
     else:
-        # the derivative's weights on speeds, summed, are weights on the mean acceleration between two speeds
-        between = np.cumsum(savgol_coeffs(2 * half + 1, 2, deriv=1, use="dot"))[:-1]
+        # The slope of a local parabola weighs each speed by its distance from the middle (Savitzky & Golay 1964);
+        # summed, these are weights on the mean acceleration between two speeds.
+        between = np.cumsum(np.arange(-half, half + 1.0))[:-1]
         weights = np.convolve(-between, [0.5, 0.5])
     return Kernel(weights / weights.sum(), half, half)
 
