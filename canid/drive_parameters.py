@@ -13,6 +13,7 @@ from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
 from canid.identification.armax.armax_batch import ArmaxFit
 from canid.identification.armax.order_selection import Candidate
+from canid.identification.identifiability import not_quotable
 from canid.signal_checks import signal_checks
 from canid.signal_checks.drive_time import drive_time, usable
 from canid.types import (
@@ -20,7 +21,6 @@ from canid.types import (
     Channel,
     DriveTime,
     Estimate,
-    Identifiable,
     ResidualTests,
     Sample,
     SignalFinding,
@@ -142,7 +142,7 @@ def _with_changes(whole: dict[str, WholeDrive | None]) -> dict[str, WholeDrive |
     out = dict(whole)
     for name, found in whole.items():
         if found is not None and not found.details.get("changes"):
-            channels = {key: c._replace(status=Identifiable.NOT) for key, c in found.channels.items()}
+            channels = {key: not_quotable(c) for key, c in found.channels.items()}
             out[name] = found._replace(channels=channels, lines=(CHANGED, *found.lines))
     return out
 

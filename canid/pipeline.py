@@ -12,7 +12,7 @@ from operator import itemgetter
 from typing import Any, NamedTuple
 
 from canid import restart_time
-from canid.estimators import ESTIMATORS, agreement, gain_change
+from canid.estimators import ESTIMATORS, agreement, step_watch
 from canid.estimators.estimator import AnyRunning
 from canid.frame_columns import columns_of
 from canid.monitor import change_monitor
@@ -161,9 +161,9 @@ def _estimated(parts: _Parts, state: State, sample: Sample) -> tuple[State, list
     if stand and checked:
         stand = signal_checks.moved(SignalReport(own.t, stand), ahead).findings
         checked = tuple(signal_checks.withheld(estimate, stand) for estimate in checked)
-    moved = [e._replace(t=sample.t, change=gain_change.moved(e.change, ahead)) for e in checked]
+    moved = [e._replace(t=sample.t, change=step_watch.moved(e.change, ahead)) for e in checked]
     changes = [e.change for e in moved if e.change is not None and e.change.new]
-    out += [Event(sample.t, "gain_change", gain_change.says(change)) for change in changes]
+    out += [Event(sample.t, "gain_step", step_watch.says(change)) for change in changes]
     out += moved
     monitored = state.monitor
     if parts.monitor is not None and monitored is not None:

@@ -85,7 +85,7 @@ def test_two_halves_of_one_driver_agree() -> None:
         for part in (slice(0, middle), slice(middle, None)):
             columns = {
                 field: getattr(trace, field)[part]
-                for field in ("t", "output", "inputs", "gate", "learn", "segment")
+                for field in ("t", "output", "inputs", "gate", "learn", "segment", "bound")
             }
             half = trace._replace(**columns, signals={})
             halves.append(canid.identify(half, select_orders=False).channels["range_rate"].K)

@@ -88,7 +88,7 @@ def test_a_message_that_stops_coming(role: str, stale: float, tmp_path: Path) ->
     last = last_before(whole, HOLE, lambda frame: carries(frame, car, role))
     first = min(f.t for f in whole if f.t >= BACK and carries(f, car, role)) - BEGIN
     t, value = trace.t, trace.signals[role]
-    # the smoothing of the lead gives its reports out 0.2 s later, and flushes what is left behind the hole
+    # the smoothing of the lead gives its reports out 0.5 s later, and flushes what is left behind the hole
     hole = (t > last + stale + 1e-9) & (t < first)
     assert hole.sum() > 20
     assert np.isnan(value[hole]).all()
@@ -96,7 +96,7 @@ def test_a_message_that_stops_coming(role: str, stale: float, tmp_path: Path) ->
         # the pages of the satellite message come every 0.3 s: a shorter life is no life
         assert np.isfinite(value[(t > 2.0) & (t < last - 0.4)]).mean() > 0.95
     if stale > 0.6:
-        assert np.isfinite(value[(t > last - 0.4) & (t < last + stale - 0.3)]).all()
+        assert np.isfinite(value[(t > last - 0.4) & (t < last + stale - 0.6)]).all()
     if role in ("pedal", "speed", "cruise_active"):
         assert {trace.gate[k] for k in np.flatnonzero(hole)} == {LearnGate.STALE}
     if role in ("gap", "range_rate"):
@@ -214,7 +214,7 @@ def test_lead_valid_that_nobody_says_any_more(how: str, stale: float, tmp_path: 
         assert np.isfinite(trace.signals["gap"][(t > 2.0) & (t < begin)]).all()
 
 
-@pytest.mark.parametrize("stale", [0.2, 0.8])
+@pytest.mark.parametrize("stale", [0.2, 1.5])
 def test_radar_tracks_that_stop_coming(stale: float, tmp_path: Path) -> None:
     """`stale` of a track's distance or rate acts on the lead that is chosen among them."""
     if not RAV4.exists():
@@ -232,8 +232,8 @@ def test_radar_tracks_that_stop_coming(stale: float, tmp_path: Path) -> None:
     t, gap = trace.t, trace.signals["gap"]
     assert np.isfinite(gap[(t > 2.0) & (t < 5.5)]).mean() > 0.5
     assert np.isnan(gap[(t > 6.0 + stale) & (t < 10.0)]).all()
-    if stale > 0.6:
-        assert np.isfinite(gap[(t > 5.8) & (t < 6.0 + stale - 0.3)]).any()
+    if stale > 1.2:
+        assert np.isfinite(gap[(t > 5.5) & (t < 6.0 + stale - 0.6)]).any()
 
 
 def test_options_that_cannot_act_are_refused(tmp_path: Path) -> None:

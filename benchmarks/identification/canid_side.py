@@ -210,9 +210,10 @@ def _residual(fit: ProcessFit, trace: canid.Trace, part: slice) -> tuple[np.ndar
         [trace.output[part], trace.learn[part], trace.segment[part], trace.inputs[part]]
     )
     _, rows = regression_rows.put(layout, regression_rows.State(), samples, 4.5)
-    usable = (rows[:, 1] > 0.0) & np.isfinite(rows).all(axis=1)
-    residual = np.where(usable, rows[:, 0] - fit.point.offset - rows[:, 4:] @ fit.point.w, 0.0)
-    return residual, usable.astype(float), np.where(usable, rows[:, 0], 0.0)
+    simulated = fopdt_residual.simulate_window(layout, rows, fit)
+    usable = simulated.usable
+    residual = np.where(usable, simulated.output - simulated.answer - fit.point.offset, 0.0)
+    return residual, usable.astype(float), np.where(usable, simulated.output, 0.0)
 
 
 def _density(

@@ -45,10 +45,12 @@ def stepped(t: np.ndarray, at: float, factor: float) -> np.ndarray:
 def drive(world: World, seed: int, seconds: float, gain: Gain = constant) -> Seen:
     """Draw a drive and put it on a bus."""
     if world.plant == "acceleration":
-        made = acceleration.drive(seed, seconds / 60.0, world.noise, gain)
+        made = acceleration.drive(seed, seconds / 60.0, world.noise, gain=gain)
         output = acceleration.published(made, PUBLISHED, seed)
         n = len(output)
-        samples = bus.Seen(output, made.inputs, np.full(n, True), np.zeros(n, dtype=np.int64))
+        samples = bus.Seen(
+            output, made.inputs, np.full(n, True), np.zeros(n, dtype=np.int64), np.full(n, np.nan)
+        )
         return Seen(samples, made.channels[1].K, OutputFilter(PUBLISHED.kind, PUBLISHED.width))  # type: ignore[arg-type]
     if world.plant == "A":
         found = loop_a.drive(seed, seconds, lead=world.lead, noise_model=world.noise, gain=gain)
@@ -72,10 +74,10 @@ def estimates(seen: Seen, since: float, names: tuple[str, ...] = ("fopdt", "arma
             running.append(one.make(NAMES, bus.GRID, settings))
     states, agreed = [one.init() for one in running], agreement.init()
     emitted = [float("nan")] * len(running)
-    for k, (y, u, learn, segment) in enumerate(zip(*(x.tolist() for x in seen.samples), strict=True)):
+    for k, (y, u, learn, segment, bound) in enumerate(zip(*(x.tolist() for x in seen.samples), strict=True)):
         t = round(k * bus.GRID, 6)
         gate = LearnGate.OPEN if learn else LearnGate.PEDAL_FLOOR
-        sample = Sample(t, y, tuple(u), gate, learn, segment, {})
+        sample = Sample(t, y, tuple(u), gate, learn, segment, {}, bound)
         made = []
         for i, one in enumerate(running):
             states[i], due = one.advance(states[i], sample)

@@ -67,7 +67,9 @@ def of_drive(seed: int, world: World, seconds: float, share: float) -> Found:
 
 def trace(seen: Seen) -> Trace:
     """Return the drive as `canid.identify` takes it."""
-    y, u, learn, segment = seen.samples
+    y, u, learn, segment, bound = seen.samples
     n = len(y)
     t = np.arange(n) * bus.GRID
-    return Trace(bus.GRID, t, y, u, NAMES, (LearnGate.OPEN,) * n, learn, segment, {}, seen.output_filter)
+    return Trace(
+        bus.GRID, t, y, u, NAMES, (LearnGate.OPEN,) * n, learn, segment, {}, seen.output_filter, bound
+    )

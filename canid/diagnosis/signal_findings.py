@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from canid.effects import CATALOGUE
 from canid.findings import Finding, Flags, Masked
 from canid.signal_checks.drive_time import trusted
 from canid.signal_checks.signal_checks import sentence
@@ -9,14 +10,11 @@ from canid.types import SignalFinding, Trace
 
 # finding -> effects of the catalogue by which the diagnosis names and corrects the same fault; it then goes on
 CORRECTED = {
-    "range_rate_sign": ("range_rate_sign",),
-    "range_rate_scale": ("range_rate_scale", "range_rate_sign"),
-    "gap_contradicts_range_rate": ("range_rate_sign", "range_rate_scale"),
-    "speed_scale": ("speed_scale",),
-    "speed_unit": ("speed_scale",),
+    finding: frozenset(effect.id for effect in CATALOGUE if finding in effect.findings)
+    for finding in {finding for effect in CATALOGUE for finding in effect.findings}
 }
-# findings that the diagnosis judges by itself, over the whole drive: by masks, and by the age of the radar's reports
-JUDGED = frozenset(("gap_frozen", "range_rate_frozen", "speed_frozen", "radar_latency"))
+# findings that the diagnosis judges by itself, over the whole drive
+JUDGED = frozenset(finding for effect in CATALOGUE for finding in effect.judges)
 
 
 def untrusted(trace: Trace, found: tuple[Finding, ...]) -> tuple[SignalFinding, ...]:
@@ -30,7 +28,7 @@ def untrusted(trace: Trace, found: tuple[Finding, ...]) -> tuple[SignalFinding, 
     return tuple(
         one
         for one in trace.findings
-        if one.withholds and one.name not in JUDGED and not named & set(CORRECTED.get(one.name, ()))
+        if one.withholds and one.name not in JUDGED and not named & CORRECTED.get(one.name, frozenset())
     )
 
 

@@ -251,6 +251,9 @@ class Effect(NamedTuple):
     redundancy: Redundancy | None = None  # what two measured signals show of it
     # (estimates, signals) -> the signals that it changed, corrected
     correct: Callable[[Params, Mapping[str, Array]], dict[str, Array]] | None = None
+    # findings of the signal checks on the same fault, which this effect, where it is named, corrects
+    findings: tuple[str, ...] = ()
+    judges: tuple[str, ...] = ()  # findings that its own test over the whole drive replaces
     breaks_redundancy: bool = False  # a mask where gap, range rate and speed do not belong together
 
     # how it is simulated and tested

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from canid.estimators import fopdt_whole_drive, gain_change, plausibility, status
+from canid.estimators import fopdt_whole_drive, plausibility, status, step_watch
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
@@ -125,7 +125,7 @@ class State(NamedTuple):
     window: Array  # (n, width) rows, read only
     start: fopdt_fit.Start | None  # where the last reported fit ended
     reported: bool = False  # the estimate that is due is a report's: its fit begins with the whole box
-    watch: gain_change.Watch = gain_change.Watch()  # for steps of the gains
+    watch: step_watch.Watch = step_watch.Watch()  # for steps of the gains
 
 
 def init(setup: Setup) -> State:
@@ -156,7 +156,7 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     state = _with_rows(setup, state) if len(recent) >= MAX_PENDING_SAMPLES else state
     if state.watch.new and state.pace.emitted < sample.t and state.pace.emitted >= state.watch.detected:
         state = state._replace(watch=state.watch._replace(new=False))
-    if forced is None and gain_change.due(state.watch, sample.t):
+    if forced is None and step_watch.due(state.watch, sample.t):
         state = _checked(setup, state, sample.t)
     every = setup.settings.refit
     if forced is not None:
@@ -200,16 +200,16 @@ def _with_rows(setup: Setup, state: State) -> State:
 def _checked(setup: Setup, state: State, t: float) -> State:
     """Look for a step of the gains."""
     state = _with_rows(setup, state)
-    watch = gain_change.check(state.watch, _window(setup, state), t)
-    watch, rows = gain_change.trim(watch, _window(setup, state))
+    watch = step_watch.check(state.watch, _window(setup, state), t)
+    watch, rows = step_watch.trim(watch, _window(setup, state))
     return state._replace(watch=watch, window=rows)
 
 
-def _window(setup: Setup, state: State) -> gain_change.Window:
+def _window(setup: Setup, state: State) -> step_watch.Window:
     """Return the rows with the time of the last; the samples after it wait for the next known input."""
     making = state.making
     waiting = len(making.pending) - (making.history is not None) + len(making.answered)
-    return gain_change.Window(
+    return step_watch.Window(
         setup.layout,
         setup.input_names,
         state.window,
@@ -240,10 +240,10 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     weak = status.by_data(used, setup.needed, excitation, moved)
     if weak is not None:
         return state, refused(*weak)
-    change = gain_change.shown(state.watch, sample.t)
+    change = step_watch.shown(state.watch, sample.t)
     given = setup.settings
     if state.watch.cut == state.watch.cut:
-        since = gain_change.since_step(state.watch, _window(setup, state))
+        since = step_watch.since_step(state.watch, _window(setup, state))
         if since is not None:
             kind, says = status.by_fit(since, excitation)
             if kind is not Status.OK:
@@ -260,9 +260,9 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     channels: Mapping[str, Channel] = dict(zip(names, fit.channels, strict=True))
     if state.reported:
         window_now = _window(setup, state)
-        watch = gain_change.learn(state.watch, fit, channels, window_now, sample.t)
+        watch = step_watch.learn(state.watch, fit, channels, window_now, sample.t)
         state = state._replace(watch=watch)
-    channels = gain_change.with_steps(state.watch, channels, _window(setup, state))
+    channels = step_watch.with_steps(state.watch, channels, _window(setup, state))
     following = _following(given, sample.signals.get("speed"), sample.signals.get("headway"))
     verdict = plausibility.judge(channels, fit.fit_percent, _ranges(given), following)
     kind, says = status.by_fit(channels, excitation, *verdict)

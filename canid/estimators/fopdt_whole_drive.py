@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.estimators import gain_change
+from canid.estimators import step_watch
 from canid.estimators.estimator import WholeDrive
 from canid.identification import local_level
 from canid.identification.confidence import MISS
@@ -26,9 +26,9 @@ from canid.identification.fopdt import (
     regression_rows,
 )
 from canid.identification.fopdt.answer_columns import Columns
-from canid.identification.identifiability import quotable
+from canid.identification.identifiability import not_quotable, quotable
 from canid.identification.local_level import LocalLevel
-from canid.types import Array, Channel, GainChange, Identifiable, Interval, OutputFilter, Trace
+from canid.types import Array, Channel, GainChange, Interval, OutputFilter, Trace
 
 # s of usable data in a window of the local level: the gain of range rate to some 5 %, behind a lead that moves
 WINDOW_S = 40.0
@@ -101,7 +101,7 @@ def over_time(trace: Trace, fit: fopdt_fit.ProcessFit, how: Fitting) -> OverTime
     blocks = _blocks(trace, at, how) if at is not None else None
     if at is None or blocks is None:
         return OverTime((), (), ())
-    found = gain_segments.segment(blocks.parts, blocks.used, blocks.columns, at.size, gain_change.ALARM)
+    found = gain_segments.segment(blocks.parts, blocks.used, blocks.columns, at.size, step_watch.ALARM)
     fits = _fits(trace, how, [_begin(blocks, c.block) for c in found]) if found else []
     segments = tuple(segment for segment, _ in fits)
     changes = tuple(
@@ -246,10 +246,7 @@ def with_changes(drive: WholeDrive, found: OverTime) -> WholeDrive:
     """Add what changes to the result of a whole drive; where gains step, none of the whole drive may be quoted."""
     channels = drive.channels
     if found.changes:
-        channels = {
-            name: channel._replace(status=Identifiable.NOT, progress=None)
-            for name, channel in channels.items()
-        }
+        channels = {name: not_quotable(channel) for name, channel in channels.items()}
     details = {
         "changes": found.changes,
         "segments": [{"start": s.start, "stop": s.stop, "channels": s.channels} for s in found.segments],
@@ -268,7 +265,7 @@ def with_changes(drive: WholeDrive, found: OverTime) -> WholeDrive:
 def _change_lines(found: OverTime) -> list[str]:
     if not found.changes:
         return []
-    said = [gain_change.says(change) for change in found.changes]
+    said = [step_watch.says(change) for change in found.changes]
     first = (
         f"the gains changed {len(said)} time{'s' * (len(said) > 1)}: no gain holds for the whole drive, "
         "use those between the changes"

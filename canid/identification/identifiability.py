@@ -133,6 +133,25 @@ def gain_only(channel: Channel) -> Channel:
     return channel._replace(status=Identifiable.GAIN_ONLY, progress=None) if delayed else channel
 
 
+def not_quotable(channel: Channel) -> Channel:
+    """Leave nothing to be quoted.
+
+    >>> not_quotable(Channel(status=Identifiable.OK)).status
+    <Identifiable.NOT: 'not_identifiable'>
+    """
+    return channel._replace(status=Identifiable.NOT, progress=None)
+
+
+def with_gain(channel: Channel, K: Interval) -> Channel:
+    """Give a channel another gain; where that may be zero, nothing may be quoted.
+
+    >>> with_gain(Channel(status=Identifiable.OK), Interval(1.0, -0.5, 2.5)).status
+    <Identifiable.NOT: 'not_identifiable'>
+    """
+    changed = channel._replace(K=K)
+    return changed if K.low * K.high > 0.0 else not_quotable(changed)
+
+
 def quotable(channel: Channel, name: str) -> bool:
     """Whether a field of a channel may be quoted.
 

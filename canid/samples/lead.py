@@ -64,13 +64,19 @@ def settings_of(vehicle: Vehicle) -> Settings:
     return Settings(
         from_tracks=tracks,
         in_path=config.in_path,
-        noise=Noise(config.gap_noise, config.range_rate_noise),
+        noise=stated_noise(vehicle),
         age=usual if tracks else Age(stale("gap", usual.gap), stale("range_rate", usual.range_rate)),
         silent=TRACK_TIMEOUT_S if config.stale is None else config.stale,
         valid=roles["lead_valid"].stale if "lead_valid" in roles else None,
         speed=stale("speed", Settings().speed),
         yaw_rate=stale("yaw_rate", Settings().yaw_rate),
     )
+
+
+def stated_noise(vehicle: Vehicle) -> Noise:
+    """Return the radar's noise as the vehicle file states it; NaN where it does not."""
+    gap, rate = vehicle.lead.gap_noise, vehicle.lead.range_rate_noise
+    return Noise(NAN if gap is None else gap, NAN if rate is None else rate)
 
 
 class Track(NamedTuple):

@@ -21,10 +21,11 @@ from canid.samples.local_polynomial import Fitted
 from canid.samples.update_instants import Instants
 from canid.types import NAN, Array
 
-# s; how long a grid point waits for the reading after it: the smoothing lag, plus four reports of a 10 Hz radar
-MAX_WAIT_S = 0.9
+# s; how long a grid point waits for the reading after it: the smoothing lag, 0.5 s that a target may be silent before
+# it counts as lost and what was being smoothed is given out, and two reports of a 10 Hz radar
+MAX_WAIT_S = 1.2
 # readings kept per role: MAX_WAIT_S at 200 Hz
-READINGS_KEPT = 180
+READINGS_KEPT = 240
 # readings of a role from which on it is worth while to drop what is no longer needed
 MIN_TRIMMED = 256
 # s; grid points before the first reading of every needed role are left out, but for no longer than this: a

@@ -20,6 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.identification.confidence import NORMAL_QUANTILE
 from canid.signal_checks.blocks import GAP, RANGE_RATE, SPEED, Block
 from canid.signal_checks.check import Check, Found, unit_of
 from canid.state_constraints import TIME
@@ -217,7 +218,7 @@ def _late(state: State) -> Found | None:
     bias = BIAS_S if sd < PRECISE_SD_S else IMPRECISE_BIAS_S
     if not (age - SIGMAS * sd - bias > MAX_AGE_S and state.late > LATE_EVIDENCE):
         return None
-    wide = 1.96 * sd + bias
+    wide = NORMAL_QUANTILE * sd + bias
     says = f"the radar's reports are {age:.2f} s [{age - wide:.2f}, {age + wide:.2f}] older than those of the own speed"
     remedy = "stamp them where they are measured; dead times are too short by as much"
     return Found("radar_latency", ("gap", "range_rate"), state.begin, says, remedy)
@@ -228,7 +229,7 @@ def measured(state: State) -> str:
     age, sd = state.age
     if not sd < PRECISE_SD_S:
         return ""
-    wide = 1.96 * sd + BIAS_S
+    wide = NORMAL_QUANTILE * sd + BIAS_S
     return (
         f"age of the radar's reports against the own speed: {age:.2f} s [{age - wide:.2f}, {age + wide:.2f}]"
     )

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from canid.samples import report_noise
+from canid.samples import lead, report_noise
 from canid.simulation.following import Simulation
 from canid.types import NAN, Array, Frame
 from canid.vehicle import Vehicle, encoder
@@ -72,8 +72,7 @@ def frames(simulation: Simulation, vehicle: Vehicle, *, radar_noise: bool = True
 
 def radar_noise_of(vehicle: Vehicle) -> report_noise.Noise:
     """Return the standard deviations of the reports, as stated or as usual: m, m/s."""
-    stated = report_noise.Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
-    return report_noise.noise(report_noise.State(), stated)
+    return report_noise.noise(report_noise.State(), lead.stated_noise(vehicle))
 
 
 def truth_text(simulation: Simulation, vehicle: Vehicle) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from canid.types import NAN, Driver
+from canid.types import Driver
 from canid.vehicle.bits import Bits
 from canid.vehicle.roles import Kind
 
@@ -84,8 +84,8 @@ class LeadConfig(NamedTuple):
     # m; half a lane of 3.5 m: an object whose middle is nearer than this is in the own path.
     in_path: float = 1.8
     # Standard deviations of one radar report, as automotive 77 GHz long-range radars are specified.
-    gap_noise: float = NAN  # m, standard deviation of one report; NaN: estimated from the reports
-    range_rate_noise: float = NAN  # m/s
+    gap_noise: float | None = None  # m, standard deviation of one report; None: estimated from the reports
+    range_rate_noise: float | None = None  # m/s
     stale: float | None = None  # s; a track's report that is older is not measured; None: the usual
 
 

@@ -118,8 +118,8 @@ class LeadSection(Section):
     bus: Bus | None = None
     rate_sign: Literal[1, -1] = 1
     in_path: Width = _LEAD.in_path
-    gap_noise: Deviation = _LEAD.gap_noise
-    range_rate_noise: Deviation = _LEAD.range_rate_noise
+    gap_noise: Deviation | None = _LEAD.gap_noise
+    range_rate_noise: Deviation | None = _LEAD.range_rate_noise
 
 
 class FilterSection(Section):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from canid.drive_parameters import Identified
-from canid.estimators import gain_change
+from canid.estimators import step_watch
 from canid.estimators.estimator import WholeDrive
 from canid.identification.armax.order_selection import Candidate
 from canid.views import estimate_text, signal_text
@@ -21,7 +21,7 @@ def text(drive: Identified, log: str, vehicle: str) -> list[str]:
         # the minutes after a change all carry it
         if e.change is not None and e.change.t.value not in reported:
             reported.add(e.change.t.value)
-            lines.append(f"           {gain_change.says(e.change)}")
+            lines.append(f"           {step_watch.says(e.change)}")
         lines.append(estimate_text.estimate(e))
     lines += [""] if drive.windows else []
     for name in drive.ranked:

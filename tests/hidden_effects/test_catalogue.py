@@ -33,6 +33,13 @@ each = pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.id
 
 # the argument of `simulate` and its key in a truth file are older than the mask of the same name
 ARGUMENTS = {("simulation/__init__.py", "cut_in"), ("simulation/following.py", "cut_in")}
+# a finding of the signal checks has the name of the fault, as the effect that imitates it has
+ARGUMENTS |= {
+    ("signal_checks/gap_and_range_rate.py", "range_rate_sign"),
+    ("signal_checks/gap_and_range_rate.py", "range_rate_scale"),
+    ("signal_checks/own_motion.py", "radar_latency"),
+    ("signal_checks/reference_speed.py", "speed_scale"),
+}
 # modules of canid/effects that hold no effect
 SHARED = {"effect", "redundancy", "slope"}
 

@@ -19,7 +19,6 @@ from canid.drive_reader import trace as as_trace
 from canid.logs import write_log
 from canid.samples import lead, learning_gate
 from canid.samples.lead_readings import REPORTED
-from canid.samples.report_noise import Noise
 from canid.samples.sampler import sampled_roles
 from canid.types import Frame, Reading, Sample, Trace
 from canid.vehicle import Vehicle, encoder, read_vehicle
@@ -164,7 +163,7 @@ def _lead(came: dict[str, Came], every: Array, vehicle: Vehicle) -> dict[str, Ca
     t, gap, _ = came["gap"]
     rate = came["range_rate"].value
     valid = came["lead_valid"].value if "lead_valid" in came else np.ones(len(t))
-    settings = Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
+    settings = lead.stated_noise(vehicle)
     # a report is taken up with the first frame after it
     known = np.append(every, np.inf)[np.searchsorted(every, t, side="right")]
     found = fixed_lag_smoother.smoothed(t, gap, rate, settings) if (valid == 1.0).all() else None
@@ -182,9 +181,7 @@ def _step_by_step(
     t: Array, gap: Array, rate: Array, valid: Array, known: Array, vehicle: Vehicle
 ) -> dict[str, Came]:
     """As `_lead`, by canid's own function: for drives on which the target changes or is lost."""
-    settings = lead.Settings(
-        False, vehicle.lead.in_path, Noise(vehicle.lead.gap_noise, vehicle.lead.range_rate_noise)
-    )
+    settings = lead.Settings(False, vehicle.lead.in_path, lead.stated_noise(vehicle))
     state = lead.init()
     out: dict[str, tuple[list[float], list[float], list[float]]] = {}
     for at, g, w, ok, when in zip(*(x.tolist() for x in (t, gap, rate, valid, known)), strict=True):

@@ -163,7 +163,7 @@ def test_a_vehicle_that_does_not_exist_names_those_that_do(tmp_path):
 def test_defaults_and_settings_arrive(tmp_path):
     """Sections left out give the defaults of the types; given ones arrive, and integers do for numbers."""
     vehicle = read_vehicle(write(tmp_path, GOOD))
-    assert vehicle.estimators == {"armax": ArmaxSettings(), "fopdt": FopdtSettings()}
+    assert vehicle.estimators == {"armax": ArmaxSettings(), "fopdt": FopdtSettings(output="pedal")}
     assert vehicle.lead.tracks is None
     assert vehicle.warnings == ()
     vehicle = read_vehicle(

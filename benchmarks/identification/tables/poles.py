@@ -69,7 +69,7 @@ def _pedal(seed: int) -> tuple[tuple[object, ...], tuple[object, ...]]:
 
 
 def _acceleration(seed: int, how: acceleration.Measured, of: OutputFilter | None) -> tuple[object, ...]:
-    drive = acceleration.drive(seed, filters.MINUTES[seed % 2], REMNANT)
+    drive = acceleration.drive(seed, filters.MINUTES[seed % len(filters.MINUTES)], REMNANT)
     found = armax_whole_drive.identify(
         _trace(acceleration.published(drive, how, seed), drive.inputs, of), Orders()
     )

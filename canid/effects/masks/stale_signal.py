@@ -109,6 +109,7 @@ EFFECT = Effect(
     says="A measured signal is frozen, or does not arrive.",
     where="driver",
     kind=Kind.MASK,
+    judges=("gap_frozen", "range_rate_frozen", "speed_frozen"),
     parameters=(),
     needs=("speed", "gap", "range_rate"),
     source="exact repeats: a hung sender gives them, a sensor with noise does not",

@@ -21,6 +21,7 @@ EFFECT = Effect(
     says="The radar's reports are {delay} s older than the car's own speed signal.",
     where="sensing",
     kind=Kind.REDUNDANCY,
+    judges=("radar_latency",),
     parameters=(Parameter("delay", "s", 0.0, 1.0, (), 0.15),),
     needs=("range_rate", "speed"),
     source="latencies of 50 to 300 ms; the own motion shows in the range rate at once, or late by this",

@@ -48,6 +48,7 @@ EFFECT = Effect(
     sense=sense,
     redundancy=Redundancy(Relation.RANGE_RATE, recognise),
     correct=correct,
+    findings=("range_rate_scale", "gap_contradicts_range_rate"),
     found_at=((0.1,), (-0.12,)),
     silent_at=((0.005,),),
 )

@@ -41,5 +41,6 @@ EFFECT = Effect(
     sense=sense,
     redundancy=Redundancy(Relation.RANGE_RATE, recognise),
     correct=correct,
+    findings=("range_rate_sign", "range_rate_scale", "gap_contradicts_range_rate"),
     found_at=((),),
 )

@@ -37,6 +37,7 @@ EFFECT = Effect(
     sense=sense,
     redundancy=Redundancy(Relation.SPEED, excess(Relation.SPEED, 1.0)),
     correct=correct,
+    findings=("speed_scale", "speed_unit"),
     found_at=((0.03,), (-0.04,)),
     silent_at=((0.001,),),
 )

@@ -171,7 +171,7 @@ def with_steps(watch: Watch, channels: Mapping[str, Channel], window: Window) ->
         value = np.concatenate([[0.5 * (K.low + K.high)], found.after[:, i]])
         mixed = gain_step.mixture(value, np.concatenate([[half], found.after_sd[:, i]]), weight)
         usable = math.isfinite(half) and channel.status is not Identifiable.NOT
-        out[name] = channel._replace(K=mixed) if usable else channel
+        out[name] = identifiability.with_gain(channel, mixed) if usable else channel
     return out
 
 
