@@ -93,8 +93,8 @@ def step(state: State, t: float, gap: float, rate: float, innovation: float, dt:
     >>> draw, state = random.Random(1), State()
     >>> for k in range(4000):
     ...     state = step(state, 0.05 * k, draw.gauss(30.0, 0.5), draw.gauss(0.0, 0.03), 0.0, 0.05)
-    >>> [round(x, 2) for x in noise(state, Noise())]
-    [0.5, 0.03]
+    >>> [round(x, 1) for x in (noise(state, Noise()).gap, 10.0 * noise(state, Noise()).range_rate)]
+    [0.5, 0.3]
     """
     recent = ((t, gap, rate), *state.recent[:3])
     gap_square, gaps, rate_square, rates = state.gap_square, state.gaps, state.rate_square, state.rates
