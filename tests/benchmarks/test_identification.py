@@ -24,12 +24,16 @@ from benchmarks.identification.tables import (
     anytime,
     coverage,
     cuts,
+    drift,
     filters,
     floor,
+    log_score,
     peers_following,
     progress,
     residuals,
+    steering,
     tracking,
+    urban,
     verdict,
     windup,
 )
@@ -63,6 +67,10 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(residuals, "SECONDS", 90.0)
     monkeypatch.setattr(residuals, "WORLDS", residuals.WORLDS[3:4])
     monkeypatch.setattr(floor, "SECONDS", 40.0)
+    monkeypatch.setattr(steering, "MINUTES", ((1.0, 1), (2.0, 2)))
+    monkeypatch.setattr(urban, "MINUTES", 2.0)
+    monkeypatch.setattr(drift, "MINUTES", (2.0,))
+    monkeypatch.setattr(log_score, "DRIVES", log_score.DRIVES[:1])
     monkeypatch.setattr(verdict, "LEADS", verdict.LEADS[1:2])
 
 
