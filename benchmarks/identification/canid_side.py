@@ -232,7 +232,5 @@ def _density(
                 innovation_law.fit(e, rows, of) if law else innovation_law.equal(len(e), float(e[rows].std()))
             )
             continue
-        size = np.exp(np.clip(found.law.slopes @ of, -2.0, 2.0)) if len(found.law.slopes) else np.ones(len(e))
-        weights = innovation_law.Weights(found.law, size, np.ones(len(e)), 1.0)
-        return innovation_law.log_density(e, weights), rows
+        return innovation_law.log_density(e, innovation_law.applied(e, found.law, of)), rows
     raise AssertionError

@@ -13,7 +13,7 @@ from canid.identification import identifiability, residual_tests
 from canid.identification.armax import box_jenkins, box_jenkins_channels, gain_and_delay, measurement_noise
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.armax.box_jenkins import BoxJenkinsFit
-from canid.identification.fopdt.output_filter import is_unknown
+from canid.identification.output_filter import is_unknown
 from canid.types import Array, Channel, ResidualTests, Trace
 
 

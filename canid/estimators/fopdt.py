@@ -16,8 +16,8 @@ from canid.estimators import fopdt_whole_drive, plausibility, status, step_watch
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
-from canid.identification.fopdt.output_filter import is_unknown
 from canid.identification.fopdt.prior import Prior, check_prior
+from canid.identification.output_filter import is_unknown
 from canid.state_constraints import TIME
 from canid.types import Array, Channel, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
 

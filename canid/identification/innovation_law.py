@@ -38,6 +38,16 @@ class Law(NamedTuple):
     sd: float  # scale of Student's t at size 1
     slopes: Array  # (k,) of log size by the features; empty: one size
 
+    @property
+    def inflation(self) -> float:
+        """Of variances: Fisher's information of Student's t is less than the weights suggest."""
+        return (self.freedom + 3.0) / (self.freedom + 1.0) if math.isfinite(self.freedom) else 1.0
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is a Gaussian of one size: every innovation counts alike."""
+        return not (math.isfinite(self.freedom) or len(self.slopes))
+
 
 class Weights(NamedTuple):
     """How each innovation counts."""
@@ -45,7 +55,6 @@ class Weights(NamedTuple):
     law: Law
     size: Array  # (n,) of the scale, relative
     mixture: Array  # (n,) expected precision of Student's t, mean about 1
-    inflation: float  # of variances: Fisher's information of Student's t is less than the weights suggest
 
     @property
     def weight(self) -> Array:
@@ -56,7 +65,7 @@ class Weights(NamedTuple):
 
 def equal(n: int, sd: float = 1.0) -> Weights:
     """Weights of a Gaussian of one size."""
-    return Weights(Law(math.inf, sd, np.zeros(0)), np.ones(n), np.ones(n), 1.0)
+    return Weights(Law(math.inf, sd, np.zeros(0)), np.ones(n), np.ones(n))
 
 
 def features(e: Array, rows: npt.NDArray[np.bool_], change: Array, per_second: float) -> Array:
@@ -126,7 +135,7 @@ def fit(
         freedom, sd, value = _best(x, log_size, share, freedom)
     if value < plain[2] + SCALE_LEAST:
         slopes, (freedom, sd, value) = np.zeros(k), plain
-    return _weights(e, Law(freedom, sd, slopes if slopes.any() else np.zeros(0)), of)
+    return applied(e, Law(freedom, sd, slopes if slopes.any() else np.zeros(0)), of)
 
 
 def weights(e: Array, law: Law, of: Array, rows: npt.NDArray[np.bool_]) -> Weights:
@@ -138,17 +147,21 @@ def weights(e: Array, law: Law, of: Array, rows: npt.NDArray[np.bool_]) -> Weigh
         of: (k, n) features of the scale.
         rows: (n,) where they count.
     """
-    size = np.exp(_log_size(law.slopes, of)) if len(law.slopes) else np.ones(len(e))
+    size = _size(law, of, len(e))
     sd, _ = _at((e[rows] / size[rows]) ** 2, law.freedom, 1.0, 0.0)
-    return _weights(e, law._replace(sd=sd), of)
+    return applied(e, law._replace(sd=sd), of)
 
 
-def _weights(e: Array, law: Law, of: Array) -> Weights:
-    size = np.exp(_log_size(law.slopes, of)) if len(law.slopes) else np.ones(len(e))
+def applied(e: Array, law: Law, of: Array) -> Weights:
+    """Weigh innovations (n,) by a law as it is, with features (k, n) of the scale."""
+    size = _size(law, of, len(e))
     if not math.isfinite(law.freedom):
-        return Weights(law, size, np.ones(len(e)), 1.0)
-    mixture = (law.freedom + 1.0) / (law.freedom + (e / (law.sd * size)) ** 2)
-    return Weights(law, size, mixture, (law.freedom + 3.0) / (law.freedom + 1.0))
+        return Weights(law, size, np.ones(len(e)))
+    return Weights(law, size, (law.freedom + 1.0) / (law.freedom + (e / (law.sd * size)) ** 2))
+
+
+def _size(law: Law, of: Array, n: int) -> Array:
+    return np.asarray(np.exp(_log_size(law.slopes, of))) if len(law.slopes) else np.ones(n)
 
 
 # an innovation beyond three sd does not show a larger scale: it may be one outlier

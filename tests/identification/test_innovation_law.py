@@ -55,7 +55,7 @@ def test_bursts_are_followed() -> None:
 
 
 def test_the_density_is_that_of_scipy() -> None:
-    weights = law.Weights(law.Law(4.5, 0.2, np.zeros(0)), np.ones(3), np.ones(3), 1.0)
+    weights = law.Weights(law.Law(4.5, 0.2, np.zeros(0)), np.ones(3), np.ones(3))
     e = np.array([-0.5, 0.0, 0.3])
     assert law.log_density(e, weights) == pytest.approx(student.logpdf(e, 4.5, scale=0.2))
 

@@ -9,7 +9,7 @@ import pytest
 
 from canid.estimators.fopdt import FOPDT, UNKNOWN_FILTER, FopdtSettings
 from canid.identification.fopdt import fopdt_fit
-from canid.identification.fopdt.output_filter import apply, equalizer, kernel
+from canid.identification.output_filter import apply, equalizer, kernel
 from canid.types import Identifiable, LearnGate, OutputFilter, Sample, Status
 from tests.identification.first_order_response import response
 

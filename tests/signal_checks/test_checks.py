@@ -86,26 +86,30 @@ def test_a_brief_fault_ends(seed: int) -> None:
     assert found[0].until - 80.0 >= signal_checks.HOLD_S - 2.0
 
 
-def test_the_age_of_the_reports_is_found_where_the_own_motion_stands_out(seed: int) -> None:
-    """Without noise of the lead in the way, 0.5 s is estimated to within its interval, and 0 s is no finding."""
-    columns = following(seed, 5.0)
-    late = {**columns}
-    for name in ("gap", "range_rate"):
-        late[name] = np.concatenate([np.full(5, columns[name][0]), columns[name][:-5]])
-    found = [one.says for one in findings(late) if one.name == "radar_latency"]
+def test_the_interval_of_the_reports_age_holds(seed: int) -> None:
+    """Reports that are 0.5 s old: the interval holds that on most drives where it is stated, and 0 s is no finding."""
+    held = []
+    for k in range(8):
+        columns = following(seed + k, 5.0)
+        for name in ("gap", "range_rate"):
+            columns[name] = np.concatenate([np.full(5, columns[name][0]), columns[name][:-5]])
+        age, half = own_motion.interval(final_own_motion(columns))
+        held += [abs(age - 0.5) < half] if half == half else []
+        assert all("-" not in one.says for one in findings(columns) if one.name == "radar_latency")
+    # 95 % each; where the lead hides the own motion nothing is stated
+    assert held.count(False) <= 3
+
+
+def final_own_motion(columns: Columns) -> own_motion.State:
+    """Run the checks, and return what the one of the own motion knows."""
     state = signal_checks.init()
-    for sample in samples(late):
+    for sample in samples(columns):
         state, _ = signal_checks.step(state, sample, Driver(), 0.1)
-    age, sd = next(
-        of.age
+    return next(
+        of
         for of, check in zip(state.checks, signal_checks.CHECKS, strict=True)
         if check is own_motion.CHECK
     )
-    # where the lead hides the own motion nothing is stated
-    if age == age and sd < own_motion.PRECISE_SD_S:
-        assert abs(age - 0.5) < 3.0 * sd + own_motion.BIAS_S
-    if found:
-        assert age > 0.3
 
 
 def test_units_are_named() -> None:

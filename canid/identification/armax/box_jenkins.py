@@ -13,14 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import residual_tests
+from canid.identification import band, residual_tests
 from canid.identification.armax import polynomial
 from canid.identification.armax.rates import STATED_S
 from canid.identification.confidence import CHI_SQUARED_QUANTILE
-from canid.identification.fopdt.fopdt_fit import MIN_STRIDE_S
-from canid.identification.fopdt.output_filter import Kernel, apply, equalizer, is_unknown
-from canid.identification.fopdt.row_noise import band_stride
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
+from canid.identification.output_filter import Kernel, equalizer, filtered, is_unknown
 from canid.types import NAN, Array, OutputFilter
 
 DAMPING = Damping(1e-3, up=8.0, down=8.0, least=1e-10, tries=8, iterations=40, tolerance=1e-8)
@@ -166,7 +164,7 @@ def fit_rows(rows: Rows, dt: float, unknown: bool = False) -> BoxJenkinsFit | No
         dt: s.
         unknown: the output has passed a filter that nobody has stated.
     """
-    least = max(round(MIN_STRIDE_S / dt), 1) if unknown else 1
+    least = band.least_stride(dt, unknown)
     data = at_stride(rows, least)
     found = _search(data, dt)
     if found is None:
@@ -174,7 +172,7 @@ def fit_rows(rows: Rows, dt: float, unknown: bool = False) -> BoxJenkinsFit | No
     # the residual of the first fit shows the noise's band
     rest, used = np.empty(len(found.v)), np.empty(len(found.v), bool)
     rest[data.phased], used[data.phased] = found.v, data.age >= 0
-    stride = max(least, band_stride(rest, used, dt))
+    stride = max(least, band.stride(rest, used, dt))
     if stride != data.stride:
         data = at_stride(rows, stride)
         found = _search(data, dt)
@@ -307,10 +305,8 @@ def _finished(best: _Point, data: Rows, free: npt.NDArray[np.bool_], dt: float) 
 
 def _equalized(x: Array, by: Kernel) -> Array:
     """Filter (N,); NaN where the kernel reads what is not known."""
-    known = np.isfinite(x)
-    taps = len(by.weights)
-    whole = apply(by._replace(weights=np.ones(taps)), known.astype(float)) > taps - 0.5
-    return np.where(whole, apply(by, np.where(known, x, 0.0)), NAN)
+    value, known = filtered(by, x)
+    return np.where(known, value, NAN)
 
 
 def _ready(

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import fopdt_posterior, reduced_basis
 from canid.identification.fopdt.fopdt_fit import ProcessFit
-from canid.identification.fopdt.output_filter import apply, equalizer
 from canid.identification.fopdt.regression_rows import Layout
+from canid.identification.output_filter import apply, equalizer
 from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
 from canid.types import Array, OutputFilter
 

@@ -14,17 +14,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import identifiability, innovation_law
+from canid.identification import band, identifiability, innovation_law
 from canid.identification.fopdt import fopdt_posterior, reduced_basis, row_noise
 from canid.identification.fopdt import regression_rows as rows
-from canid.identification.fopdt.output_filter import Equalizer, Kernel, apply, equalizer, is_unknown
 from canid.identification.fopdt.prior import Prior, log_density
 from canid.identification.fopdt.row_noise import Data, Noise, Point, by_channel, power, residual_of
+from canid.identification.output_filter import Equalizer, apply, complete, equalizer, is_unknown
 from canid.state_constraints import FINITE
 from canid.types import NAN, Array, Channel, OutputFilter
-
-# s; stride where nobody knows how the output was smoothed
-MIN_STRIDE_S = 0.5
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
 MAX_PASSES = 16
@@ -217,7 +214,7 @@ def _fit(
     # a tenth of a window: below this the noise model and the response are not identifiable separately
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return no_fit(m, count)
-    stride = max(round(MIN_STRIDE_S / layout.step), 1) if unknown else 1
+    stride = band.least_stride(layout.step, unknown)
     fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, stride)
     if unknown:
         # the delays found are those of the driver and of the filter
@@ -231,14 +228,7 @@ def _equalize(both: Array, by: Equalizer) -> npt.NDArray[np.bool_]:
     for row, k in zip(both, [by.answers] * (len(both) - 1) + [by.output], strict=True):
         row[~known[k is by.output]] = 0.0
         row[:] = apply(k, row)
-    return _complete(known[0], by.answers) & _complete(known[1], by.output)
-
-
-def _complete(known: npt.NDArray[np.bool_], by: Kernel) -> npt.NDArray[np.bool_]:
-    """Where all rows that a kernel reads are known."""
-    taps = len(by.weights)
-    out: npt.NDArray[np.bool_] = apply(by._replace(weights=np.ones(taps)), known.astype(float)) > taps - 0.5
-    return out
+    return complete(by.answers, known[0]) & complete(by.output, known[1])
 
 
 def _search(
@@ -274,7 +264,7 @@ def _search(
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
         known = Start(point, known.search_grid if stays else _search_grid(layout, regions, prior))
         last, simulated = simulated, point.w @ data.X
-        moved = power(simulated - last) / max(power(noise.residual * noise.data.usable), 1e-300)
+        moved = power(simulated - last) / max(power(noise.weighed.residual * noise.data.usable), 1e-300)
         same = moved <= SAME_SHARE**2
         # a residual that was mostly misfit, and went: the search goes on, no noise model leads to another
         finished += fine and moved <= 0.5
@@ -304,9 +294,11 @@ def _search(
         point=known.point,
         noise=noise.ar,
         stride=noise.stride,
-        sigma=(grid.residual * noise.stride / noise.counted) ** 0.5 if math.isnan(noise.sd) else noise.sd,
+        sigma=(grid.residual * noise.stride / noise.weighed.counted) ** 0.5
+        if math.isnan(noise.sd)
+        else noise.sd,
         variance_inflation=noise.variance_inflation,
-        law=noise.law,
+        law=noise.weighed.law,
         drift=0 if noise.drift is None else len(noise.drift),
         fit_percent=fit_percent,
         used=count,
@@ -354,11 +346,11 @@ def _initial(layout: rows.Layout, data: Data, prior: Prior | None) -> Start:
 def _evaluate(
     layout: rows.Layout, search_grid: SearchGrid, noise: Noise
 ) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
-    found = [row_noise.products(noise, i, CHUNK_ROWS) for i in range(0, len(noise.rows), CHUNK_ROWS)]
+    found = [row_noise.products(noise, i, CHUNK_ROWS) for i in range(0, len(noise.weighed.rows), CHUNK_ROWS)]
     # the phases of a stride know together about as much as one of them
     share = 1.0 / noise.stride
     sums = fopdt_posterior.Products(*(share * sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
-    known = fopdt_posterior.moments(sums, layout.inputs, round(share * noise.counted))
+    known = fopdt_posterior.moments(sums, layout.inputs, round(share * noise.weighed.counted))
     grid = fopdt_posterior.evaluate(
         known, search_grid.W, search_grid.cells, noise.variance_inflation, search_grid.belief
     )
@@ -377,7 +369,7 @@ def _limits(
         by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     )
     J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
-    variance = noise.law_inflation * grid.residual / max(moments.freedom, 1)
+    variance = noise.weighed.law.inflation * grid.residual / max(moments.freedom, 1)
     return fopdt_posterior.bounds(moments, J, variance, layout.basis.box)
 
 

@@ -30,7 +30,7 @@ HALF_WIDTH_SD = 4.0
 # to the box: its width is then that of the search. (The lower ends are physics, not convention.)
 PRESSED_SHARE = 0.05
 
-_Z = np.array(
+GAUSSIAN_POINTS = np.array(
     [NormalDist().inv_cdf((i + 0.5) / 41) for i in range(41)]
 )  # quantile points that stand for a Gaussian
 
@@ -377,8 +377,8 @@ def _gain(weight: Array, K: Array, sd: Array) -> Interval:
     mean = np.bincount(index, weight * K, bins)[full] / mass_full
     variance = np.bincount(index, weight * (sd * sd + K * K), bins)[full] / mass_full - mean**2
     width = np.sqrt(np.maximum(variance, 0.0))
-    points = mean[:, None] + width[:, None] * _Z
-    return quantiles(points.ravel(), np.repeat(mass_full, len(_Z)))
+    points = mean[:, None] + width[:, None] * GAUSSIAN_POINTS
+    return quantiles(points.ravel(), np.repeat(mass_full, len(GAUSSIAN_POINTS)))
 
 
 def _worst(left: Array, K: Array, sd: Array) -> tuple[float, float]:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from canid.identification import residual_tests
 from canid.identification.fopdt import offset_drift, regression_rows
 from canid.identification.fopdt.fopdt_fit import CHUNK_ROWS, ProcessFit
-from canid.identification.fopdt.output_filter import Kernel, apply, equalizer
+from canid.identification.output_filter import equalizer, filtered
 from canid.types import NAN, Array, OutputFilter, ResidualTests, Trace
 
 
@@ -80,8 +80,8 @@ def whitened(
     output, answer, usable = of.output, of.answer, of.usable
     by = equalizer(output_filter, of.step)
     if by is not None:
-        output, known = _filtered(by.output, output)
-        answer, also = _filtered(by.answers, answer)
+        output, known = filtered(by.output, output)
+        answer, also = filtered(by.answers, answer)
         usable = usable & known & also
     response = np.where(usable, answer, NAN)
     residual = np.where(usable, output - answer - fit.point.offset, 0.0)
@@ -94,13 +94,6 @@ def whitened(
         e[:, back:] -= coefficient * x[:, : x.shape[1] - back]
         e[:, :back] = NAN
     return e[0], e[1]
-
-
-def _filtered(by: Kernel, x: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Filter; and where all that the filter reads is known."""
-    known = np.isfinite(x)
-    reads = apply(by._replace(weights=np.ones(len(by.weights))), known.astype(float))
-    return apply(by, np.where(known, x, 0.0)), reads > len(by.weights) - 0.5
 
 
 def run_tests(

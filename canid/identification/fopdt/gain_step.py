@@ -10,7 +10,6 @@ with probability (their number) / A at most (Markov).
 
 from __future__ import annotations
 
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -128,12 +127,8 @@ def mixture(value: Array, sd: Array, weight: Array) -> Interval:
     5.0
     """
     kept = weight > fopdt_posterior.MIN_WEIGHT * float(weight.max())
-    points = value[kept, None] + sd[kept, None] * _Z
-    return fopdt_posterior.quantiles(points.ravel(), np.repeat(weight[kept], len(_Z)))
-
-
-# points of equal probability that stand for a Gaussian
-_Z = np.array([NormalDist().inv_cdf((i + 0.5) / 41) for i in range(41)])
+    points = value[kept, None] + sd[kept, None] * fopdt_posterior.GAUSSIAN_POINTS
+    return fopdt_posterior.quantiles(points.ravel(), np.repeat(weight[kept], points.shape[1]))
 
 
 def when(found: Steps) -> tuple[float, float, float]:

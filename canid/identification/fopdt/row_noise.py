@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import autoregression, censoring, innovation_law, residual_tests
+from canid.identification import autoregression, band, censoring, innovation_law, residual_tests
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import fopdt_posterior, offset_drift, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
-from canid.types import Array
+from canid.types import NAN, Array
 
 Flags = npt.NDArray[np.bool_]
 
@@ -24,23 +24,6 @@ Flags = npt.NDArray[np.bool_]
 NOISE_ORDER = 5
 
 
-class Band(NamedTuple):
-    """How far a band reaches, by the power of the residual's changes."""
-
-    share: float  # of that power, which lies below a frequency
-    wide: float  # Hz; where that frequency is above, rows are taken `short` s apart
-    narrow: float  # Hz; where it is below, `long` s; in between in proportion
-    short: float  # s; 0: every row
-    long: float  # s
-
-
-# An output that was smoothed (an acceleration from speeds) has noise without content above some frequency. Whitening
-# would lift that empty band and fit K, tau and dead time to what leaked into it. Rows further apart end the band; all
-# phases are used, and the distance grows by single rows, so that little depends on where a log is cut. Of the changes of
-# white, Ornstein-Uhlenbeck and mixed noise three quarters of the power reach beyond 3 Hz; behind a Savitzky-Golay filter
-# of 1.1 s they end at 0.5 Hz, and 97 % between 0.8 Hz (speeds known to 3 mm/s) and 4 Hz (20 mm/s). A person's answer
-# ends below 1 Hz: where the band ends there without need, intervals grow by a per cent.
-BANDS = (Band(0.75, 2.5, 1.25, 0.0, 0.5), Band(0.97, 0.8, 0.5, 0.5, 1.0))
 # Share of the output's power below which a residual is rounding, and has no band.
 EXACT_SHARE = 1e-4
 
@@ -77,21 +60,28 @@ class Data(NamedTuple):
         return output
 
 
+class Weighed(NamedTuple):
+    """Rows at one point, and how each counts."""
+
+    rows: Flags  # (n,) which count: their predecessors are usable
+    residual: Array  # (n,) not whitened, with pseudo-values at the bound; zero where not usable
+    e: Array  # (n,) whitened, likewise, times the root of its weight
+    psi: Array  # (n,) the score's part of each row
+    law: innovation_law.Law  # of the innovations
+    root: Array | None  # (n,) of the weights; None: one each
+    shift: Array | None  # (n,) from the whitened bound to its pseudo-value; None: no row at a bound counts
+    counted: float  # rows that count, those at a bound by what they are worth
+
+
 class Noise(NamedTuple):
     """Noise model at one point."""
 
     ar: Array  # (p,) coefficients of the autoregression
     stride: int  # rows from one to the one that predicts it
     data: Data  # one phase after the other, see `_phases`
-    rows: Flags  # (n,) of `data`, which count: their predecessors are usable
-    residual: Array  # (n,) of `data`, not whitened, zero where not usable
-    variance_inflation: float
-    law: innovation_law.Law  # of the innovations
-    law_inflation: float  # of variances, that the law alone brings; part of `variance_inflation`
-    root: Array | None  # (n,) by which whitened rows are multiplied; None: by one
-    shift: Array | None  # (n,) from the whitened bound to its pseudo-value; None: no row at a bound counts
+    weighed: Weighed  # its rows
+    variance_inflation: float  # with that of the law
     drift: Array | None  # (k, n) slow cosines that the offset follows, mostly none; None: not yet looked for
-    counted: float  # rows that count, those at a bound by what they are worth
     sd: float  # of the innovations where the output is known; NaN: as the sum of squares says
 
 
@@ -99,9 +89,9 @@ def white(data: Data) -> Noise:
     """White noise of one size."""
     n = len(data.usable)
     count = float(np.count_nonzero(data.usable))
-    law = innovation_law.Law(float("inf"), 1.0, np.zeros(0))
-    plain = (np.zeros(0), 1, data, data.usable, np.zeros(n), 1.0, law, 1.0)
-    return Noise(*plain, root=None, shift=None, drift=None, counted=count, sd=float("nan"))
+    law = innovation_law.equal(0).law
+    weighed = Weighed(data.usable, np.zeros(n), np.zeros(n), np.zeros(n), law, None, None, count)
+    return Noise(np.zeros(0), 1, data, weighed, 1.0, None, NAN)
 
 
 def by_channel(layout: rows.Layout, w: Array) -> Array:
@@ -171,14 +161,14 @@ def estimate(
     free = np.where(data.usable, residual, 0.0)
     exact = power(free) <= EXACT_SHARE * power(data.y * data.usable)
     plain = exact or not near
-    stride = least if exact else max(least, band_stride(free, data.usable, layout.step))
+    stride = least if exact else max(least, band.stride(free, data.usable, layout.step))
     same = before if before is not None and before.stride == stride else None
     phased = same.data if same is not None else _phased(data, stride)
     r = residual if stride == 1 else _phases(residual[None], stride)[0]
     each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     J = np.concatenate([by_channel(layout, w) for w in each]) @ phased.X
     usable, bounded = phased.usable, phased.bounded
-    root = same.root if same is not None else None
+    last = same.weighed if same is not None else None
     drift = same.drift if same is not None else None
     if drift is None and near and not exact:
         drift = offset_drift.find(residual, data.usable, layout.step, stride, NOISE_ORDER)
@@ -186,9 +176,11 @@ def estimate(
     if drift is not None:
         r = offset_drift.without(drift, r, usable)
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
-    seen = r if same is None or same.shift is None else r + same.shift
+    seen = r if last is None or last.shift is None else r + last.shift
+    root = last.root if last is not None else None
     ar = autoregression.fit(seen, usable, NOISE_ORDER, bounded=bounded, root=root)
-    weighed = _weigh(phased, r, ar, layout.step, stride, before.law if before is not None else None, plain)
+    law = before.weighed.law if before is not None else None
+    weighed = _weigh(phased, r, ar, layout.step, stride, law, plain)
     explained = _explained(layout, at, J, weighed, ar, stride)
     ar = autoregression.fit(
         np.vstack([weighed.residual, explained]), usable, NOISE_ORDER, bounded=bounded, root=weighed.root
@@ -202,7 +194,7 @@ def estimate(
     score = score - score.mean(axis=1, keepdims=True)
     psi = weighed.psi[inside]
     sd = (power(psi) / max(len(psi), 1)) ** 0.5
-    variance_inflation = weighed.inflation * residual_tests.long_run_inflation(
+    variance_inflation = weighed.law.inflation * residual_tests.long_run_inflation(
         score * psi, score * sd, round(residual_tests.HAC_LAG_S / layout.step / stride)
     )
     # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
@@ -214,31 +206,11 @@ def estimate(
         ar,
         stride,
         phased,
-        weighed.rows,
-        weighed.residual,
+        weighed,
         variance_inflation * _student(effective) ** 2,
-        weighed.law,
-        weighed.inflation,
-        weighed.root,
-        weighed.shift,
         drift,
-        weighed.counted,
-        float("nan") if weighed.root is None else own,
+        NAN if weighed.root is None else own,
     )
-
-
-class _Weighed(NamedTuple):
-    """Innovations, and how each counts."""
-
-    rows: Flags  # (n,)
-    residual: Array  # (n,) with pseudo-values at the bound
-    e: Array  # (n,) whitened, likewise, times the root of its weight
-    psi: Array  # (n,) the score's part of each row
-    law: innovation_law.Law
-    inflation: float
-    root: Array | None
-    shift: Array | None
-    counted: float
 
 
 def _weigh(
@@ -250,7 +222,7 @@ def _weigh(
     before: innovation_law.Law | None,
     gaussian: bool,
     fit: bool = True,
-) -> _Weighed:
+) -> Weighed:
     """Fit the law of the innovations; replace bounds by pseudo-values.
 
     Args:
@@ -271,7 +243,7 @@ def _weigh(
         law = innovation_law.equal(len(e), (power(e[free]) / max(int(np.count_nonzero(free)), 1)) ** 0.5)
     else:
         law = _law(data, e, free, step, stride, before, fit)
-    plain = len(law.law.slopes) == 0 and law.inflation == 1.0
+    plain = law.law.is_plain
     weight = law.weight
     count, shift, residual, every = float(np.count_nonzero(free)), None, r, free
     if at_bound.any() and law.law.sd > 0.0:
@@ -292,9 +264,7 @@ def _weigh(
     psi = e / law.size * np.where(at_bound, 1.0, law.mixture) if not plain else e
     if shift is not None:
         psi[at_bound] *= pseudo.weight
-    return _Weighed(
-        every, residual, e if root is None else e * root, psi, law.law, law.inflation, root, shift, count
-    )
+    return Weighed(every, residual, e if root is None else e * root, psi, law.law, root, shift, count)
 
 
 def _law(
@@ -308,7 +278,7 @@ def _law(
 ) -> innovation_law.Weights:
     """Fit or apply the law of innovations (n,); see `_weigh`."""
     if not fit and before is not None and not len(before.slopes):
-        return innovation_law.weights(e, before._replace(sd=1.0), np.zeros((0, len(e))), free)
+        return innovation_law.weights(e, before, np.zeros((0, len(e))), free)
     change, known = np.zeros(len(e)), np.zeros(len(e), bool)
     change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
     known[2:] = data.usable[1:-1] & data.usable[:-2]
@@ -339,7 +309,7 @@ def _student(freedom: float) -> float:
 
 
 def _explained(
-    layout: rows.Layout, at: Point, answers: Array, weighed: _Weighed, ar: Array, stride: int
+    layout: rows.Layout, at: Point, answers: Array, weighed: Weighed, ar: Array, stride: int
 ) -> Array:
     """Return (3 m + 1, n): what else the answer and the offset may be, each direction by its own sd.
 
@@ -370,39 +340,22 @@ def _explained(
     return out
 
 
-def band_stride(residual: Array, usable: Flags, step: float) -> int:
-    """Rows from one to the next so that no empty band is whitened, see BANDS."""
-    change = np.diff(residual) * (usable[1:] & usable[:-1])
-    of_change = np.abs(np.fft.rfft(change)) ** 2
-    total = float(of_change.sum())
-    if len(of_change) < 16 or not total > 0.0:
-        return 1
-    frequency = np.fft.rfftfreq(len(change), step)
-    below = np.cumsum(of_change) / total
-    apart = 0.0
-    for band in BANDS:
-        reach = float(np.interp(band.share, below, frequency))
-        part = min(max((band.wide - reach) / (band.wide - band.narrow), 0.0), 1.0)
-        apart = max(apart, band.short * (part > 0.0) + (band.long - band.short) * part)
-    return max(round(apart / step), 1)
-
-
 def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     """Inner products of a piece of the rows that count, `count` of them from the `first` on."""
-    p = len(noise.ar)
+    p, weighed = len(noise.ar), noise.weighed
     begin = max(first - p, 0)
     # with the rows before, which whitening needs
     piece, new = slice(begin, first + count), slice(first - begin, None)
-    r, used = noise.residual[piece], noise.rows[piece][new].astype(float)
-    drift = noise.drift if noise.drift is not None else np.zeros((0, len(noise.rows)))
+    r, used = weighed.residual[piece], weighed.rows[piece][new].astype(float)
+    drift = noise.drift if noise.drift is not None else np.zeros((0, len(weighed.rows)))
     nuisance = np.zeros((p + 1 + len(drift), len(r)))
     nuisance[0] = 1.0
     for i, row in enumerate(nuisance[1 : p + 1], 1):
         row[i:] = r[:-i]
     nuisance[p + 1 :] = autoregression.whiten(drift[:, piece], noise.ar)
     white = autoregression.whiten(noise.data.both[:, piece], noise.ar)[:, new]
-    if noise.shift is not None:
-        white[-1] += noise.shift[piece][new]
-    if noise.root is not None:
-        used *= noise.root[piece][new]
+    if weighed.shift is not None:
+        white[-1] += weighed.shift[piece][new]
+    if weighed.root is not None:
+        used *= weighed.root[piece][new]
     return fopdt_posterior.products(white * used, nuisance[:, new] * used)

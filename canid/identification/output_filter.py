@@ -13,6 +13,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.types import Array, OutputFilter
 
@@ -109,3 +110,24 @@ def apply(by: Kernel, x: Array) -> Array:
     """
     out: Array = np.convolve(x, by.weights)[by.after : by.after + len(x)]
     return out
+
+
+def complete(by: Kernel, known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Where all values that a kernel reads are known, (n,).
+
+    >>> complete(Kernel(np.array([0.5, 0.5]), 1, 0), np.array([True, True, False, True]))
+    array([False,  True, False, False])
+    """
+    taps = len(by.weights)
+    out: npt.NDArray[np.bool_] = apply(by._replace(weights=np.ones(taps)), known.astype(float)) > taps - 0.5
+    return out
+
+
+def filtered(by: Kernel, x: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Filter (n,) with NaN where nothing is known; and where all that the kernel reads is.
+
+    >>> filtered(Kernel(np.array([0.5, 0.5]), 1, 0), np.array([1.0, 2.0, np.nan]))[0][:2]
+    array([0.5, 1.5])
+    """
+    known = np.isfinite(x)
+    return apply(by, np.where(known, x, 0.0)), complete(by, known)

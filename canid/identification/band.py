@@ -1,0 +1,67 @@
+"""The band in which a residual has content: how far apart rows are taken so that no empty band is whitened."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.types import Array
+
+
+class Band(NamedTuple):
+    """How far a band reaches, by the power of the residual's changes."""
+
+    share: float  # of that power, which lies below a frequency
+    wide: float  # Hz; where that frequency is above, rows are taken `short` s apart
+    narrow: float  # Hz; where it is below, `long` s; in between in proportion
+    short: float  # s; 0: every row
+    long: float  # s
+
+
+# An output that was smoothed (an acceleration from speeds) has noise without content above some frequency. Whitening
+# would lift that empty band and fit K, tau and dead time to what leaked into it. Rows further apart end the band; all
+# phases are used, and the distance grows by single rows, so that little depends on where a log is cut. Of the changes of
+# white, Ornstein-Uhlenbeck and mixed noise three quarters of the power reach beyond 3 Hz; behind a Savitzky-Golay filter
+# of 1.1 s they end at 0.5 Hz, and 97 % between 0.8 Hz (speeds known to 3 mm/s) and 4 Hz (20 mm/s). A person's answer
+# ends below 1 Hz: where the band ends there without need, intervals grow by a per cent.
+BANDS = (Band(0.75, 2.5, 1.25, 0.0, 0.5), Band(0.97, 0.8, 0.5, 0.5, 1.0))
+# s; rows apart where nobody knows how the output was smoothed
+UNKNOWN_FILTER_S = 0.5
+
+
+def least_stride(step: float, unknown: bool) -> int:
+    """Return the least stride of rows `step` s apart; `unknown`: the output passed a filter that nobody has stated.
+
+    >>> least_stride(0.1, unknown=True), least_stride(0.1, unknown=False)
+    (5, 1)
+    """
+    return max(round(UNKNOWN_FILTER_S / step), 1) if unknown else 1
+
+
+def stride(residual: Array, usable: npt.NDArray[np.bool_], step: float) -> int:
+    """Rows from one to the next so that no empty band is whitened, see BANDS.
+
+    Args:
+        residual: (n,), zero where not usable.
+        usable: (n,).
+        step: s, of the rows.
+
+    >>> white = np.random.default_rng(0).normal(size=600)
+    >>> stride(white, np.full(600, True), 0.1), stride(np.cumsum(np.cumsum(white)), np.full(600, True), 0.1)
+    (1, 10)
+    """
+    change = np.diff(residual) * (usable[1:] & usable[:-1])
+    of_change = np.abs(np.fft.rfft(change)) ** 2
+    total = float(of_change.sum())
+    if len(of_change) < 16 or not total > 0.0:
+        return 1
+    frequency = np.fft.rfftfreq(len(change), step)
+    below = np.cumsum(of_change) / total
+    apart = 0.0
+    for one in BANDS:
+        reach = float(np.interp(one.share, below, frequency))
+        part = min(max((one.wide - reach) / (one.wide - one.narrow), 0.0), 1.0)
+        apart = max(apart, one.short * (part > 0.0) + (one.long - one.short) * part)
+    return max(round(apart / step), 1)
