@@ -106,9 +106,7 @@ def final_own_motion(columns: Columns) -> own_motion.State:
     for sample in samples(columns):
         state, _ = signal_checks.step(state, sample, Driver(), 0.1)
     return next(
-        of
-        for of, check in zip(state.checks, signal_checks.CHECKS, strict=True)
-        if check is own_motion.CHECK
+        of for of, check in zip(state.checks, signal_checks.CHECKS, strict=True) if check is own_motion.CHECK
     )
 
 
