@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.identification.loops import Drive
-from canid.samples import lead, learning_gate, sampling_grid
-from canid.samples.sampler import MADE
+from canid.samples import lead, learning_gate, own_speed, sampling_grid
+from canid.samples.sampler import MADE, SMOOTH_ALONG_S
 from canid.types import Driver, Reading, Sample
 
 GRID = 0.1  # s
@@ -79,7 +79,10 @@ def samples(streams: list[Stream], driver: Driver) -> list[Sample]:
         for role in stream.roles
     }
     if driver.task == "car_following":
-        roles |= MADE
+        roles |= MADE | {
+            "lead_speed": sampling_grid.Role(),
+            "own_speed": sampling_grid.Role(smooth=SMOOTH_ALONG_S),
+        }
     rows = sorted((float(t), i, k) for i, s in enumerate(streams) for k, t in enumerate(s.t))
     settings = lead.Settings()
     follow, judged, out = lead.init(), learning_gate.init(), []
@@ -91,14 +94,17 @@ def samples(streams: list[Stream], driver: Driver) -> list[Sample]:
                 if isinstance(item, Reading):
                     readings.setdefault(item.role, []).append((item.t, item.value, number))
     columns = {role: [np.array(x) for x in zip(*of, strict=True)] for role, of in readings.items()}
+    if "speed" in columns:
+        columns["own_speed"] = columns["speed"]
     grid = sampling_grid.put(
         sampling_grid.init(), {role: sampling_grid.Readings(*of) for role, of in columns.items()}
     )
     _, parts = sampling_grid.take(grid, np.array([t for t, _, _ in rows]), GRID, roles)
     for points in parts:
-        for at, *values in zip(points.t.tolist(), *(x.tolist() for x in points.values.values()), strict=True):
+        at_points = own_speed.range_rates(points.values)
+        for at, *values in zip(points.t.tolist(), *(x.tolist() for x in at_points.values()), strict=True):
             judged, sample = learning_gate.step(
-                judged, at, dict(zip(points.values, values, strict=True)), driver, GRID
+                judged, at, dict(zip(at_points, values, strict=True)), driver, GRID
             )
             out.append(sample)
     return out

@@ -23,6 +23,8 @@ ORDERS = armax_batch.Orders()
 # as the estimator does live
 START = round(ArmaxSettings().start / 0.1)  # samples of the batch start
 LIVE = ArmaxSettings().forgetting
+# outputs of the loops, where nothing else is said
+UNFILTERED = OutputFilter("none")
 # ends of the ranges of tau and dead time
 BOX = FopdtSettings()
 
@@ -83,7 +85,7 @@ def process(
     dt: float,
     usable: np.ndarray | None = None,
     segment: np.ndarray | None = None,
-    output_filter: OutputFilter | None = None,
+    output_filter: OutputFilter | None = UNFILTERED,
     bound: np.ndarray | None = None,
 ) -> ProcessFit:
     """Fit first order plus dead time; the first 4.5 s are history only."""

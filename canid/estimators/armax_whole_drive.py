@@ -60,7 +60,7 @@ def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | 
     rows = box_jenkins.ready_rows(
         trace.output, trace.inputs, usable, segment=trace.segment, dt=trace.dt, output_filter=of
     )
-    fit = box_jenkins.fit_rows(rows, trace.dt, is_unknown(of))
+    fit = box_jenkins.fit_rows(rows, trace.dt, of)
     if fit is None:
         return None
     if fit.stride == 1:

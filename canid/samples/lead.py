@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import exp
 from typing import NamedTuple
 
-from canid.samples import smoothing
+from canid.samples import own_speed, smoothing
 from canid.samples.report_noise import Noise
 from canid.samples.smoothing import Age
 from canid.types import NAN, Event, Reading, TrackReading
@@ -106,6 +106,8 @@ class State(NamedTuple):
     yaw_rate: float = 0.0  # rad/s, own, left positive, averaged over YAW_RATE_TIME_CONSTANT_S
     yaw_at: float = NAN  # s, of its last reading
     smooth: smoothing.State = smoothing.State()
+    own: own_speed.State = own_speed.State()
+    given: float = -1.0  # s, of the last smoothed report
 
 
 Out = list[Reading | Event]
@@ -121,7 +123,8 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
 
     Returns:
         the next state, and readings of `gap`, `range_rate`, `lead_valid` and `target` (the target's serial number)
-        in the place of those that came, late by `smoothing.LAG_S`.
+        in the place of those that came, late by `smoothing.LEAD_LAG_S`, and of `lead_speed` where the own speed
+        is known.
 
     Example:
         >>> state, out = step(init(), Reading(0.0, "speed", 20.0), Settings())
@@ -143,7 +146,12 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
     if role == "lead_valid" and not settings.from_tracks:
         return state._replace(valid=value, valid_at=reading.t), out
     if role == "speed":
-        state = state._replace(speed=value, speed_at=reading.t)
+        own = own_speed.put(state.own, reading.t, value)
+        smooth, points = smoothing.early(state.smooth, reading.t, settings.age)
+        if points:
+            out += _readings(points, state.serial)
+            state = state._replace(smooth=smooth, given=points[-1].t)
+        state = state._replace(speed=value, speed_at=reading.t, own=own)
     elif role == "yaw_rate" and value == value:
         passed = reading.t - state.yaw_at
         weight = 1.0 - exp(-passed / YAW_RATE_TIME_CONSTANT_S) if passed == passed else 1.0
@@ -176,36 +184,43 @@ def validity(state: State, t: float, settings: Settings) -> float:
 
 def _readings(points: list[smoothing.Smoothed], serial: int) -> Out:
     out: Out = []
-    for t, gap, rate in points:
-        out += [Reading(t, "gap", gap), Reading(t, "range_rate", rate)]
+    for t, gap, rate, speed in points:
+        out += [Reading(t, "gap", gap), Reading(t, "range_rate", rate), Reading(t, "lead_speed", speed)]
         out += [Reading(t, "lead_valid", 1.0), Reading(t, "target", float(serial))]
     return out
 
 
 def _lost(state: State, t: float, settings: Settings, valid: float = 0.0) -> tuple[State, Out]:
     """No target, or none that is known: say so once per report, and give out what was still being smoothed."""
-    out = _readings(smoothing.flush(state.smooth, settings.age), state.serial)
+    points = smoothing.flush(state.smooth, settings.age)
+    out = _readings(points, state.serial)
+    given = points[-1].t if points else state.given
     if state.smooth.history:
         out.append(Event(t, "lead_lost", f"{t:.1f} s: the vehicle ahead is gone"))
     # without a target there is nothing to smooth: said with the same lag, to keep each role's times in order
-    at = t - smoothing.LAG_S
-    latest = state.smooth.history[-1].t if state.smooth.history else -1.0
-    if at > latest:
-        out += [Reading(at, role, NAN) for role in ("gap", "range_rate")] + [Reading(at, "lead_valid", valid)]
-    return state._replace(pending=NO_REPORT, smooth=smoothing.fresh(state.smooth), target=-1), out
+    at = t - smoothing.LEAD_LAG_S
+    if at > given:
+        given = at
+        out += [Reading(at, role, NAN) for role in ("gap", "range_rate", "lead_speed")] + [
+            Reading(at, "lead_valid", valid)
+        ]
+    smooth = smoothing.fresh(state.smooth)
+    return state._replace(pending=NO_REPORT, smooth=smooth, target=-1, given=given), out
 
 
 def _follow(state: State, t: float, gap: float, rate: float, settings: Settings) -> tuple[State, Out]:
     fresh = not state.smooth.history
-    smooth, points, changed = smoothing.step(state.smooth, t, gap, rate, settings.noise, settings.age)
+    own, speed = own_speed.at(state.own, t, settings.speed)
+    smooth, points, changed = smoothing.step(state.smooth, t, gap, rate, settings.noise, settings.age, speed)
     out = _readings(points, state.serial)
+    given = points[-1].t if points else state.given
     serial = state.serial
     if changed or (fresh and smooth.history):
         serial += 1
         if serial > 1 or changed:
             says = f"{t:.1f} s: another vehicle ahead, at {gap:.0f} m"
             out.append(Event(t, "target_change", says))
-    return state._replace(pending=NO_REPORT, smooth=smooth, serial=serial), out
+    return state._replace(pending=NO_REPORT, smooth=smooth, own=own, serial=serial, given=given), out
 
 
 def _lateral(state: State, reading: TrackReading, speed: float, settings: Settings) -> float:
@@ -269,5 +284,7 @@ def _hand_over(state: State, t: float, best: int, settings: Settings) -> tuple[S
     track = state.tracks[best]
     if smoothing.fits(state.smooth, t, track.distance, track.rate, settings.noise, settings.age):
         return state._replace(target=best), []
-    out = _readings(smoothing.flush(state.smooth, settings.age), state.serial)
-    return state._replace(target=best, smooth=smoothing.fresh(state.smooth)), out
+    points = smoothing.flush(state.smooth, settings.age)
+    given = points[-1].t if points else state.given
+    smooth = smoothing.fresh(state.smooth)
+    return state._replace(target=best, smooth=smooth, given=given), _readings(points, state.serial)

@@ -15,8 +15,10 @@ from canid.vehicle.decoding import Decoded, RoleReadings
 
 Ints = npt.NDArray[np.int64]
 
-# the roles that the lead replaces where it is given as signals; those that the choice among radar tracks needs as well
+# the roles that the lead replaces where it is given as signals; those that it needs as well: the own speed,
+# and for the choice among radar tracks the own path
 LEAD_ROLES = frozenset(("gap", "range_rate", "lead_valid"))
+OWN_ROLES = frozenset(("speed",))
 PATH_ROLES = frozenset(("speed", "yaw_rate"))
 
 # the lead as the radar reported it, as signals of their own: smoothing makes gap and range rate agree with each other,
@@ -55,7 +57,7 @@ def step(
         chunk: in session time.
         settings: of the lead.
     """
-    own = PATH_ROLES if settings.from_tracks else LEAD_ROLES
+    own = PATH_ROLES if settings.from_tracks else LEAD_ROLES | OWN_ROLES
     relevant = [readings for readings in decoded.roles if readings.role in own]
     ordered = _readings(relevant, chunk)
     if settings.from_tracks:
@@ -63,7 +65,7 @@ def step(
         ordered += _track_reports(decoded, len(relevant), chunk)
     else:
         ordered += _ends_of_reports(decoded, chunk, state.pending[0])
-        passed = tuple(readings for readings in decoded.roles if readings.role not in own)
+        passed = tuple(readings for readings in decoded.roles if readings.role not in LEAD_ROLES)
         passed += tuple(
             readings._replace(role=REPORTED[readings.role])
             for readings in relevant

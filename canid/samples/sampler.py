@@ -12,6 +12,7 @@ from canid.samples import (
     lead,
     lead_readings,
     learning_gate,
+    own_speed,
     sampling_grid,
     session_clock,
     stamps,
@@ -30,6 +31,9 @@ MADE = {
     "lead_valid": Role(switch=True, stale=1.0),
     "target": Role(switch=True, stale=60.0),
 }
+# s; half the width of the parabola through a signal that a vehicle's inertia smooths: of a movement of 0.5 Hz it misses
+# 0.1 % to the side, where nothing that a driver does now moves the vehicle by then, and 0.4 % along the road
+SMOOTH_SIDEWAYS_S, SMOOTH_ALONG_S = 0.15, 0.25
 
 
 class State(NamedTuple):
@@ -126,14 +130,16 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
         age = lead.settings_of(vehicle).age._asdict()
         following = {role: Role(stale=age[role], needed=True) for role in REPORTED}
         reported = {name: Role(stale=age[role]) for role, name in REPORTED.items()}
-        roles |= following | MADE | reported
+        roles |= following | MADE | reported | {"lead_speed": Role(stale=age["range_rate"])}
+        if "speed" in roles:
+            roles["own_speed"] = Role(stale=roles["speed"].stale, smooth=SMOOTH_ALONG_S)
     elif vehicle.driver.output in roles:
         # the wheel's corner at a decision is where the lines before and after it meet
         output = roles[vehicle.driver.output]
         roles[vehicle.driver.output] = output._replace(updated=True)
         for name in TASK_INPUTS[vehicle.driver.task]:
             if name in roles:
-                roles[name] = roles[name]._replace(smooth=True)
+                roles[name] = roles[name]._replace(smooth=SMOOTH_SIDEWAYS_S)
     return roles
 
 
@@ -166,6 +172,8 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
             stamped += spans
     readings = _by_role(passed, made, frames, first)
+    if "own_speed" in of.roles and "speed" in readings:
+        readings["own_speed"] = readings["speed"]
     grid = sampling_grid.put(state.grid, readings)
     instants = state.instants
     if of.updated:
@@ -177,10 +185,11 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
     gate, samples = state.gate, []
     for points in parts:
         variances = _variances(of, points)
-        columns = (column.tolist() for column in (points.frame - first, points.t, *points.values.values()))
+        at_points = own_speed.range_rates(points.values)
+        columns = (column.tolist() for column in (points.frame - first, points.t, *at_points.values()))
         for row, t, *values in zip(*columns, strict=True):
             gate, sample = learning_gate.step(
-                gate, t, dict(zip(points.values, values, strict=True)), of.driver, of.dt
+                gate, t, dict(zip(at_points, values, strict=True)), of.driver, of.dt
             )
             if variances is not None:
                 sample = sample._replace(variance=next(variances))
@@ -198,9 +207,9 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
 
 def _variances(of: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
     """Of output and inputs, sample by sample; None: of none is anything known."""
-    if not points.variances:
-        return None
     names = (of.driver.output, *TASK_INPUTS[of.driver.task])
+    if not any(name in points.variances for name in names):
+        return None
     unknown = np.full(len(points.t), NAN)
     return zip(*(points.variances.get(name, unknown).tolist() for name in names), strict=True)
 

@@ -21,11 +21,12 @@ from canid.samples.local_polynomial import Fitted
 from canid.samples.update_instants import Instants
 from canid.types import NAN, Array
 
-# s; how long a grid point waits for the reading after it: the smoothing lag, 0.5 s that a target may be silent before
-# it counts as lost and what was being smoothed is given out, and two reports of a 10 Hz radar
-MAX_WAIT_S = 1.2
+# s; how long a grid point waits for the reading after it: the lag of the smoothing and what is smoothed together, 0.5 s
+# that a target may be silent before it counts as lost and what was being smoothed is given out, and two reports of a
+# 10 Hz radar
+MAX_WAIT_S = 2.4
 # readings kept per role: MAX_WAIT_S at 200 Hz
-READINGS_KEPT = 240
+READINGS_KEPT = 480
 # readings of a role from which on it is worth while to drop what is no longer needed
 MIN_TRIMMED = 256
 # s; grid points before the first reading of every needed role are left out, but for no longer than this: a
@@ -46,7 +47,7 @@ class Role(NamedTuple):
     stale: float = 0.5  # s; older than this is NaN
     needed: bool = False  # a grid point waits for it
     updated: bool = False  # its instants are the grid
-    smooth: bool = False  # a local parabola takes the noise of its readings off
+    smooth: float = 0.0  # s, half the width of a local parabola through its readings; 0: none
 
 
 class Readings(NamedTuple):
@@ -68,9 +69,6 @@ class Kept(NamedTuple):
 
 # Instants that a grid follows, by blocks; None: k dt.
 Grid = tuple[Instants, ...] | None
-# s; half the width of the parabola through a smooth signal: a movement of 0.5 Hz loses 0.1 %, and what a driver does now
-# has moved no vehicle sideways by then
-SMOOTH_S = 0.15
 # grid points that are left out where the instants move, so that no sample's history spans two senders' clocks
 LEFT_OUT = 2
 
@@ -242,7 +240,7 @@ def _completed_by(
             continue
         readings = state.kept[role].joined if role in state.kept else _NONE
         frames = np.append(readings.frame, _NEVER)
-        ahead = dt if how.updated else SMOOTH_S * how.smooth
+        ahead = dt if how.updated else how.smooth
         complete = np.maximum(complete, frames[np.searchsorted(readings.t, t + ahead)])
     return np.maximum.accumulate(np.minimum(complete, waited))
 
@@ -267,7 +265,7 @@ def _points(
         if how.updated and kinds:
             values[role], variances[role] = _at_instants(readings, t, come, values[role], kinds, dt)
         elif how.smooth:
-            values[role], variances[role] = _smooth(readings, t, come, values[role])
+            values[role], variances[role] = _smooth(readings, t, come, values[role], how.smooth)
         if how.needed:
             oldest = np.minimum(np.maximum(first, 0), len(readings.t))
             begun &= (come > 0) & (np.append(readings.t, np.inf)[oldest] <= t)
@@ -324,13 +322,13 @@ def _at_instants(
     return _each(readings, t, come, joined, dt, at)
 
 
-def _smooth(readings: Readings, t: Array, come: Ints, joined: Array) -> tuple[Array, Array]:
+def _smooth(readings: Readings, t: Array, come: Ints, joined: Array, reach: float) -> tuple[Array, Array]:
     """Values (m,) of a smooth role, and variances; joined by lines where its readings are too few."""
 
     def at(i: int, near: slice) -> Fitted:
         return local_polynomial.parabola((readings.t[near] - t[i]).tolist(), readings.value[near].tolist())
 
-    return _each(readings, t, come, joined, SMOOTH_S, at)
+    return _each(readings, t, come, joined, reach, at)
 
 
 def _each(
@@ -362,7 +360,8 @@ def _trimmed(state: State, dt: float, roles: Mapping[str, Role]) -> State:
         needed_from = state.next * dt
         if any(how.updated for how in roles.values()):
             # instants are within half a step of k dt
-            needed_from -= 0.5 * dt + max(dt, SMOOTH_S)
+            needed_from -= 0.5 * dt + dt
+        needed_from -= max((how.smooth for how in roles.values()), default=0.0)
         t, value, frame = old.joined
         first = max(int(np.searchsorted(t, needed_from, side="right")) - 1, 0)
         rest = Readings(t[first:], value[first:], frame[first:])

@@ -8,7 +8,7 @@ ch. 7.4 and 13.4). All of them come from one matrix of covariances, so a second 
 
 The lead's own motion, seen through noise, biases this: on 48 simulated drives of 6 min with right units and no delay, 1/c
 came out at 0.28 to 1.2, so a unit is questioned only where headways are implausible as well. On 1,200 drives of 8 min with
-leads of many kinds, radars of 0.01 to 0.25 m/s and a delay of 0 or 0.5 s, δ is stated on half; it held to 1.96 standard
+leads of many kinds, radars of 0.01 to 0.25 m/s and a delay of 0 or 0.5 s, δ is stated on half; it held to two standard
 deviations and 0.1 s on 97 and 95 % of those whose standard deviation is below 0.03 s, and needs 0.4 s for that on the
 others. δ = 0 is less likely by up to 40 where it is right (1 of 600; by 15 on 14), and with 0.5 s by more than that on 43 %:
 a latency is a finding only there.

@@ -160,11 +160,11 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: P
 
 
 def _driver(section: DriverSection) -> Driver:
-    """Make the driver; an acceleration of which nobody says otherwise was smoothed somehow."""
+    """Make the driver; of what nobody says otherwise, an acceleration was smoothed somehow and a pedal was not."""
     stated = section.output_filter
     made = OutputFilter(stated.kind, stated.width) if stated is not None else None
-    if made is None and section.output == "accel":
-        made = OutputFilter("unknown")
+    if made is None:
+        made = OutputFilter("unknown" if section.output == "accel" else "none")
     return Driver(section.task, section.output, section.headway_desired, made)
 
 

@@ -16,23 +16,27 @@ _START = 1.0  # (m/s²)², variance of the relative acceleration at first, as in
 
 
 def smoothed(
-    t: Array, gap: Array, rate: Array, noise: report_noise.Noise
-) -> tuple[Array, Array, Array] | None:
+    t: Array, gap: Array, rate: Array, own: Array, noise: report_noise.Noise
+) -> tuple[Array, Array, Array, Array] | None:
     """Smooth a radar's reports with the fixed lag.
 
     Args:
         t: (m,) s.
         gap: (m,) m.
         rate: (m,) m/s.
+        own: (m,) own speed, m/s.
         noise: that the vehicle file states of the radar; NaN: canid estimates it.
 
     Returns:
-        for each report but the last few: gap (j,), range rate (j,) and the index (j,) of the report that completed
-        it; None where anything is irregular.
+        for each report but the last few: gap (j,), range rate (j,), speed of the lead (j,) and the index (j,) of the
+        report that completed it; None where anything is irregular.
     """
-    if not (np.isfinite(gap).all() and np.isfinite(rate).all() and len(t) > 1):
+    if not (np.isfinite(gap).all() and np.isfinite(rate).all() and np.isfinite(own).all() and len(t) > 1):
         return None
-    filtered = _filter(t, gap, rate, noise)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (own[1:] + own[:-1]))])
+    if (np.abs(np.diff(own)) > smoothing.MAX_RELATIVE_ACCEL * np.diff(t) + smoothing.MAX_OWN_STEP).any():
+        return None
+    filtered = _filter(t, gap + way, rate + own, own, way, noise)
     if filtered is None:
         return None
     X, P, jerk = filtered
@@ -40,9 +44,7 @@ def smoothed(
     F, Q = _motion(dt)
     predicted = F @ P[:-1] @ F.transpose(0, 2, 1) + jerk[1:, None, None] * Q
     C = P[:-1] @ F.transpose(0, 2, 1) @ np.linalg.inv(predicted)  # Rauch, Tung & Striebel 1965
-    # half a nanosecond, as there: a report exactly `LAG` old is ready
-    done = np.searchsorted(t - smoothing.LAG_S + 5e-10, t, side="left")
-    done = done[done < len(t)]
+    done = _done(t)
     j = np.arange(len(done))
     x = X[done]
     for back in range(int((done - j).max(initial=0)), 0, -1):
@@ -50,7 +52,21 @@ def smoothed(
         i = on + back - 1
         ahead = x[on] - np.einsum("nij,nj->ni", F[i], X[i])
         x[on] = X[i] + np.einsum("nij,nj->ni", C[i], ahead)
-    return x[:, 0], x[:, 1], done
+    return x[:, 0] - way[j], x[:, 1] - own[j], x[:, 1], done
+
+
+def _done(t: Array) -> Array:
+    """(j,) index of the report with which each is given out: several at once, never in less than the lag."""
+    out: list[int] = []
+    # half a nanosecond, as there: a report exactly the lag old is ready
+    old = (t - smoothing.LEAD_LAG_S + 5e-10).tolist()
+    times = t.tolist()
+    for k, limit in enumerate(old):
+        if times[len(out)] > limit - smoothing.TOGETHER_S:
+            continue
+        while times[len(out)] <= limit:
+            out.append(k)
+    return np.array(out, dtype=np.int64)
 
 
 def _motion(dt: Array) -> tuple[Array, Array]:
@@ -69,18 +85,20 @@ def _motion(dt: Array) -> tuple[Array, Array]:
 
 
 def _filter(
-    t: Array, gap: Array, rate: Array, noise: report_noise.Noise
+    t: Array, gap: Array, rate: Array, own: Array, way: Array, noise: report_noise.Noise
 ) -> tuple[Array, Array, Array] | None:
     """Filter all reports: states (m, 3), covariances (m, 3, 3), jerk densities (m,); None where one does not fit."""
     shown = report_noise.State()
     first = report_noise.noise(shown, noise)
     R0, R1 = first.gap**2, first.range_rate**2
     _, Qs = _motion(np.diff(t, prepend=t[0]))
-    rows = zip(t.tolist(), gap.tolist(), rate.tolist(), Qs.tolist(), strict=True)
-    before, g, w, _ = next(rows)
+    # way and own speed at the report before: whether a report fits is judged by the relative motion
+    went = np.diff(way, prepend=way[0]), np.concatenate([own[:1], own[:-1]]), own
+    rows = zip(*(x.tolist() for x in (t, gap, rate, *went, Qs)), strict=True)
+    before, g, w, *_ = next(rows)
     a, p, q, r, s, u, v = 0.0, R0, 0.0, 0.0, R1, 0.0, _START  # P = [[p, q, r], [q, s, u], [r, u, v]]
     states, parts, jerks = [(g, w, a)], [(p, q, r, s, u, v)], [shown.jerk]
-    for now, z0, z1, Q in rows:
+    for now, z0, z1, further, speed, own_now, Q in rows:
         h = now - before
         before = now
         if h > smoothing.MAX_REPORT_AGE_S:
@@ -88,7 +106,8 @@ def _filter(
         expected, density = report_noise.noise(shown, noise), shown.jerk
         near = smoothing.MAX_GAP_ERROR + smoothing.MAX_ERROR_SIGMAS * expected.gap
         quick = smoothing.MAX_ERROR_SIGMAS * expected.range_rate
-        if abs(z0 - (g + w * h)) > near or abs(z1 - w) > smoothing.MAX_RELATIVE_ACCEL * h + quick:
+        moved = z0 - further - (g + (w - speed) * h)
+        if abs(moved) > near or abs(z1 - own_now - (w - speed)) > smoothing.MAX_RELATIVE_ACCEL * h + quick:
             return None
         R0, R1 = expected.gap**2, expected.range_rate**2
         k = h * h / 2

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.samples import sampling_grid
+from canid.samples import local_polynomial, sampling_grid
 from tests.plants.planted_drive import Array
 
 
@@ -72,4 +72,17 @@ def _values(came: Came | None, t: Array, given: Array, how: sampling_grid.Role) 
     if how.needed and how.stale <= sampling_grid.MAX_WAIT_S:
         out = np.where(alone, np.nan, out)
     out = np.where(before_t == t, before, out)
-    return np.where(after == 0, np.nan, out)
+    out = np.where(after == 0, np.nan, out)
+    return _smooth(came, t, count, out, how.smooth) if how.smooth else out
+
+
+def _smooth(came: Came, t: Array, count: Array, joined: Array, reach: float) -> Array:
+    """Local parabolas through the readings that had come; joined by lines where they are too few."""
+    out = joined.copy()
+    low = np.searchsorted(came.t, t - reach)
+    high = np.minimum(np.searchsorted(came.t, t + reach), count)
+    for i in np.flatnonzero(np.isfinite(joined)).tolist():
+        near = slice(low[i], high[i])
+        found = local_polynomial.parabola((came.t[near] - t[i]).tolist(), came.value[near].tolist()).value
+        out[i] = found if found == found else joined[i]
+    return out

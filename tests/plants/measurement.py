@@ -17,7 +17,7 @@ import numpy as np
 from canid import pipeline
 from canid.drive_reader import trace as as_trace
 from canid.logs import write_log
-from canid.samples import lead, learning_gate
+from canid.samples import lead, learning_gate, own_speed
 from canid.samples.lead_readings import REPORTED
 from canid.samples.sampler import sampled_roles
 from canid.types import Frame, Reading, Sample, Trace
@@ -127,7 +127,10 @@ def of_messages(messages: list[Message], car: Vehicle) -> Trace:
     }
     reported = {of: came[role] for role, of in REPORTED.items()}
     came |= reported | _lead(came, every, car)
+    if "speed" in came:
+        came["own_speed"] = came["speed"]
     t, columns = sampled(came, sampled_roles(car), every, pipeline.DT)
+    columns = own_speed.range_rates(columns)
     rows = zip(t.tolist(), *(x.tolist() for x in columns.values()), strict=True)
     judged, samples = learning_gate.init(), []
     for at, *values in rows:
@@ -159,34 +162,56 @@ def _long_way(drive: list[Frame], vehicle: Vehicle) -> Trace:
 
 
 def _lead(came: dict[str, Came], every: Array, vehicle: Vehicle) -> dict[str, Came]:
-    """What becomes of the radar's reports: smoothed gap and range rate, the target and whether there is one."""
+    """What becomes of the radar's reports: the lead's smoothed motion, the target and whether there is one."""
     t, gap, _ = came["gap"]
     rate = came["range_rate"].value
     valid = came["lead_valid"].value if "lead_valid" in came else np.ones(len(t))
     settings = lead.stated_noise(vehicle)
     # a report is taken up with the first frame after it
     known = np.append(every, np.inf)[np.searchsorted(every, t, side="right")]
-    found = fixed_lag_smoother.smoothed(t, gap, rate, settings) if (valid == 1.0).all() else None
+    own = _own_speeds(came.get("speed"), t, known, lead.settings_of(vehicle).speed)
+    found = fixed_lag_smoother.smoothed(t, gap, rate, own, settings) if (valid == 1.0).all() else None
     if found is None:
-        return _step_by_step(t, gap, rate, valid, known, vehicle)
-    gaps, rates, done = found
+        return _step_by_step(came, valid, known, vehicle)
+    gaps, rates, speeds, done = found
     at, when = t[: len(done)], known[done]
     one = np.ones(len(at))
-    columns = {"gap": gaps, "range_rate": rates, "lead_valid": one, "target": one}
+    columns = {"gap": gaps, "range_rate": rates, "lead_speed": speeds, "lead_valid": one, "target": one}
     there = np.isfinite(when)
     return {role: Came(at[there], x[there], when[there]) for role, x in columns.items()}
 
 
-def _step_by_step(
-    t: Array, gap: Array, rate: Array, valid: Array, known: Array, vehicle: Vehicle
-) -> dict[str, Came]:
+def _own_speeds(speed: Came | None, t: Array, known: Array, stale: float) -> Array:
+    """(m,) m/s, own speed at each report by the readings that have come when it is taken up; NaN: not known."""
+    state, out, n = own_speed.State(), np.full(len(t), np.nan), 0
+    if speed is None:
+        return out
+    times, values, came = (x.tolist() for x in speed)
+    for k, (at, when) in enumerate(zip(t.tolist(), known.tolist(), strict=True)):
+        while n < len(times) and came[n] < when:
+            state = own_speed.put(state, times[n], values[n])
+            n += 1
+        state, out[k] = own_speed.at(state, at, stale)
+    return out
+
+
+def _step_by_step(came: dict[str, Came], valid: Array, known: Array, vehicle: Vehicle) -> dict[str, Came]:
     """As `_lead`, by canid's own function: for drives on which the target changes or is lost."""
-    settings = lead.Settings(False, vehicle.lead.in_path, lead.stated_noise(vehicle))
+    settings = lead.settings_of(vehicle)._replace(valid=None)
     state = lead.init()
     out: dict[str, tuple[list[float], list[float], list[float]]] = {}
-    for at, g, w, ok, when in zip(*(x.tolist() for x in (t, gap, rate, valid, known)), strict=True):
+    speed = came.get("speed", Came(*np.zeros((3, 0))))
+    own = list(zip(*(x.tolist() for x in speed), strict=True))
+    n = 0
+    t, gap, _ = came["gap"]
+    reports = zip(*(x.tolist() for x in (t, gap, came["range_rate"].value, valid, known)), strict=True)
+    for at, g, w, ok, when in reports:
         if when == np.inf:
             break
+        # what comes before the report does, and between it and the frame that takes it up
+        while n < len(own) and own[n][2] < when:
+            state = state._replace(own=own_speed.put(state.own, *own[n][:2]))
+            n += 1
         for role, value in (("gap", g), ("range_rate", w), ("lead_valid", ok)):
             state, _ = lead.step(state, Reading(at, role, value), settings)
         # any later reading takes the report up
@@ -198,5 +223,5 @@ def _step_by_step(
                     times.append(item.t)
                     values.append(item.value)
                     knowns.append(when)
-    missing = ("gap", "range_rate", "lead_valid", "target")
+    missing = ("gap", "range_rate", "lead_speed", "lead_valid", "target")
     return {role: Came(*(np.array(x) for x in out.get(role, ([], [], [])))) for role in missing}

@@ -10,7 +10,7 @@ from benchmarks.identification import acceleration, bus, canid_side, loop_a
 from benchmarks.identification.bounds import Lag
 from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseModel
 from benchmarks.identification.table import Settings, Table, each
-from canid.types import Channel, Driver, OutputFilter
+from canid.types import Channel, Driver
 
 NOISES = (*NOISE_MODELS, REMNANT)
 MINUTES = (1.0, 3.0, 10.0, 20.0)
@@ -94,10 +94,7 @@ def measured(seed: int) -> tuple[bus.Seen, tuple[Lag, Lag]]:
 
 def identified(seed: int, seen: bus.Seen) -> tuple[Channel, ...]:
     """Fit one drive."""
-    stated = None if world(seed).output == "pedal" else OutputFilter("none")
-    fit = canid_side.process(
-        seen.output, seen.inputs, bus.GRID, seen.usable, seen.segment, stated, seen.bound
-    )
+    fit = canid_side.process(seen.output, seen.inputs, bus.GRID, seen.usable, seen.segment, bound=seen.bound)
     return fit.channels
 
 

@@ -18,7 +18,7 @@ from canid.identification.armax import polynomial
 from canid.identification.armax.rates import STATED_S
 from canid.identification.confidence import CHI_SQUARED_QUANTILE
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
-from canid.identification.output_filter import Kernel, equalizer, filtered, is_unknown
+from canid.identification.output_filter import Kernel, equalizer, filtered
 from canid.types import NAN, Array, OutputFilter
 
 DAMPING = Damping(1e-3, up=8.0, down=8.0, least=1e-10, tries=8, iterations=40, tolerance=1e-8)
@@ -153,26 +153,26 @@ def fit_box_jenkins(
     (array([[0.5]]), array([[ 1. , -0.8]]), array([ 1. , -0.6]))
     """
     rows = ready_rows(output, inputs, usable, orders, segment=segment, dt=dt, output_filter=output_filter)
-    return fit_rows(rows, dt, is_unknown(output_filter))
+    return fit_rows(rows, dt, output_filter)
 
 
-def fit_rows(rows: Rows, dt: float, unknown: bool = False) -> BoxJenkinsFit | None:
+def fit_rows(rows: Rows, dt: float, output_filter: OutputFilter | None = None) -> BoxJenkinsFit | None:
     """Fit one model to rows made ready.
 
     Args:
         rows: from `ready_rows`.
         dt: s.
-        unknown: the output has passed a filter that nobody has stated.
+        output_filter: that the output has passed; None: nothing is said of one.
     """
-    least = band.least_stride(dt, unknown)
-    data = at_stride(rows, least)
+    limits = band.strides(dt, output_filter)
+    data = at_stride(rows, limits.least)
     found = _search(data, dt)
     if found is None:
         return None
     # the residual of the first fit shows the noise's band
     rest, used = np.empty(len(found.v)), np.empty(len(found.v), bool)
     rest[data.phased], used[data.phased] = found.v, data.age >= 0
-    stride = max(least, band.stride(rest, used, dt))
+    stride = band.stride(rest, used, dt, limits)
     if stride != data.stride:
         data = at_stride(rows, stride)
         found = _search(data, dt)

@@ -214,8 +214,8 @@ def _fit(
     # a tenth of a window: below this the noise model and the response are not identifiable separately
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return no_fit(m, count)
-    stride = band.least_stride(layout.step, unknown)
-    fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, stride)
+    limits = band.strides(layout.step, output_filter)
+    fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, limits)
     if unknown:
         # the delays found are those of the driver and of the filter
         return fit._replace(channels=tuple(map(identifiability.gain_only, fit.channels)))
@@ -237,7 +237,7 @@ def _search(
     count: int,
     start: Start | None,
     prior: Prior | None,
-    stride: int,
+    limits: band.Strides,
 ) -> ProcessFit:
     """Close in on the posterior from the whole box, or from another window's.
 
@@ -247,13 +247,13 @@ def _search(
         count: rows that are usable.
         start: of an overlapping window.
         prior: declared belief.
-        stride: the least of the noise model, in rows.
+        limits: of the noise model's stride.
     """
     m, box = layout.inputs, layout.basis.box
     known = start if start is not None else _initial(layout, data, prior)
     simulated = known.point.w @ data.X
     near = start is not None
-    noise = row_noise.estimate(layout, data, known.point, simulated, stride, near=near)
+    noise = row_noise.estimate(layout, data, known.point, simulated, limits, near=near)
     finished = 0
     for _ in range(MAX_PASSES):
         moments, grid = _evaluate(layout, known.search_grid, noise)
@@ -272,15 +272,15 @@ def _search(
             break
         if finished < MAX_NOISE_REFITS:
             # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
-            least = noise.stride if finished else stride
+            found = limits._replace(least=noise.stride) if finished else limits
             near = near or finished > 0
-            noise = row_noise.estimate(layout, data, point, simulated, least, noise, near)
+            noise = row_noise.estimate(layout, data, point, simulated, found, noise, near)
     misfit = power(residual_of(data, simulated) * data.usable) / power(data.y * data.usable)
     fit_percent = 100.0 * (1.0 - misfit**0.5)
     credible = fit_percent >= MIN_FIT_PERCENT
     if not credible and start is not None:
         # the window before may have led here: once more from the whole box
-        return _search(layout, data, count, None, prior, stride)
+        return _search(layout, data, count, None, prior, limits)
     return ProcessFit(
         channels=fopdt_posterior.channels(
             grid,

@@ -142,7 +142,7 @@ def estimate(
     data: Data,
     at: Point,
     simulated: Array,
-    least: int,
+    limits: band.Strides,
     before: Noise | None = None,
     near: bool = False,
 ) -> Noise:
@@ -153,7 +153,7 @@ def estimate(
         data: the window.
         at: the point.
         simulated: (n,) the answer there, its mean taken out.
-        least: stride; a shorter one was found too short in this fit already.
+        limits: of the stride; a shorter one was found too short in this fit already.
         before: of the same window; lends its phases where the stride is the same, and its law.
         near: the point is close to the posterior: elsewhere the misfit would be taken for heavy tails.
     """
@@ -161,7 +161,7 @@ def estimate(
     free = np.where(data.usable, residual, 0.0)
     exact = power(free) <= EXACT_SHARE * power(data.y * data.usable)
     plain = exact or not near
-    stride = least if exact else max(least, band.stride(free, data.usable, layout.step))
+    stride = limits.least if exact else band.stride(free, data.usable, layout.step, limits)
     same = before if before is not None and before.stride == stride else None
     phased = same.data if same is not None else _phased(data, stride)
     r = residual if stride == 1 else _phases(residual[None], stride)[0]
