@@ -292,4 +292,4 @@ def test_many_restarts_add_up(driven) -> None:
         data = saving.save(known, NOW)
     assert "fopdt" in found
     assert 80.0 < known.time.t + known.time.ahead < 96.0
-    assert known.time.segments == 9
+    assert known.time.segments == 7
