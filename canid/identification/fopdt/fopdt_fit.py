@@ -264,7 +264,9 @@ def _search(
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
         known = Start(point, known.search_grid if stays else _search_grid(layout, regions, prior))
         last, simulated = simulated, point.w @ data.X
-        moved = power(simulated - last) / max(power(noise.weighed.residual * noise.data.usable), 1e-300)
+        moved = power(simulated - last) / max(
+            power(noise.weighed.residual * noise.phases.data.usable), 1e-300
+        )
         same = moved <= SAME_SHARE**2
         # a residual that was mostly misfit, and went: the search goes on, no noise model leads to another
         finished += fine and moved <= 0.5
