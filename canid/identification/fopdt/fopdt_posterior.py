@@ -436,8 +436,8 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
     scaled = information / np.outer(size, size) + 1e-12 * np.eye(len(size))
     # the pseudoinverse, as numpy's pinv takes it, in a fifth of the time
     value, vector = np.linalg.eigh(scaled)
-    known = np.abs(value) > 1e-15 * float(np.abs(value).max())
-    covariance = (vector[:, known] / value[known]) @ vector[:, known].T / np.outer(size, size)
+    kept = np.abs(value) > 1e-15 * float(np.abs(value).max())
+    covariance = (vector[:, kept] / value[kept]) @ vector[:, kept].T / np.outer(size, size)
     out = []
     for i in range(len(J)):
         P = covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
