@@ -254,7 +254,9 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
                 sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change
             )
     start = None if state.reported else state.start
-    fit = fopdt_fit.fit_rows(setup.layout, window, start, given.prior, given.output_filter)
+    fit = fopdt_fit.fit_rows(
+        setup.layout, window, start, given.prior, given.output_filter, continued=state.reported
+    )
     if state.reported:
         # from a fit that is not credible the next ones would begin where none of them can end
         credible = fit.fit_percent >= fopdt_fit.MIN_FIT_PERCENT

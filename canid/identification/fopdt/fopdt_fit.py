@@ -184,6 +184,8 @@ def fit_rows(
     start: Start | None = None,
     prior: Prior | None = None,
     output_filter: OutputFilter | None = None,
+    *,
+    continued: bool = True,
 ) -> ProcessFit:
     """Fit a window of rows.
 
@@ -193,8 +195,9 @@ def fit_rows(
         start: of an overlapping window.
         prior: declared belief; None: the box alone.
         output_filter: that the output has passed; None: not known.
+        continued: another window starts from this one's `start`; else the time to make it ready is saved.
     """
-    return _fit(layout, *_columns(layout, window), start, prior, output_filter)
+    return _fit(layout, *_columns(layout, window), start, prior, output_filter, continued)
 
 
 def _fit(
@@ -204,6 +207,7 @@ def _fit(
     start: Start | None,
     prior: Prior | None,
     output_filter: OutputFilter | None,
+    continued: bool = True,
 ) -> ProcessFit:
     """Fit answers and output (m b + 1, n), which are used up; `known` (n,) as of `_columns`."""
     m = layout.inputs
@@ -218,7 +222,7 @@ def _fit(
     if count < 20 * (m + 1) or not float(np.ptp(both[-1, usable])) > 0.0:
         return no_fit(m, count)
     stride = band.least_stride(layout.step, unknown)
-    fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, stride)
+    fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, stride, continued)
     if unknown:
         # the delays found are those of the driver and of the filter
         return fit._replace(channels=tuple(map(identifiability.gain_only, fit.channels)))
@@ -241,6 +245,7 @@ def _search(
     start: Start | None,
     prior: Prior | None,
     stride: int,
+    continued: bool,
 ) -> ProcessFit:
     """Close in on the posterior from the whole box, or from another window's.
 
@@ -251,6 +256,7 @@ def _search(
         start: of an overlapping window.
         prior: declared belief.
         stride: the least of the noise model, in rows.
+        continued: another window starts from the last grid.
     """
     m, box = layout.inputs, layout.basis.box
     known = start if start is not None else _initial(layout, data, prior)
@@ -265,7 +271,6 @@ def _search(
         fine = fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(m))
         point = _posterior_point(layout, data, grid, fine)
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
-        known = Start(point, known.search_grid if stays else _search_grid(layout, regions, prior))
         last, simulated = simulated, point.w @ data.X
         moved = power(simulated - last) / max(
             power(noise.weighed.residual * noise.phases.data.usable), 1e-300
@@ -273,7 +278,10 @@ def _search(
         same = moved <= SAME_SHARE**2
         # a residual that was mostly misfit, and went: the search goes on, no noise model leads to another
         finished, passes = finished + (fine and moved <= 0.5), passes + fine
-        if fine and ((same and near) or finished > MAX_NOISE_REFITS or passes >= MAX_FINE_PASSES):
+        ended = fine and ((same and near) or finished > MAX_NOISE_REFITS or passes >= MAX_FINE_PASSES)
+        keep = stays or (ended and not continued)
+        known = Start(point, known.search_grid if keep else _search_grid(layout, regions, prior))
+        if ended:
             break
         if finished < MAX_NOISE_REFITS:
             # far from the posterior the residual holds the answer itself, and its band shows nothing of the noise
@@ -285,7 +293,7 @@ def _search(
     credible = fit_percent >= MIN_FIT_PERCENT
     if not credible and start is not None:
         # the window before may have led here: once more from the whole box
-        return _search(layout, data, count, None, prior, stride)
+        return _search(layout, data, count, None, prior, stride, continued)
     return ProcessFit(
         channels=fopdt_posterior.channels(
             grid,
