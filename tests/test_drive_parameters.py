@@ -102,9 +102,9 @@ def test_a_drives_windows_need_no_other_fits(monkeypatch: pytest.MonkeyPatch) ->
     fits = []
     fitted = fopdt.fopdt_fit.fit_rows
 
-    def counted(*args: Any) -> Any:
+    def counted(*args: Any, **options: Any) -> Any:
         fits.append(args)
-        return fitted(*args)
+        return fitted(*args, **options)
 
     monkeypatch.setattr(fopdt.fopdt_fit, "fit_rows", counted)
     reported = [e for e in windows() if e.estimator == "fopdt" and e.status is Status.OK]

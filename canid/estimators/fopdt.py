@@ -254,9 +254,13 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
                 sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change
             )
     start = None if state.reported else state.start
-    fit = fopdt_fit.fit_rows(setup.layout, window, start, given.prior, given.output_filter)
+    fit = fopdt_fit.fit_rows(
+        setup.layout, window, start, given.prior, given.output_filter, continued=state.reported
+    )
     if state.reported:
-        state = state._replace(start=fit.start)
+        # from a fit that is not credible the next ones would begin where none of them can end
+        credible = fit.fit_percent >= fopdt_fit.MIN_FIT_PERCENT
+        state = state._replace(start=fit.start if credible else None)
     channels: Mapping[str, Channel] = dict(zip(names, fit.channels, strict=True))
     if state.reported:
         window_now = _window(setup, state)

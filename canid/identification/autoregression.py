@@ -8,6 +8,9 @@ all orders are compared on the same samples. Which samples count is one rule for
 
 from __future__ import annotations
 
+import math
+import operator
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,17 +24,26 @@ from canid.types import Array
 FLOOR = 0.003
 
 
+def run_lengths(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """How many samples in a row right before each are known; what the sample itself is does not matter.
+
+    >>> run_lengths(np.array([True, True, False, True, True, True]))
+    array([0, 1, 2, 0, 1, 2])
+    """
+    index = np.arange(known.size)
+    last_unknown = np.maximum.accumulate(np.where(known, -1, index))
+    run = np.zeros(known.size, dtype=np.int64)
+    run[1:] = (index - last_unknown)[:-1]
+    return run
+
+
 def preceded(known: npt.NDArray[np.bool_], p: int) -> npt.NDArray[np.bool_]:
     """Where the p samples before are all known; what the sample itself is does not matter.
 
     >>> preceded(np.array([True, True, False, True, True, True]), 1)
     array([False,  True,  True, False,  True,  True])
     """
-    index = np.arange(known.size)
-    last_unknown = np.maximum.accumulate(np.where(known, -1, index))
-    run = np.zeros(known.size, dtype=np.int64)
-    run[1:] = (index - last_unknown)[:-1]
-    out: npt.NDArray[np.bool_] = run >= p
+    out: npt.NDArray[np.bool_] = run_lengths(known) >= p
     return out
 
 
@@ -50,7 +62,7 @@ def chosen(rows: npt.NDArray[np.bool_]) -> slice | npt.NDArray[np.bool_]:
     >>> chosen(np.array([False, True, True]))
     slice(1, 3, None)
     """
-    first, count = int(np.argmax(rows)), int(rows.sum())
+    first, count = int(np.argmax(rows)), int(np.count_nonzero(rows))
     return slice(first, first + count) if rows[first : first + count].all() else rows
 
 
@@ -72,6 +84,8 @@ def whiten(x: Array, noise: Array) -> Array:
         return x.copy()
     kernel = np.concatenate([[1.0], -noise])
     out: Array = np.convolve(x.reshape(-1), kernel)[: x.size].reshape(x.shape)
+    if x.ndim == 1:
+        return out
     first = min(len(noise), x.shape[-1])
     # row i of a table in which a coefficient stands at its lag from the diagonal
     table = np.concatenate([np.zeros(first), kernel[:first]])[
@@ -88,6 +102,7 @@ def fit(
     floor: float = FLOOR,
     bounded: npt.NDArray[np.bool_] | None = None,
     root: Array | None = None,
+    run: npt.NDArray[np.int64] | None = None,
 ) -> Array:
     """Coefficients phi of r_t = sum phi_i r_(t-i) + e_t.
 
@@ -107,6 +122,7 @@ def fit(
         floor: share of white variance added, see FLOOR.
         bounded: (n,) rows that have a pseudo-value (censoring.py): predicted, but nothing is predicted from them.
         root: (n,) of the weight that each prediction error has; None: one.
+        run: (n,) `run_lengths` of `usable`, where they are known already.
 
     Returns:
         (p,), 0 <= p <= most; empty where there are too few samples.
@@ -118,44 +134,82 @@ def fit(
     np.True_
     """
     known = usable if bounded is None else usable | bounded
-    rows = known & preceded(usable, most)
-    count = int(rows.sum())
+    rows = known & ((run_lengths(usable) if run is None else run) >= most)
+    count = int(np.count_nonzero(rows))
     # ten samples per coefficient: fewer cannot tell correlation from chance
     if most < 1 or count < 10 * most:
         return np.zeros(0)
+    products, sums, weight = _lag_products(r, known, rows, most, root)
+    if bounded is not None:
+        # the mean of what is known is not the noise's: what lies below the bound is missing from it
+        products -= np.outer(sums, sums) / max(weight, 1e-300)
+    products.flat[:: most + 2] *= 1.0 + floor
+    found = np.array(_best_order(products.tolist(), count))
+    total = float(found.sum())
+    return found * (SLOWEST / total) if total > SLOWEST else found
+
+
+def _lag_products(
+    r: Array, known: npt.NDArray[np.bool_], rows: npt.NDArray[np.bool_], most: int, root: Array | None
+) -> tuple[Array, Array, float]:
+    """Inner products (1 + most, 1 + most) of series now and at every lag, their sums (1 + most,), and the sum of weights.
+
+    Args:
+        r: (n,) or (k, n).
+        known: (n,) where its values are to be used.
+        rows: (n,) that count.
+        most: lags.
+        root: (n,) of the weight of each row; None: one.
+    """
     series = np.where(known, np.atleast_2d(r), 0.0)
     n, later = series.shape[1], rows[most:].astype(float)
     if root is not None:
         later *= root[most:]
     products, sums = np.zeros((most + 1, most + 1)), np.zeros(most + 1)
     for first in range(0, n - most, PIECE):
-        piece = slice(first, min(first + PIECE, n - most))
-        # (1 + most, series, rows): each series now and at every lag, zero where not to be counted
-        X = np.empty((most + 1, len(series), piece.stop - first))
-        for i, lagged in enumerate(X):
-            np.multiply(series[:, most - i : n - i][:, piece], later[piece], out=lagged)
-        if bounded is not None:
-            sums += X[:, 0] @ later[piece]
+        last = min(first + PIECE, n - most)
+        # (1 + most, series, rows), zero where not to be counted
+        X = np.empty((most + 1, len(series), last - first))
+        for i in range(most + 1):
+            np.multiply(series[:, most - i + first : most - i + last], later[first:last], out=X[i])
+        sums += X[:, 0] @ later[first:last]
         X = X.reshape(most + 1, -1)
         products += X @ X.T
-    if bounded is not None:
-        # the mean of what is known is not the noise's: what lies below the bound is missing from it
-        products -= np.outer(sums, sums) / max(float(later @ later), 1e-300)
-    yy, h, G = float(products[0, 0]) * (1.0 + floor), products[1:, 0], products[1:, 1:].copy()
-    G.flat[:: most + 1] *= 1.0 + floor
+    return products, sums, float(later @ later)
+
+
+def _best_order(products: list[list[float]], count: int) -> list[float]:
+    """Coefficients of the order that Akaike's criterion prefers, from inner products with the floor on their diagonal.
+
+    The orders are nested: one triangular factor solves them all, and its steps are what each order explains. In plain
+    floats: for so few numbers a call of numpy takes longer than the arithmetic.
+
+    >>> _best_order([[1.0, 0.5, 0.25], [0.5, 1.0, 0.5], [0.25, 0.5, 1.0]], 100)
+    [0.5]
+    """
+    yy, most = products[0][0], len(products) - 1
     if not yy > 0.0:
-        return np.zeros(0)
-    # the orders are nested: one triangular factor solves them all, and its steps are what each order explains
-    try:
-        L = np.linalg.cholesky(G)
-    except np.linalg.LinAlgError:  # a residual that repeats itself exactly
-        return np.zeros(0)
-    z = np.linalg.solve(L, h)
-    left = np.maximum(yy - np.concatenate([[0.0], np.cumsum(z * z)]), 1e-12 * yy)
-    p = int(np.argmin(count * np.log(left) + 2.0 * np.arange(most + 1)))
-    found: Array = np.linalg.solve(L[:p, :p].T, z[:p])
-    total = float(np.sum(found))
-    return found * (SLOWEST / total) if total > SLOWEST else found
+        return []
+    factor, explained = list[list[float]](), list[float]()  # L, and z of L z = h
+    left, best, least = yy, 0, count * math.log(yy)
+    for i in range(most):
+        given, row = products[i + 1], list[float]()
+        for k, other in enumerate(factor):
+            row.append((given[k + 1] - sum(map(operator.mul, row, other))) / other[k])
+        pivot = given[i + 1] - sum(x * x for x in row)
+        if not pivot > 0.0:  # a residual that repeats itself exactly
+            return []
+        row.append(math.sqrt(pivot))
+        factor.append(row)
+        explained.append((given[0] - sum(map(operator.mul, row, explained))) / row[i])
+        left -= explained[i] ** 2
+        value = count * math.log(max(left, 1e-12 * yy)) + 2.0 * (i + 1)
+        if value < least:
+            best, least = i + 1, value
+    found = [0.0] * best
+    for i in reversed(range(best)):
+        found[i] = (explained[i] - sum(factor[k][i] * found[k] for k in range(i + 1, best))) / factor[i][i]
+    return found
 
 
 # Rows whose lags are laid out at once: of a whole drive they would take as much memory as its regression.

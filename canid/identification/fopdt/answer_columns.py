@@ -82,13 +82,17 @@ def raw(layout: Layout, rows: Array, at: Reference) -> tuple[Array, npt.NDArray[
     """
     m, b = layout.inputs, layout.basis.size
     weights = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)  # (3, m, b)
-    answers = rows[:, 2 + m :].reshape(-1, m, b)
-    made = np.einsum("nmb,smb->smn", answers, weights)
-    made[1:] *= at.K[:, None]
-    usable = rows[:, 1] > 0.0
-    out = np.vstack([made[0], np.ones(len(rows)), made[1], made[2], rows[:, 0]])
-    usable = usable & np.isfinite(out).all(axis=0)
-    return np.where(np.isfinite(out), out, 0.0), usable
+    weights[1:] *= at.K[:, None]
+    out = np.empty((3 * m + 2, len(rows)))
+    out[m], out[-1] = 1.0, rows[:, 0]
+    for i in range(m):
+        # the answer comes before the offset, its slopes after it
+        first = 2 + m + i * b
+        out[[i, m + 1 + i, 2 * m + 1 + i]] = weights[:, i] @ rows[:, first : first + b].T
+    known = np.isfinite(out)
+    usable: npt.NDArray[np.bool_] = (rows[:, 1] > 0.0) & known.all(axis=0)
+    out[~known] = 0.0
+    return out, usable
 
 
 def whitened(

@@ -34,13 +34,19 @@ def find(residual: Array, usable: Flags, step: float, stride: int, order: int) -
     n = len(residual)
     most = int(2.0 * n * step / SHORTEST_DRIFT_S)
     part = usable[::stride]
+    run = autoregression.run_lengths(part)
+    rows = part & (run >= order)
     free = np.where(usable, residual, 0.0)
-    every = cosines(min(most, max(DRIFTS)), n)
+    every = np.vstack([np.ones(n), cosines(min(most, max(DRIFTS)), n)])
+    gram, along = _products(every, free, usable)
     best, chosen = -np.inf, 0
     for k in (k for k in DRIFTS if k <= most):
-        r = without(every[:k], free, usable)[::stride]
-        ar = autoregression.fit(r, part, order)
-        rows = autoregression.whole(part, order)
+        r = (
+            _left(every[: k + 1], gram[: k + 1, : k + 1], along[: k + 1], free)[::stride]
+            if k
+            else free[::stride]
+        )
+        ar = autoregression.fit(r, part, order, run=run)
         e = autoregression.whiten(r, ar)[rows]
         count = len(e) - k
         if count < 10 * (k + 1) or not e.any():
@@ -48,7 +54,7 @@ def find(residual: Array, usable: Flags, step: float, stride: int, order: int) -
         value = -0.5 * count * float(np.log(float(e @ e) / count)) - DRIFT_LEAST * k - DRIFT_FIRST * (k > 0)
         if value > best:
             best, chosen = value, k
-    return every[:chosen]
+    return every[1 : chosen + 1]
 
 
 def cosines(k: int, n: int) -> Array:
@@ -65,10 +71,20 @@ def without(columns: Array, r: Array, usable: Flags) -> Array:
     """Take columns (k, n) and a mean out of a residual (n,), by what they explain of it where usable."""
     if not len(columns):
         return r
-    every = np.vstack([columns, np.ones(len(r))])
+    every = np.vstack([np.ones(len(r)), columns])
+    return _left(every, *_products(every, r, usable), r)
+
+
+def _products(every: Array, r: Array, usable: Flags) -> tuple[Array, Array]:
+    """Inner products of columns (k, n) with each other and with a residual (n,), where usable."""
     used = every * usable
-    gram = used @ every.T
+    gram: Array = used @ every.T
     gram.flat[:: len(gram) + 1] *= 1.0 + 1e-9
-    out: Array = r - np.linalg.solve(gram, used @ r) @ every
+    return gram, used @ r
+
+
+def _left(every: Array, gram: Array, along: Array, r: Array) -> Array:
+    """Return what columns leave of a residual; zero where it was."""
+    out: Array = r - np.linalg.solve(gram, along) @ every
     out[r == 0.0] = 0.0
     return out

@@ -60,6 +60,19 @@ class Data(NamedTuple):
         return output
 
 
+class Phases(NamedTuple):
+    """Rows laid out for a stride, one phase after the other, and what every noise model asks of them."""
+
+    data: Data
+    run: npt.NDArray[np.int64]  # (n,) usable rows right before each
+    change: Array  # (n,) size of the output's change from two rows ago to the last
+
+    def preceded(self, p: int) -> Flags:
+        """(n,) where the p rows before are all usable."""
+        out: Flags = self.run >= p
+        return out
+
+
 class Weighed(NamedTuple):
     """Rows at one point, and how each counts."""
 
@@ -78,7 +91,7 @@ class Noise(NamedTuple):
 
     ar: Array  # (p,) coefficients of the autoregression
     stride: int  # rows from one to the one that predicts it
-    data: Data  # one phase after the other, see `_phases`
+    phases: Phases
     weighed: Weighed  # its rows
     variance_inflation: float  # with that of the law
     drift: Array | None  # (k, n) slow cosines that the offset follows, mostly none; None: not yet looked for
@@ -86,12 +99,12 @@ class Noise(NamedTuple):
 
 
 def white(data: Data) -> Noise:
-    """White noise of one size."""
+    """White noise of one size, of rows as they are."""
     n = len(data.usable)
     count = float(np.count_nonzero(data.usable))
     law = innovation_law.equal(0).law
     weighed = Weighed(data.usable, np.zeros(n), np.zeros(n), np.zeros(n), law, None, None, count)
-    return Noise(np.zeros(0), 1, data, weighed, 1.0, None, NAN)
+    return Noise(np.zeros(0), 1, _phased(data, 1), weighed, 1.0, None, NAN)
 
 
 def by_channel(layout: rows.Layout, w: Array) -> Array:
@@ -129,12 +142,16 @@ def _phases(x: Array, stride: int) -> Array:
     return out.reshape(k, stride * (height + NOISE_ORDER))
 
 
-def _phased(data: Data, stride: int) -> Data:
+def _phased(data: Data, stride: int) -> Phases:
     """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
-    if stride == 1:
-        return data
-    usable, bounded = _phases(np.vstack([data.usable, data.bounded]), stride)
-    return Data(_phases(data.both, stride), usable, bounded, data.y_mean, data.X_mean)
+    if stride > 1:
+        usable, bounded = _phases(np.vstack([data.usable, data.bounded]), stride)
+        data = Data(_phases(data.both, stride), usable, bounded, data.y_mean, data.X_mean)
+    change, known = np.zeros(len(data.y)), np.zeros(len(data.y), bool)
+    change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
+    known[2:] = data.usable[1:-1] & data.usable[:-2]
+    change[~known] = float(change[known].mean()) if known.any() else 1.0
+    return Phases(data, autoregression.run_lengths(data.usable), change)
 
 
 def estimate(
@@ -163,11 +180,14 @@ def estimate(
     plain = exact or not near
     stride = limits.least if exact else band.stride(free, data.usable, layout.step, limits)
     same = before if before is not None and before.stride == stride else None
-    phased = same.data if same is not None else _phased(data, stride)
+    phases = same.phases if same is not None else _phased(data, stride)
     r = residual if stride == 1 else _phases(residual[None], stride)[0]
     each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
-    J = np.concatenate([by_channel(layout, w) for w in each]) @ phased.X
-    usable, bounded = phased.usable, phased.bounded
+    phased, usable, bounded = phases.data, phases.data.usable, phases.data.bounded
+    m, b = layout.inputs, layout.basis.size
+    # (m, 3, n): answer and slopes of each channel; then (3 m, n), all answers first
+    J = each.transpose(1, 0, 2) @ phased.X.reshape(m, b, -1)
+    J = J.transpose(1, 0, 2).reshape(3 * m, -1)
     last = same.weighed if same is not None else None
     drift = same.drift if same is not None else None
     if drift is None and near and not exact:
@@ -178,14 +198,19 @@ def estimate(
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
     seen = r if last is None or last.shift is None else r + last.shift
     root = last.root if last is not None else None
-    ar = autoregression.fit(seen, usable, NOISE_ORDER, bounded=bounded, root=root)
+    ar = autoregression.fit(seen, usable, NOISE_ORDER, bounded=bounded, root=root, run=phases.run)
     law = before.weighed.law if before is not None else None
-    weighed = _weigh(phased, r, ar, layout.step, stride, law, plain)
+    weighed = _weigh(phases, r, ar, layout.step, stride, law, plain)
     explained = _explained(layout, at, J, weighed, ar, stride)
     ar = autoregression.fit(
-        np.vstack([weighed.residual, explained]), usable, NOISE_ORDER, bounded=bounded, root=weighed.root
+        np.vstack([weighed.residual, explained]),
+        usable,
+        NOISE_ORDER,
+        bounded=bounded,
+        root=weighed.root,
+        run=phases.run,
     )
-    weighed = _weigh(phased, r, ar, layout.step, stride, weighed.law, plain, fit=False)
+    weighed = _weigh(phases, r, ar, layout.step, stride, weighed.law, plain, fit=False)
     inside = autoregression.chosen(weighed.rows)
     slopes = autoregression.whiten(J, ar)
     if weighed.root is not None:
@@ -198,14 +223,14 @@ def estimate(
         score * psi, score * sd, round(residual_tests.HAC_LAG_S / layout.step / stride)
     )
     # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
-    whitened = autoregression.whiten(r, ar)[autoregression.chosen(autoregression.whole(usable, len(ar)))]
+    whitened = autoregression.whiten(r, ar)[usable & phases.preceded(len(ar))]
     own = (power(whitened) / max(len(whitened), 1)) ** 0.5
     long_run = (own / (1.0 - float(np.sum(ar)))) ** 2
     effective = power(np.where(usable, r, 0.0)) / stride / max(long_run, 1e-300)
     return Noise(
         ar,
         stride,
-        phased,
+        phases,
         weighed,
         variance_inflation * _student(effective) ** 2,
         drift,
@@ -214,7 +239,7 @@ def estimate(
 
 
 def _weigh(
-    data: Data,
+    phases: Phases,
     r: Array,
     ar: Array,
     step: float,
@@ -226,7 +251,7 @@ def _weigh(
     """Fit the law of the innovations; replace bounds by pseudo-values.
 
     Args:
-        data: in phases.
+        phases: of the stride.
         r: (n,) residual.
         ar: its autoregression.
         step: s, of the rows.
@@ -235,24 +260,26 @@ def _weigh(
         gaussian: without looking for another law.
         fit: the law; else the one before is applied.
     """
-    free = autoregression.whole(data.usable, len(ar))
+    preceded = phases.preceded(len(ar))
+    free, at_bound = phases.data.usable & preceded, phases.data.bounded & preceded
+    count = float(np.count_nonzero(free))
     e = autoregression.whiten(r, ar)
-    e -= float(e @ free) / max(float(np.count_nonzero(free)), 1.0)
-    at_bound = data.bounded & autoregression.preceded(data.usable, len(ar))
-    if gaussian or np.count_nonzero(free) < MIN_ROWS_OF_LAW:
-        law = innovation_law.equal(len(e), (power(e[free]) / max(int(np.count_nonzero(free)), 1)) ** 0.5)
+    e -= float(e @ free) / max(count, 1.0)
+    if gaussian or count < MIN_ROWS_OF_LAW:
+        law = innovation_law.equal(len(e), (power(e[free]) / max(count, 1.0)) ** 0.5)
     else:
-        law = _law(data, e, free, step, stride, before, fit)
+        law = _law(phases, e, free, step, stride, before, fit)
     plain = law.law.is_plain
     weight = law.weight
-    count, shift, residual, every = float(np.count_nonzero(free)), None, r, free
+    shift, residual, every = None, r, free
     if at_bound.any() and law.law.sd > 0.0:
         scale = law.law.sd * law.size[at_bound]
-        bound, middle, w = e[at_bound], 0.0, weight[free]
+        bound, middle, w, known = e[at_bound], 0.0, weight[free], e[free]
+        total, size = float(w.sum()), law.size[at_bound] ** 2
         for _ in range(MIDDLE_ROUNDS):
             pseudo = censoring.below((bound - middle) / scale)
-            value, of_bound = middle + scale * pseudo.value, pseudo.weight / law.size[at_bound] ** 2
-            middle = float(w @ e[free] + of_bound @ value) / float(w.sum() + of_bound.sum())
+            value, of_bound = middle + scale * pseudo.value, pseudo.weight / size
+            middle = float(w @ known + of_bound @ value) / (total + float(of_bound.sum()))
         shift = np.zeros(len(e))
         shift[at_bound] = value - bound
         weight = np.where(at_bound, 0.0, weight)
@@ -268,7 +295,7 @@ def _weigh(
 
 
 def _law(
-    data: Data,
+    phases: Phases,
     e: Array,
     free: Flags,
     step: float,
@@ -279,11 +306,7 @@ def _law(
     """Fit or apply the law of innovations (n,); see `_weigh`."""
     if not fit and before is not None and not len(before.slopes):
         return innovation_law.weights(e, before, np.zeros((0, len(e))), free)
-    change, known = np.zeros(len(e)), np.zeros(len(e), bool)
-    change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
-    known[2:] = data.usable[1:-1] & data.usable[:-2]
-    change[~known] = float(change[known].mean()) if known.any() else 1.0
-    of = innovation_law.features(e, free, change, 1.0 / (step * stride))
+    of = innovation_law.features(e, free, phases.change, 1.0 / (step * stride))
     if not fit and before is not None:
         return innovation_law.weights(e, before, of, free)
     return innovation_law.fit(e, free, of, 1.0 / stride, before)
@@ -353,7 +376,7 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     for i, row in enumerate(nuisance[1 : p + 1], 1):
         row[i:] = r[:-i]
     nuisance[p + 1 :] = autoregression.whiten(drift[:, piece], noise.ar)
-    white = autoregression.whiten(noise.data.both[:, piece], noise.ar)[:, new]
+    white = autoregression.whiten(noise.phases.data.both[:, piece], noise.ar)[:, new]
     if weighed.shift is not None:
         white[-1] += weighed.shift[piece][new]
     if weighed.root is not None:
