@@ -1,7 +1,7 @@
 """Local-level model of a parameter over a drive: y_i = level_i + e_i, level_i = level_(i-1) + w_i (Harvey 1989, ch. 2).
 
-The variance of w per second by maximum likelihood; the level by a Kalman filter and the RTS smoother, averaged over what
-the likelihood leaves open of that variance; and a likelihood ratio test of a constant level. Its null lies on the
+The variance of w per second by maximum likelihood; the level by a Kalman filter and the RTS smoother of filterpy, averaged
+over what the likelihood leaves open of that variance; and a likelihood ratio test of a constant level. Its null lies on the
 boundary, and is no half-and-half mixture with so few windows (Shephard & Harvey 1990), so its distribution is simulated:
 with known variances of e it does not depend on the level, and the test is exact. This is Chen & Ulsoy's question (2001).
 """
@@ -108,11 +108,13 @@ def fit(t: Array, value: Array, sd: Array, *, seed: int = 0) -> LocalLevel | Non
     # every sd up to the largest is as likely before the data
     weight = np.exp(found - found.max()) * np.gradient(of_drive)
     weight /= weight.sum()
-    counted = weight > MIN_WEIGHT
-    mean, of_mean = _smoothed(value, variance, change[counted])
-    level = weight[counted] @ mean
-    square = weight[counted] @ (of_mean + mean * mean)
-    share = float(weight[counted].sum())
+    level, square = np.zeros(n), np.zeros(n)
+    for w, each in zip(weight, change, strict=True):
+        if w > MIN_WEIGHT:
+            mean, of_mean = _smoothed(value, variance, each)
+            level += w * mean
+            square += w * (of_mean + mean * mean)
+    share = float(weight[weight > MIN_WEIGHT].sum())
     level /= share
     spread = NORMAL_QUANTILE * np.sqrt(np.maximum(square / share - level * level, 0.0))
     precision = float((1.0 / variance).sum())
@@ -137,31 +139,19 @@ DIFFUSE = 1e7
 
 
 def _smoothed(value: Array, variance: Array, change: Array) -> tuple[Array, Array]:
-    """Kalman filter and Rauch-Tung-Striebel smoother of the level, for several variances of its change at once.
+    """Return mean and variance (n,) of the level by filterpy's Kalman filter and Rauch-Tung-Striebel smoother."""
+    from filterpy.kalman import KalmanFilter  # here: it imports matplotlib, which takes most of a second
 
-    Args:
-        value: (n,) windows.
-        variance: (n,) of their errors.
-        change: (g, n - 1) of the level's change from one window to the next.
-
-    Returns:
-        Mean and variance (g, n).
-    """
-    n, g = len(value), len(change)
-    mean, P = np.empty((g, n)), np.empty((g, n))
-    x, p = np.full(g, value[0]), np.full(g, DIFFUSE * variance[0])
-    for k in range(n):
-        p = p + (change[:, k - 1] if k else 0.0)
-        K = p / (p + variance[k])
-        x = x + K * (value[k] - x)
-        p = (1.0 - K) ** 2 * p + K**2 * variance[k]  # Joseph's form: never negative
-        mean[:, k], P[:, k] = x, p
-    for k in range(n - 2, -1, -1):
-        ahead = P[:, k] + change[:, k]
-        K = P[:, k] / ahead
-        mean[:, k] += K * (mean[:, k + 1] - mean[:, k])
-        P[:, k] += K**2 * (P[:, k + 1] - ahead)
-    return mean, P
+    n, one = len(value), np.ones((1, 1))
+    filtered = KalmanFilter(dim_x=1, dim_z=1)
+    filtered.x, filtered.P, filtered.F, filtered.H = value[:1, None], DIFFUSE * variance[0] * one, one, one
+    Qs = [np.zeros((1, 1)), *(q * one for q in change)]
+    means, covariances, _, _ = filtered.batch_filter(
+        value[:, None, None], Qs=Qs, Rs=[r * one for r in variance]
+    )
+    # rts_smoother takes from k to k + 1 the Q of k + 1
+    smooth, P, _, _ = filtered.rts_smoother(means, covariances, Fs=[one] * n, Qs=Qs)
+    return np.asarray(smooth, float).reshape(n), np.asarray(P, float).reshape(n)
 
 
 def nothing() -> LocalLevel:
