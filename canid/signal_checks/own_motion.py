@@ -10,8 +10,8 @@ The lead's own motion, seen through noise, biases this: on 48 simulated drives o
 came out at 0.28 to 1.2, so a unit is questioned only where headways are implausible as well. On 1,200 drives of 8 min with
 leads of many kinds, radars of 0.01 to 0.25 m/s and a delay of 0 or 0.5 s, δ is stated on half; it held to two standard
 deviations and 0.1 s on 97 and 95 % of those whose standard deviation is below 0.03 s, and needs 0.4 s for that on the
-others. δ = 0 is less likely by 45 on 1 of 600 where it is right (by 15 on 14), and on 41 % with 0.5 s: a latency is a finding only
-there.
+others. δ = 0 is less likely by 45 on 1 of 600 where it is right (by 15 on 14), and on 41 % with 0.5 s: a latency is a
+finding only there.
 """
 
 from __future__ import annotations
