@@ -101,8 +101,6 @@ class State(NamedTuple):
     pending: tuple[float, float, float] = NO_REPORT  # t, gap, range rate of the report being collected
     valid: float = NAN  # lead_valid, where it is a signal; NaN: not known
     valid_at: float = NAN  # s, of its last reading; NaN: none has come
-    speed: float = NAN  # m/s, own
-    speed_at: float = NAN  # s, of its last reading
     yaw_rate: float = 0.0  # rad/s, own, left positive, averaged over YAW_RATE_TIME_CONSTANT_S
     yaw_at: float = NAN  # s, of its last reading
     smooth: smoothing.State = smoothing.State()
@@ -147,11 +145,12 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
         return state._replace(valid=value, valid_at=reading.t), out
     if role == "speed":
         own = own_speed.put(state.own, reading.t, value)
-        smooth, points = smoothing.early(state.smooth, reading.t, settings.age)
-        if points:
+        history = state.smooth.history
+        if history and reading.t - history[-1].t > smoothing.MAX_REPORT_AGE_S:
+            smooth, points = smoothing.early(state.smooth, reading.t, settings.age)
             out += _readings(points, state.serial)
-            state = state._replace(smooth=smooth, given=points[-1].t)
-        state = state._replace(speed=value, speed_at=reading.t, own=own)
+            state = state._replace(smooth=smooth, given=points[-1].t if points else state.given)
+        state = state._replace(own=own)
     elif role == "yaw_rate" and value == value:
         passed = reading.t - state.yaw_at
         weight = 1.0 - exp(-passed / YAW_RATE_TIME_CONSTANT_S) if passed == passed else 1.0
@@ -239,7 +238,7 @@ def _track(state: State, reading: TrackReading, settings: Settings) -> tuple[Sta
     followed = number == state.target
     reports = reading.valid and reading.distance == reading.distance and reading.rate == reading.rate
     corridor = settings.in_path * (FOLLOWED_PATH_FACTOR if followed else 1.0)
-    speed = state.speed if t - state.speed_at <= settings.speed else NAN
+    speed = own_speed.latest(state.own, t, settings.speed)
     over_ground = speed + reading.rate
     candidate = reports and abs(_lateral(state, reading, speed, settings)) <= corridor
     if candidate and not followed:
