@@ -66,7 +66,9 @@ def step(state: State, sample: Sample) -> tuple[State, tuple[float, ...]]:
         (12.0, 12.0, (0.1, 1.0))
     """
     get = sample.signals.get
-    t, speed, gap, range_rate = sample.t, get("speed", NAN), get("gap", NAN), get("range_rate", NAN)
+    t, speed = sample.t, get("speed", NAN)
+    # as the radar reported them: smoothing makes the two agree, and what is to be seen here is that they do not
+    gap, range_rate = (get(f"{role}_reported", get(role, NAN)) for role in ("gap", "range_rate"))
     h = t - state.t
     contiguous = not h > 1.5 * ROW_INTERVAL_S  # the first row has no h, and no hole before it
     follows = contiguous and sample.segment == state.segment

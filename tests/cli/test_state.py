@@ -61,18 +61,19 @@ def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
     state, out = tmp_path / "driver.json", tmp_path / "out.jsonl"
     ran = canid("replay", LOG, "--vehicle", "generic", "--stop", 45, "--state", state, "--json", out)
     assert ran.code == DONE
-    when_saved = {e["estimator"] for e in lines(out) if e["t"] > 44.0 and e["status"] == "ok"}
+    when_saved = {e["estimator"] for e in lines(out) if e["t"] > 42.5 and e["status"] == "ok"}
     assert "fopdt" in when_saved
     assert json.loads(state.read_text())["vehicle"] == "Generic car-following vehicle"
     ran = canid(
-        "replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 48, "--state", state, "--json", out
+        "replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 50, "--state", state, "--json", out
     )
     assert ran.code == DONE
     assert "continue from the state saved 0 s ago" in ran.err
     first = [e for e in lines(out) if e["t"] <= 46.0]
     assert {e["estimator"] for e in first if e["status"] == "ok"} >= when_saved
-    assert 47.0 < json.loads(state.read_text())["session_time"] <= 48.0
-    ran = canid("replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 48, "--json", out)
+    # the newest samples are up to 1.9 s old
+    assert 48.0 < json.loads(state.read_text())["session_time"] <= 50.0
+    ran = canid("replay", LOG, "--vehicle", "generic", "--start", 45, "--stop", 50, "--json", out)
     assert not [e for e in lines(out) if e["status"] == "ok"]
 
 
@@ -253,7 +254,7 @@ def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, mon
     wait(lambda: running.counts().done == len(before))
     running.put([Frame(64.5, 0, 1, b"")])
     wait(lambda: running.counts().restarts == 1 and running.counts().ready)
-    after = list(drive_reader.window(open_log(LOG), 66.0, 68.0))
+    after = list(drive_reader.window(open_log(LOG), 66.0, 70.0))
     running.put(after)
     assert running.close(60.0)
     counts = running.counts()
@@ -265,9 +266,14 @@ def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, mon
     assert "fopdt" in ok(item for t, item in outputs if 59.0 <= t <= 60.0)
     # what one speaks that saw the same frames and never failed
     alone = pipeline.run(pipeline.build(read_vehicle("generic")), [*before, *after])
-    expected = ok(item for item in alone if isinstance(item, Estimate) and 66.0 <= item.t <= 67.0)
+    expected = within_a_second(alone)
     assert "fopdt" in expected
-    assert ok(item for t, item in outputs if 66.0 <= t <= 67.0) == expected
+    assert within_a_second(item for _, item in outputs) == expected
+
+
+def within_a_second(items: Iterable[Any]) -> set[str]:
+    """Estimators with status `ok` in the first second from 66 s on."""
+    return ok(item for item in items if isinstance(item, Estimate) and 66.0 <= item.t <= 67.0)
 
 
 def wait(done) -> None:
@@ -321,7 +327,7 @@ def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
         raise OutputError(f"{path}: the state cannot be written (No space left on device)")
 
     monkeypatch.setattr(state_file, "write", full)
-    part = list(drive_reader.window(open_log(LOG), 0.0, 1.5))
+    part = list(drive_reader.window(open_log(LOG), 0.0, 4.0))
     config = {"interface": "virtual", "channel": str(tmp_path)}
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, part, 1.0))

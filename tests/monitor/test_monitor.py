@@ -163,8 +163,9 @@ def run(of: list[Sample], names: tuple[str, ...] = NAMES) -> list[MonitorReport]
 )
 def test_what_is_not_measured_is_unseen_and_the_rest_goes_on(clean, gone, unseen) -> None:
     """From the start without these signals: a sentence that names them, and no alarm."""
+    without = {of for role in gone or () for of in (role, f"{role}_reported")}
     left = [
-        s._replace(signals={} if gone is None else {k: v for k, v in s.signals.items() if k not in gone})
+        s._replace(signals={} if gone is None else {k: v for k, v in s.signals.items() if k not in without})
         for s in clean
     ]
     reported = run(left)
