@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from canid.estimators import armax_whole_drive, pooling, status
+from canid.estimators import armax_whole_drive, plausibility, pooling, status
 from canid.estimators.armax_state import Learnt, Movement, Quality, Setup, State, check_state, init
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import residual_tests
@@ -318,11 +318,14 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         )
         return refused(Status.INCONSISTENT, says)._replace(says=says, residual_tests=tests)
     channels = _channels(setup, state.model, inflation)
-    kind, says = status.by_fit(channels, excitation)
-    if kind is not Status.OK:
-        return refused(kind, says)
     q = state.quality
     fit = 100.0 * (1.0 - (q.error / q.power) ** 0.5) if q.power > 0.0 else math.nan
+    verdict = plausibility.judge(channels, fit, plausibility.UNLIMITED)
+    kind, says = status.by_fit(channels, excitation, *verdict)
+    if kind is not Status.OK:
+        made = refused(kind, says)
+        # what was found against a model is the reason, whatever the gate says just now
+        return made._replace(says=says, residual_tests=tests) if verdict.refused else made
     if state.learnt.since < status.MIN_DATA_S - 0.5 * setup.dt:
         says += f"; from before a break of {_duration(state.learnt.pause)}, not yet confirmed"
     return Estimate(sample.t, NAME, Status.OK, says, channels, fit, excitation, used, tests)
