@@ -208,7 +208,7 @@ def _fit(
     both_pass = equalizer(output_filter, layout.step)
     if both_pass is not None:
         # what a filter makes of a bound is none
-        usable, bounded = usable & _equalize(both, both_pass), np.zeros(len(usable), bool)
+        usable, bounded = usable & equalize(both, both_pass), np.zeros(len(usable), bool)
     unknown = is_unknown(output_filter)
     count = int(usable.sum())
     # a tenth of a window: below this the noise model and the response are not identifiable separately
@@ -222,7 +222,7 @@ def _fit(
     return fit
 
 
-def _equalize(both: Array, by: Equalizer) -> npt.NDArray[np.bool_]:
+def equalize(both: Array, by: Equalizer) -> npt.NDArray[np.bool_]:
     """Filter answers and output (m b + 1, n) in place; where all that the filters need was there."""
     known = np.isfinite(both[0]) & np.isfinite(both[-2]), np.isfinite(both[-1])
     for row, k in zip(both, [by.answers] * (len(both) - 1) + [by.output], strict=True):
@@ -258,7 +258,7 @@ def _search(
     for _ in range(MAX_PASSES):
         moments, grid = _evaluate(layout, known.search_grid, noise)
         regions = tuple(fopdt_posterior.gather(grid, i, box) for i in range(m))
-        fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
+        fine = all(is_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
         fine = fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(m))
         point = _posterior_point(layout, data, grid, fine)
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
@@ -422,7 +422,7 @@ def _centred(now: fopdt_posterior.Region, then: fopdt_posterior.Region) -> bool:
     )
 
 
-def _fine(region: fopdt_posterior.Region, cells: fopdt_posterior.Cells) -> bool:
+def is_fine(region: fopdt_posterior.Region, cells: fopdt_posterior.Cells) -> bool:
     """Whether the grid resolved the posterior: cells about as wide as one sd."""
     low, high = 0.95, fopdt_posterior.CELLS_PER_AXIS / 2.0
     # a spacing of zero happens where the box is only touched
