@@ -23,8 +23,8 @@ from canid.types import Estimate, Identifiable, Interval, ResidualTests, Sample,
 NAME = "armax"
 
 # The batch fit that the recursion begins with is made anew whenever the data are twice as many, so often: the noise's poles
-# and its band then rest on two minutes.
-STARTS = 4
+# and its band then rest on four minutes to begin with.
+STARTS = 5
 
 # s of residuals below which they are not tested
 MIN_TESTED_S = 25.0

@@ -30,9 +30,16 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         fit = measurement_noise.without_bias(fit, of[0], of[1:])
     tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
     fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
-    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt)
-    separate = _separate_poles(trace, usable) if len(trace.input_names) > 1 else None
-    channels = channels if separate is None else separate.channels
+    several = len(trace.input_names) > 1
+    separate = _separate_poles(trace, usable) if several else None
+    if separate is not None:
+        channels = separate.channels
+    elif several:  # what inputs that share their poles cost each other is in no covariance
+        channels = {name: Channel() for name in trace.input_names}
+    else:
+        channels = gain_and_delay.channels(
+            trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt
+        )
     explained = (
         armax_fit_percent(fit, trace.output, trace.inputs, usable, trace.segment, trace.dt)
         if separate is None

@@ -16,7 +16,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.armax import forgetting_mixture
+from canid.identification import autoregression
+from canid.identification.armax import forgetting_mixture, polynomial
 from canid.identification.armax.armax_recursive import (
     MAX_SQUARED_INNOVATION,
     RESTART_WIDENING,
@@ -26,7 +27,7 @@ from canid.identification.armax.rates import rates
 from canid.identification.armax.square_root_covariance import RENEWAL
 from canid.identification.fopdt import fopdt_fit, fopdt_posterior, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
-from canid.identification.fopdt.row_noise import by_channel
+from canid.identification.fopdt.row_noise import NOISE_ORDER, by_channel
 from canid.identification.output_filter import equalizer
 from canid.identification.residual_tests import HAC_LAG_S
 from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
@@ -40,6 +41,8 @@ FIT_MEMORY_S = 60.0
 LOCATE_BLOCKS = 10
 # Passes of the posterior's grid: from the whole box to 5 ms takes five.
 MAX_PASSES = 8
+# of D: noise that remembers for longer is not distinguishable from a drifting offset
+MAX_ZERO = 0.999
 # Share of a memory in the mixture below which it changes no interval.
 MIN_SHARE = 0.05
 # s of data after which the anytime interval is narrowest, see gain_and_delay.SHARPEST_S.
@@ -66,6 +69,7 @@ class State(NamedTuple):
     tail: Array  # (n, width) rows that whitening or the output filter still needs
     ready: int  # rows of the tail that are history alone
     ar: Annotated[Array, FINITE]  # (p,) of every `stride`-th row
+    mean_ar: Annotated[Array, FINITE]  # (p,) mean over the rows that the longest memory knows
     stride: Annotated[int, POSITIVE]
     reference: float  # subtracted from the output
     products: Annotated[Array, FINITE]  # (k, c, c)
@@ -130,13 +134,16 @@ def begin(
     fit = fopdt_fit.fit_rows(layout, made, output_filter=output_filter)
     if fit.start is None or not all(math.isfinite(x) for x in (*fit.point.K, fit.point.offset)):
         return None
-    c = m * b + 2 + len(fit.noise)
+    # the order that a minute chooses is not that of an hour: the lagged residuals hold all of them
+    ar = np.concatenate([fit.noise, np.zeros(NOISE_ORDER - len(fit.noise))])
+    c = m * b + 2 + len(ar)
     stride = fit.stride
     state = State(
         making,
         np.zeros((0, layout.width)),
         0,
-        fit.noise,
+        ar,
+        ar,
         stride,
         fit.point.offset,
         np.zeros((k, c, c)),
@@ -268,16 +275,8 @@ class _Predicted(NamedTuple):
 
 def _predicted(layout: rows.Layout, state: State, new: _Columns) -> _Predicted:
     """Predict with gains, offset and D of each memory, at the common lags and dead times."""
-    m, size = layout.inputs, layout.inputs * layout.basis.size
-    turn = np.zeros((m + 1 + len(state.ar), state.products.shape[1]))
-    turn[:m, :size] = _nodes(layout, state)[0]
-    turn[m:, size + 1 :] = np.eye(len(turn) - m)
-    part = turn @ state.products
-    gram, along = part @ turn.T, part[:, :, size]
-    gram[:, range(len(turn)), range(len(turn))] *= 1.0 + 1e-9
-    gram += 1e-9 * np.eye(len(turn))
-    inverse = np.linalg.inv(gram)
-    theta = np.einsum("kij,kj->ki", inverse, along)
+    size = layout.inputs * layout.basis.size
+    turn, along, theta, inverse = _solved(layout, state)
     columns = turn @ new.white
     errors = new.white[size] - theta @ columns
     spreads = 1.0 + np.einsum("kij,iq,jq->kq", inverse, columns, columns)
@@ -286,6 +285,27 @@ def _predicted(layout: rows.Layout, state: State, new: _Columns) -> _Predicted:
     freedom = state.weights[0] - len(turn)
     variance = float(left[lead] / freedom[lead]) if freedom[lead] > 1.0 and left[lead] > 0.0 else state.recent
     return _Predicted(errors, spreads, errors[lead], variance)
+
+
+def _solved(layout: rows.Layout, state: State) -> tuple[Array, Array, Array, Array]:
+    """Least squares of gains, offset and what D errs by, (m + 1 + p,), in each memory at the common lags and dead times.
+
+    Returns:
+        (m + 1 + p, c) these regressors from the columns; (k, m + 1 + p) their products with the output; the solution; the
+        inverse of their products.
+    """
+    m, size = layout.inputs, layout.inputs * layout.basis.size
+    turn = np.zeros((m + 1 + len(state.ar), state.products.shape[1]))
+    turn[:m, :size] = _nodes(layout, state)[0]
+    turn[m:, size + 1 :] = np.eye(len(turn) - m)
+    part = turn @ state.products
+    gram, along = part @ turn.T, part[:, :, size]
+    # what never moved stays zero
+    gram[:, range(len(turn)), range(len(turn))] *= 1.0 + 1e-9
+    gram += 1e-9 * np.eye(len(turn))
+    inverse = np.asarray(np.linalg.inv(gram), np.float64)
+    theta: Array = np.einsum("kij,kj->ki", inverse, along)
+    return turn, along, theta, inverse
 
 
 def _lead(state: State) -> int:
@@ -322,7 +342,9 @@ def _learnt(
     psi = slopes @ new.white[:size]
     psi -= np.where(new.used, psi.sum(axis=1, keepdims=True) / count, 0.0)
     score = np.array([(psi @ predicted.lead) ** 2, (psi**2).sum(axis=1) * predicted.variance * state.stride])
+    known = float(fade[-1] * state.weights[0, -1])
     return state._replace(
+        mean_ar=(known * state.mean_ar + count * state.ar) / (known + count),
         products=fade[:, None, None] * state.products + block,
         weights=state.weights * [fade, fade * fade] + count,
         score=state.score * (1.0 - 1.0 / WHITENESS_BLOCKS) + score,
@@ -414,9 +436,17 @@ def _located(layout: rows.Layout, state: State) -> State:
     size = layout.inputs * layout.basis.size
     G = state.products[_lead(state)]
     w = np.concatenate([-np.array(gains) @ _nodes(layout, state)[0], [1.0]])
-    return state._replace(
-        offset=float(w @ G[: size + 1, size + 1]) / max(float(G[size + 1, size + 1]), 1e-300)
-    )
+    offset = float(w @ G[: size + 1, size + 1]) / max(float(G[size + 1, size + 1]), 1e-300)
+    return _with_noise(layout, state._replace(offset=offset))
+
+
+def _with_noise(layout: rows.Layout, state: State) -> State:
+    """Whiten the next rows by D as now estimated: its mean so far, and what the longest memory finds missing."""
+    missing = _solved(layout, state)[2][-1, layout.inputs + 1 :]
+    ar = state.mean_ar + missing
+    total = float(ar.sum())
+    ar = ar * (autoregression.SLOWEST / total) if total > autoregression.SLOWEST else ar
+    return state._replace(ar=ar) if polynomial.is_stable((-ar).tolist(), MAX_ZERO) else state
 
 
 def channels(layout: rows.Layout, state: State) -> tuple[Channel, ...]:
