@@ -210,6 +210,8 @@ def _check_separate(setup: Setup, model: box_jenkins_recursive.State | None) -> 
         (model.products, (k, c, c)),
         (model.weights, (2, k)),
         (model.point, (3, m)),
+        (model.nodes, (3, m, m * setup.layout.basis.size)),
+        (model.mean_ar, (len(model.ar),)),
         (model.score, (2, 3 * m)),
         (model.trust.weights, (k,)),
         (model.trust.leave, (k - 1,)),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -37,8 +38,8 @@ from canid.types import NAN, Array, Channel, Identifiable, Interval, OutputFilte
 TESTED_S = 60.0
 # s; over which the simulation is compared with the output
 FIT_MEMORY_S = 60.0
-# Blocks after which the point that predictions are made at is found anew: 20 s.
-LOCATE_BLOCKS = 10
+# Blocks after which the point that predictions are made at is found anew: 40 s.
+LOCATE_BLOCKS = 20
 # Passes of the posterior's grid: from the whole box to 5 ms takes five.
 MAX_PASSES = 8
 # of D: noise that remembers for longer is not distinguishable from a drifting offset
@@ -76,6 +77,7 @@ class State(NamedTuple):
     weights: Annotated[Array, NOT_NEGATIVE]  # (2, k) sums of the rows' weights and of their squares
     regions: Annotated[tuple[fopdt_posterior.Region, ...], FINITE]  # where the posterior lies
     point: Annotated[Array, FINITE]  # (3, m) gain, tau, dead time at which predictions are made
+    nodes: Annotated[Array, FINITE]  # (3, m, m b) weights of the unit answers there, and of their slopes
     offset: float
     trust: forgetting_mixture.Trust
     recent: Annotated[float, NOT_NEGATIVE]  # variance of the innovations over the last RECENT_S seconds
@@ -150,6 +152,7 @@ def begin(
         np.zeros((2, k)),
         fit.start.search_grid.regions,
         np.array([fit.point.K, fit.point.tau, fit.point.dead_time]),
+        _nodes(layout, fit.point.tau, fit.point.dead_time),
         0.0,
         forgetting_mixture.begin(forgetting, rates(stride * layout.step).stated),
         fit.sigma**2,
@@ -197,15 +200,19 @@ def _columns(
 ) -> _Columns:
     """Whiten rows [first, stop) of the tail."""
     m, tail, size = layout.inputs, state.tail, layout.inputs * layout.basis.size
-    both = np.empty((size + 1, len(tail)))
-    both[:-1], both[-1] = tail[:, 2 + m :].T, tail[:, 0]
-    usable = tail[:, 1] > 0.0
-    by = equalizer(output_filter, layout.step)
-    if by is not None:
-        usable = usable & fopdt_fit.equalize(both, by)
+    begin = first - len(state.ar) * state.stride
+    usable = tail[begin:stop, 1] > 0.0
+    by = _filters(output_filter, layout.step, begin, stop, len(tail))
+    if by is None:
+        both = np.empty((size + 1, stop - begin))
+        both[:-1], both[-1] = tail[begin:stop, 2 + m :].T, tail[begin:stop, 0]
+    else:
+        both, known = _equalized(by, tail[:, 2 + m :].T, tail[:, 0])
+        usable &= known
+    tail, first, stop = tail[begin:stop], first - begin, stop - begin
     both[:, ~usable] = 0.0
     both[-1, usable] -= state.reference
-    nodes = _nodes(layout, state)[0]
+    nodes = state.nodes[0]
     left = np.where(usable, both[-1] - state.point[0] @ nodes @ both[:-1] - state.offset, 0.0)
     lags = [slice(first - i * state.stride, stop - i * state.stride) for i in range(len(state.ar) + 1)]
     white = np.empty((size + 2 + len(state.ar), stop - first))
@@ -222,9 +229,49 @@ def _columns(
     return _Columns(white, used, both[-1, now], left[now], usable[now], tail[now, 2 : 2 + m])
 
 
-def _nodes(layout: rows.Layout, state: State) -> Array:
+class _Filters(NamedTuple):
+    """What answers and output pass, as matrices from the tail to the rows that are wanted."""
+
+    answers: Array  # (n, q)
+    output: Array  # (n, q)
+    taps: tuple[Array, Array]  # where they are not zero
+    counts: tuple[int, int]  # how many there are
+
+
+@lru_cache(maxsize=8)
+def _filters(
+    output_filter: OutputFilter | None, step: float, first: int, stop: int, length: int
+) -> _Filters | None:
+    by = equalizer(output_filter, step)
+    if by is None:
+        return None
+    made, taps = [], []
+    for kernel in (by.answers, by.output):
+        matrix, known = np.zeros((length, stop - first)), np.zeros((length, stop - first))
+        for i, weight in enumerate(kernel.weights):
+            at = np.arange(first, stop) + kernel.after - i
+            inside = (at >= 0) & (at < length)
+            matrix[at[inside], np.flatnonzero(inside)] = weight
+            known[at[inside], np.flatnonzero(inside)] = 1.0
+        made.append(matrix)
+        taps.append(known)
+    counts = len(by.answers.weights), len(by.output.weights)
+    return _Filters(made[0], made[1], (taps[0], taps[1]), counts)
+
+
+def _equalized(by: _Filters, answers: Array, output: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Pass answers (m b, n) and output (n,) through the filters; and where all that these read is known."""
+    known = np.isfinite(answers[0]) & np.isfinite(answers[-1]), np.isfinite(output)
+    both = np.vstack(
+        [np.where(known[0], answers, 0.0) @ by.answers, np.where(known[1], output, 0.0) @ by.output]
+    )
+    whole = [k.astype(float) @ t > n - 0.5 for k, t, n in zip(known, by.taps, by.counts, strict=True)]
+    return both, whole[0] & whole[1]
+
+
+def _nodes(layout: rows.Layout, tau: Array, dead_time: Array) -> Array:
     """(3, m, m b) weights of the unit answers and of their slopes by lag and dead time, by channel."""
-    each = reduced_basis.with_slopes(layout.basis, state.point[1], state.point[2])
+    each = reduced_basis.with_slopes(layout.basis, tau, dead_time)
     return np.array([by_channel(layout, w) for w in each])
 
 
@@ -271,41 +318,45 @@ class _Predicted(NamedTuple):
     spreads: Array  # (k, q) variance of an error over that of the noise
     lead: Array  # (q,) errors of the memory that is believed most
     variance: float  # of the noise
+    held: Array  # (k, m) sums of squares of the unit answers that each memory knows
+    brought: Array  # (m,) and that the rows bring
 
 
 def _predicted(layout: rows.Layout, state: State, new: _Columns) -> _Predicted:
     """Predict with gains, offset and D of each memory, at the common lags and dead times."""
     size = layout.inputs * layout.basis.size
-    turn, along, theta, inverse = _solved(layout, state)
+    turn, along, theta, inverse, held = _solved(layout, state)
     columns = turn @ new.white
     errors = new.white[size] - theta @ columns
-    spreads = 1.0 + np.einsum("kij,iq,jq->kq", inverse, columns, columns)
+    spreads = 1.0 + ((inverse @ columns) * columns).sum(axis=1)
     lead = _lead(state)
     left = state.products[:, size, size] - np.einsum("ki,ki->k", theta, along)
     freedom = state.weights[0] - len(turn)
     variance = float(left[lead] / freedom[lead]) if freedom[lead] > 1.0 and left[lead] > 0.0 else state.recent
-    return _Predicted(errors, spreads, errors[lead], variance)
+    brought = np.square(columns[: layout.inputs]).sum(axis=1)
+    return _Predicted(errors, spreads, errors[lead], variance, held, brought)
 
 
-def _solved(layout: rows.Layout, state: State) -> tuple[Array, Array, Array, Array]:
+def _solved(layout: rows.Layout, state: State) -> tuple[Array, Array, Array, Array, Array]:
     """Least squares of gains, offset and what D errs by, (m + 1 + p,), in each memory at the common lags and dead times.
 
     Returns:
         (m + 1 + p, c) these regressors from the columns; (k, m + 1 + p) their products with the output; the solution; the
-        inverse of their products.
+        inverse of their products; (k, m) sums of squares of the unit answers.
     """
     m, size = layout.inputs, layout.inputs * layout.basis.size
     turn = np.zeros((m + 1 + len(state.ar), state.products.shape[1]))
-    turn[:m, :size] = _nodes(layout, state)[0]
+    turn[:m, :size] = state.nodes[0]
     turn[m:, size + 1 :] = np.eye(len(turn) - m)
     part = turn @ state.products
     gram, along = part @ turn.T, part[:, :, size]
+    held = gram[:, range(m), range(m)].copy()
     # what never moved stays zero
     gram[:, range(len(turn)), range(len(turn))] *= 1.0 + 1e-9
     gram += 1e-9 * np.eye(len(turn))
     inverse = np.asarray(np.linalg.inv(gram), np.float64)
     theta: Array = np.einsum("kij,kj->ki", inverse, along)
-    return turn, along, theta, inverse
+    return turn, along, theta, inverse, held
 
 
 def _lead(state: State) -> int:
@@ -332,11 +383,8 @@ def _learnt(
     """Add the block to the products, which forget as much as it renews."""
     size, count = layout.inputs * layout.basis.size, int(new.used.sum())
     block = new.white @ new.white.T
-    nodes = _nodes(layout, state)
-    answers = nodes[0]
-    brought = np.einsum("ib,bc,ic->i", answers, block[:size, :size], answers)
-    held = np.einsum("ib,kbc,ic->ki", answers, state.products[:, :size, :size], answers)
-    share = (brought / np.maximum(held + brought, 1e-300)).min(axis=1)
+    nodes = state.nodes
+    share = (predicted.brought / np.maximum(predicted.held + predicted.brought, 1e-300)).min(axis=1)
     fade = 1.0 - np.minimum(1.0 - np.array(forgetting) ** count, RENEWAL * share)
     slopes = np.concatenate([nodes[0], *(state.point[0][:, None] * x for x in nodes[1:])])
     psi = slopes @ new.white[:size]
@@ -431,11 +479,12 @@ def _located(layout: rows.Layout, state: State) -> State:
     tau = [float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)]
     dead_time = [float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)]
     gains = [float(np.vdot(grid.weight, K)) for K in grid.K]
-    state = state._replace(regions=regions, point=np.array([gains, tau, dead_time]))
+    nodes = _nodes(layout, np.array(tau), np.array(dead_time))
+    state = state._replace(regions=regions, point=np.array([gains, tau, dead_time]), nodes=nodes)
     # the offset that belongs to them
     size = layout.inputs * layout.basis.size
     G = state.products[_lead(state)]
-    w = np.concatenate([-np.array(gains) @ _nodes(layout, state)[0], [1.0]])
+    w = np.concatenate([-np.array(gains) @ nodes[0], [1.0]])
     offset = float(w @ G[: size + 1, size + 1]) / max(float(G[size + 1, size + 1]), 1e-300)
     return _with_noise(layout, state._replace(offset=offset))
 

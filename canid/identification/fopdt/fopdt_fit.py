@@ -208,7 +208,7 @@ def _fit(
     both_pass = equalizer(output_filter, layout.step)
     if both_pass is not None:
         # what a filter makes of a bound is none
-        usable, bounded = usable & equalize(both, both_pass), np.zeros(len(usable), bool)
+        usable, bounded = usable & _equalize(both, both_pass), np.zeros(len(usable), bool)
     unknown = is_unknown(output_filter)
     count = int(usable.sum())
     # a tenth of a window: below this the noise model and the response are not identifiable separately
@@ -222,7 +222,7 @@ def _fit(
     return fit
 
 
-def equalize(both: Array, by: Equalizer) -> npt.NDArray[np.bool_]:
+def _equalize(both: Array, by: Equalizer) -> npt.NDArray[np.bool_]:
     """Filter answers and output (m b + 1, n) in place; where all that the filters need was there."""
     known = np.isfinite(both[0]) & np.isfinite(both[-2]), np.isfinite(both[-1])
     for row, k in zip(both, [by.answers] * (len(both) - 1) + [by.output], strict=True):
