@@ -172,7 +172,7 @@ def estimate(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimat
     if forced is not None and status.of_gate(state.pace):
         says = sample.gate.value
         return state, status.without_numbers(sample.t, NAME, forced, says, setup.input_names)
-    state = _stored(setup, state)
+    state = _stored(setup, state) if setup.layout is None else state
     made = _from_data(setup, state, sample)
     return state._replace(pace=status.emitted(state.pace, sample.t, made.status)), made
 

@@ -45,7 +45,8 @@ def advance(setup: Setup, layout: Layout, state: State, sample: Sample) -> tuple
     known = all(map(math.isfinite, sample.inputs))
     usable = sample.learn and known and math.isfinite(sample.output)
     movement = moved(setup, state.movement, sample.inputs) if known and sample.learn else state.movement
-    learns = usable and is_excited(setup, movement)
+    # before the recursion begins every usable sample counts; its batch fit waits for movement
+    learns = usable and (state.separate is None or is_excited(setup, movement))
     learnt = with_sample(setup, state.learnt, sample.t) if learns else state.learnt
     pace, forced = status.by_gate(state.pace, sample)
     row = (sample.output, float(learns), float(sample.segment), *sample.inputs)
@@ -85,7 +86,7 @@ def _absorbed(setup: Setup, layout: Layout, state: State) -> State:
         if model.restarts > before:
             # what came before is of another driver, or another manner: collect anew for a fit of the new one
             past, due = rows[:0], 2 * setup.start
-    if due and int((past[:, 1] > 0.0).sum()) >= due:
+    if due and int((past[:, 1] > 0.0).sum()) >= due and is_excited(setup, state.movement):
         found = box_jenkins_recursive.begin(
             layout, past, forgetting, setup.output_filter, settle, 0 if model is None else model.restarts
         )
