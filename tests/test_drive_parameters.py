@@ -103,13 +103,14 @@ def test_a_drives_windows_need_no_other_fits(monkeypatch: pytest.MonkeyPatch) ->
     fitted = fopdt.fopdt_fit.fit_rows
 
     def counted(*args: Any, **options: Any) -> Any:
-        fits.append(args)
+        # the batch fits with which ARMAX begins continue none
+        fits.extend([args] if "continued" in options else [])
         return fitted(*args, **options)
 
     monkeypatch.setattr(fopdt.fopdt_fit, "fit_rows", counted)
     reported = [e for e in windows() if e.estimator == "fopdt" and e.status is Status.OK]
     assert len(reported) >= 3
-    assert len(fits) <= len(reported) + 2
+    assert 0 < len(fits) <= len(reported) + 2
 
 
 def test_windows_are_live_estimates_where_the_driver_stops_and_goes() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -148,6 +148,32 @@ def live(
         if k * dt >= due - 1e-9 and last is not None:
             due += every
             yield last
+
+
+def live_at(
+    name: str,
+    names: tuple[str, ...],
+    y: np.ndarray,
+    u: np.ndarray,
+    dt: float,
+    at: Sequence[float],
+    output_filter: OutputFilter | None = None,
+) -> list[Estimate | None]:
+    """Run one live estimator over (n,) outputs and (n, m) inputs; its first estimate from each time `at` [s] on."""
+    found = next(one for one in ESTIMATORS if one.name == name)
+    settings = found.settings()
+    if hasattr(settings, "output_filter"):
+        settings = settings._replace(output_filter=output_filter)
+    estimator = found.make(names, dt, settings)
+    state, wanted = estimator.init(), list(at)
+    out: list[Estimate | None] = []
+    for k, (output, inputs) in enumerate(zip(y.tolist(), u.tolist(), strict=True)):
+        sample = Sample(k * dt, output, tuple(inputs), LearnGate.OPEN, True, 0, {})
+        state, due = estimator.advance(state, sample)
+        if due and wanted and sample.t >= wanted[0] - 1e-9:
+            out.append(estimator.estimate(state, sample)[1])
+            wanted.pop(0)
+    return [*out, *[None] * len(wanted)]
 
 
 def quoted(channel: Channel, field: str) -> Interval:

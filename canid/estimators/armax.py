@@ -13,17 +13,29 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from canid.estimators import armax_whole_drive, pooling, status
-from canid.estimators.armax_state import Learnt, Movement, Quality, Setup, State, check_state, init
+from canid.estimators import armax_separate, armax_whole_drive, plausibility, pooling, status
+from canid.estimators.armax_state import (
+    Quality,
+    Setup,
+    State,
+    check_state,
+    init,
+    is_excited,
+    moved,
+    unconfirmed,
+    with_sample,
+)
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import residual_tests
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay, rates
+from canid.identification.fopdt import fopdt_fit
 from canid.types import (
     Array,
     Channel,
     Estimate,
     Identifiable,
     LearnGate,
+    OutputFilter,
     ResidualTests,
     Sample,
     Status,
@@ -32,12 +44,9 @@ from canid.types import (
 
 NAME = "armax"
 
-# s; over which the inputs' movement is measured: the period of the slowest traffic waves that still teach a lag.
-MOVEMENT_MEMORY_S = 20.0
-
-# Share of its usual standard deviation (status.usual) that an input must move by to be learnt from: below is sensor
-# noise, and learning from it would learn the noise. (FOPDT asks for less: fopdt.MIN_MOVEMENT_TO_FIT.)
-MIN_MOVEMENT_TO_LEARN = 0.05
+# s; ends of the ranges of tau and dead time with several inputs, as FOPDT's
+TAU_MAX_S = 3.0
+DEAD_TIME_MAX_S = 1.5
 
 # When the data are this many times those of the start, the recursion begins anew from a batch fit of all of
 # them: its own first steps were taken from rough parameters, which costs C 3 % after a minute.
@@ -49,9 +58,6 @@ FIT_MEMORY_S = 60.0
 # s of residuals that are tested, and below which they are not: 2.5 s of lags need ten times as much.
 TESTED_S = 60.0
 MIN_TESTED_S = 25.0
-
-# s; an estimate after a longer break is said to be from before it, until `status.MIN_DATA_S` seconds have confirmed it.
-LONG_BREAK_S = 60.0
 
 # Rows that are put to those before together, asked for or not: an array for each would cost more than what it holds.
 MAX_PENDING_ROWS = 64
@@ -91,6 +97,9 @@ class ArmaxSettings(NamedTuple):
     # s of data for the batch start
     start: Annotated[float, Field(ge=1.0, le=600.0, allow_inf_nan=False)] = 15.0
     forgetting: Memories = armax_recursive.FORGETTING  # per tenth of a second, ascending
+    output_filter: OutputFilter | None = (
+        None  # from [driver]: how the output was smoothed; None: nothing is known
+    )
 
     @property
     def orders(self) -> armax_batch.Orders:
@@ -117,7 +126,9 @@ def configure(input_names: tuple[str, ...], dt: float, settings: ArmaxSettings) 
     step = count * dt if count > 1 else dt
     # the start needs at least five samples per parameter, whatever the settings say
     start = max(round(settings.start / step), 6 * o.count(m))
-    return Setup(input_names, step, o, rates.per_sample(memories, step), start, dt, count)
+    layout = fopdt_fit.row_layout(m, step, TAU_MAX_S, DEAD_TIME_MAX_S) if m == 2 else None
+    forgetting = rates.per_sample(memories, step)
+    return Setup(input_names, step, o, forgetting, start, dt, count, layout, settings.output_filter)
 
 
 # --- one sample ------------------------------------------------------------------------------------
@@ -133,6 +144,8 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
 
 
 def _advanced(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
+    if setup.layout is not None:
+        return armax_separate.advance(setup, setup.layout, state, sample)
     gap = sample.segment != state.segment or sample.t - state.t > 1.5 * setup.dt
     usable = sample.learn and all(map(math.isfinite, (sample.output, *sample.inputs)))
     if gap or not usable:
@@ -159,7 +172,7 @@ def estimate(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimat
     if forced is not None and status.of_gate(state.pace):
         says = sample.gate.value
         return state, status.without_numbers(sample.t, NAME, forced, says, setup.input_names)
-    state = _stored(setup, state)
+    state = _stored(setup, state) if setup.layout is None else state
     made = _from_data(setup, state, sample)
     return state._replace(pace=status.emitted(state.pace, sample.t, made.status)), made
 
@@ -198,13 +211,13 @@ def _stored(setup: Setup, state: State) -> State:
 
 def _learn(setup: Setup, state: State, sample: Sample) -> tuple[State, tuple[float, float]]:
     """Step the recursion; returns piece and innovation of the new row."""
-    movement = _moved(setup, state.movement, sample.inputs)
+    movement = moved(setup, state.movement, sample.inputs)
     piece = float(state.piece)
     before = state.model
     if before is None:
-        learnt = _with_sample(setup, state.learnt, sample.t)
+        learnt = with_sample(setup, state.learnt, sample.t)
         return state._replace(movement=movement, learnt=learnt), (piece, math.nan)
-    excited = _excited(setup, movement)
+    excited = is_excited(setup, movement)
     model, innovation = armax_recursive.step(
         before, setup.orders, sample.output, sample.inputs, excited, setup.dt
     )
@@ -218,32 +231,8 @@ def _learn(setup: Setup, state: State, sample: Sample) -> tuple[State, tuple[flo
         movement=movement,
         model=model,
         quality=_simulated(setup, state.quality, before, sample),
-        learnt=_with_sample(setup, state.learnt, sample.t),
+        learnt=with_sample(setup, state.learnt, sample.t),
     ), (piece, innovation)
-
-
-def _with_sample(setup: Setup, before: Learnt, t: float) -> Learnt:
-    pause, dt = t - before.t, setup.dt
-    if pause > LONG_BREAK_S:
-        return Learnt(before.used + dt, t, pause, dt)
-    return Learnt(before.used + dt, t, before.pause, before.since + dt)
-
-
-def _moved(setup: Setup, before: Movement, inputs: tuple[float, ...]) -> Movement:
-    # the first samples weigh alike, later ones fade: no start value that would count as movement
-    count = before.samples + 1
-    w = max(setup.dt / MOVEMENT_MEMORY_S, 1.0 / count)
-    away = [x - mean for x, mean in zip(inputs, before.mean, strict=True)]
-    return Movement(
-        count,
-        tuple([mean + w * d for mean, d in zip(before.mean, away, strict=True)]),
-        tuple([(1.0 - w) * (v + w * d * d) for v, d in zip(before.variance, away, strict=True)]),
-    )
-
-
-def _excited(setup: Setup, movement: Movement) -> bool:
-    least = [(MIN_MOVEMENT_TO_LEARN * status.usual(name)) ** 2 for name in setup.input_names]
-    return any(map(operator.gt, movement.variance, least))
 
 
 def _simulated(setup: Setup, quality: Quality, model: armax_recursive.State, sample: Sample) -> Quality:
@@ -273,7 +262,7 @@ def _fitted(setup: Setup, state: State) -> State:
     """Make a batch fit where one is due."""
     piece, output, inputs = state.past[:, 0], state.past[:, 2], state.past[:, 3:]
     usable = np.isfinite(piece)
-    if usable.sum() < state.due or not _excited(setup, state.movement):
+    if usable.sum() < state.due or not is_excited(setup, state.movement):
         return state
     segment = np.where(usable, piece, -1.0).astype(np.int64)
     fit = armax_batch.fit_armax(output, inputs, usable, setup.orders, segment=segment, dt=setup.dt)
@@ -302,9 +291,11 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         return plain._replace(excitation=excitation, used=used)
 
     # half a sample: sums of 0.1 s
-    weak = status.by_data(used + 0.5 * setup.dt, setup.needed, excitation, _excited(setup, state.movement))
+    weak = status.by_data(used + 0.5 * setup.dt, setup.needed, excitation, is_excited(setup, state.movement))
     if weak is not None:
         return refused(*weak)
+    if setup.layout is not None:
+        return armax_separate.estimate(setup, setup.layout, state, sample, excitation, refused)
     if state.model is None:
         return refused(*status.by_fit({}, excitation))
     tests = _residual_tests(setup, state.past[-_tested_rows(setup) :])
@@ -318,13 +309,15 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         )
         return refused(Status.INCONSISTENT, says)._replace(says=says, residual_tests=tests)
     channels = _channels(setup, state.model, inflation)
-    kind, says = status.by_fit(channels, excitation)
-    if kind is not Status.OK:
-        return refused(kind, says)
     q = state.quality
     fit = 100.0 * (1.0 - (q.error / q.power) ** 0.5) if q.power > 0.0 else math.nan
-    if state.learnt.since < status.MIN_DATA_S - 0.5 * setup.dt:
-        says += f"; from before a break of {_duration(state.learnt.pause)}, not yet confirmed"
+    verdict = plausibility.judge(channels, fit, plausibility.UNLIMITED)
+    kind, says = status.by_fit(channels, excitation, *verdict)
+    if kind is not Status.OK:
+        made = refused(kind, says)
+        # what was found against a model is the reason, whatever the gate says just now
+        return made._replace(says=says, residual_tests=tests) if verdict.refused else made
+    says += unconfirmed(setup, state.learnt)
     return Estimate(sample.t, NAME, Status.OK, says, channels, fit, excitation, used, tests)
 
 
@@ -349,15 +342,6 @@ def _residual_tests(setup: Setup, rows: Array) -> ResidualTests | None:
         return None
     o = setup.orders
     return residual_tests.run_tests(rows[:, 1], rows[:, 3:], setup.input_names, o.na + o.nc)
-
-
-def _duration(seconds: float) -> str:
-    """Say how long, in s or min.
-
-    >>> _duration(75.0), _duration(1200.0)
-    ('75 s', '20 min')
-    """
-    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
 
 
 def identify(trace: Trace, settings: ArmaxSettings) -> WholeDrive | None:

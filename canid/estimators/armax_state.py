@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from canid.estimators import pooling, status
-from canid.identification.armax import armax_recursive
+from canid.identification.armax import armax_recursive, box_jenkins_recursive
 from canid.identification.armax.armax_batch import Orders
 from canid.identification.armax.rates import rates
+from canid.identification.fopdt import regression_rows
 from canid.state_constraints import FINITE, NOT_NEGATIVE, TIME
-from canid.types import Array
+from canid.types import Array, OutputFilter
+
+# s; over which the inputs' movement is measured: the period of the slowest traffic waves that still teach a lag.
+MOVEMENT_MEMORY_S = 20.0
+
+# Share of its usual standard deviation (status.usual) that an input must move by to be learnt from: below is sensor
+# noise, and learning from it would learn the noise. (FOPDT asks for less: fopdt.MIN_MOVEMENT_TO_FIT.)
+MIN_MOVEMENT_TO_LEARN = 0.05
+
+# s; an estimate after a longer break is said to be from before it, until `status.MIN_DATA_S` seconds have confirmed it.
+LONG_BREAK_S = 60.0
 
 # of any coefficient: beyond, squares drown what they are added to
 MAX_PARAMETER = 1e9
@@ -29,6 +41,8 @@ class Setup(NamedTuple):
     start: int  # rows of the batch start
     grid: float  # s, from sample to sample
     per_row: int  # samples
+    layout: regression_rows.Layout | None  # with several inputs, each with poles of its own; None: one input
+    output_filter: OutputFilter | None  # that the output has passed; None: not known
 
     @property
     def width(self) -> int:
@@ -82,6 +96,7 @@ class State(NamedTuple):
     learnt: Learnt
     movement: Annotated[Movement, FINITE]
     quality: Quality
+    separate: box_jenkins_recursive.State | None = None  # with several inputs, instead of `model`
 
 
 def init(setup: Setup) -> State:
@@ -103,6 +118,49 @@ def init(setup: Setup) -> State:
     )
 
 
+def with_sample(setup: Setup, before: Learnt, t: float) -> Learnt:
+    """Count a sample that is learnt from."""
+    pause, dt = t - before.t, setup.dt
+    if pause > LONG_BREAK_S:
+        return Learnt(before.used + dt, t, pause, dt)
+    return Learnt(before.used + dt, t, before.pause, before.since + dt)
+
+
+def moved(setup: Setup, before: Movement, inputs: tuple[float, ...]) -> Movement:
+    """Follow mean and variance of the inputs."""
+    # the first samples weigh alike, later ones fade: no start value that would count as movement
+    count = before.samples + 1
+    w = max(setup.dt / MOVEMENT_MEMORY_S, 1.0 / count)
+    away = [x - mean for x, mean in zip(inputs, before.mean, strict=True)]
+    return Movement(
+        count,
+        tuple([mean + w * d for mean, d in zip(before.mean, away, strict=True)]),
+        tuple([(1.0 - w) * (v + w * d * d) for v, d in zip(before.variance, away, strict=True)]),
+    )
+
+
+def is_excited(setup: Setup, movement: Movement) -> bool:
+    """Whether any input moves enough to be learnt from."""
+    least = [(MIN_MOVEMENT_TO_LEARN * status.usual(name)) ** 2 for name in setup.input_names]
+    return any(map(operator.gt, movement.variance, least))
+
+
+def unconfirmed(setup: Setup, learnt: Learnt) -> str:
+    """Say that an estimate is from before a long break; empty: data since then have confirmed it."""
+    if learnt.since < status.MIN_DATA_S - 0.5 * setup.dt:
+        return f"; from before a break of {duration(learnt.pause)}, not yet confirmed"
+    return ""
+
+
+def duration(seconds: float) -> str:
+    """Say how long, in s or min.
+
+    >>> duration(75.0), duration(1200.0)
+    ('75 s', '20 min')
+    """
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+
+
 def check_state(setup: Setup, state: State) -> Iterator[str]:
     """Why a restored state is not of this setup."""
     m, o, forgetting = len(setup.input_names), setup.orders, setup.forgetting
@@ -112,6 +170,7 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         yield "the samples of armax have another shape"
     if len(state.movement.mean) != m or len(state.movement.variance) != m:
         yield "armax has another number of inputs"
+    yield from _check_separate(setup, state.separate)
     if model is None:
         return
     if not np.array_equal(model.forgetting, np.array(forgetting)):
@@ -137,3 +196,31 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         yield "the weights of armax do not add up to one"
     if not np.abs(model.theta).max(initial=0.0) <= MAX_PARAMETER:
         yield "the parameters of armax are larger than any measured quantity"
+
+
+def _check_separate(setup: Setup, model: box_jenkins_recursive.State | None) -> Iterator[str]:
+    if model is None:
+        return
+    if setup.layout is None:
+        yield "armax has another number of inputs"
+        return
+    m, k, width = setup.layout.inputs, len(setup.forgetting), setup.layout.width
+    c = m * setup.layout.basis.size + 2 + len(model.ar)
+    shapes: list[tuple[Any, tuple[int, ...]]] = [
+        (model.products, (k, c, c)),
+        (model.weights, (2, k)),
+        (model.point, (3, m)),
+        (model.nodes, (3, m, m * setup.layout.basis.size)),
+        (model.mean_ar, (len(model.ar),)),
+        (model.score, (2, 3 * m)),
+        (model.trust.weights, (k,)),
+        (model.trust.leave, (k - 1,)),
+        (model.tail, (len(model.tail), width)),
+        (model.tested, (len(model.tested), 1 + m)),
+    ]
+    if any(np.shape(part) != shape for part, shape in shapes) or len(model.regions) != m:
+        yield "the model of armax has another shape"
+    if not len(model.ar) * model.stride <= model.ready <= len(model.tail) or model.phase >= model.stride:
+        yield "the lags of armax have another shape"
+    if not abs(sum(model.trust.weights) - 1.0) < 1e-6:
+        yield "the weights of armax do not add up to one"

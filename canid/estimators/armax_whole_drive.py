@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.estimators import pooling
+from canid.estimators import plausibility, pooling
 from canid.estimators.estimator import WholeDrive
 from canid.identification import identifiability, residual_tests
 from canid.identification.armax import box_jenkins, box_jenkins_channels, gain_and_delay, measurement_noise
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.armax.box_jenkins import BoxJenkinsFit
+from canid.identification.armax.simulated_fit import armax_fit_percent
 from canid.identification.output_filter import is_unknown
 from canid.types import Array, Channel, ResidualTests, Trace
 
@@ -29,17 +30,35 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         fit = measurement_noise.without_bias(fit, of[0], of[1:])
     tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
     fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
-    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt)
-    separate = _separate_poles(trace, usable) if len(trace.input_names) > 1 else None
-    channels = channels if separate is None else separate.channels
+    several = len(trace.input_names) > 1
+    separate = _separate_poles(trace, usable) if several else None
+    if separate is not None:
+        channels = separate.channels
+    elif several:  # what inputs that share their poles cost each other is in no covariance
+        channels = {name: Channel() for name in trace.input_names}
+    else:
+        channels = gain_and_delay.channels(
+            trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt
+        )
+    explained = (
+        armax_fit_percent(fit, trace.output, trace.inputs, usable, trace.segment, trace.dt)
+        if separate is None
+        else separate.fit.fit_percent
+    )
+    verdict = plausibility.judge(channels, explained, plausibility.UNLIMITED)
+    if verdict.refused:
+        channels = dict.fromkeys(channels, Channel())
     return WholeDrive(
         channels,
         fit,
+        explained,
         residual_tests=tests,
         specification=_specification(orders),
         details=_details(fit, trace.dt, channels, tests)
-        | ({} if separate is None else {"box_jenkins": _box_jenkins(separate.fit, trace)}),
+        | ({} if separate is None else {"box_jenkins": _box_jenkins(separate.fit, trace)})
+        | {"says": "; ".join(verdict.refused)},
         lines=(
+            *verdict.refused,
             *_polynomials(fit, trace.input_names),
             f"poles {', '.join(map(_pole, fit.poles))}",
             *(() if separate is None else _separate_lines(separate.fit, trace)),

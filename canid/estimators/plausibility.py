@@ -43,6 +43,10 @@ class Ranges(NamedTuple):
     dead_time_max: float
 
 
+# Of a search without ranges: no delay is at their end.
+UNLIMITED = Ranges(math.inf, math.inf)
+
+
 class Following(NamedTuple):
     """About what the car-following loop is linearised."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.identification import acceleration
+from benchmarks.identification import acceleration, canid_side
 from benchmarks.identification.acceleration import DT
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.tables import cuts, filters, poles
@@ -48,3 +48,18 @@ def test_an_acceleration_shows_the_answer_to_range_rate(declared: str) -> None:
     channel = found.channels["range_rate"]
     assert channel.status is not Identifiable.NOT
     assert abs(channel.K.value / drive.channels[1].K - 1.0) < 0.3
+
+
+@pytest.mark.parametrize("declared", ["stated", "unknown", "nothing"])
+def test_live_armax_shows_the_answer_to_range_rate(declared: str) -> None:
+    """Of an acceleration smoothed over 1.1 s K of range rate may be quoted live and is right to 30 %; delays where known."""
+    how = filters.CASES[1]
+    drive = acceleration.drive(4, 3.0, REMNANT)
+    y = acceleration.published(drive, how, 4)
+    names, of = poles.NAMES, filters.given(how)[declared]
+    (last,) = canid_side.live_at("armax", names, y, drive.inputs, DT, [179.0], of)
+    assert last is not None
+    channel = last.channels["range_rate"]
+    assert channel.status is not Identifiable.NOT
+    assert abs(channel.K.value / drive.channels[1].K - 1.0) < 0.3
+    assert (channel.status is Identifiable.GAIN_ONLY) or declared != "unknown"

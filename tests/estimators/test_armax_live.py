@@ -186,3 +186,16 @@ def test_one_memory_is_enough():
     interval = estimates[-1].channels[NAME].K
     assert interval.low < K < interval.high
     assert state.model.restarts == 0
+
+
+def test_a_model_that_explains_no_more_than_the_mean_is_never_ok():
+    """The same data are ok with the fit that they have, and inconsistent where the simulation errs by twice the output."""
+    rows = samples(*driven(12, 90.0))
+    estimator, (estimates, state) = ARMAX.make((NAME,), DT), said(rows)
+    assert estimates[-1].status is Status.OK
+    assert estimates[-1].fit_percent > 0.0
+    bad = state._replace(quality=state.quality._replace(error=4.0 * state.quality.power))
+    _, refused = estimator.estimate(bad, rows[-1])
+    assert refused.status is Status.INCONSISTENT
+    assert "the model explains no more than the mean (fit -100 %)" in refused.says
+    assert math.isnan(refused.channels[NAME].K.value)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from canid.estimators import plausibility, status
+from canid.estimators.armax import ARMAX, ArmaxSettings
 from canid.estimators.fopdt import FOPDT, FopdtSettings
 from canid.estimators.plausibility import Following, Ranges, judge
 from canid.identification.first_order import scan
@@ -108,3 +109,25 @@ def test_a_large_response_that_is_left_over_keeps_delays_from_being_quoted():
     assert left.residual_tests.left_over_share["range_rate"] > plausibility.MAX_LEFT_OVER
     assert left.channels["range_rate"].status is Identifiable.GAIN_ONLY
     assert any("tau and dead time may not be quoted" in line for line in left.lines)
+
+
+def opposed(seed=3, n=1800):
+    """Whole drive whose output answers fast movements of range rate, and hides under slow ones of the opposite sign."""
+    trace = drive(n=n)
+    rng = np.random.default_rng(seed)
+    slow = scan(0.02 * rng.normal(size=n), np.array([0.995]))
+    u = trace.inputs.copy()
+    u[:, 1] += 10.0 * slow
+    return trace._replace(inputs=u, output=trace.output - 15.0 * slow)
+
+
+def test_armax_that_explains_no_more_than_the_mean_is_never_ok():
+    """Over the whole drive no number and the sentence, also where the intervals are clear of zero; else both numbers."""
+    assert ARMAX.identify is not None
+    for trace, wrong in ((opposed(), True), (drive(), False)):
+        whole = ARMAX.identify(trace, ArmaxSettings())
+        assert whole is not None
+        assert whole.fit_percent is not None
+        assert (whole.fit_percent <= 0.0) is wrong
+        assert (whole.channels["range_rate"] == Channel()) is wrong
+        assert ("no more than the mean" in whole.details["says"]) is wrong

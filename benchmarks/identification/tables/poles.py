@@ -43,8 +43,8 @@ def table(settings: Settings) -> list[Table]:
             ("output", "poles", *COLUMNS),
             rows,
             (
-                "Pedals: loop A, five noise models in turn, inputs without sensor. Shared: (2,2,1), intervals times 1.25 "
-                f"and 1.9. Accelerations: {settings.few(4).runs} runs a row. Widths: medians; of gains over the gain.",
+                "Pedals: loop A, five noise models in turn, inputs without sensor. Shared: (2,2,1). "
+                f"Accelerations: {settings.few(4).runs} runs a row. Widths: medians; of gains over the gain.",
             ),
         )
     ]

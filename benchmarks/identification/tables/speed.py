@@ -56,7 +56,8 @@ def table(settings: Settings) -> list[Table]:
             share = (sum(plain) + sum(reported)) / 10.0
             shares += share
             label = f"{estimator.name}, {1 / dt:.0f} Hz"
-            rows.append((label, "per sample", *_both(np.median(plain) if plain else np.nan, one), ""))
+            # the mean: some samples complete a block, and pay for it
+            rows.append((label, "per sample", *_both(np.mean(plain) if plain else np.nan, one), ""))
             rows.append((label, "with estimate", *_both(np.median(reported), one), f"{100 * share:.2f} %"))
         rows.append((f"all estimators, {1 / dt:.0f} Hz", "", "", "", f"{100 * shares:.2f} %"))
     rows += _peers(settings, seen, one) if settings.peers else []
@@ -67,7 +68,7 @@ def table(settings: Settings) -> list[Table]:
             rows,
             (
                 f"Unit: one numpy.linalg.lstsq of 600 x 8, here {1e6 * one:.0f} µs of CPU. "
-                "CPU time, medians, the last 10 s.",
+                "CPU time, the last 10 s; per sample the mean, else medians.",
             ),
         )
     ]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from canid.identification import band, residual_tests
 from canid.identification.armax import polynomial
 from canid.identification.armax.rates import STATED_S
+from canid.identification.armax.simulated_fit import FORGOTTEN_S, fit_percent, since
 from canid.identification.confidence import CHI_SQUARED_QUANTILE
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
 from canid.identification.output_filter import Kernel, equalizer, filtered
@@ -32,8 +33,6 @@ START_LAGS_S = (0.3, 1.0)
 MAX_LAG_S = 3.0
 # s; dead times that are tried: two coefficients of B span the tenth of a second from one to the next
 DEAD_TIMES_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
-# s; after which an answer has forgotten that its input's history before is not known
-FORGOTTEN_S = 4.5
 
 
 class BoxJenkinsOrders(NamedTuple):
@@ -70,6 +69,7 @@ class BoxJenkinsFit(NamedTuple):
         int  # samples per step of C and D: more than one where the noise has no content above some frequency
     )
     cost: float  # sum of squared innovations over the stride
+    fit_percent: float = NAN  # of the simulated answers, see simulated_fit.py
 
     @property
     def B(self) -> Array:  # noqa: N802
@@ -300,6 +300,7 @@ def _finished(best: _Point, data: Rows, free: npt.NDArray[np.bool_], dt: float) 
         count,
         data.stride,
         best.cost / data.stride,
+        fit_percent(data.y, best.v, inside),
     )
 
 
@@ -319,29 +320,19 @@ def _ready(
 ) -> Rows:
     N, delays = len(output), (orders.nk,) * inputs.shape[1]
     known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(inputs).all(axis=1))
-    driven = _since(known, segment)
+    driven = since(known, segment)
     warm = round(FORGOTTEN_S / dt) + max(delays) + orders.nb
     used: npt.NDArray[np.bool_] = np.asarray(usable & known & np.isfinite(output) & (driven >= warm))
     return Rows(
         np.where(used, output, 0.0),
         np.ascontiguousarray(np.where(known[:, None], inputs, 0.0).T),
         driven,
-        _since(used, segment),
+        since(used, segment),
         orders,
         delays,
         1,
         np.arange(N),
     )
-
-
-def _since(good: npt.NDArray[np.bool_], segment: npt.NDArray[np.int64] | None) -> npt.NDArray[np.int64]:
-    """Samples since a run of True in one segment began; -1 outside."""
-    k = np.arange(len(good))
-    begins = good & ~np.concatenate([[False], good[:-1]])
-    if segment is not None:
-        begins |= good & np.concatenate([[False], np.diff(segment) != 0])
-    first = np.maximum.accumulate(np.where(begins, k, 0))
-    return np.where(good, k - first, -1)
 
 
 class _Point(NamedTuple):

@@ -18,14 +18,6 @@ from canid.identification.armax import confidence_sequence
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.types import Array, Channel, Interval
 
-# A driver answers each input with a lag of its own; the inputs of an ARMAX model share their poles, with the
-# noise model as well. What that costs is in no covariance. Through the whole pipeline, with the radar's noise
-# (benchmarks/truth.py, 12 drives of 5 min), 95 % intervals of K of headway error and of range rate cover 0.86 and 0.90
-# with 1.1, 0.92 and 0.94 with 1.25, 0.98 and 0.97 with 1.4. The errors of tau + dead time were 1.9 times as large as
-# said, whatever the orders ((2,2,1) to (3,3,2)).
-SHARED_K = 1.25
-SHARED_SUM = 1.9
-
 # s after which the anytime interval is narrowest against the plain one: 2 min. It is then 1.76
 # times as wide after 20 s, 1.55 after 2 min, 1.61 after 10 min; 1.6 in the mean over ten minutes.
 SHARPEST_S = 120.0
@@ -51,7 +43,8 @@ def channels(
         A: (na + 1,) with the leading one.
         B: (m, nb).
         nk: samples.
-        covariance: of a1..., b_1,1..., b_2,1..., and whatever follows.
+        covariance: of a1..., b_1,1..., b_2,1..., and whatever follows. Where inputs share their poles, what that costs is
+            not in it (box_jenkins.py has separate ones).
         dt: s.
 
     >>> A, B = np.array([1.0, -0.8]), np.array([[0.5], [0.2]])
@@ -63,11 +56,11 @@ def channels(
     out = {}
     for i, name in enumerate(names):
         of = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
-        out[name] = channel(A, B[i], nk, covariance[np.ix_(of, of)], dt, shared=len(names) > 1)
+        out[name] = channel(A, B[i], nk, covariance[np.ix_(of, of)], dt)
     return out
 
 
-def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float, *, shared: bool = False) -> Channel:
+def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channel:
     """Channel of one input from the polynomials.
 
     Args:
@@ -76,7 +69,6 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float, *, shared
         nk: samples.
         covariance: (na + nb, na + nb) of a1..., b1....
         dt: s.
-        shared: other inputs have the same A; tau and dead time are then not identifiable separately.
 
     >>> a = np.exp(-0.1 / 0.5)  # a lag of 0.5 s behind a dead time of 0.2 s, input joined by lines
     >>> g = 1 - 0.5 / 0.1 * (1 - a)
@@ -106,13 +98,13 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float, *, shared
     def sd(J: Array) -> float:
         return math.sqrt(max(float(J @ covariance @ J), 0.0))
 
-    sum_sd = sd(J_mean) * (SHARED_SUM if shared else 1.0)
+    sum_sd = sd(J_mean)
     sum_interval = around(total, sum_sd, 0.0)
-    K_interval = ratio(b1, a1, *_sums(covariance * (SHARED_K**2 if shared else 1.0), na))
+    K_interval = ratio(b1, a1, *_sums(covariance, na))
     K_sd = (K_interval.high - K_interval.low) / (2.0 * NORMAL_QUANTILE)
     tau, tau_sd, rest, rest_sd = Interval(), np.nan, Interval(), np.nan
     # a variance within two sd of zero has no square root worth the name
-    if not shared and variance > 2.0 * sd(J_var):
+    if variance > 2.0 * sd(J_var):
         lag = variance**0.5
         J_tau = J_var / (2.0 * lag)
         tau_sd, rest_sd = sd(J_tau), sd(J_mean - J_tau)
@@ -142,7 +134,7 @@ def anytime_gain(
 ) -> tuple[Interval, ...]:
     """Return, per input, the interval of K that holds at all times simultaneously while the driver stays the same.
 
-    See confidence_sequence.py for what it promises and for whom. Where inputs share their poles it is widened as K is.
+    See confidence_sequence.py for what it promises and for whom.
 
     Args:
         theta: (n,) a1..., b_1,1..., b_2,1..., and whatever follows, of a memory that forgets nothing.
@@ -160,7 +152,6 @@ def anytime_gain(
     1.55
     """
     a = 1.0 + float(theta[:na].sum())
-    shared = SHARED_K**2 if inputs > 1 else 1.0
     found = []
     for i in range(inputs):
         of = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
@@ -170,7 +161,7 @@ def anytime_gain(
         gained = _of_ratio(b / a, then) / _of_ratio(b / a, now) if a else 0.0
         z = confidence_sequence.widening(gained * seconds / SHARPEST_S)
         vb, va, vab = now
-        found.append(ratio(b, a, shared * vb, shared * va, shared * vab, z))
+        found.append(ratio(b, a, vb, va, vab, z))
     return tuple(found)
 
 

@@ -267,7 +267,7 @@ def _search(
     for _ in range(MAX_PASSES):
         moments, grid = _evaluate(layout, known.search_grid, noise)
         regions = tuple(fopdt_posterior.gather(grid, i, box) for i in range(m))
-        fine = all(_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
+        fine = all(is_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
         fine = fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(m))
         point = _posterior_point(layout, data, grid, fine)
         stays = fine and all(_centred(r, o) for r, o in zip(regions, known.search_grid.regions, strict=True))
@@ -435,7 +435,7 @@ def _centred(now: fopdt_posterior.Region, then: fopdt_posterior.Region) -> bool:
     )
 
 
-def _fine(region: fopdt_posterior.Region, cells: fopdt_posterior.Cells) -> bool:
+def is_fine(region: fopdt_posterior.Region, cells: fopdt_posterior.Cells) -> bool:
     """Whether the grid resolved the posterior: cells about as wide as one sd."""
     low, high = 0.95, fopdt_posterior.CELLS_PER_AXIS / 2.0
     # a spacing of zero happens where the box is only touched

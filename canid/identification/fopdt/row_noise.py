@@ -232,7 +232,7 @@ def estimate(
         stride,
         phases,
         weighed,
-        variance_inflation * _student(effective) ** 2,
+        variance_inflation * student_factor(effective) ** 2,
         drift,
         NAN if weighed.root is None else own,
     )
@@ -321,10 +321,10 @@ MIDDLE_ROUNDS = 3
 MIN_FREEDOM = 4.0
 
 
-def _student(freedom: float) -> float:
+def student_factor(freedom: float) -> float:
     """How much wider Student's t is than a Gaussian at 95 % (Fisher & Cornish 1960, to second order).
 
-    >>> round(NORMAL_QUANTILE * _student(10.0), 2)  # tables: 2.23
+    >>> round(NORMAL_QUANTILE * student_factor(10.0), 2)  # tables: 2.23
     2.23
     """
     z2, v = NORMAL_QUANTILE**2, max(freedom, MIN_FREEDOM)
