@@ -17,7 +17,7 @@ from canid.identification.armax import box_jenkins_recursive, confidence_sequenc
 from canid.identification.armax.rates import rates
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt.regression_rows import Layout
-from canid.identification.output_filter import is_unknown
+from canid.identification.output_filter import DELAYS_HOLD_IT, is_unknown
 from canid.types import Estimate, Identifiable, Interval, ResidualTests, Sample, Status
 
 NAME = "armax"
@@ -28,11 +28,6 @@ STARTS = 5
 
 # s of residuals below which they are not tested
 MIN_TESTED_S = 25.0
-
-# Why no delay may be quoted of an output that passed a filter nobody has stated: its delay is in theirs.
-UNKNOWN_FILTER = (
-    "tau and dead time hold the delay of the output's own filter: state it, [driver] output_filter"
-)
 
 
 def settle_s(layout: Layout) -> float:
@@ -128,7 +123,7 @@ def estimate(
         made = refused(kind, says)
         # what was found against a model is the reason, whatever the gate says just now
         return made._replace(says=says, residual_tests=tests) if verdict.refused else made
-    says += unconfirmed(setup, state.learnt) + (f"; {UNKNOWN_FILTER}" if unknown else "")
+    says += unconfirmed(setup, state.learnt) + (f"; {DELAYS_HOLD_IT}" if unknown else "")
     return Estimate(
         sample.t, NAME, Status.OK, says, channels, fit, dict(excitation), state.learnt.used, tests
     )

@@ -17,7 +17,7 @@ from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
 from canid.identification.fopdt.prior import Prior, check_prior
-from canid.identification.output_filter import is_unknown
+from canid.identification.output_filter import DELAYS_HOLD_IT, is_unknown
 from canid.state_constraints import TIME
 from canid.types import Array, Channel, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
 
@@ -104,12 +104,6 @@ def configure(input_names: tuple[str, ...], dt: float, settings: FopdtSettings) 
         check_prior(settings.prior)
     layout = fopdt_fit.row_layout(m, dt, settings.tau_max, settings.dead_time_max)
     return Setup(input_names, dt, settings, layout)
-
-
-# Why no delay may be quoted of an acceleration that passed a filter nobody has stated: its delay is in theirs.
-UNKNOWN_FILTER = (
-    "tau and dead time hold the delay of the output's own filter: state it, [driver] output_filter"
-)
 
 
 # --- state -----------------------------------------------------------------------------------------
@@ -280,7 +274,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
         # what was found against a model is the reason, whatever the gate says just now
         return state, made._replace(says=says, residual_tests=tests) if verdict.refused else made
     if is_unknown(given.output_filter):
-        says = f"{says}; {UNKNOWN_FILTER}"
+        says = f"{says}; {DELAYS_HOLD_IT}"
     return state, Estimate(
         sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests, change=change
     )
@@ -322,7 +316,7 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         channels = dict.fromkeys(channels, Channel())
     elif left:
         channels = {name: identifiability.gain_only(c) for name, c in channels.items()}
-    unknown = UNKNOWN_FILTER if is_unknown(settings.output_filter) else ""
+    unknown = DELAYS_HOLD_IT if is_unknown(settings.output_filter) else ""
     lines = tuple(filter(None, (*verdict.refused, *verdict.remarks, left, unknown)))
     details = {"says": "; ".join(lines)}
     drive = WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
