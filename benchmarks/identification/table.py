@@ -85,6 +85,15 @@ def text(cell: Any) -> str:
     return str(cell)
 
 
+def held(share: float, known: int, runs: int) -> str:
+    """Write a share of intervals that hold the truth, and of how many where not every run has one.
+
+    >>> held(0.95, 40, 40), held(0.9, 10, 40), held(float("nan"), 0, 40)
+    ('0.950', '0.900 of 10', '–')
+    """
+    return "–" if not known else f"{share:.3f}" if known == runs else f"{share:.3f} of {known}"
+
+
 def rmse(errors: Any, axis: int = 0) -> Any:
     """Root mean square over runs; NaN counts as no answer and is left out."""
     with np.errstate(invalid="ignore"):

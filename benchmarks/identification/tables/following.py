@@ -47,7 +47,6 @@ def table(settings: Settings) -> list[Table]:
                     "method",
                     *(f"{x} rmse" for x in NAMES),
                     *(f"{x} bias" for x in NAMES),
-                    "answered",
                 ),
                 rows,
                 (_truth(loop),),
@@ -58,10 +57,8 @@ def table(settings: Settings) -> list[Table]:
 
 def _row(name: str, done: list[tuple[np.ndarray, str]]) -> tuple[object, ...]:
     errors = np.array([error for error, _ in done])
-    # a parameter that a method never reports is no failure of a run
-    reported = np.isfinite(errors[:, np.isfinite(errors).any(axis=0)])
     bias = ("–" if np.isnan(x) else f"{x:+.3f}" for x in _median(errors))
-    return (name, *map(float, rmse(errors)), *bias, f"{int(reported.all(axis=1).sum())}/{len(errors)}")
+    return (name, *map(float, rmse(errors)), *bias)
 
 
 def _median(errors: np.ndarray) -> np.ndarray:
@@ -117,7 +114,7 @@ def _bounds(settings: Settings, loop: str) -> list[tuple[object, ...]]:
     rows = []
     for name, which in (("bound, all free", _all), ("bound, tau1 and dead time 1 known", _known)):
         sd = np.array(each(settings, which, loop))
-        rows.append((name, *map(float, rmse(sd)), "", "", "", "", ""))
+        rows.append((name, *map(float, rmse(sd)), "", "", "", ""))
     return rows
 
 

@@ -22,8 +22,8 @@ SECONDS = 300.0
 # s; when a batch method is asked while the drive goes on, and when an online one is read
 ASKED = (20.0, 40.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0)
 UNIT = 1.96  # sd of a 95 % interval
-# what counts as a usable estimate of K2: half an interval, and an error, in shares of the truth
-HALF, NEAR = 0.3, 0.2
+# error of K2 that counts as a usable estimate, in shares of the truth
+NEAR = 0.2
 # a method that takes seconds a fit gets so much fewer runs, and a batch one is asked at the end only
 SLOW = {"SARIMAX, AR(2), missing samples (statsmodels)": 8, "CTH, dual unscented filter (filterpy)": 3}
 # of the vehicles, m/s² per % (loop_a's 0.8 / 20, loop_b's 0.045), and the sd of remnant, grade and wind, m/s²
@@ -37,7 +37,6 @@ class Run(NamedTuple):
 
     error: np.ndarray  # (3,) of K1 and K2 in shares of the truth, and of tau + dead time 2 in s
     held: np.ndarray  # (3,) whether the interval holds the truth; NaN: no interval
-    narrow: float  # s, until the interval of K2 is narrow
     near: float  # s, from which on the error of K2 stays small
     seconds: float  # s of CPU for the whole drive
     why: str = ""
@@ -104,7 +103,7 @@ def _table(settings: Settings, world: World) -> Table:
         ask = _online if peer in ONLINE else _at_end if peer.name in SLOW else _batch
         rows.append((peer.name, why) if why else _row(peer.name, drives, few, ask, peer))
     sd = np.array([_bound(*drives.of(seed)) for seed in drives.seeds(settings.few(3))])
-    rows.append(("bound, all free", *map(float, rmse(sd)), "", "", "", "", "", "", settings.few(3).runs))
+    rows.append(("bound, all free", *map(float, rmse(sd)), "", "", "", "", "", settings.few(3).runs))
     return Table(
         f"{world.name}, {SECONDS:.0f} s: {world.note}",
         (
@@ -115,7 +114,6 @@ def _table(settings: Settings, world: World) -> Table:
             "K1 held",
             "K2 held",
             "tau2+θ2 held",
-            "s to half width",
             "s to error",
             "CPU [ms] per drive",
             "runs",
@@ -151,14 +149,17 @@ def _row(
     if all(run.why for run in runs):
         return (name, runs[0].why)
     held = np.array([run.held for run in runs])
-    share = [
-        f"{np.nanmean(h):.2f} of {np.isfinite(h).sum()}" if np.isfinite(h).any() else "–" for h in held.T
-    ]
-    narrow, near, cpu = (
-        float(np.median([getattr(r, x) for r in runs])) for x in ("narrow", "near", "seconds")
-    )
+    share = [_share(h) for h in held.T]
+    near, cpu = (float(np.median([getattr(r, x) for r in runs])) for x in ("near", "seconds"))
     errors = rmse(np.array([run.error for run in runs]))
-    return (name, *map(float, errors), *share, narrow, near, 1e3 * cpu, len(runs))
+    return (name, *map(float, errors), *share, near, 1e3 * cpu, len(runs))
+
+
+def _share(held: np.ndarray) -> str:
+    known = np.isfinite(held)
+    if not known.any():
+        return "–"
+    return f"{np.nanmean(held):.2f}" + ("" if known.all() else f" of {known.sum()}")
 
 
 # --- how a method is asked -------------------------------------------------------------------------
@@ -177,18 +178,17 @@ def _judged(truth: np.ndarray, history: Sequence[Estimated], cpu: float, why: st
     """Judge estimates in the order of time, of which the last is the method's result."""
     if not history:
         nothing = np.full(3, np.nan)
-        return Run(nothing, nothing, np.inf, np.inf, cpu, why)
+        return Run(nothing, nothing, np.inf, cpu, why)
     *_, last = history
     error = (last.value - truth) / np.array([truth[0], truth[1], 1.0])
     known = np.isfinite(last.low + last.high)
     held = np.where(known, (last.low <= truth) & (truth <= last.high), np.nan)
-    narrow = next((at.t for at in history if at.high[1] - at.low[1] <= 2 * HALF * abs(truth[1])), np.inf)
     near = np.inf
     for at in reversed(history):
         if not abs(at.value[1] - truth[1]) <= NEAR * abs(truth[1]):
             break
         near = at.t
-    return Run(error, held, narrow, near, cpu, why)
+    return Run(error, held, near, cpu, why)
 
 
 def _by_canid(t: float, channels: Sequence[Channel]) -> Estimated:
@@ -236,7 +236,7 @@ def _batch(rows: Rows, truth: np.ndarray, peer: peers.Peer) -> Run:
 def _at_end(rows: Rows, truth: np.ndarray, peer: peers.Peer) -> Run:
     answer, seconds, why = peers.attempt(peer, 3, rows)
     history = [] if why else [_by_peer(len(rows.output) * rows.dt, answer)]
-    return _judged(truth, history, seconds, why)._replace(narrow=np.nan, near=np.nan)
+    return _judged(truth, history, seconds, why)._replace(near=np.nan)
 
 
 def _online(rows: Rows, truth: np.ndarray, peer: peers.Peer) -> Run:

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.identification import canid_side, loop_a
 from benchmarks.identification.noise_models import NOISE_MODELS
-from benchmarks.identification.table import Settings, Table, each
+from benchmarks.identification.table import Settings, Table, each, held
 from canid.estimators import armax_whole_drive
 from canid.identification.armax.armax_batch import Orders
 from canid.types import TASK_INPUTS, Channel, Identifiable, LearnGate, Status, Trace
@@ -24,7 +24,7 @@ def table(settings: Settings) -> list[Table]:
         for j, who in enumerate(("whole drive", "live, at its end")):
             cells = [[run[i][j][k] for run in done] for k in range(3)]
             known = [[x for x in cell if x is not None] for cell in cells]
-            shares = [f"{np.mean(x):.3f} of {len(x)}" if x else "not reported" for x in known]
+            shares = [held(float(np.mean(x)) if x else np.nan, len(x), len(done)) for x in known]
             widths = [np.nanmedian([run[i][j][3 + k] for run in done]) for k in range(2)]
             rows.append((f"{step:g} s", who, *shares, *map(float, widths)))
     return [
@@ -32,7 +32,9 @@ def table(settings: Settings) -> list[Table]:
             f"ARMAX in closed loop A, {SECONDS:.0f} s, by the step of the grid: coverage of the reported intervals",
             ("step", "estimate", "K1", "K2", "tau2 + dead time 2", "width K1", "width K2"),
             rows,
-            ("Five noise models in turn; inputs without sensor. Widths: medians, over K.",),
+            (
+                f"{len(done)} drives, five noise models in turn; inputs without sensor. Widths: medians, over K.",
+            ),
         )
     ]
 

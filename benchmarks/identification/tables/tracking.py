@@ -63,7 +63,7 @@ def table(settings: Settings) -> list[Table]:
             (
                 f"{slow.runs} runs each. Steady: mean over the minute before the step or over the last, the worse. "
                 "s to 15 %: median over runs of the time from which the error stays below for "
-                f"{UPDATES_IN_A_ROW} updates, one a second.",
+                f"{UPDATES_IN_A_ROW} consecutive values, one per second.",
             ),
         )
     ]

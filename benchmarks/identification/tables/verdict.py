@@ -72,9 +72,8 @@ def _closed(settings: Settings, how: str) -> Table:
     wrong = sum(ours is Identifiable.OK and alone is not Identifiable.OK for _, ours, _, alone, _ in headway)
     same = np.mean([ours is alone for _, ours, _, alone, _ in done])
     note = (
-        f"The bound knows that tau ends at {BOX[0]} s and dead time at {BOX[1]} s, as canid does. With the bound that "
-        f"lets them be anything, canid agrees in {100 * same:.1f} %: there a headway lag that nobody can know makes the "
-        f'gain of range rate unknown too. Headway channel: "ok" where even that bound says no in {wrong} of {len(headway)}.'
+        f"The bound knows that tau ends at {BOX[0]} s and dead time at {BOX[1]} s. Agreement with the bound that lets them "
+        f'be anything: {100 * same:.1f} %; headway channel "ok" where even that bound says no: {wrong} of {len(headway)}.'
     )
     return table._replace(notes=(*table.notes, note))
 
