@@ -29,14 +29,14 @@ def put(page: str, name: str, text: str) -> str:
     r"""Put a table into its place on a page.
 
     >>> put("a <!-- t -->old<!-- /t --> b", "t", "new")
-    'a <!-- t -->\n\nnew\n\n<!-- /t --> b'
+    'a <!-- t -->\nnew\n<!-- /t --> b'
     """
     begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
     before, found, rest = page.partition(begin)
     _, closed, after = rest.partition(end)
     if not found or not closed:
         raise SystemExit(f"no {begin} ... {end} in the page")
-    return f"{before}{begin}\n\n{text}\n\n{end}{after}"
+    return f"{before}{begin}\n{text}\n{end}{after}"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -74,8 +74,10 @@ def main(argv: list[str] | None = None) -> int:
         parts = [markdown(part) for part in table(settings)]
         last = settings.first_seed + settings.runs - 1
         took = time.perf_counter() - began
-        parts.append(f"`{name}`: {settings.runs} runs, seeds {settings.first_seed} to {last}, {took:.0f} s")
+        source = f"`{name}`: {settings.runs} runs, seeds {settings.first_seed} to {last}, {took:.0f} s"
         text = "\n\n".join(parts)
+        # in the paragraph of the notes; after a table's last row it needs one of its own
+        text += f"\n\n{source}" if text.endswith("|") else f" {source}"
         print(text + "\n", flush=True)
         if args.into:
             args.into.write_text(put(args.into.read_text(encoding="utf-8"), name, text), encoding="utf-8")

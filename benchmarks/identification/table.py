@@ -73,7 +73,8 @@ def markdown(table: Table) -> str:
 
     rule = "|" + "|".join("-" * (w + 2) for w in width) + "|"
     out = [f"**{table.title}**", "", line(cells[0]), rule, *map(line, cells[1:])]
-    return "\n".join([*out, *(f"\n{note}" for note in (*table.notes, *why))])
+    notes = " ".join((*table.notes, *why))
+    return "\n".join([*out, *([f"\n{notes}"] if notes else [])])
 
 
 def text(cell: Any) -> str:
@@ -85,13 +86,13 @@ def text(cell: Any) -> str:
     return str(cell)
 
 
-def held(share: float, known: int, runs: int) -> str:
-    """Write a share of intervals that hold the truth, and of how many where not every run has one.
+def held(share: float, known: int, runs: int) -> float | str:
+    """Return the cell of a share of intervals that hold the truth; of how many, where not every run has one.
 
-    >>> held(0.95, 40, 40), held(0.9, 10, 40), held(float("nan"), 0, 40)
-    ('0.950', '0.900 of 10', '–')
+    >>> held(0.95, 40, 40), held(0.9, 10, 40), held(math.nan, 0, 40)
+    (0.95, '0.9 of 10', nan)
     """
-    return "–" if not known else f"{share:.3f}" if known == runs else f"{share:.3f} of {known}"
+    return share if known in (0, runs) else f"{text(share)} of {known}"
 
 
 def rmse(errors: Any, axis: int = 0) -> Any:

@@ -124,7 +124,6 @@ def table(settings: Settings) -> list[Table]:
     rows += [(n.name, *_row([d for d in done if d.world.noise == n])) for n in NOISES]
     rows += [(f"{m:g} min", *_row([d for d in done if d.world.minutes == m])) for m in MINUTES]
     rows += [(o, *_row([d for d in done if d.world.output == o])) for o in OUTPUTS]
-    rows += [(f"radar {i + 1}", *_row([d for d in done if d.world.radar == i])) for i in range(len(RADARS))]
     by_cell = {
         f"{n.name}, {m:g} min": [d for d in done if d.world.noise == n and d.world.minutes == m]
         for n in NOISES
@@ -140,13 +139,15 @@ def table(settings: Settings) -> list[Table]:
         f"{a} m, {b} m/s" for a, b in RADARS
     )
     return [
-        Table("Share of 95 % intervals that hold the truth", ("drives of", *columns), rows, (f"{note}.",)),
         Table(
-            f"The same by noise and length: the {len(cells)} of {len(by_cell)} cells with a share below {MIN_CELL}",
-            ("cell", *columns),
-            cells,
-        ),
-        Table("Errors in standard deviations of the interval", ("", *columns), means),
+            "Share of 95 % intervals that hold the truth",
+            ("drives of", *columns),
+            [*rows, *cells, *means],
+            (
+                f"Of {len(by_cell)} cells of noise and length the {len(cells)} with a share below {MIN_CELL}. "
+                f"z: error in standard deviations of the interval. {note}.",
+            ),
+        )
     ]
 
 

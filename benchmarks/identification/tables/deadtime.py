@@ -9,7 +9,7 @@ from benchmarks.identification.bus import Seen, Stream
 from benchmarks.identification.noise_models import NoiseModel
 from benchmarks.identification.open_loop import Case
 from benchmarks.identification.peers import process
-from benchmarks.identification.table import Settings, Table, each
+from benchmarks.identification.table import Settings, Table, each, text
 from canid.types import Driver
 
 # little noise, so that 200 runs resolve a bias of a millisecond
@@ -21,7 +21,7 @@ SPEED = 25.0  # m/s
 
 def table(settings: Settings) -> list[Table]:
     """Print the bias of dead time and of tau + dead time, with its Monte Carlo error."""
-    rows = []
+    rows: list[tuple[object, ...]] = []
     ways = {
         "canid": (bus.through_canid, _canid),
         "joined by lines, then canid's fit": (bus.by_lines, _canid),
@@ -44,11 +44,7 @@ def table(settings: Settings) -> list[Table]:
                 (
                     world,
                     way,
-                    float(mean[0]),
-                    f"± {error[0]:.1f}",
-                    float(mean[1]),
-                    f"± {error[1]:.1f}",
-                    float(mean[2]),
+                    *(f"{text(float(m))} ± {e:.1f}" for m, e in zip(mean[:2], error[:2], strict=True)),
                 )
             )
     return [
@@ -58,12 +54,10 @@ def table(settings: Settings) -> list[Table]:
                 "world",
                 "way to 10 Hz",
                 "dead time",
-                "(sd of the mean)",
                 "tau + dead time",
-                "(sd of the mean)",
-                "tau",
             ),
             rows,
+            ("± one standard deviation of the mean.",),
         )
     ]
 

@@ -43,7 +43,7 @@ def table(settings: Settings) -> list[Table]:
                     way,
                     f"{100 * shares[:, 0].mean():.0f} % / {100 * shares[:, 1].mean():.0f} %",
                     *(
-                        f"{b:+.3f} ({b / h:+.2f} hw)" if np.isfinite(h) else f"{b:+.3f}"
+                        f"{b:+.3f} ({b / h:+.2f})" if np.isfinite(h) else f"{b:+.3f}"
                         for b, h in zip(bias, half, strict=True)
                     ),
                     *map(float, held[:2]),
@@ -54,7 +54,7 @@ def table(settings: Settings) -> list[Table]:
             f"Loop B, {SECONDS - 5:.0f} s: mean error (in half-widths of the 95 % interval)",
             ("world", "method", "floor / brake", *(f[0] for f in FIELDS), "K1 held", "K2 held"),
             rows,
-            (f"{settings.few(2).runs} runs. hw: median half-width where reported.",),
+            (f"{settings.few(2).runs} runs. In brackets: in median half-widths, where reported.",),
         )
     ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from benchmarks.identification.bus import Seen
 from benchmarks.identification.loops import Drive
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.open_loop import HISTORY
-from benchmarks.identification.table import Settings, Table, each, rmse
+from benchmarks.identification.table import Settings, Table, each, rmse, text
 from canid.types import Driver
 
 # s used, then history before it, then what the gate takes to open and the smoothing to end
@@ -23,42 +24,39 @@ NAMES = ("K1", "K2", "tau2", "dead time 2")
 
 def table(settings: Settings) -> list[Table]:
     """Print RMSE and bias of K1, K2, tau2 and dead time 2 for each loop."""
-    out = []
-    for loop in LOOPS:
-        rows: list[tuple[object, ...]] = []
-        methods: list[tuple[str, object]] = [
-            ("canid", "canid"),
-            ("canid, declared prior", "prior"),
-            ("canid, inputs without sensor", "exact"),
-            ("canid's fit, inputs joined by lines", "lines"),
-        ]
-        methods += [(peer.name, peer) for peer in peers.FOLLOWING] if settings.peers else []
-        for name, method in methods:
-            why = peers.missing(method) if isinstance(method, peers.Peer) else ""
-            done = [] if why else each(settings, _run, loop, method)
-            why = why or peers.broken(done)
-            rows.append((name, why) if why else _row(name, done))
-        rows += _bounds(settings.few(10), loop)
-        out.append(
-            Table(
-                f"Closed loop {loop}, {WINDOW:.0f} s, radar 0.25 m and 0.12 m/s at 20 Hz, remnant 1 %: "
-                "RMSE, and bias (median error)",
-                (
-                    "method",
-                    *(f"{x} rmse" for x in NAMES),
-                    *(f"{x} bias" for x in NAMES),
-                ),
-                rows,
-                (_truth(loop),),
-            )
+    rows: list[tuple[object, ...]] = []
+    methods: list[tuple[str, object]] = [
+        ("canid", "canid"),
+        ("canid, declared prior", "prior"),
+        ("canid, inputs without sensor", "exact"),
+        ("canid's fit, inputs joined by lines", "lines"),
+    ]
+    methods += [(peer.name, peer) for peer in peers.FOLLOWING] if settings.peers else []
+    for name, method in methods:
+        why = peers.missing(method) if isinstance(method, peers.Peer) else ""
+        done = [] if why else [each(settings, _run, loop, method) for loop in LOOPS]
+        why = why or next(filter(None, map(peers.broken, done)), "")
+        rows.append((name, why) if why else (name, *(cell for runs in done for cell in _cells(runs))))
+    for name, which in (("bound, all free", _all), ("bound, tau1 and dead time 1 known", _known)):
+        rows.append((name, *(x for loop in LOOPS for x in _bound_of(settings.few(10), which, loop))))
+    return [
+        Table(
+            f"Closed loops {' and '.join(LOOPS)}, {WINDOW:.0f} s, radar 0.25 m and 0.12 m/s at 20 Hz, remnant 1 %: "
+            "RMSE (bias: median error)",
+            ("method", *(f"{loop}: {x}" for loop in LOOPS for x in NAMES)),
+            rows,
+            (
+                *(_truth(loop) for loop in LOOPS),
+                "canid: its own smoothing and sampling; peers: the same readings, joined by lines at 10 Hz.",
+            ),
         )
-    return out
+    ]
 
 
-def _row(name: str, done: list[tuple[np.ndarray, str]]) -> tuple[object, ...]:
+def _cells(done: list[tuple[np.ndarray, str]]) -> list[str]:
     errors = np.array([error for error, _ in done])
-    bias = ("–" if np.isnan(x) else f"{x:+.3f}" for x in _median(errors))
-    return (name, *map(float, rmse(errors)), *bias)
+    both = zip(rmse(errors), _median(errors), strict=True)
+    return ["–" if np.isnan(bias) else f"{text(float(error))} ({bias:+.3f})" for error, bias in both]
 
 
 def _median(errors: np.ndarray) -> np.ndarray:
@@ -68,9 +66,8 @@ def _median(errors: np.ndarray) -> np.ndarray:
 def _truth(loop: str) -> str:
     one, two = LOOPS[loop](0, 1.0).channels
     return (
-        f"Truth: K1 {one.K} %/s, tau1 {one.tau} s, dead time 1 {one.dead_time} s; "
-        f"K2 {two.K} %/(m/s), tau2 {two.tau} s, dead time 2 {two.dead_time} s. "
-        "canid: its own smoothing and sampling; peers: the same readings, joined by lines at 10 Hz."
+        f"Truth of {loop}: K1 {one.K} %/s, tau1 {one.tau} s, dead time 1 {one.dead_time} s; "
+        f"K2 {two.K} %/(m/s), tau2 {two.tau} s, dead time 2 {two.dead_time} s."
     )
 
 
@@ -109,13 +106,9 @@ def _run(seed: int, loop: str, method: object) -> tuple[np.ndarray, str]:
     return np.array([at.K[0], at.K[1], at.tau[1], at.dead_time[1]]) - truth, ""
 
 
-def _bounds(settings: Settings, loop: str) -> list[tuple[object, ...]]:
-    """Say what the data allow, without any radar: all free, and with the headway channel's lag known."""
-    rows = []
-    for name, which in (("bound, all free", _all), ("bound, tau1 and dead time 1 known", _known)):
-        sd = np.array(each(settings, which, loop))
-        rows.append((name, *map(float, rmse(sd)), "", "", "", ""))
-    return rows
+def _bound_of(settings: Settings, which: Callable[[int, str], np.ndarray], loop: str) -> list[float]:
+    """Say what the data allow, without any radar: all free, or with the headway channel's lag known."""
+    return list(map(float, rmse(np.array(each(settings, which, loop)))))
 
 
 def _all(seed: int, loop: str) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from benchmarks.identification import bounds, canid_side, open_loop, peers
@@ -16,8 +14,7 @@ GROSS = 5.0
 
 
 def table(settings: Settings) -> list[Table]:
-    """Print RMSE over the Cramér-Rao bound: of K, tau and dead time by canid, the worst of the three by any method."""
-    rows: list[tuple[object, ...]] = []
+    """Print the worst RMSE over the Cramér-Rao bound of K, tau and dead time, by noise."""
     worst: list[tuple[object, ...]] = []
     methods: list[tuple[str, object]] = [("canid, 100 Hz", 1), ("canid, 10 Hz point samples", 10)]
     methods += [(peer.name, peer) for peer in peers.PROCESS] if settings.peers else []
@@ -29,27 +26,12 @@ def table(settings: Settings) -> list[Table]:
         if why := next(filter(None, map(peers.broken, done)), ""):
             worst.append((name, why))
             continue
-        of_noise = [_row(name, noise, runs) for noise, runs in zip(NOISE_MODELS, done, strict=True)]
-        rows += [] if isinstance(method, peers.Peer) else [row[:5] for row in of_noise]
-        worst.append(
-            (name, *(row[5] for row in of_noise), *(max(row[k] for row in of_noise) for k in (6, 7)))
-        )
+        ratio, off, ms = zip(*map(_figures, done), strict=True)
+        worst.append((name, *ratio, max(off), max(ms)))
     return [
         Table(
             f"K 4.4, tau 0.685 s, dead time {DEAD_TIME} s; 20 s at 100 Hz, input below 0.2 Hz, 20 dB: "
-            "RMSE / Cramér-Rao bound",
-            (
-                "method",
-                "noise",
-                "K",
-                "tau",
-                "dead time",
-            ),
-            rows,
-            ("Each error is divided by the bound of its own run, at 100 Hz with the noise model known.",),
-        ),
-        Table(
-            "The worst of K, tau and dead time, by noise",
+            "worst RMSE / Cramér-Rao bound of K, tau and dead time",
             (
                 "method",
                 *(noise.name for noise in NOISE_MODELS),
@@ -57,24 +39,21 @@ def table(settings: Settings) -> list[Table]:
                 "ms per fit, most",
             ),
             worst,
-            (f"Off: of {settings.runs} runs of the worst noise.",),
+            (
+                "Each error is divided by the bound of its own run, at 100 Hz with the noise model known. "
+                f"Off: of {settings.runs} runs of the worst noise.",
+            ),
         ),
     ]
 
 
-def _row(name: str, noise: NoiseModel, done: list[tuple[np.ndarray, float, str]]) -> tuple[Any, ...]:
+def _figures(done: list[tuple[np.ndarray, float, str]]) -> tuple[float, int, float]:
+    """Return the worst ratio, how many runs are off by more than GROSS bounds, and ms per fit."""
     relative = np.array([error for error, *_ in done])
     ratio = rmse(relative)
     gross = (np.abs(relative) > GROSS).any(axis=1) | ~np.isfinite(relative).all(axis=1)
     ms = 1e3 * float(np.nanmedian([seconds for _, seconds, _ in done]))
-    return (
-        name,
-        noise.name,
-        *map(float, ratio),
-        float(np.max(ratio)),
-        int(gross.sum()),
-        ms,
-    )
+    return float(np.max(ratio)), int(gross.sum()), ms
 
 
 def _run(seed: int, method: object, noise: NoiseModel) -> tuple[np.ndarray, float, str]:

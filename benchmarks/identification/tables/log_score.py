@@ -25,10 +25,9 @@ def table(settings: Settings) -> list[Table]:
                 float(np.mean([s.gaussian for s in scores])),
                 float(np.mean([s.law - s.gaussian for s in scores])),
                 " / ".join(f"{s.freedom:g}" for s in scores),
-                " / ".join(f"{s.dt:.1f} s" for s in scores),
             )
         )
-    columns = ("drive", "Gaussian AR, nats/min", "gain of canid's law", "degrees of freedom", "rows apart")
+    columns = ("drive", "Gaussian AR, nats/min", "gain of canid's law", "degrees of freedom")
     if not rows:
         rows = [("measured drives", f"{DATA} is not there")]
     return [Table("Held-out one-step log score, two halves", columns, rows)]

@@ -1,4 +1,4 @@
-"""What an update costs, in ms here and in a unit that any machine can measure for itself."""
+"""What an update costs in ms, and what a small least-squares problem costs on the same machine."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def table(settings: Settings) -> list[Table]:
         _cpu(lambda: canid_side.process(seen.output, seen.inputs, bus.GRID, seen.usable))
         for _ in range(repeat)
     ]
-    rows.append(("fit_process, 60 s at 10 Hz, cold", "", *_both(np.median(cold), one), ""))
+    rows.append(("fit_process, 60 s at 10 Hz, cold", "", 1e3 * float(np.median(cold)), ""))
     for dt in (0.1, 0.01):
         shares = 0.0
         # at 100 Hz the window fills more slowly than patience does: a few runs are a quick check
@@ -57,30 +57,30 @@ def table(settings: Settings) -> list[Table]:
             shares += share
             label = f"{estimator.name}, {1 / dt:.0f} Hz"
             # the mean: some samples complete a block, and pay for it
-            rows.append((label, "per sample", *_both(np.mean(plain) if plain else np.nan, one), ""))
-            rows.append((label, "with estimate", *_both(np.median(reported), one), f"{100 * share:.2f} %"))
-        rows.append((f"all estimators, {1 / dt:.0f} Hz", "", "", "", f"{100 * shares:.2f} %"))
-    rows += _peers(settings, seen, one) if settings.peers else []
+            ms = (1e3 * float(np.mean(plain) if plain else np.nan), 1e3 * float(np.median(reported)))
+            rows.append((label, *ms, f"{100 * share:.2f} %"))
+        rows.append((f"all estimators, {1 / dt:.0f} Hz", "", "", f"{100 * shares:.2f} %"))
+    rows += _peers(settings, seen) if settings.peers else []
     return [
         Table(
             "Time of an update, two inputs, 60 s window",
-            ("what", "which", "ms", "units", "of a core"),
+            ("what", "ms per sample", "ms with an estimate", "of a core"),
             rows,
             (
-                f"Unit: one numpy.linalg.lstsq of 600 x 8, here {1e6 * one:.0f} µs of CPU. "
+                f"One numpy.linalg.lstsq of 600 x 8 takes {1e6 * one:.0f} µs here. "
                 "CPU time, the last 10 s; per sample the mean, else medians.",
             ),
         )
     ]
 
 
-def _peers(settings: Settings, seen: Seen, one: float) -> list[tuple[object, ...]]:
+def _peers(settings: Settings, seen: Seen) -> list[tuple[object, ...]]:
     """Time what peers offer for the same: a refit of the window, and one update of a recursion without C."""
     settle = round(HISTORY / bus.GRID)
     u = list(seen.inputs.T)
     refit = [_cpu(lambda: process.joint(seen.output, u, bus.GRID, settle)) for _ in range(5)]
     rows: list[tuple[object, ...]] = [
-        ("scipy curve_fit recipe, 60 s at 10 Hz, two inputs", "refit", *_both(np.median(refit), one), "")
+        ("scipy curve_fit recipe, 60 s at 10 Hz, two inputs", "", 1e3 * float(np.median(refit)), "")
     ]
     run = open_loop.table1(settings.first_seed, 600, 20.0)
     for peer in peers.TRACKING:
@@ -88,12 +88,8 @@ def _peers(settings: Settings, seen: Seen, one: float) -> list[tuple[object, ...
             rows.append((peer.name, why))
             continue
         seconds = min(_cpu(lambda peer=peer: list(peers.call(peer, run.y, run.u))) for _ in range(3))
-        rows.append((f"{peer.name}, one input", "per sample", *_both(seconds / 600, one), ""))
+        rows.append((f"{peer.name}, one input", 1e3 * float(seconds / 600), "", ""))
     return rows
-
-
-def _both(seconds: float, one: float) -> tuple[float, float]:
-    return 1e3 * float(seconds), float(seconds) / one
 
 
 def _cpu(function) -> float:  # type: ignore[no-untyped-def]

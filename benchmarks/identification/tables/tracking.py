@@ -17,7 +17,7 @@ RAMP_AT = 100.0  # s
 FOLLOWED = 0.15  # relative error below which the change is said to be followed
 UPDATES_IN_A_ROW = 5  # updates in a row, one a second: a noisy estimate crosses the line by chance
 FREQUENCY = 0.2  # Hz at which the transfer function is compared
-SINGLE = (0.98, 0.99, 0.995, 0.998, 0.9995)
+SINGLE = (0.98, 0.99, 0.995, 0.998)
 
 
 def response(theta: np.ndarray, frequency: float = FREQUENCY) -> complex:
@@ -40,7 +40,8 @@ def table(settings: Settings) -> list[Table]:
         cells: list[float] = []
         for decibel in (20.0, 10.0):
             errors = np.array(each(slow, _step, method, decibel))  # (runs, s)
-            cells += _figures(errors)
+            # 90 % of the runs at the level of the requirement alone
+            cells += _figures(errors)[: 3 if decibel == 20.0 else 2]
         for decibel in (20.0, 10.0):
             errors = np.array(each(slow, _drift, method, decibel))
             cells.append(float(np.median(np.sqrt(np.mean(errors**2, axis=1)))))
@@ -55,7 +56,6 @@ def table(settings: Settings) -> list[Table]:
                 "(90 % of runs)",
                 "10 dB: steady",
                 "s to 15 %",
-                "(90 % of runs)",
                 "drift rms 20 dB",
                 "10 dB",
             ),
