@@ -39,8 +39,10 @@ def table(settings: Settings) -> list[Table]:
         ("openlka", DATA / "openlka" / "openlka.toml"),
     ):
         logs = sorted((DATA / folder).glob("*.blf"))
-        if logs:
-            rows.append((folder, *_summary([_measured(log, vehicle) for log in logs])))
+        # drives without any estimate have nothing that could move
+        found = [_measured(log, vehicle) for log in logs]
+        if any(one.most for one in found):
+            rows.append((folder, *_summary(found)))
     return [
         Table(
             "Drives cut by 0.1 to 0.7 s at either end: movement of K and tau + dead time, in half widths",

@@ -14,7 +14,6 @@ SECONDS = 125.0
 # how far the pedal stands above what level road needs, and the lead: more often at the floor from row to row
 WORLDS = (
     ("pedal always free", 14.0, Lead("normal", 1.5, 0.05)),
-    ("0 % floor, hardly any brake", -2.5, Lead("quiet", 1.1, 0.04)),
     ("0 % floor and brake", 1.0, Lead("normal", 1.8, 0.05)),
 )
 FIELDS = (("K1", 0, "K"), ("K2", 1, "K"), ("tau2", 1, "tau"), ("dead time 2", 1, "dead_time"))

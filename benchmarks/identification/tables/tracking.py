@@ -17,7 +17,7 @@ RAMP_AT = 100.0  # s
 FOLLOWED = 0.15  # relative error below which the change is said to be followed
 UPDATES_IN_A_ROW = 5  # updates in a row, one a second: a noisy estimate crosses the line by chance
 FREQUENCY = 0.2  # Hz at which the transfer function is compared
-SINGLE = (0.98, 0.99, 0.995, 0.998)
+SINGLE = (0.99, 0.995)
 
 
 def response(theta: np.ndarray, frequency: float = FREQUENCY) -> complex:
