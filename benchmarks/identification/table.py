@@ -92,7 +92,7 @@ def held(share: float, known: int, runs: int) -> float | str:
     >>> held(0.95, 40, 40), held(0.9, 10, 40), held(math.nan, 0, 40)
     (0.95, '0.9 of 10', nan)
     """
-    return share if known in (0, runs) else f"{text(share)} of {known}"
+    return math.nan if not known else share if known == runs else f"{text(share)} of {known}"
 
 
 def rmse(errors: Any, axis: int = 0) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.identification import acceleration, bus, canid_side, loop_a
 from benchmarks.identification.bounds import Lag
 from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseModel
-from benchmarks.identification.table import Settings, Table, each, held
+from benchmarks.identification.table import Settings, Table, each, held, text
 from canid.types import Channel, Driver
 
 NOISES = (*NOISE_MODELS, REMNANT)
@@ -30,8 +30,8 @@ PARAMETERS = (
     ("K2", 1, "K"),
     ("tau2", 1, "tau"),
     ("dead time 2", 1, "dead_time"),
-    ("tau2 + dead time 2", 1, "tau_plus_dead_time"),
-    ("tau1 + dead time 1", 0, "tau_plus_dead_time"),
+    ("τ2+θ2", 1, "tau_plus_dead_time"),
+    ("τ1+θ1", 0, "tau_plus_dead_time"),
 )
 
 
@@ -141,9 +141,10 @@ def table(settings: Settings) -> list[Table]:
     return [
         Table(
             "Share of 95 % intervals that hold the truth",
-            ("drives of", *columns),
-            [*rows, *cells, *means],
+            ("drives of", *columns[:-1]),
+            [row[:-1] for row in (*rows, *cells, *means)],
             (
+                f"{columns[-1]}: {text(rows[0][-1])} of all drives, mean z {text(means[0][-1])}, sd {text(means[1][-1])}. "
                 f"Of {len(by_cell)} cells of noise and length the {len(cells)} with a share below {MIN_CELL}. "
                 f"z: error in standard deviations of the interval. {note}.",
             ),

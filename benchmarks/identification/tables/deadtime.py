@@ -32,7 +32,7 @@ def table(settings: Settings) -> list[Table]:
     worlds = {
         "camera 20 Hz, no noise": (_camera, False),
         "radar 20 Hz, no noise": (_radar, False),
-        "radar 20 Hz, 0.25 m and 0.12 m/s": (_radar, True),
+        "radar 20 Hz, with noise": (_radar, True),
     }
     for world, (make, noisy) in worlds.items():
         # joined or held, the readings of a radar without noise are those of the camera
@@ -57,7 +57,7 @@ def table(settings: Settings) -> list[Table]:
                 "tau + dead time",
             ),
             rows,
-            ("± one standard deviation of the mean.",),
+            (f"± one standard deviation of the mean. Noise: {bus.GAP_SD} m and {bus.RATE_SD} m/s.",),
         )
     ]
 

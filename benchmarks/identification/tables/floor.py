@@ -23,7 +23,7 @@ def table(settings: Settings) -> list[Table]:
     """Print the bias in half-widths of the interval."""
     rows = []
     for name, shift, lead in WORLDS:
-        for way, how in (("canid", "canid"), ("canid's fit, floor and brake not masked", "blind")):
+        for way, how in (("canid", "canid"), ("not masked", "blind")):
             done = each(settings.few(2), _run, shift, lead, how)
             errors = np.array([d[0] for d in done])
             halves = np.array([d[1] for d in done])

@@ -18,10 +18,10 @@ SECONDS = 180.0
 COLUMNS = (
     "K1",
     "K2",
-    "tau2 + dead time 2",
+    "τ2+θ2",
     "range rate quotable",
     "width K2",
-    "width of the sum",
+    "width τ2+θ2",
 )
 
 

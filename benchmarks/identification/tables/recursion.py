@@ -15,10 +15,10 @@ from canid.types import TASK_INPUTS, Channel, Estimate, OutputFilter, Status
 
 NAMES = TASK_INPUTS["car_following"]
 MINUTES = (3.0, 10.0, 20.0)
-WANTED = ("K1", "K2", "tau1 + dead time 1", "tau2 + dead time 2")
+WANTED = ("K1", "K2", "τ1+θ1", "τ2+θ2")
 # share below which the row of a single noise model is printed
 MIN_CELL = 0.8
-COLUMNS = (*WANTED, "range rate quotable", "width K2", "width of sum 2")
+COLUMNS = (*WANTED, "range rate quotable", "width K2", "width τ2+θ2")
 
 
 def table(settings: Settings) -> list[Table]:

@@ -30,7 +30,7 @@ def table(settings: Settings) -> list[Table]:
             f"ARMAX in closed loop A, {SECONDS:.0f} s, by the step of the grid: coverage of the reported intervals",
             (
                 "step",
-                *(f"{who}: {x}" for who in ("drive", "live") for x in ("K1", "K2", "tau2 + dead time 2")),
+                *(f"{who}: {x}" for who in ("drive", "live") for x in ("K1", "K2", "τ2+θ2")),
             ),
             rows,
             (f"{len(done)} drives, five noise models in turn; inputs without sensor. Live: at the end.",),
