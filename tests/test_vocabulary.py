@@ -22,7 +22,6 @@ UNTRANSLATED = frozenset(
         "canid/session.py",
         "canid/simulation",
         "canid/vehicle",
-        "docs/identification.md",
         "docs/monitor.md",
         "docs/reading.md",
         "docs/report.md",

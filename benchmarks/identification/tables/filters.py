@@ -48,6 +48,11 @@ def table(settings: Settings) -> list[Table]:
     ]
 
 
+def distinct(how: Measured) -> tuple[str, ...]:
+    """Return what is printed by tables that have no room for the same figures twice."""
+    return SHOWN[:1] if how.kind == "none" else SHOWN
+
+
 def given(how: Measured) -> dict[str, OutputFilter | None]:
     """What a user may state of a filter."""
     return {"stated": OutputFilter(how.kind, how.width), "unknown": OutputFilter("unknown"), "nothing": None}  # type: ignore[arg-type]

@@ -38,7 +38,7 @@ def table(settings: Settings) -> list[Table]:
         given = filters.given(how)
         rows += [
             (how.name, f"filter {declared}", *_row(each(few, _acceleration, how, given[declared])))
-            for declared in filters.SHOWN
+            for declared in filters.distinct(how)
         ]
     return [
         Table(
