@@ -66,7 +66,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peers_following, "ASKED", (60.0,))
     monkeypatch.setattr(peers_following, "WORLDS", peers_following.WORLDS[2:])
     monkeypatch.setattr(residuals, "SECONDS", 90.0)
-    monkeypatch.setattr(residuals, "WORLDS", residuals.WORLDS[3:4])
+    monkeypatch.setattr(residuals, "WORLDS", (residuals.WORLDS[0], residuals.WORLDS[3]))
     monkeypatch.setattr(floor, "SECONDS", 40.0)
     monkeypatch.setattr(steering, "MINUTES", ((1.0, 1), (2.0, 2)))
     monkeypatch.setattr(urban, "MINUTES", 2.0)

@@ -118,7 +118,7 @@ def _b(seed: int) -> list[Judged]:
 def _pedal(of: loop_a.Drive, seed: int) -> list[Judged]:
     seen = bus.through_canid(bus.sensed(of, seed), Driver(headway_desired=of.headway_desired))
     two = of.channels[1]
-    return _judge(*seen, (two.K, two.tau + two.dead_time))
+    return _judge(seen.output, seen.inputs, seen.usable, seen.segment, (two.K, two.tau + two.dead_time))
 
 
 def _acceleration(seed: int, speed_noise: float, smoothed: bool, shared: bool) -> list[Judged]:

@@ -49,7 +49,7 @@ def table(settings: Settings) -> list[Table]:
             ("method", "median run", "worst run", "runs with NaN", "covariance not positive definite"),
             rows,
             (
-                f"{slow.runs} runs, 20 dB, learning never paused; the live estimator besides stops learning while nothing "
+                f"{slow.runs} runs, 20 dB, learning never paused; the live estimator also stops learning while nothing "
                 "moves. Covariance: checked every second.",
             ),
         )
