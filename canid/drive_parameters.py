@@ -116,7 +116,7 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         windows=tuple(windows(trace, **settings)),
         whole=_with_changes(
             {
-                estimator.name: estimator.identify(trusted, _settings(estimator, trace, settings))
+                estimator.name: estimator.identify(trusted, settings_of(estimator, trace, settings))
                 for estimator in ESTIMATORS
                 if estimator.identify is not None
             }
@@ -150,7 +150,7 @@ def _with_changes(whole: dict[str, WholeDrive | None]) -> dict[str, WholeDrive |
 def windows(trace: Trace, **settings: Any) -> list[Estimate]:
     """Estimates of each estimator along the drive, one every 10 s: the same numbers as live."""
     running: list[AnyRunning] = [
-        estimator.make(trace.input_names, trace.dt, _settings(estimator, trace, settings))
+        estimator.make(trace.input_names, trace.dt, settings_of(estimator, trace, settings))
         for estimator in ESTIMATORS
     ]
     made = reported_estimates(running, samples(trace))
@@ -159,8 +159,14 @@ def windows(trace: Trace, **settings: Any) -> list[Estimate]:
     return [signal_checks.withheld(e, signal_checks.at(trace.findings, e.t)) for e in made]
 
 
-def _settings(estimator: AnyEstimator, trace: Trace, given: Mapping[str, Any]) -> Any:
-    """Return the given settings or the defaults, with what the drive says of its output where they say nothing."""
+def settings_of(estimator: AnyEstimator, trace: Trace, given: Mapping[str, Any]) -> Any:
+    """Return the given settings or the defaults, with what the drive says of its output where they say nothing.
+
+    Args:
+        estimator: whose settings.
+        trace: of the drive.
+        given: by the estimators' names.
+    """
     settings = given.get(estimator.name) or estimator.settings()
     if hasattr(settings, "output_filter") and settings.output_filter is None:
         settings = settings._replace(output_filter=trace.output_filter)

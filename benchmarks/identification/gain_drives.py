@@ -109,9 +109,14 @@ HELD_S = 5.0
 STEP_AT_S, AFTER_S = 150.0, 60.0
 
 
+def step_time(seed: int) -> float:
+    """Draw when the gains step, s."""
+    return STEP_AT_S + float(np.random.default_rng([seed, 7]).uniform(0.0, 20.0))
+
+
 def follow(seed: int, world: World, factor: float) -> Followed:
     """Let the gains step by a factor."""
-    at = STEP_AT_S + float(np.random.default_rng([seed, 7]).uniform(0.0, 20.0))
+    at = step_time(seed)
     seen = drive(world, seed, at + AFTER_S, partial(stepped, at=at, factor=factor))
     truth = seen.K2 * factor
     first, held, began = np.inf, np.inf, np.nan

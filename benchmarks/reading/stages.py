@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -16,14 +15,7 @@ import numpy as np
 
 from canid import drive_parameters, drive_reader, vehicle
 from canid.estimators import ESTIMATORS, pooling, windows
-from canid.estimators.estimator import AnyEstimator
 from canid.identification.armax import order_selection
-from canid.types import Trace
-
-
-def _settings(of: AnyEstimator, trace: Trace) -> Any:
-    given = of.settings()
-    return given._replace(output_filter=trace.output_filter) if hasattr(given, "output_filter") else given
 
 
 def main() -> None:
@@ -41,12 +33,12 @@ def main() -> None:
         high = next(line for line in status if line.startswith("VmHWM"))
     print(f"memory after reading: {int(high.split()[1]) / 1024:.0f} MB")
     for each in ESTIMATORS:
-        made = each.make(trace.input_names, trace.dt, _settings(each, trace))
+        made = each.make(trace.input_names, trace.dt, drive_parameters.settings_of(each, trace, {}))
         windows.reported_estimates([made], drive_parameters.samples(trace))
         lap(f"windows, {each.name}")
     for each in ESTIMATORS:
         if each.identify is not None:
-            each.identify(trace, _settings(each, trace))
+            each.identify(trace, drive_parameters.settings_of(each, trace, {}))
             lap(f"whole drive, {each.name}")
     rows = pooling.pooled(trace)
     ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)

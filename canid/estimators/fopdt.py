@@ -208,6 +208,7 @@ def _window(setup: Setup, state: State) -> step_watch.Window:
         setup.input_names,
         state.window,
         state.t - waiting * setup.dt,
+        setup.settings.window,
         setup.settings.output_filter,
     )
 

@@ -19,8 +19,9 @@ import numpy as np
 from canid.estimators.status import TIME_ROUNDING_S
 from canid.identification import identifiability
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt import answer_columns, gain_step
+from canid.identification.fopdt import answer_columns, earlier_rows, gain_step
 from canid.identification.fopdt.answer_columns import Columns, Reference
+from canid.identification.fopdt.earlier_rows import Earlier
 from canid.identification.fopdt.fopdt_fit import ProcessFit
 from canid.identification.fopdt.gain_step import CANDIDATE_S, Steps
 from canid.identification.fopdt.regression_rows import Layout
@@ -55,6 +56,11 @@ SHOWN_S = 60.0
 DETECTED_SD = 2.0
 
 
+# share of the window in which a step is looked for; what is older counts as before it, and its first rows, of which no
+# history is known, are never used
+SEARCHED_SHARE = 0.75
+
+
 class Watch(NamedTuple):
     """What the next check needs."""
 
@@ -67,6 +73,7 @@ class Watch(NamedTuple):
     detected: Annotated[float, TIME] = NAN  # s, when
     cut: Annotated[float, TIME] = NAN  # s, the window's rows before are of other gains; NaN: none
     new: bool = False  # the change has not been reported yet
+    earlier: Earlier = Earlier()  # rows from before the step that is looked for
 
 
 class Window(NamedTuple):
@@ -76,6 +83,7 @@ class Window(NamedTuple):
     names: tuple[str, ...]
     rows: Array  # (n, width)
     t: float  # s, of the last row
+    seconds: float  # that the window is long when it is full
     output_filter: OutputFilter | None
 
     def row_at(self, t: float) -> int:
@@ -109,11 +117,13 @@ def check(watch: Watch, window: Window, t: float) -> Watch:
         return watch._replace(reference=None, evidence=0.0)
     if not (window.rows[-window.block :, 1] > 0.0).any():
         return watch
-    found = _steps(watch.reference, window)
-    if found is None:
+    tested = _steps(watch.reference, window, watch.earlier)
+    if tested is None:
         return watch._replace(evidence=0.0)
+    made, found = tested
     if found.evidence < ALARM:
-        return watch._replace(evidence=found.evidence)
+        earlier = _absorbed(watch, watch.reference, window, made) if found.evidence < HOLD else watch.earlier
+        return watch._replace(evidence=found.evidence, earlier=earlier)
     first, low, high = (window.time_of(row) for row in gain_step.when(found))
     # over all times at which it may have been
     weight = np.exp(found.log_bayes - found.log_bayes.max())
@@ -135,7 +145,7 @@ def trim(watch: Watch, window: Window) -> tuple[Watch, Array]:
         return watch, window.rows
     after = after.copy()
     after.setflags(write=False)
-    return watch._replace(cut=NAN, reference=None), after
+    return watch._replace(cut=NAN, reference=None, earlier=Earlier()), after
 
 
 def learn(watch: Watch, fit: ProcessFit, channels: Mapping[str, Channel], window: Window, t: float) -> Watch:
@@ -157,9 +167,10 @@ def with_steps(watch: Watch, channels: Mapping[str, Channel], window: Window) ->
     """Gains as the mixture over no step and a step at each second of the window."""
     if watch.reference is None or watch.evidence + math.log(STEP_RATE) < math.log(MIN_STEP_WEIGHT):
         return channels
-    found = _steps(watch.reference, window)
-    if found is None:
+    tested = _steps(watch.reference, window, watch.earlier)
+    if tested is None:
         return channels
+    _, found = tested
     weight = np.concatenate([[1.0], STEP_RATE * CANDIDATE_S * np.exp(np.minimum(found.log_bayes, 50.0))])
     weight /= weight.sum()
     if weight[0] > 1.0 - MIN_STEP_WEIGHT:
@@ -179,14 +190,15 @@ def since_step(watch: Watch, window: Window) -> Mapping[str, Channel] | None:
     """Gains since a step that was detected, with lags and dead times from before; None where too little is known."""
     if watch.reference is None:
         return None
-    made = _columns(watch.reference, window)
+    made = _columns(watch.reference, window, watch.earlier)
     if made is None:
         return None
     first = window.row_at(watch.cut)
     parts = gain_step.grams(made, 1)
     two = np.array([parts[:first].sum(axis=0), parts[first:].sum(axis=0)])
     rows = np.array([0.0, first])
-    found = gain_step.of_grams(two, made, watch.reference.size, rows, DETECTED_SD)
+    before = earlier_rows.products(watch.earlier, window.layout, watch.reference)
+    found = gain_step.of_grams(two, made, watch.reference.size, rows, before, DETECTED_SD)
     gains = _intervals(window.names, found.after[0], found.after_sd[0])
     out = {}
     for (name, K), sd in zip(gains.items(), found.after_sd[0], strict=True):
@@ -204,24 +216,52 @@ def shown(watch: Watch, t: float) -> GainChange | None:
     return watch.change._replace(new=watch.new)
 
 
-def _columns(at: Reference, window: Window) -> Columns | None:
+def _columns(at: Reference, window: Window, earlier: Earlier | None = None) -> Columns | None:
+    """Whiten the window; rows that `earlier` holds are not usable."""
     raw, usable = answer_columns.raw(window.layout, window.rows, at)
-    return answer_columns.whitened(window.layout, raw, usable, at, window.output_filter)
+    made = answer_columns.whitened(window.layout, raw, usable, at, window.output_filter)
+    if made is None or earlier is None or earlier.until != earlier.until:
+        return made
+    new = np.arange(len(window.rows)) > window.row_at(earlier.until)
+    return made._replace(values=made.values * new, weight=made.weight * new, usable=made.usable & new)
 
 
-def _steps(at: Reference, window: Window) -> Steps | None:
+def _steps(at: Reference, window: Window, earlier: Earlier) -> tuple[Columns, Steps] | None:
     """Test each second; on the scale of the noise before, or of the residual with the likeliest step where it is larger."""
-    made = _columns(at, window)
+    made = _columns(at, window, earlier)
     if made is None:
         return None
-    found = gain_step.steps(made, at.size, window.block)
+    before = earlier_rows.products(earlier, window.layout, at)
+    found = gain_step.steps(made, at.size, window.block, before)
     if found.evidence < SECOND_PASS:
-        return found
+        return made, found
     m = made.inputs
     after = np.arange(made.values.shape[1]) >= found.rows[found.best]
     e = answer_columns.residual(made, made.values[: m + 1] * after)
-    stretch = made.values.shape[1]
-    return gain_step.steps(answer_columns.weighed(made, e, at, stretch, at.scale), at.size, window.block)
+    made = answer_columns.weighed(made, e, at, made.values.shape[1], at.scale)
+    return made, gain_step.steps(made, at.size, window.block, before)
+
+
+def _absorbed(watch: Watch, at: Reference, window: Window, made: Columns) -> Earlier:
+    """Take in the rows that are too old to be searched."""
+    until = window.t - SEARCHED_SHARE * window.seconds
+    if window.time_of(0) >= until:
+        return watch.earlier
+    first = window.row_at(watch.earlier.until) + 1 if watch.earlier.until == watch.earlier.until else 0
+    last = window.row_at(until)
+    if last < first:
+        return watch.earlier
+    part = slice(first, last + 1)
+    return earlier_rows.absorb(
+        watch.earlier,
+        window.layout,
+        window.rows,
+        made,
+        at,
+        part,
+        window.time_of(last),
+        window.output_filter,
+    )
 
 
 def _intervals(names: tuple[str, ...], value: Array, sd: Array) -> dict[str, Interval]:

@@ -69,6 +69,38 @@ def reference(fit: ProcessFit) -> Reference | None:
     )
 
 
+def basis_columns(layout: Layout, rows: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Take answers of all nodes of the basis, one, and the output from rows.
+
+    Args:
+        layout: of the rows.
+        rows: (n, width) from `regression_rows.put`.
+
+    Returns:
+        (m b + 2, n), zero where nothing is known; (n,) usable.
+    """
+    first = 2 + layout.inputs
+    out = np.empty((rows.shape[1] - first + 2, len(rows)))
+    out[:-2], out[-2], out[-1] = rows[:, first:].T, 1.0, rows[:, 0]
+    known = np.isfinite(out)
+    usable: npt.NDArray[np.bool_] = (rows[:, 1] > 0.0) & known.all(axis=0)
+    out[~known] = 0.0
+    return out, usable
+
+
+def turn(layout: Layout, at: Reference) -> Array:
+    """Weights (c, m b + 2) of the basis columns in those of `Columns.values`."""
+    m, b = layout.inputs, layout.basis.size
+    weights = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)  # (3, m, b)
+    weights[1:] *= at.K[:, None]
+    out = np.zeros((3 * m + 2, m * b + 2))
+    out[m, -2] = out[-1, -1] = 1.0
+    for i in range(m):
+        # the answer comes before the offset, its slopes after it
+        out[[i, m + 1 + i, 2 * m + 1 + i], i * b : (i + 1) * b] = weights[:, i]
+    return out
+
+
 def raw(layout: Layout, rows: Array, at: Reference) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Make the columns of `Columns.values`, not whitened.
 
@@ -80,19 +112,50 @@ def raw(layout: Layout, rows: Array, at: Reference) -> tuple[Array, npt.NDArray[
     Returns:
         (c, n), zero where nothing is known; (n,) usable.
     """
-    m, b = layout.inputs, layout.basis.size
-    weights = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)  # (3, m, b)
-    weights[1:] *= at.K[:, None]
-    out = np.empty((3 * m + 2, len(rows)))
-    out[m], out[-1] = 1.0, rows[:, 0]
-    for i in range(m):
-        # the answer comes before the offset, its slopes after it
-        first = 2 + m + i * b
-        out[[i, m + 1 + i, 2 * m + 1 + i]] = weights[:, i] @ rows[:, first : first + b].T
-    known = np.isfinite(out)
-    usable: npt.NDArray[np.bool_] = (rows[:, 1] > 0.0) & known.all(axis=0)
-    out[~known] = 0.0
-    return out, usable
+    columns, usable = basis_columns(layout, rows)
+    return turn(layout, at) @ columns, usable
+
+
+def white(
+    columns: Array,
+    usable: npt.NDArray[np.bool_],
+    at: Reference,
+    output_filter: OutputFilter | None,
+    step: float,
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Whiten columns, the output the last of them.
+
+    Args:
+        columns: (c, n).
+        usable: (n,).
+        at: the point, with its noise model.
+        output_filter: that the output has passed.
+        step: s, of the rows.
+
+    Returns:
+        (c, n), zero where not known; (n,) known.
+    """
+    by = equalizer(output_filter, step)
+    values = columns.copy()
+    if by is not None:
+        for k, row in enumerate(columns):
+            values[k] = apply(by.output if k == len(columns) - 1 else by.answers, row)
+        # what the longest of both filters reads
+        reach = max(by.answers.before, by.answers.after)
+        near = np.convolve(~usable, np.ones(2 * reach + 1))[reach : reach + len(usable)]
+        usable = usable & (near < 0.5)
+        usable[:reach], usable[len(usable) - reach :] = False, False
+    if not usable.any():
+        return np.zeros_like(values), usable
+    values *= usable
+    plain, known = values.copy(), usable.copy()
+    for i, phi in enumerate(at.noise, 1):
+        lag = i * at.stride
+        values[:, lag:] -= phi * plain[:, :-lag]
+        known[lag:] &= usable[:-lag]
+        known[:lag] = False
+    values *= known
+    return values, known
 
 
 def whitened(
@@ -112,28 +175,11 @@ def whitened(
         output_filter: that the output has passed.
     """
     m = layout.inputs
-    by = equalizer(output_filter, layout.step)
-    values = columns.copy()
-    if by is not None:
-        for k, row in enumerate(columns):
-            values[k] = apply(by.output if k == len(columns) - 1 else by.answers, row)
-        # what the longest of both filters reads
-        reach = max(by.answers.before, by.answers.after)
-        near = np.convolve(~usable, np.ones(2 * reach + 1))[reach : reach + len(usable)]
-        usable = usable & (near < 0.5)
-        usable[:reach], usable[len(usable) - reach :] = False, False
     if not usable.any():
         return None
     # numbers near zero keep their digits when products are summed
-    values[-1] -= float(values[-1, usable].mean())
-    values *= usable
-    plain, known = values.copy(), usable.copy()
-    for i, phi in enumerate(at.noise, 1):
-        lag = i * at.stride
-        values[:, lag:] -= phi * plain[:, :-lag]
-        known[lag:] &= usable[:-lag]
-        known[:lag] = False
-    values *= known
+    columns = np.vstack([columns[:-1], columns[-1] - float(columns[-1, usable].mean())])
+    values, known = white(columns, usable, at, output_filter, layout.step)
     if int(known.sum()) < MIN_SCALE_ROWS:
         return None
     by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)

@@ -59,21 +59,28 @@ def grams(columns: Columns, block: int) -> Array:
     return out
 
 
-def steps(columns: Columns, size: Array, block: int, change_sd: float = CHANGE_SD) -> Steps:
+def steps(columns: Columns, size: Array, block: int, earlier: Array | float = 0.0) -> Steps:
     """Test a step before each block of rows.
 
     Args:
         columns: weighed, (c, n).
         size: (m,) of the gains.
         block: rows between two candidates.
-        change_sd: relative sd of a change before the data.
+        earlier: (c, c) inner products of rows before all of them.
     """
     n = columns.values.shape[1]
     parts = grams(columns, block)
-    return of_grams(parts, columns, size, np.arange(len(parts)) * float(block) - (-n % block), change_sd)
+    return of_grams(parts, columns, size, np.arange(len(parts)) * float(block) - (-n % block), earlier)
 
 
-def of_grams(parts: Array, columns: Columns, size: Array, rows: Array, change_sd: float = CHANGE_SD) -> Steps:
+def of_grams(
+    parts: Array,
+    columns: Columns,
+    size: Array,
+    rows: Array,
+    earlier: Array | float = 0.0,
+    change_sd: float = CHANGE_SD,
+) -> Steps:
     """Test a step before each block but the first, from the blocks' inner products.
 
     Args:
@@ -81,12 +88,13 @@ def of_grams(parts: Array, columns: Columns, size: Array, rows: Array, change_sd
         columns: names the columns.
         size: (m,) of the gains.
         rows: (b,) the first row of each block.
+        earlier: (c, c) inner products of rows before all of them.
         change_sd: relative sd of a change before the data.
     """
     m = columns.inputs
     q = len(columns.precision)
     own = m + 1  # what steps: gains and offset
-    total = parts.sum(axis=0)
+    total = parts.sum(axis=0) + earlier
     after = np.cumsum(parts[::-1], axis=0)[::-1][1:]
     k = len(after)
     M, r = np.zeros((k, q + own, q + own)), np.zeros((k, q + own))
