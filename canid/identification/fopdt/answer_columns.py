@@ -17,7 +17,7 @@ from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import fopdt_posterior, reduced_basis
 from canid.identification.fopdt.fopdt_fit import ProcessFit
 from canid.identification.fopdt.regression_rows import Layout
-from canid.identification.output_filter import apply, equalizer
+from canid.identification.output_filter import Equalizer, apply, equalizer
 from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
 from canid.types import Array, OutputFilter
 
@@ -116,6 +116,11 @@ def raw(layout: Layout, rows: Array, at: Reference) -> tuple[Array, npt.NDArray[
     return turn(layout, at) @ columns, usable
 
 
+def rows_read(by: Equalizer | None) -> int:
+    """Rows to either side that the longest of both filters reads."""
+    return 0 if by is None else max(by.answers.before, by.answers.after)
+
+
 def white(
     columns: Array,
     usable: npt.NDArray[np.bool_],
@@ -140,8 +145,7 @@ def white(
     if by is not None:
         for k, row in enumerate(columns):
             values[k] = apply(by.output if k == len(columns) - 1 else by.answers, row)
-        # what the longest of both filters reads
-        reach = max(by.answers.before, by.answers.after)
+        reach = rows_read(by)
         near = np.convolve(~usable, np.ones(2 * reach + 1))[reach : reach + len(usable)]
         usable = usable & (near < 0.5)
         usable[:reach], usable[len(usable) - reach :] = False, False

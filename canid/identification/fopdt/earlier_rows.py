@@ -15,6 +15,7 @@ import numpy as np
 from canid.identification.fopdt import answer_columns
 from canid.identification.fopdt.answer_columns import Columns, Reference
 from canid.identification.fopdt.regression_rows import Layout
+from canid.identification.output_filter import equalizer
 from canid.state_constraints import FINITE, TIME
 from canid.types import NAN, Array, OutputFilter
 
@@ -53,9 +54,10 @@ def absorb(
         until: s, time of the last of them.
         output_filter: that the output has passed.
     """
-    basis, usable = answer_columns.basis_columns(layout, rows)
+    read = part.stop + answer_columns.rows_read(equalizer(output_filter, layout.step))
+    basis, usable = answer_columns.basis_columns(layout, rows[:read])
     values, known = answer_columns.white(basis, usable, at, output_filter, layout.step)
-    values, weight = values[:, part], (made.weight * known)[part]
+    values, weight = values[:, part], made.weight[part] * known[part]
     products = (values * weight) @ values.T
     if earlier.products.size:
         products += math.exp(-(until - earlier.until) / MEMORY_S) * earlier.products
