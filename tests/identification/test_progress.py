@@ -106,7 +106,7 @@ def test_an_sd_that_is_none_gives_no_forecast(sd: float) -> None:
 def test_on_fits_of_another_plant() -> None:
     """Open loop, pulses of random length at random times, Laplace noise: at half of the way, most within a factor of 2."""
     found = []
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         u = np.zeros(9000)
         for start in np.flatnonzero(rng.random(len(u)) < 0.1 / 10.0):
@@ -122,7 +122,7 @@ def test_on_fits_of_another_plant() -> None:
             ).channels[0]
             return channel.status, channel.progress
 
-        times = 30.0 * 1.2 ** np.arange(19)
+        times = 30.0 * 1.25 ** np.arange(15)
         reached = [at(t)[0] is Identifiable.OK for t in times]
         end = next(
             (float(t) for t, *there in zip(times, reached, reached[1:], strict=False) if all(there)), math.nan
@@ -130,5 +130,5 @@ def test_on_fits_of_another_plant() -> None:
         status, missing = at(0.5 * end) if end > 60.0 else (Identifiable.OK, None)
         if status is Identifiable.SUM_ONLY and missing is not None:
             found.append(missing.seconds / (0.5 * end))
-    assert len(found) >= 4
+    assert len(found) >= 3
     assert np.mean([0.5 <= ratio <= 2.0 for ratio in found]) >= 0.6, found
