@@ -14,8 +14,8 @@ from canid.types import Channel, Identifiable, OutputFilter
 
 MINUTES = 20.0
 STEP = 1.12  # the drive grows by this factor from one fit to the next
-FIRST = 60.0  # s of the first
-LEAST = 30.0  # s to go; the fits are at least 7 s apart
+FIRST = 30.0  # s of the first
+LEAST = 30.0  # s to go; the fits are 4 to 130 s apart
 ORDER = (Identifiable.NOT, Identifiable.GAIN_ONLY, Identifiable.SUM_ONLY, Identifiable.OK)
 NOISES = (*NOISE_MODELS, REMNANT)
 # Shares of the way to the next status. At a half alone "as long again as so far" would always be right.
