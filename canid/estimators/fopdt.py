@@ -282,7 +282,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
 
 
 def _ranges(given: FopdtSettings) -> plausibility.Ranges:
-    return plausibility.Ranges(given.tau_max, given.dead_time_max)
+    return plausibility.Ranges(given.tau_max, given.dead_time_max, NAME)
 
 
 def _following(

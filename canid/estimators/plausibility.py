@@ -41,6 +41,7 @@ class Ranges(NamedTuple):
 
     tau_max: float
     dead_time_max: float
+    section: str = ""  # of the vehicle file that sets them; empty: nobody can
 
 
 # Of a search without ranges: no delay is at their end.
@@ -112,9 +113,9 @@ def _at_ends(channels: Mapping[str, Channel], ranges: Ranges) -> tuple[list[str]
         for word, setting, delay, end in delays:
             where = f"{name.replace('_', ' ')}: "
             if delay.value > EDGE_SHARE * end:
+                remedy = f"raise {setting} in [{ranges.section}], or " if ranges.section else ""
                 refused.append(
-                    f"{where}{word} is at the end of its range, {end:.1f} s: raise {setting} in [fopdt], or the "
-                    "response is no reaction"
+                    f"{where}{word} is at the end of its range, {end:.1f} s: {remedy}the response is no reaction"
                 )
             elif delay.high > TOUCHING_SHARE * end:
                 remarks.append(f"{where}the interval of {word} ends with its range, {end:.1f} s")

@@ -10,7 +10,7 @@ from canid.estimators.plausibility import Following, Ranges, judge
 from canid.identification.first_order import scan
 from canid.types import Channel, Identifiable, Interval, LearnGate, Status, Trace
 
-RANGES = Ranges(3.0, 1.5)
+RANGES = Ranges(3.0, 1.5, "fopdt")
 AT = Following(20.0, 1.5)
 
 
@@ -43,7 +43,12 @@ def test_a_delay_at_the_end_of_its_range_is_never_ok(field, word, setting):
     end = getattr(RANGES, setting)
     piled = channel(0.6)._replace(**{field: Interval(0.97 * end, 0.9 * end, 0.999 * end)})
     verdict = judge(both(channel(0.3), piled), 40.0, RANGES)
-    assert f"range rate: {word} is at the end of its range, {end} s: raise {setting}" in verdict.refused[0]
+    assert (
+        f"range rate: {word} is at the end of its range, {end} s: raise {setting} in [fopdt]"
+        in verdict.refused[0]
+    )
+    nobody = judge(both(channel(0.3), piled), 40.0, RANGES._replace(section=""))
+    assert nobody.refused[0].endswith(f"{end} s: the response is no reaction")
     touching = piled._replace(**{field: Interval(0.5 * end, 0.1 * end, 0.999 * end)})
     verdict = judge(both(channel(0.3), touching), 40.0, RANGES)
     assert not verdict.refused
