@@ -301,8 +301,9 @@ def _following(
 
 def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
     """Fit all usable samples of a drive at once, and find what changes during it."""
-    options = {"prior": settings.prior, "output_filter": settings.output_filter}
-    how = fopdt_whole_drive.Fitting(settings.tau_max, settings.dead_time_max, options, settings.output_filter)
+    how = fopdt_whole_drive.Fitting(
+        settings.tau_max, settings.dead_time_max, settings.prior, settings.output_filter
+    )
     fit = how.fit(trace, slice(None))
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
     tests, left = None, ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from canid.identification.fopdt import (
     regression_rows,
 )
 from canid.identification.fopdt.answer_columns import Columns
+from canid.identification.fopdt.prior import Prior
 from canid.identification.identifiability import not_quotable, quotable
 from canid.identification.local_level import LocalLevel
 from canid.types import Array, Channel, GainChange, Interval, OutputFilter, Trace
@@ -66,7 +67,7 @@ class Fitting(NamedTuple):
 
     tau_max: float  # s
     dead_time_max: float  # s
-    options: Mapping[str, Any]  # prior, output_filter
+    prior: Prior | None
     output_filter: OutputFilter | None
 
     def fit(self, trace: Trace, part: slice) -> fopdt_fit.ProcessFit:
@@ -80,7 +81,8 @@ class Fitting(NamedTuple):
             tau_max=self.tau_max,
             dead_time_max=self.dead_time_max,
             bound=None if trace.bound is None else trace.bound[part],
-            **self.options,
+            prior=self.prior,
+            output_filter=self.output_filter,
         )
 
 
