@@ -13,7 +13,13 @@ import numpy as np
 from canid.estimators import plausibility, status
 from canid.estimators.armax_state import Setup, State, is_excited, moved, unconfirmed, with_sample
 from canid.identification import identifiability, residual_tests
-from canid.identification.armax import box_jenkins_recursive, confidence_sequence, gain_and_delay
+from canid.identification.armax import (
+    box_jenkins_posterior,
+    box_jenkins_recursive,
+    box_jenkins_state,
+    confidence_sequence,
+    gain_and_delay,
+)
 from canid.identification.armax.rates import rates
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt.regression_rows import Layout
@@ -106,7 +112,7 @@ def estimate(
     if model is None:
         return refused(*status.by_fit({}, excitation))
     tests = _residual_tests(setup, model)
-    channels = dict(zip(names, box_jenkins_recursive.channels(layout, model), strict=True))
+    channels = dict(zip(names, box_jenkins_posterior.channels(layout, model), strict=True))
     known_s = box_jenkins_recursive.seconds(layout, model)
     channels = {
         name: c._replace(K_anytime=_anytime(c.K, known_s)) if c.status is not Identifiable.NOT else c
@@ -135,7 +141,7 @@ def _anytime(K: Interval, seconds: float) -> Interval:
     return Interval(K.value, K.value - factor * (K.value - K.low), K.value + factor * (K.high - K.value))
 
 
-def _residual_tests(setup: Setup, model: box_jenkins_recursive.State) -> ResidualTests | None:
+def _residual_tests(setup: Setup, model: box_jenkins_state.State) -> ResidualTests | None:
     e = model.tested[:, 0]
     if np.isfinite(e).sum() * setup.dt < MIN_TESTED_S:
         return None

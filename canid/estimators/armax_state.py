@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from canid.estimators import pooling, status
-from canid.identification.armax import armax_recursive, box_jenkins_recursive
+from canid.identification.armax import armax_recursive, box_jenkins_state
 from canid.identification.armax.armax_batch import Orders
 from canid.identification.armax.rates import rates
 from canid.identification.fopdt import regression_rows
@@ -96,7 +96,7 @@ class State(NamedTuple):
     learnt: Learnt
     movement: Annotated[Movement, FINITE]
     quality: Quality
-    separate: box_jenkins_recursive.State | None = None  # with several inputs, instead of `model`
+    separate: box_jenkins_state.State | None = None  # with several inputs, instead of `model`
 
 
 def init(setup: Setup) -> State:
@@ -198,7 +198,7 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         yield "the parameters of armax are larger than any measured quantity"
 
 
-def _check_separate(setup: Setup, model: box_jenkins_recursive.State | None) -> Iterator[str]:
+def _check_separate(setup: Setup, model: box_jenkins_state.State | None) -> Iterator[str]:
     if model is None:
         return
     if setup.layout is None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from canid.identification.armax import box_jenkins_posterior, box_jenkins_state
 from canid.identification.armax import box_jenkins_recursive as recursion
 from canid.identification.first_order import scan
 from canid.identification.fopdt import fopdt_fit
@@ -42,7 +43,7 @@ def run(samples, forgetting=FORGETTING):
 def test_it_finds_what_a_batch_fit_of_all_rows_finds(decay):
     """Gains and sums of lag and dead time differ from the batch posterior's by less than half of its half-width."""
     samples = drive(1, decay=decay)
-    found = recursion.channels(LAYOUT, run(samples))
+    found = box_jenkins_posterior.channels(LAYOUT, run(samples))
     batch = fopdt_fit.fit_process(samples[:, 0], samples[:, 3:], np.full(len(samples), True), DT).channels
     for own, other in zip(found, batch, strict=True):
         for name in ("K", "tau_plus_dead_time"):
@@ -64,7 +65,7 @@ def test_another_driver_is_followed():
     inside, restarts = 0, 0
     for seed in range(4):
         state = run(drive(seed, n=4000, change=1.5))
-        K = recursion.channels(LAYOUT, state)[1].K
+        K = box_jenkins_posterior.channels(LAYOUT, state)[1].K
         assert abs(K.value / (1.5 * 5.6) - 1.0) < 0.1
         inside += K.low < 1.5 * 5.6 < K.high
         restarts += state.restarts
@@ -81,10 +82,13 @@ def test_nothing_is_forgotten_while_nothing_moves():
     """Ten minutes of still inputs take nothing from the longest memory and next to nothing from the shortest."""
     samples = drive(3, n=8000, still_from=2000)
     before, after = run(samples[:2000]), run(samples)
-    K = [recursion._channels_of(LAYOUT, one, len(FORGETTING) - 1, 1.0)[1].K for one in (before, after)]
+    K = [
+        box_jenkins_posterior._channels_of(LAYOUT, one, len(FORGETTING) - 1, 1.0)[1].K
+        for one in (before, after)
+    ]
     assert abs(K[1].value / K[0].value - 1.0) < 0.02
     assert (K[1].high - K[1].low) < 1.1 * (K[0].high - K[0].low)
-    held = [recursion._solved(LAYOUT, one)[4][0, 1] for one in (before, after)]
+    held = [box_jenkins_state.solved(LAYOUT, one)[4][0, 1] for one in (before, after)]
     assert held[1] > 0.5 * held[0]
     assert np.linalg.eigvalsh(after.products).min() > -1e-9 * np.abs(after.products).max()
 
