@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.estimators.fopdt import FOPDT, UNKNOWN_FILTER, FopdtSettings
+from canid.estimators.fopdt import FOPDT, FopdtSettings
 from canid.identification.fopdt import fopdt_fit
-from canid.identification.output_filter import apply, equalizer, kernel
+from canid.identification.output_filter import DELAYS_HOLD_IT, apply, equalizer, kernel
 from canid.types import Identifiable, LearnGate, OutputFilter, Sample, Status
 from tests.identification.first_order_response import response
 
@@ -89,7 +89,7 @@ def test_of_an_unknown_filter_no_delay_may_be_quoted() -> None:
     assert channel.status is Identifiable.GAIN_ONLY
     assert channel.K.low <= 5.0 <= channel.K.high
     assert math.isfinite(channel.tau.value)
-    assert UNKNOWN_FILTER in last.says
+    assert DELAYS_HOLD_IT in last.says
 
 
 def test_a_gap_costs_what_the_filter_reads_across_it() -> None:

@@ -165,7 +165,7 @@ def test_defaults_and_settings_arrive(tmp_path):
     vehicle = read_vehicle(write(tmp_path, GOOD))
     none = OutputFilter("none")
     assert vehicle.estimators == {
-        "armax": ArmaxSettings(),
+        "armax": ArmaxSettings(output_filter=none),
         "fopdt": FopdtSettings(output="pedal", output_filter=none),
     }
     assert vehicle.lead.tracks is None
