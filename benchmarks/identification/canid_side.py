@@ -12,12 +12,21 @@ import canid
 from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
 from canid.estimators.fopdt import FopdtSettings
-from canid.identification import autoregression, identifiability, innovation_law
+from canid.identification import autoregression, feedback_bias, identifiability, innovation_law
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
 from canid.identification.fopdt import fopdt_residual, regression_rows
 from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process, row_layout
 from canid.identification.fopdt.prior import Prior
-from canid.types import Channel, Estimate, Interval, LearnGate, OutputFilter, ResidualTests, Sample
+from canid.types import (
+    TASK_INPUTS,
+    Channel,
+    Estimate,
+    Interval,
+    LearnGate,
+    OutputFilter,
+    ResidualTests,
+    Sample,
+)
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
@@ -88,9 +97,12 @@ def process(
     output_filter: OutputFilter | None = UNFILTERED,
     bound: np.ndarray | None = None,
 ) -> ProcessFit:
-    """Fit first order plus dead time; the first 4.5 s are history only."""
+    """Fit first order plus dead time; the first 4.5 s are history only. Two inputs are those of car following."""
     usable = np.full(len(output), True) if usable is None else usable
-    return fit_process(output, inputs, usable, dt, segment=segment, output_filter=output_filter, bound=bound)
+    held = feedback_bias.held(TASK_INPUTS["car_following"]) if inputs.shape[1] == 2 else None
+    return fit_process(
+        output, inputs, usable, dt, segment=segment, output_filter=output_filter, bound=bound, held=held
+    )
 
 
 def tested(

@@ -12,7 +12,7 @@ import numpy as np
 
 from canid.estimators import plausibility, status
 from canid.estimators.armax_state import Setup, State, is_excited, moved, unconfirmed, with_sample
-from canid.identification import identifiability, residual_tests
+from canid.identification import feedback_bias, identifiability, residual_tests
 from canid.identification.armax import (
     box_jenkins_posterior,
     box_jenkins_recursive,
@@ -113,6 +113,7 @@ def estimate(
         return refused(*status.by_fit({}, excitation))
     tests = _residual_tests(setup, model)
     channels = dict(zip(names, box_jenkins_posterior.channels(layout, model), strict=True))
+    channels |= {name: feedback_bias.without(channels[name]) for name in feedback_bias.HELD if name in names}
     known_s = box_jenkins_recursive.seconds(layout, model)
     channels = {
         name: c._replace(K_anytime=_anytime(c.K, known_s)) if c.status is not Identifiable.NOT else c

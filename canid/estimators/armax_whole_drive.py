@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from canid.estimators import plausibility, pooling
 from canid.estimators.estimator import WholeDrive
-from canid.identification import identifiability, residual_tests
+from canid.identification import feedback_bias, identifiability, residual_tests
 from canid.identification.armax import box_jenkins, box_jenkins_channels, gain_and_delay, measurement_noise
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.armax.box_jenkins import BoxJenkinsFit
@@ -87,6 +87,7 @@ def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | 
         tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, own)
         fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
     found = box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
+    found |= {name: feedback_bias.without(found[name]) for name in feedback_bias.HELD if name in found}
     if is_unknown(of):
         # the delays found are those of the driver and of the filter
         found = {name: identifiability.gain_only(channel) for name, channel in found.items()}

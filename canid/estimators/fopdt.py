@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field
 
 from canid.estimators import fopdt_whole_drive, plausibility, status, step_watch
 from canid.estimators.estimator import Estimator, WholeDrive
-from canid.identification import identifiability
+from canid.identification import feedback_bias, identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
 from canid.identification.fopdt.prior import Prior, check_prior
 from canid.identification.output_filter import DELAYS_HOLD_IT, is_unknown
@@ -250,7 +250,13 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
             )
     start = None if state.reported else state.start
     fit = fopdt_fit.fit_rows(
-        setup.layout, window, start, given.prior, given.output_filter, continued=state.reported
+        setup.layout,
+        window,
+        start,
+        given.prior,
+        given.output_filter,
+        held=feedback_bias.held(names),
+        continued=state.reported,
     )
     if state.reported:
         # from a fit that is not credible the next ones would begin where none of them can end

@@ -16,7 +16,7 @@ import numpy as np
 
 from canid.estimators import step_watch
 from canid.estimators.estimator import WholeDrive
-from canid.identification import local_level
+from canid.identification import feedback_bias, local_level
 from canid.identification.confidence import MISS
 from canid.identification.fopdt import (
     answer_columns,
@@ -83,6 +83,7 @@ class Fitting(NamedTuple):
             bound=None if trace.bound is None else trace.bound[part],
             prior=self.prior,
             output_filter=self.output_filter,
+            held=feedback_bias.held(trace.input_names),
         )
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import band, identifiability, innovation_law
+from canid.identification import band, feedback_bias, identifiability, innovation_law
 from canid.identification.fopdt import fopdt_posterior, reduced_basis, row_noise
 from canid.identification.fopdt import regression_rows as rows
 from canid.identification.fopdt.prior import Prior, log_density
@@ -84,6 +84,7 @@ def fit_process(
     start: Start | None = None,
     output_filter: OutputFilter | None = None,
     bound: Array | None = None,
+    held: int | None = None,
 ) -> ProcessFit:
     """Fit all channels jointly.
 
@@ -100,6 +101,7 @@ def fit_process(
         output_filter: that the output has passed; None: not known.
         bound: (n,) that the driver's demand did not exceed where the output is not usable, a pedal at its floor; NaN:
             nothing is known of it.
+        held: the input that the driver's loop holds, see feedback_bias.py; None: none.
 
     Raises:
         ValueError: shapes that do not fit, or more than two inputs.
@@ -139,7 +141,7 @@ def fit_process(
         part = slice(n, n + len(more))
         both[:, part], ready[part] = _columns(layout, more)
         n += len(more)
-    return _fit(layout, both[:, :n], ready[:n], start, prior, output_filter)
+    return _fit(layout, both[:, :n], ready[:n], start, prior, output_filter, held)
 
 
 # samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
@@ -185,6 +187,7 @@ def fit_rows(
     prior: Prior | None = None,
     output_filter: OutputFilter | None = None,
     *,
+    held: int | None = None,
     continued: bool = True,
 ) -> ProcessFit:
     """Fit a window of rows.
@@ -195,9 +198,10 @@ def fit_rows(
         start: of an overlapping window.
         prior: declared belief; None: the box alone.
         output_filter: that the output has passed; None: not known.
+        held: the input that the driver's loop holds, see feedback_bias.py; None: none.
         continued: another window starts from this one's `start`; else the time to make it ready is saved.
     """
-    return _fit(layout, *_columns(layout, window), start, prior, output_filter, continued)
+    return _fit(layout, *_columns(layout, window), start, prior, output_filter, held, continued)
 
 
 def _fit(
@@ -207,6 +211,7 @@ def _fit(
     start: Start | None,
     prior: Prior | None,
     output_filter: OutputFilter | None,
+    held: int | None,
     continued: bool = True,
 ) -> ProcessFit:
     """Fit answers and output (m b + 1, n), which are used up; `known` (n,) as of `_columns`."""
@@ -223,6 +228,10 @@ def _fit(
         return no_fit(m, count)
     limits = band.strides(layout.step, output_filter)
     fit = _search(layout, _ready(both, usable, bounded, count), count, start, prior, limits, continued)
+    if held is not None:
+        channels = list(fit.channels)
+        channels[held] = feedback_bias.without(channels[held], fit.drift)
+        fit = fit._replace(channels=tuple(channels))
     if unknown:
         # the delays found are those of the driver and of the filter
         return fit._replace(channels=tuple(map(identifiability.gain_only, fit.channels)))
