@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
@@ -197,6 +198,17 @@ class Report(NamedTuple):
     provenance: Provenance = Provenance()
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
+
+
+def extends(report: Report) -> bool:
+    """Does a finding change a simulated model? One of the remnant changes the law of the noise only.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> extends(SimpleNamespace(findings=()))
+        False
+    """
+    return any(not math.isfinite(finding.log_score_gain.value) for finding in report.findings)
 
 
 def no_fit(n: int) -> Fit:

@@ -23,10 +23,11 @@ PHASES = 4
 class Innovations(NamedTuple):
     """What is left of a drive when mean, autocorrelation and present scale of the noise are taken out."""
 
-    x: Array  # (n,) standard deviations of the present model
+    x: Array  # (n,) standard deviations of the present model, not divided by its relative scale
     rows: Flags  # (n,) samples that count and are free
     features: dict[ScaleFeature, Array]  # (n,), of the past alone
-    phases: Array  # (PHASES − 1, n) of the sampling, in every law
+    # (k, n) in every law: what the present scale follows (size of the response, speed), and the phases of the sampling
+    present: Array
     dt: float  # s
 
 
@@ -39,13 +40,15 @@ def innovations(trace: Trace, data: DriverData, solved: FittedDriver) -> Innovat
         solved: the final model.
     """
     rows = solved.rows & ~data.output.hidden
-    x = solved.fitted.scored.e
+    e = solved.fitted.scored.e
     accel = trace.signals.get("accel")
     own = filled(accel) if accel is not None else np.diff(data.output.y, prepend=data.output.y[:1])
-    recent = innovation_law.features(x, rows, np.zeros(x.size), 1.0 / data.output.dt)[0]
-    phase = np.arange(x.size) % PHASES
+    recent = innovation_law.features(e, rows, np.zeros(e.size), 1.0 / data.output.dt)[0]
+    phase = np.arange(e.size) % PHASES
+    followed = solved.model.noise_features(data, solved.fitted.model)
+    present = np.zeros((0, e.size)) if followed is None else followed.T
     return Innovations(
-        x,
+        e * solved.noise.size,
         rows,
         {
             # an innovation is known with its sample: what it is compared with is one sample old
@@ -53,7 +56,7 @@ def innovations(trace: Trace, data: DriverData, solved: FittedDriver) -> Innovat
             ScaleFeature.LEAD_ACCELERATION: _standard(_before(np.abs(data.seen.lead_accel)), rows),
             ScaleFeature.PAST_INNOVATIONS: np.clip(recent, -MAX_FEATURE, MAX_FEATURE),
         },
-        np.stack([(phase == k) - 1.0 / PHASES for k in range(1, PHASES)]),
+        np.vstack([present, *((phase == k) - 1.0 / PHASES for k in range(1, PHASES))]),
         data.output.dt,
     )
 

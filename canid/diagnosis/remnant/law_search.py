@@ -31,9 +31,9 @@ class Judged(NamedTuple):
 
 
 def features_of(of: Innovations, effects: Sequence[Effect], rows: Flags) -> Array:
-    """Features of the scale (k, rows): those of the effects in their order, then the phases of the sampling."""
+    """Features of the scale (k, rows): those of the effects in their order, then what every law has."""
     own = [of.features[feature] for effect in effects if effect.remnant for feature in effect.remnant.scale]
-    return np.stack([*own, *of.phases])[:, rows]
+    return np.vstack([*own, of.present])[:, rows]
 
 
 def fitted(
