@@ -95,7 +95,7 @@ def sentence(
         chosen = [_choice(finding) for finding in findings if finding.where == REMNANT]
         either = f" ({', '.join(chosen)})" if verdict is Verdict.ONE_OF else ""
         word = "ONE OF" if verdict is Verdict.ONE_OF else "CAUSE"
-        return f"{word}: Mean law adequate; the remnant{either} is not Gaussian: {noise.says}"
+        return f"{word}: Mean law adequate. The remnant{either}: {noise.says}"
     parts = []
     for where in BLOCKS:
         here = [finding for finding in findings if finding.where == where and not finding.surrogate]

@@ -22,6 +22,9 @@ from canid.types import Array
 MIN_INVERSE, MAX_INVERSE = 0.005, 0.48
 # of a slope per standard deviation of its feature: a factor of 20 from one standard deviation below to one above
 MAX_SLOPE = 1.5
+# log of the scale, at most, from its value at the mean: a factor of 5 either way, as the noise model's own; a law that was
+# fitted to other stretches must not be sure of a scale that it has never seen
+MAX_LOG_SCALE = 1.6
 # 1/ν from which the fit starts: between people and a Gaussian
 START_INVERSE = 0.1
 
@@ -72,10 +75,11 @@ def fit(x: Array, F: Array, *, heavy: bool, inverse: float | None = None) -> Fit
 
 def _value(x: Array, F: Array, theta: Array, inverse: float, free: bool) -> tuple[float, Array]:
     """Log likelihood and its gradient by (log sd, slopes, 1/ν)."""
-    log_scale = theta[0] + theta[1:] @ F
+    relative = theta[1:] @ F
+    log_scale = theta[0] + np.clip(relative, -MAX_LOG_SCALE, MAX_LOG_SCALE)
     z2 = (x * np.exp(-log_scale)) ** 2
     score = scores(z2, inverse)
-    gradient = [score.sum(), *(F @ score)]
+    gradient = [score.sum(), *(F @ np.where(np.abs(relative) < MAX_LOG_SCALE, score, 0.0))]
     value = float(_log_density(z2, log_scale, inverse).sum())
     if free:
         nu, n = 1.0 / inverse, len(x)
@@ -102,7 +106,7 @@ def log_density(law: Law, x: Array, F: Array) -> Array:
         >>> float(log_density(Law(math.inf, 1.0, np.zeros(0)), np.zeros(1), np.zeros((0, 1)))[0].round(3))
         -0.919
     """
-    log_scale = math.log(law.sd) + law.slopes @ F
+    log_scale = math.log(law.sd) + np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE)
     return _log_density((x * np.exp(-log_scale)) ** 2, log_scale, 1.0 / law.freedom)
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from canid.diagnosis.remnant import law_search
 from canid.diagnosis.remnant.innovations import Innovations
-from canid.diagnosis.remnant.law_fit import MAX_INVERSE, MIN_INVERSE, FittedLaw, scores
+from canid.diagnosis.remnant.law_fit import MAX_INVERSE, MAX_LOG_SCALE, MIN_INVERSE, FittedLaw, scores
 from canid.effects.effect import Effect
 from canid.identification.confidence import SIGMAS
 from canid.types import Array, Interval
@@ -58,7 +58,8 @@ def slope_sds(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Ar
     F = law_search.features_of(of, effects, of.rows)
     law, F1 = best.law, np.vstack([np.ones(F.shape[1]), F])
     inverse = 1.0 / law.freedom
-    z2 = (of.x[of.rows] * np.exp(-law.slopes @ F) / law.sd) ** 2
+    relative = np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE)
+    z2 = (of.x[of.rows] * np.exp(-relative) / law.sd) ** 2
     g = F1 * scores(z2, inverse)
     # Fisher's information of a log scale: 2ν/(ν + 3), of a Gaussian 2
     bread = np.linalg.pinv(2.0 / (1.0 + 3.0 * inverse) * (F1 @ F1.T))

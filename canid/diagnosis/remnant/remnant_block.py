@@ -19,8 +19,9 @@ from canid.identification.innovation_law import Law
 from canid.types import NAN, Interval
 
 WHERE = "remnant"
-# samples; four numbers of a law, each from a quarter less
-MIN_ROWS = 200
+# samples; a law of some ten numbers is fitted to three quarters of them (on 250 samples of a measured drive of 104 s even
+# the Gaussian law failed on the quarter that was left out)
+MIN_ROWS = 400
 FEATURE_NAMES = {
     ScaleFeature.OWN_ACCELERATION: "own |acceleration|",
     ScaleFeature.LEAD_ACCELERATION: "the lead's |acceleration|",
