@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from canid.diagnosis.corrections import Context
-from canid.diagnosis.remnant.remnant_block import WHERE as REMNANT
+from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.remnant_block import RemnantReport
 from canid.findings import Blocked, Finding, Report, Verdict
 from canid.types import Interval
@@ -55,7 +55,12 @@ def with_context(nothing: Report, around: Context) -> Report:
     sensing, vehicle = around.sensing, around.vehicle
     return nothing._replace(
         checks=(*sensing.checks, *vehicle.checks),
-        blocks=(sensing.block, vehicle.block, Blocked("driver", "not_testable", _body(nothing.says))),
+        blocks=(
+            sensing.block,
+            vehicle.block,
+            Blocked("driver", "not_testable", _body(nothing.says)),
+            remnant_block.not_testable("Without a model of the driver there are no innovations.").block,
+        ),
     )
 
 
@@ -66,7 +71,7 @@ def decided(findings: tuple[Finding, ...], lines: tuple[Blocked, ...]) -> Verdic
     stays the verdict, and otherwise the mean law is adequate and the remnant is what is named.
     """
     named = [finding for finding in findings if not finding.surrogate]
-    of_mean = [finding for finding in named if finding.where != REMNANT]
+    of_mean = [finding for finding in named if finding.where != remnant_block.WHERE]
     if not of_mean and any(line.state == "unexplained" for line in lines):
         return Verdict.UNEXPLAINED
     if named:
@@ -82,7 +87,9 @@ def sentence(
         f"Something is left in the {line.where}: {line.says}" for line in lines if line.state == "unexplained"
     )
     noise = lines[-1]
-    law = f" The remnant: {noise.says}" if noise.where == REMNANT and noise.state == "wrong" else ""
+    law = (
+        f" The remnant: {noise.says}" if noise.where == remnant_block.WHERE and noise.state == "wrong" else ""
+    )
     if verdict is Verdict.UNEXPLAINED:
         return f"UNEXPLAINED: {left}{law}"
     if verdict is Verdict.ADEQUATE:
@@ -91,8 +98,8 @@ def sentence(
             f"ADEQUATE: none of {tried} causes explains more than chance, "
             f"and the residual holds nothing of the inputs ({states})."
         )
-    if not any(finding.where != REMNANT and not finding.surrogate for finding in findings):
-        chosen = [_choice(finding) for finding in findings if finding.where == REMNANT]
+    if not any(finding.where != remnant_block.WHERE and not finding.surrogate for finding in findings):
+        chosen = [_choice(finding) for finding in findings if finding.where == remnant_block.WHERE]
         either = f" ({', '.join(chosen)})" if verdict is Verdict.ONE_OF else ""
         word = "ONE OF" if verdict is Verdict.ONE_OF else "CAUSE"
         return f"{word}: Mean law adequate. The remnant{either}: {noise.says}"

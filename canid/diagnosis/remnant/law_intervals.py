@@ -34,8 +34,8 @@ def parameters(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> d
         if effect.remnant.heavy_tailed:
             out[effect.id][names.pop(0)] = freedom(of, effects, best)
         for name in names:
-            value = float(best.law.slopes[k])
-            out[effect.id][name] = Interval(value, value - SIGMAS * sd[k], value + SIGMAS * sd[k])
+            value, half = float(best.law.slopes[k]), SIGMAS * float(sd[k])
+            out[effect.id][name] = Interval(value, value - half, value + half)
             k += 1
     return out
 
@@ -50,7 +50,7 @@ def freedom(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Inte
     at = 1.0 / best.law.freedom
     few = brentq(fallen, at, MAX_INVERSE, rtol=1e-2) if fallen(MAX_INVERSE) > 0 else MAX_INVERSE
     many = brentq(fallen, MIN_INVERSE, at, rtol=1e-2) if fallen(MIN_INVERSE) > 0 else 0.0
-    return Interval(best.law.freedom, 1.0 / few, 1.0 / many if many > 0 else math.inf)
+    return Interval(best.law.freedom, 1.0 / float(few), 1.0 / float(many) if many > 0 else math.inf)
 
 
 def slope_sds(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Array:
