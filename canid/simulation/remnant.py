@@ -84,7 +84,7 @@ def _student(freedom: float, n: int, dt: float, rng: np.random.Generator) -> np.
 
 
 def _bursts(slope: float, n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Scale (n,) whose log is a first-order process: what came in the last seconds tells of it."""
+    """Scale (n,) whose log is a first-order process: the innovations of the last seconds predict it."""
     sd = slope / PREDICTED_SHARE
     # the mean of a lognormal square is exp(2 sd²)
     return np.asarray(np.exp(sd * first_order(BURST_S, n, dt, rng) - sd * sd))

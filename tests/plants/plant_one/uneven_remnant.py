@@ -10,7 +10,7 @@ import numpy as np
 from tests.plants.plant_one.remnant import DAMPING, RESONANCE_HZ, WHITE_SHARE
 from tests.plants.planted_drive import Array
 
-# s that one jerk of the foot lasts: within it all innovations have one size
+# s that one jerk lasts: within it all innovations have one size
 JERK_S = 0.1
 # m/s²: |acceleration| is this on average, and varies by as much; slopes are per this
 USUAL_ACCEL = 0.3
@@ -45,14 +45,14 @@ def stepwise(
         size *= _bursts(has["clustered_scale"], n, dt, rng)
     follows = has.get("state_dependent_scale", {"own": 0.0, "lead": 0.0})
     shocks, whites = (size * shock).tolist(), (size * white).tolist()
-    colour = _colour(kind, dt, damping)
+    filtered = _filter(kind, dt, damping)
     k = -1
 
     def step(own: float, lead: float) -> float:
         nonlocal k
         k += 1
         grown = math.exp(follows["own"] * _beyond(own) + follows["lead"] * _beyond(lead))
-        return colour(grown * shocks[k], grown * whites[k])
+        return filtered(grown * shocks[k], grown * whites[k])
 
     return step
 
@@ -79,7 +79,7 @@ def _bursts(how: Mapping[str, float], n: int, dt: float, rng: np.random.Generato
     return size / math.sqrt(float(np.mean(size * size)))
 
 
-def _colour(kind: str, dt: float, damping: float) -> Callable[[float, float], float]:
+def _filter(kind: str, dt: float, damping: float) -> Callable[[float, float], float]:
     if kind == "white":
         return lambda shock, white: white
     x1 = x2 = 0.0
