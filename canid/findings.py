@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
@@ -37,7 +38,7 @@ class Finding(NamedTuple):
     """One effect that was named as a cause."""
 
     effect: str  # id in CATALOGUE
-    where: str  # "driver", "vehicle", "sensing"
+    where: str  # "driver", "vehicle", "sensing", "remnant"
     rivals: tuple[str, ...]  # effects that explain the same data as well, or must by their form
     surrogate: bool  # it reduces the residual but leaves structure in it: not the cause
     parameters: Mapping[str, Interval]
@@ -47,6 +48,8 @@ class Finding(NamedTuple):
     evidence: float  # 2 Δ log likelihood over the model without it, robust against autocorrelated noise of varying scale
     needed: float  # what the evidence had to exceed, corrected for the number of candidates
     episodes: tuple[tuple[float, float], ...] = ()  # s; of effects that come and go
+    # nats/min, one-step log score on held-out data over the noise without it; NaN where the mean changes instead
+    log_score_gain: Interval = Interval()
 
 
 class Tried(NamedTuple):
@@ -147,7 +150,7 @@ class Trajectory(NamedTuple):
 class Blocked(NamedTuple):
     """Result of one block of the loop."""
 
-    where: str  # "driver", "vehicle", "sensing"
+    where: str  # "driver", "vehicle", "sensing", "remnant"
     state: str  # "adequate", "wrong", "unexplained", "not_testable"
     says: str
 
@@ -195,6 +198,17 @@ class Report(NamedTuple):
     provenance: Provenance = Provenance()
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
+
+
+def extends(report: Report) -> bool:
+    """Does a finding change a simulated model? One of the remnant changes the law of the noise only.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> extends(SimpleNamespace(findings=()))
+        False
+    """
+    return any(not math.isfinite(finding.log_score_gain.value) for finding in report.findings)
 
 
 def no_fit(n: int) -> Fit:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from benchmarks.hidden_effects.drives import REMOVED, Drive
 from benchmarks.hidden_effects.expected import Price
 from benchmarks.hidden_effects.hiding import hide
-from benchmarks.hidden_effects.peers.answer import BROKE, NAMED, Answer
+from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answer
 from canid.diagnosis.diagnose import diagnose
 from canid.effects import CATALOGUE
 from canid.effects.effect import Effect
@@ -26,6 +26,7 @@ from canid.types import Interval, Trace
 from tests.plants.planted_drive import Planted
 
 CANID = "canid"
+REMNANT = "remnant"
 ROOT = Path(__file__).resolve().parents[2]
 # the driver's numbers that the table asks for, and their names in a report
 NUMBERS = {"K2": "K", "tau2": "tau", "dead_time2": "dead_time"}
@@ -59,6 +60,9 @@ class Outcome(NamedTuple):
     tests: tuple[str, ...] = ()  # adequacy tests that were made
     failed: tuple[str, ...] = ()  # those that failed
     suspected: tuple[tuple[str, ...], ...] = ()  # every finding with its rivals, named or not
+    remnant: tuple[
+        tuple[str, ...], ...
+    ] = ()  # findings in the law of the noise, which are no causes of the mean
 
 
 def run(drive: Drive, peers: dict[str, Method] | None = None) -> Outcome:
@@ -97,6 +101,7 @@ def run(drive: Drive, peers: dict[str, Method] | None = None) -> Outcome:
         tuple(check.name for check in report.checks if driver_test(check)) if report else (),
         tuple(c.name for c in report.checks if driver_test(c) and c.passed is False) if report else (),
         tuple((f.effect, *f.rivals) for f in report.findings if f.where == "driver") if report else (),
+        tuple((f.effect, *f.rivals) for f in report.findings if f.where == REMNANT) if report else (),
     )
 
 
@@ -106,10 +111,13 @@ def driver_test(check: Check) -> bool:
 
 
 def said(report: Report, seconds: float) -> Answer:
-    """A report as the table compares it: each finding with its rivals; a surrogate is no name."""
-    sets = tuple((f.effect, *f.rivals) for f in report.findings)
+    """A report as the table compares it: each cause of the mean with its rivals; a surrogate is no name.
+
+    The law of the noise is apart: a drive with nothing but a finding there has an adequate mean law.
+    """
+    sets = tuple((f.effect, *f.rivals) for f in report.findings if f.where != REMNANT)
     named = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
-    verdict = NAMED if named else report.verdict.value
+    verdict = report.verdict.value if not named else NAMED if sets else ADEQUATE
     return Answer(sets if named else (), verdict, seconds)
 
 
@@ -184,6 +192,7 @@ def parsed(text: str) -> Outcome:
             tuple(d.get("tests", ())),
             tuple(d.get("failed", ())),
             tuple(tuple(s) for s in d.get("suspected", ())),
+            tuple(tuple(s) for s in d.get("remnant", ())),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"not an outcome of this table: {text[:60]}") from error

@@ -239,6 +239,12 @@ def _of(name: str) -> Of:
 ROWS = (
     Row("false names on clean logs", "≤ 1 %, bound ≤ 2 %", part_of(clean, names, shares.rare)),
     *(Row(f"· {kind}", "≤ 3 %", part_of(_noise(kind), names, shares.rare)) for kind in NOISES),
+    Row(
+        "names in the remnant, clean logs of Gaussian noise of one scale",
+        "≤ 1 %",
+        part_of(lambda o: clean(o) and o.drive.noise != "state", lambda o, a: bool(o.remnant), shares.rare),
+        peers=False,
+    ),
     Row("“unexplained” on clean logs", "", part_of(clean, declined, shares.rare), peers=False),
     Row("right name or among its rivals, LR ≥ 50", "≥ 97 %", part_of(strong, right)),
     *(Row(f"· {name}", "≥ 97 %", part_of(_of(name), right)) for name in APART),

@@ -36,7 +36,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check",
         action="store_true",
-        help="exit with 1 if a verdict is not adequate (for CI); a damaged log still exits with 4",
+        help="exit with 1 if a verdict is not adequate, a finding in the remnant alone excepted (for CI); "
+        "a damaged log still exits with 4",
     )
 
 
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose."""
     from canid.cli.provenance import provenance
     from canid.diagnosis.diagnose import diagnose
-    from canid.findings import Verdict
+    from canid.findings import Verdict, extends
     from canid.views import diagnosis_json, diagnosis_text, json_values
     from canid.views.report import page
 
@@ -72,7 +73,8 @@ def run(args: argparse.Namespace) -> int:
                     file.write(page(report))
                     info(f"{pages[path]} written")
             damaged = reading.report_health(drive.health) or damaged
-            adequate &= report.verdict is Verdict.ADEQUATE
+            named = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
+            adequate &= report.verdict is Verdict.ADEQUATE or (named and not extends(report))
         if sink is not None:
             sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
     return damaged or (CHECK_FAILED if args.check and not adequate else DONE)

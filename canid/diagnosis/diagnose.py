@@ -20,6 +20,9 @@ from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.remnant import remnant_block
+from canid.diagnosis.remnant.innovations import innovations
+from canid.diagnosis.remnant.remnant_block import RemnantReport
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.effects import CATALOGUE
 from canid.effects.effect import Detector, Effect, Kind
@@ -123,8 +126,9 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
     steps += refused
     if silent and not searched.solved.model.effects and not answered(searched.data, searched.solved):
         return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
+    remnant = _remnant(prepared, searched, drivers, catalogue)
     report = overall_verdict.join(
-        _report(prepared, searched, drivers, masked, steps, context.vehicle), context
+        _report(prepared, searched, drivers, masked, steps, context.vehicle), remnant, context
     )
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
@@ -132,6 +136,21 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
         before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
         report = report._replace(shifts=_shifts(before, report.extended))
     return report
+
+
+def _remnant(
+    prepared: Prepared, searched: Search, drivers: tuple[Effect, ...], catalogue: tuple[Effect, ...]
+) -> RemnantReport:
+    """Judge the innovations of the final driver model."""
+    effects = tuple(effect for effect in catalogue if effect.kind is Kind.REMNANT)
+    if any(one.effect.intermittent for one in searched.named):
+        return remnant_block.not_testable(
+            "The pedal stands still between decisions: its innovations have no law."
+        )
+    of = innovations(prepared.trace, searched.data, searched.solved)
+    return remnant_block.diagnose_remnant(
+        of, effects, held_out.dealt(searched.data), len(drivers) + len(effects)
+    )
 
 
 def ready(trace: Trace, usable: Flags) -> Prepared | None:

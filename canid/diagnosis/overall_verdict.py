@@ -1,8 +1,10 @@
-"""Overall report of driver, vehicle and sensing: the verdict, and the block in which a cause sits."""
+"""Overall report of sensing, vehicle, driver and remnant: the verdict, and the block in which a cause sits."""
 
 from __future__ import annotations
 
 from canid.diagnosis.corrections import Context
+from canid.diagnosis.remnant import remnant_block
+from canid.diagnosis.remnant.remnant_block import RemnantReport
 from canid.findings import Blocked, Finding, Report, Verdict
 from canid.types import Interval
 
@@ -10,33 +12,36 @@ from canid.types import Interval
 BLOCKS = ("sensing", "vehicle", "driver")
 
 
-def join(driver: Report, around: Context) -> Report:
-    """Join the driver's report with those of sensing and vehicle.
+def join(driver: Report, remnant: RemnantReport, around: Context) -> Report:
+    """Join the driver's report with those of the remnant, of sensing and of the vehicle.
 
     Args:
         driver: the report of the driver's block alone.
-        around: the other two.
+        remnant: the law of the noise that the driver adds.
+        around: sensing and vehicle.
     """
     sensing, vehicle = around.sensing, around.vehicle
     own = driver.findings
     if sensing.block.state == "unexplained":
         # the inputs of the driver are uncertain, and so is every cause that was found from them
         own = tuple(finding._replace(surrogate=True) for finding in own)
-    findings = (*sensing.findings, *vehicle.findings, *own)
+    findings = (*sensing.findings, *vehicle.findings, *own, *remnant.findings)
     block = driver.blocks[0]
-    lines = (sensing.block, vehicle.block, block._replace(says=_body(block.says)))
+    lines = (sensing.block, vehicle.block, block._replace(says=_body(block.says)), remnant.block)
     verdict = decided(findings, lines)
-    tried = driver.candidates_tried + sensing.tried + len({t.effect for t in vehicle.tried})
+    tried = (
+        driver.candidates_tried + sensing.tried + len({t.effect for t in (*vehicle.tried, *remnant.tried)})
+    )
     return driver._replace(
         verdict=verdict,
         says=sentence(verdict, findings, lines, driver, tried),
         findings=findings,
         not_testable=(*driver.not_testable, *sensing.not_testable, *vehicle.not_testable),
         candidates_tried=tried,
-        tried=(*driver.tried, *vehicle.tried),
+        tried=(*driver.tried, *vehicle.tried, *remnant.tried),
         checks=(*sensing.checks, *vehicle.checks, *driver.checks),
         blocks=lines,
-        steps=(*around.steps, *driver.steps),
+        steps=(*around.steps, *driver.steps, *remnant.steps),
     )
 
 
@@ -50,17 +55,27 @@ def with_context(nothing: Report, around: Context) -> Report:
     sensing, vehicle = around.sensing, around.vehicle
     return nothing._replace(
         checks=(*sensing.checks, *vehicle.checks),
-        blocks=(sensing.block, vehicle.block, Blocked("driver", "not_testable", _body(nothing.says))),
+        blocks=(
+            sensing.block,
+            vehicle.block,
+            Blocked("driver", "not_testable", _body(nothing.says)),
+            remnant_block.not_testable("Without a model of the driver there are no innovations.").block,
+        ),
     )
 
 
 def decided(findings: tuple[Finding, ...], lines: tuple[Blocked, ...]) -> Verdict:
-    """Overall verdict: a cause that one block names counts, whatever another block leaves unexplained."""
+    """Overall verdict: a cause that one block names counts, whatever another block leaves unexplained.
+
+    The law of the noise is no cause of what the mean leaves: where only the remnant has findings, an unexplained block
+    stays the verdict, and otherwise the mean law is adequate and the remnant is what is named.
+    """
     named = [finding for finding in findings if not finding.surrogate]
-    if named:
-        return Verdict.ONE_OF if any(finding.rivals for finding in named) else Verdict.NAMED
-    if any(line.state == "unexplained" for line in lines):
+    of_mean = [finding for finding in named if finding.where != remnant_block.WHERE]
+    if not of_mean and any(line.state == "unexplained" for line in lines):
         return Verdict.UNEXPLAINED
+    if named:
+        return Verdict.ONE_OF if any(finding.rivals for finding in of_mean or named) else Verdict.NAMED
     return Verdict.ADEQUATE
 
 
@@ -71,14 +86,23 @@ def sentence(
     left = " ".join(
         f"Something is left in the {line.where}: {line.says}" for line in lines if line.state == "unexplained"
     )
+    noise = lines[-1]
+    law = (
+        f" The remnant: {noise.says}" if noise.where == remnant_block.WHERE and noise.state == "wrong" else ""
+    )
     if verdict is Verdict.UNEXPLAINED:
-        return f"UNEXPLAINED: {left}"
+        return f"UNEXPLAINED: {left}{law}"
     if verdict is Verdict.ADEQUATE:
         states = ", ".join(f"{line.where} {line.state.replace('_', ' ')}" for line in lines)
         return (
             f"ADEQUATE: none of {tried} causes explains more than chance, "
             f"and the residual holds nothing of the inputs ({states})."
         )
+    if not any(finding.where != remnant_block.WHERE and not finding.surrogate for finding in findings):
+        chosen = [_choice(finding) for finding in findings if finding.where == remnant_block.WHERE]
+        either = f" ({', '.join(chosen)})" if verdict is Verdict.ONE_OF else ""
+        word = "ONE OF" if verdict is Verdict.ONE_OF else "CAUSE"
+        return f"{word}: Mean law adequate. The remnant{either}: {noise.says}"
     parts = []
     for where in BLOCKS:
         here = [finding for finding in findings if finding.where == where and not finding.surrogate]
@@ -94,9 +118,9 @@ def sentence(
     better = _better(driver.gain) if any(f.where == "driver" and not f.surrogate for f in findings) else ""
     tail = f" {left}" if left else ""
     if verdict is Verdict.ONE_OF:
-        return f"ONE OF: {'; '.join(parts)}.{better}{tail}"
+        return f"ONE OF: {'; '.join(parts)}.{better}{tail}{law}"
     passed = "" if left else " The residual holds nothing more."
-    return f"CAUSE: {' '.join(parts)}{better}{passed}{tail}"
+    return f"CAUSE: {' '.join(parts)}{better}{passed}{tail}{law}"
 
 
 def _better(gain: Interval) -> str:

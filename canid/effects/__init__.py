@@ -29,6 +29,7 @@ from canid.effects.masks import (
     gear_shift,
     stale_signal,
 )
+from canid.effects.remnant import clustered_scale, heavy_tails, state_dependent_scale
 from canid.effects.sensing import (
     clock_skew,
     radar_latency,
@@ -69,6 +70,10 @@ CATALOGUE: tuple[Effect, ...] = (
     pedal_ceiling.EFFECT,
     backlash.EFFECT,
     periodic_task.EFFECT,
+    # the driver's remnant
+    heavy_tails.EFFECT,
+    state_dependent_scale.EFFECT,
+    clustered_scale.EFFECT,
     # masks: no person drives, or an input is not valid
     cruise_control.EFFECT,
     gear_shift.EFFECT,

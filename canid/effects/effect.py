@@ -39,6 +39,7 @@ class Kind(Enum):
     LINE = auto()  # a line in the spectrum
     MASK = auto()  # stretches without a driver, or without valid inputs: left out of every fit
     REDUNDANCY = auto()  # two measured signals that must agree do not
+    REMNANT = auto()  # the distribution of the driver's noise: its innovations, not its mean
 
 
 class Detector(Enum):
@@ -60,6 +61,14 @@ class Screening(Enum):
     )  # a typical strength is detectable on this drive, and its direction explains something
     DIRECTION = auto()  # its direction explains something
     NONE = auto()  # always fitted
+
+
+class ScaleFeature(Enum):
+    """What the scale of the driver's noise may follow; each of the past alone, mean 0 and standard deviation 1."""
+
+    OWN_ACCELERATION = auto()  # its absolute value; where it is not measured, that of the output's rate
+    LEAD_ACCELERATION = auto()  # its absolute value
+    PAST_INNOVATIONS = auto()  # log of their root mean square over 4 s
 
 
 class Share(Enum):
@@ -184,6 +193,13 @@ class VehicleHooks(NamedTuple):
     push: Callable[[Params, VehicleState], Value] | None = None  # m/s², onto the acceleration
 
 
+class Remnant(NamedTuple):
+    """What an effect does to the innovations of the driver's noise."""
+
+    heavy_tailed: bool = False  # Student's t; its degrees of freedom are the first parameter
+    scale: tuple[ScaleFeature, ...] = ()  # log sd follows these; one slope each, the parameters in this order
+
+
 class Drawn(NamedTuple):
     """One realisation of an effect that happens at random, for one simulated drive."""
 
@@ -211,7 +227,7 @@ class Effect(NamedTuple):
     # what it is
     id: str
     says: str  # the sentence of the report; {parameter} is replaced by its estimate and interval
-    where: str  # "driver", "vehicle", "sensing"
+    where: str  # "driver", "vehicle", "sensing", "remnant"
     kind: Kind
     parameters: tuple[Parameter, ...]
     needs: tuple[str, ...]  # roles
@@ -226,6 +242,7 @@ class Effect(NamedTuple):
     pedal: PedalDynamics | None = None
     vehicle: VehicleHooks | None = None
     sense: Callable[[Params, SensorValues], SensorValues] | None = None  # true -> measured
+    remnant: Remnant | None = None  # innovations of the driver's noise
     mask: Callable[[MaskInput], Flags] | None = None  # (n,) samples to be left out
     recovery: float = 0.0  # s after a mask until the driver's answer is undisturbed again
 

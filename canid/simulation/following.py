@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from canid.effects.effect import Effect, Seen, VehicleState
-from canid.simulation import planted_effects
+from canid.simulation import planted_effects, remnant
 from canid.simulation.car import GRAVITY, SHIFT_SPEEDS, Car, gearbox, slope_profile
 from canid.simulation.driver import DriverTruth, answer, draw_driver
 from canid.simulation.leads import LEADS, speed_profile
@@ -71,7 +71,9 @@ def follow(
     planted = planted_effects.plant(hide, n * DT, mean, car.hold(mean), own, catalogue)
     slope_sd = planted_effects.slope_sd(planted.of("vehicle"), grade_sd)
     grade = slope_profile(n, DT, profile_lead, slope_sd, rng["road"])
-    columns = _loop(lead, pedal_noise, grade, truth, car, noise == "state", cut_in, planted)
+    bursts = [(one.effect.remnant, one.params) for one in planted.of("remnant") if one.effect.remnant]
+    stepwise = remnant.stepper(noise, n, DT, np.random.default_rng([seed, 8]), bursts) if bursts else None
+    columns = _loop(lead, pedal_noise, grade, truth, car, noise == "state", cut_in, planted, stepwise)
     columns |= _further_signals(columns, grade, rng["road"])
     t = columns["t"]
     valid = np.ones(n)
@@ -108,6 +110,7 @@ def _loop(
     grows: bool,
     cut_in: float | None,
     planted: Planted,
+    stepwise: remnant.Step | None,
 ) -> dict[str, Array]:
     """Close the loop. Plain floats: numpy scalars would make it ten times slower."""
     n = len(lead)
@@ -154,7 +157,8 @@ def _loop(
         y1, y2 = first.step(y1, error, then), second.step(y2, rate, then)
         answered = truth.K1 * y1 + truth.K2 * y2 + y3
         # State-dependent noise: a pedal that moves more has more noise; of the same size at an answer of 6 %.
-        n_k = e[k] * (0.25 + abs(answered) / 8.0) if grows else e[k]
+        own = e[k] if stepwise is None else truth.noise_sd * stepwise(a, lead_accel[k])
+        n_k = own * (0.25 + abs(answered) / 8.0) if grows else own
         u = truth.offset + answered + n_k
         if in_driver:
             u = move(u)

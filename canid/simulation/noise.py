@@ -10,9 +10,9 @@ from canid.types import Array
 
 NOISES = ("white", "ar1", "ar4", "resonant", "state", "mix", "none")
 
-_RESONANCE = 0.25  # Hz; the bump that pedal spectra of drivers show, with a damping of 0.4
-_DAMPING = 0.4
-_WHITE_SHARE = 0.3  # of the variance of "mix"
+RESONANCE_HZ = 0.25  # the bump that pedal spectra of drivers show, with a damping of 0.4
+DAMPING = 0.4
+WHITE_SHARE = 0.3  # of the variance of "mix"
 
 
 def unit_noise(kind: str, n: int, dt: float, rng: np.random.Generator) -> Array:
@@ -45,13 +45,13 @@ def unit_noise(kind: str, n: int, dt: float, rng: np.random.Generator) -> Array:
         return rng.standard_normal(n)
     if kind == "resonant":
         return _second_order(n, dt, rng)
-    slow = _first_order(4.0 if kind == "ar4" else 1.0, n, dt, rng)
+    slow = first_order(4.0 if kind == "ar4" else 1.0, n, dt, rng)
     if kind == "mix":
-        return math.sqrt(1 - _WHITE_SHARE) * slow + math.sqrt(_WHITE_SHARE) * rng.standard_normal(n)
+        return math.sqrt(1 - WHITE_SHARE) * slow + math.sqrt(WHITE_SHARE) * rng.standard_normal(n)
     return slow
 
 
-def _first_order(time_constant: float, n: int, dt: float, rng: np.random.Generator) -> Array:
+def first_order(time_constant: float, n: int, dt: float, rng: np.random.Generator) -> Array:
     """Draw an Ornstein–Uhlenbeck process, sampled exactly, stationary from the first sample on."""
     a = math.exp(-dt / time_constant)
     x = float(rng.standard_normal())
@@ -65,7 +65,7 @@ def _first_order(time_constant: float, n: int, dt: float, rng: np.random.Generat
 
 def _second_order(n: int, dt: float, rng: np.random.Generator) -> Array:
     """Draw an oscillator driven by white noise; its two states start stationary."""
-    w, z = 2 * math.pi * _RESONANCE, _DAMPING
+    w, z = 2 * math.pi * RESONANCE_HZ, DAMPING
     # Stationary: var x = 1 and var x' = w² for x'' + 2zw x' + w² x = sqrt(4 z w³) e.
     x, rate = float(rng.standard_normal()), w * float(rng.standard_normal())
     shocks = (math.sqrt(4 * z * w**3 * dt) * rng.standard_normal(n)).tolist()

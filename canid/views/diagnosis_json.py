@@ -74,6 +74,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameters": {name: json_values.interval(iv) for name, iv in f.parameters.items()},
         "units": dict(f.units),
         "gain": json_values.interval(f.gain),
+        "log_score_gain": json_values.interval(f.log_score_gain),
         "says": f.says,
         "evidence": json_values.number(f.evidence),
         "needed": json_values.number(f.needed),

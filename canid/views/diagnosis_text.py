@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from canid.findings import Finding, Report, Trajectory, masked_for
+from canid.findings import Finding, Report, Trajectory, extends, masked_for
 from canid.identification import identifiability
 from canid.types import Array, Interval
 from canid.views import signal_text
@@ -40,7 +40,7 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
         lines += ["", f"share of the residual that no cause explains: {percent(report.unexplained)}"]
     lines += _headed("not testable on this drive", _undecided(report))
     lines += _headed("a drive that would decide", advice(report))
-    title = "driver parameters: baseline, extended model" if report.findings else "driver parameters"
+    title = "driver parameters: baseline, extended model" if extends(report) else "driver parameters"
     lines += _headed(title, _parameters(report))
     lines += _checks(report)
     lines += _headed("worst windows", _worst(report))
@@ -59,7 +59,7 @@ def _about(report: Report, log: str, vehicle: str) -> list[str]:
     before, after = report.baseline.fit_percent, report.extended.fit_percent
     if before == before:
         fit = f"fit of the simulation {number(before, '%')}"
-        fit += f", of the extended model {number(after, '%')}" if report.findings else ""
+        fit += f", of the extended model {number(after, '%')}" if extends(report) else ""
         lines.append(f"{fit}; {report.candidates_tried} causes tried")
     return lines
 
@@ -70,7 +70,7 @@ def _finding(finding: Finding) -> list[str]:
     lines = [
         title,
         f"  {finding.says}",
-        f"  {evidence}, gain {percent(finding.gain)} on held-out data",
+        f"  {evidence}, gain {gain(finding)} on held-out data",
     ]
     values = [
         f"{name} {interval(iv, finding.units.get(name, ''))}" for name, iv in finding.parameters.items()
@@ -94,7 +94,7 @@ def _parameters(report: Report) -> list[str]:
     rows = []
     for key, (before, after) in known_parameters(report).items():
         name, unit = parameter(key, report.output)
-        shown = (before, after) if report.findings else (before,)
+        shown = (before, after) if extends(report) else (before,)
         rows.append((f"{name} ({unit})" if unit else name, *map(interval, shown)))
     return columns([""] * len(rows[0]), rows)[1:] if rows else []
 
@@ -114,7 +114,7 @@ def _worst(report: Report) -> list[str]:
     unit = role_unit(report.output)
     return [
         f"{time_range(w.start, w.stop)}: residual {number(w.before, unit)} rms"
-        + (f", extended model {number(w.after, unit)}" if report.findings else "")
+        + (f", extended model {number(w.after, unit)}" if extends(report) else "")
         for w in report.worst[:WORST_SHOWN]
     ]
 
@@ -143,6 +143,19 @@ def sentence(report: Report) -> str:
         '{a, b}.'
     """
     return re.sub(r"^[A-Z][A-Z ]+: ", "", report.says)
+
+
+def gain(finding: Finding) -> str:
+    """What a finding gains on held-out data: of the simulation's error variance, or of the log score.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> gain(SimpleNamespace(gain=Interval(), log_score_gain=Interval(45.0, 38.0, 52.0)))
+        '45 [38, 52] nats/min of log score'
+    """
+    if math.isfinite(finding.log_score_gain.value):
+        return f"{interval(finding.log_score_gain, 'nats/min')} of log score"
+    return percent(finding.gain)
 
 
 def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:

@@ -134,6 +134,7 @@ def test_a_bent_map_is_the_verdict_of_the_whole_and_the_driver_is_not_blamed() -
     assert [finding.where for finding in report.findings] == ["vehicle"]
     assert [(block.where, block.state) for block in report.blocks] == [
         ("sensing", "adequate"), ("vehicle", "wrong"), ("driver", "adequate"),
+        ("remnant", "adequate"),
     ]  # fmt: skip
 
 

@@ -10,8 +10,11 @@ from typing import NamedTuple
 
 import canid
 from canid.diagnosis import masks
-from canid.diagnosis.diagnose import ready
-from canid.diagnosis.driver import cross_validation
+from canid.diagnosis.diagnose import Prepared, ready
+from canid.diagnosis.driver import cross_validation, held_out
+from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.remnant.innovations import innovations
+from canid.diagnosis.remnant.remnant_block import diagnose_remnant
 from canid.diagnosis.sensing.sensing_block import diagnose_sensing
 from canid.diagnosis.vehicle import vehicle_block
 from canid.effects import CATALOGUE
@@ -88,17 +91,26 @@ def named(trace: Trace, block: str, catalogue: tuple[Effect, ...] = CATALOGUE) -
     usable, masked = masks.recognise(trace, catalogue)
     if block == "mask":
         return {one.effect for one in masked}
-    if block == "driver":
+    if block in ("driver", "remnant"):
         prepared = ready(trace, usable)
         assert prepared is not None
         drivers = tuple(e for e in catalogue if e.where == "driver" and e.kind is not Kind.MASK)
         search = cross_validation.search_causes(prepared.data, drivers, prepared.fitted).search
+        if block == "remnant":
+            return _in_the_remnant(prepared, search, catalogue)
         return {name for one in search.named for name in (one.effect.id, *one.rivals)}
     if block == "sensing":
         findings = diagnose_sensing(trace, catalogue).findings
     else:
         cars = tuple(effect for effect in catalogue if effect.where == "vehicle")
         findings = vehicle_block.diagnose_vehicle(trace, usable, cars).findings
+    return {name for one in findings for name in (one.effect, *one.rivals)}
+
+
+def _in_the_remnant(prepared: Prepared, search: Search, catalogue: tuple[Effect, ...]) -> set[str]:
+    of = innovations(prepared.trace, search.data, search.solved)
+    effects = tuple(effect for effect in catalogue if effect.kind is Kind.REMNANT)
+    findings = diagnose_remnant(of, effects, held_out.dealt(search.data), len(catalogue)).findings
     return {name for one in findings for name in (one.effect, *one.rivals)}
 
 

@@ -89,7 +89,7 @@ def test_an_effect_is_described(effect: Effect) -> None:
     assert module.EFFECT is effect
     assert (module.__doc__ or "").strip().splitlines()[0].endswith((".", ")"))
     assert effect.source
-    assert effect.where in ("driver", "vehicle", "sensing")
+    assert effect.where in ("driver", "vehicle", "sensing", "remnant")
     assert effect.decides or effect.kind is Kind.MASK
     assert effect.identifiable or effect.absorbed
     assert set(effect.rivals) <= IDS - {effect.id}
@@ -120,7 +120,8 @@ def test_parameters_have_units_and_stay_within_bounds(effect: Effect) -> None:
 def test_an_effect_has_the_hooks_of_its_kind(effect: Effect) -> None:
     answers = (effect.headway, effect.range_rate, effect.extra, effect.gain, effect.dead_time)
     acts = any((*answers, effect.pedal, effect.vehicle))
-    assert acts == (effect.kind not in (Kind.MASK, Kind.REDUNDANCY))
+    assert acts == (effect.kind not in (Kind.MASK, Kind.REDUNDANCY, Kind.REMNANT))
+    assert (effect.remnant is not None) == (effect.kind is Kind.REMNANT) == (effect.where == "remnant")
     assert (effect.mask is not None) == (effect.kind is Kind.MASK)
     assert (effect.imitate is not None) == (effect.kind is Kind.MASK)
     assert (effect.redundancy is not None and effect.sense is not None) == (effect.kind is Kind.REDUNDANCY)

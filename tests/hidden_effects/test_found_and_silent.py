@@ -37,5 +37,5 @@ def test_a_negligible_effect_is_not_named(case: Case) -> None:
 @pytest.mark.parametrize(("seed", "profile"), [(41, "mixed"), (42, "urban"), (43, "motorway")])
 def test_a_clean_drive_gets_no_name_from_any_block(seed: int, profile: str) -> None:
     trace = by_columns(simulate(6.0, seed, profile))
-    for where in ("mask", "sensing", "vehicle", "driver"):
+    for where in ("mask", "sensing", "vehicle", "driver", "remnant"):
         assert not named(trace, where), f"seed {seed}, {where}"

@@ -39,6 +39,7 @@ EFFECTS: dict[str, tuple[str, ...]] = {
         "backlash",
         "periodic_task",
     ),
+    "remnant": ("heavy_tails", "state_dependent_scale", "clustered_scale"),
     "mask": ("cruise_control", "gear_shift", "cut_in", "brake_overlap", "stale_signal"),
     "sensing": (
         "range_offset",

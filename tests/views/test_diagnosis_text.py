@@ -7,14 +7,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from canid.findings import NotTestable, Report, Verdict
+from canid.findings import Blocked, Finding, NotTestable, Report, Verdict
 from canid.types import Interval
 from canid.views import diagnosis_json, diagnosis_text, json_values, numbers
+from canid.views.report import page
 
 ReportOf = Callable[..., Report]
 NAN = float("nan")
 # names of docs/json.md that others rely on
-FINDING = {"effect", "where", "rivals", "surrogate", "parameters", "gain", "says"}
+FINDING = {"effect", "where", "rivals", "surrogate", "parameters", "gain", "log_score_gain", "says"}
 INTERVAL = {"value", "low", "high"}
 
 
@@ -89,6 +90,27 @@ def test_many_undecided_causes_stay_short(named: Report) -> None:
     assert any("14 more" in line for line in lines)
 
 
+def test_a_finding_in_the_remnant_shows_its_gain_in_log_score_and_no_extended_model(
+    report_of: ReportOf,
+) -> None:
+    law = Finding(
+        "heavy_tails", "remnant", (), False, {"freedom": Interval(4.1, 3.4, 5.0)}, {"freedom": "1"}, Interval(),
+        "Heavy tails.", 80.0, 13.6, log_score_gain=Interval(45.0, 38.0, 52.0),
+    )  # fmt: skip
+    blocks = (Blocked("remnant", "wrong", "Student's t with 4.1 [3.4, 5.0] degrees of freedom."),)
+    report = report_of(Verdict.ADEQUATE)._replace(verdict=Verdict.NAMED, findings=(law,), blocks=blocks)
+    text = "\n".join(said(report))
+    assert "gain 45 [38, 52] nats/min of log score on held-out data" in text
+    assert "remnant (wrong): Student's t" in text
+    assert "driver parameters: baseline, extended model" not in text
+    (finding,) = as_json(report)["findings"]
+    assert finding["gain"] == {"value": None, "low": None, "high": None}
+    assert finding["log_score_gain"] == {"value": 45.0, "low": 38.0, "high": 52.0}
+    shown = page(report)
+    assert "45 [38, 52] nats/min of log score" in shown
+    assert "Cause found: heavy tails" in shown
+
+
 @pytest.mark.parametrize("verdict", Verdict)
 def test_json_has_every_promised_name(report_of: ReportOf, verdict: Verdict) -> None:
     out = as_json(report_of(verdict))
@@ -99,7 +121,7 @@ def test_json_has_every_promised_name(report_of: ReportOf, verdict: Verdict) -> 
             assert set(channel) >= {"K", "tau", "dead_time", "status"}
     for finding in out["findings"]:
         assert set(finding) >= FINDING
-        assert finding["where"] in ("driver", "vehicle", "sensing")
+        assert finding["where"] in ("driver", "vehicle", "sensing", "remnant")
         for iv in (finding["gain"], *finding["parameters"].values()):
             assert set(iv) == INTERVAL
         assert set(finding["parameters"]) == set(finding["units"])

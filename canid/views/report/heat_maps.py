@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.findings import OperatingMap, Report
+from canid.findings import OperatingMap, Report, extends
 from canid.types import Array
 from canid.views.names import readable
 from canid.views.numbers import number, role_unit
@@ -31,8 +31,8 @@ def heat_maps(report: Report) -> list[Figure]:
 
 def _map(report: Report, of: OperatingMap, k: int) -> Figure:
     unit = role_unit(report.output)
-    sides = [("baseline" if report.findings else "simulation", of.before)]
-    sides += [("extended model", of.after)] if report.findings else []
+    sides = [("baseline" if extends(report) else "simulation", of.before)]
+    sides += [("extended model", of.after)] if extends(report) else []
     largest = max((float(np.nanmax(np.abs(z))) for _, z in sides if np.isfinite(z).any()), default=1.0)
     domains = equal_domains(2, 0.06)
     names = {axis: f"{readable(role)} ({role_unit(role)})" for axis, role in (("x", of.x), ("y", of.y))}

@@ -8,8 +8,15 @@ from importlib.util import find_spec
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from canid.findings import Report, Verdict
-from canid.views.diagnosis_text import advice, duration, known_parameters, sentence, used_time
+from canid.findings import Report, Verdict, extends
+from canid.views.diagnosis_text import (
+    advice,
+    duration,
+    gain,
+    known_parameters,
+    sentence,
+    used_time,
+)
 from canid.views.names import either, parameter, readable
 from canid.views.numbers import interval, number, percent, role_unit, time_range
 from canid.views.report.evidence_bars import OUTCOMES, evidence_bars
@@ -70,6 +77,8 @@ def page(report: Report) -> str:
         advice=advice(report),
         duration=duration(report),
         used_time=used_time(report),
+        extends=extends,
+        gain=gain,
         figures={figure.name: figure for figure in figures},
         map_names=[f"map-{k + 1}" for k in range(len(report.maps))],
         outcomes={name: label for name, (_, label) in OUTCOMES.items()},

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from canid.findings import Flags, Report, Spectra
+from canid.findings import Flags, Report, Spectra, extends
 from canid.runs import runs
 from canid.types import Array
 from canid.views.names import readable
@@ -101,9 +101,9 @@ def _coherence_range(of: Spectra) -> float:
 def _pair(
     report: Report, x: list[float], pair: tuple[Array, Array], ends: tuple[str, str], *, first: bool
 ) -> list[Spec]:
-    before = "baseline" if report.findings else "simulation"
+    before = "baseline" if extends(report) else "simulation"
     lines = [line(x, pair[0], before, "before", axes=ends, showlegend=first)]
-    if report.findings:
+    if extends(report):
         lines.append(line(x, pair[1], "extended model", "after", axes=ends, showlegend=first))
     return lines
 
@@ -113,7 +113,7 @@ def _caption(report: Report, of: Spectra) -> str:
     up = of.frequency > 0
     for name, before in of.coherence_before.items():
         text = f"Coherence with {readable(name)}: {_bands(of.frequency[up], before[up] > of.level)}"
-        if report.findings:
+        if extends(report):
             after = _bands(of.frequency[up], of.coherence_after[name][up] > of.level)
             text += f", with the extended model {after}"
         sentences.append(text + ".")
@@ -121,7 +121,7 @@ def _caption(report: Report, of: Spectra) -> str:
         number(float(np.sqrt(np.trapezoid(s, of.frequency))), role_unit(report.output))
         for s in (of.before, of.after)
     ]
-    power = " → ".join(total if report.findings else total[:1])
+    power = " → ".join(total if extends(report) else total[:1])
     return (
         f"Dashed: {number(of.level)}, above which a coherence is significant (99 %). Where the residual is coherent with an "
         "input, the model's response to that input is wrong; elsewhere it is noise or an unmeasured input. "

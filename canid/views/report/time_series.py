@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from canid.findings import Flags, Report
+from canid.findings import Flags, Report, extends
 from canid.runs import runs
 from canid.types import Array
 from canid.views.diagnosis_text import step
@@ -43,7 +43,7 @@ def whole_drive(report: Report) -> Figure | None:
         return None
     unit = role_unit(report.output)
     close = inside(report.t, [(w.start, w.stop) for w in report.worst])
-    found = bool(report.findings)
+    found = extends(report)
     sides = [("before", _before(report), before)] + [("after", "extended simulation", after)] * found
     data = [_decimated(report.t, report.measured, close, "measured", "measured", "y")]
     for color, name, simulated in sides:
@@ -107,7 +107,7 @@ def worst_windows(report: Report) -> Figure | None:
             line(x, report.measured[at], "measured", "measured", axes=names, showlegend=first),
             line(x, report.baseline.simulated[at], _before(report), "before", axes=names, showlegend=first),
         ]
-        if report.findings:
+        if extends(report):
             data.append(
                 line(x, report.extended.simulated[at], "extended simulation", "after", axes=names, showlegend=first)
             )  # fmt: skip
@@ -118,7 +118,7 @@ def worst_windows(report: Report) -> Figure | None:
         title = f"{readable(report.output)} ({unit})" if k % across == 0 else ""
         axes[f"yaxis{axis_suffix(k)}"] = axis(title, domain=row, anchor=names[0], nticks=5)
         change = f"{number(window.before, unit)}"
-        change += f" → {number(window.after, unit)}" if report.findings else ""
+        change += f" → {number(window.after, unit)}" if extends(report) else ""
         titles.append(
             annotation(f"<b>{k + 1}</b>  {time_range(window.start, window.stop)}: {change} rms", column[0], row[1],
                  xanchor="left", yanchor="bottom", font={"size": 11, "color": "@ink"})
@@ -152,7 +152,7 @@ def _samples(report: Report) -> int:
 
 
 def _before(report: Report) -> str:
-    return "baseline simulation" if report.findings else "simulation"
+    return "baseline simulation" if extends(report) else "simulation"
 
 
 def _decimated(t: Array, y: Array, keep: Flags, name: str, color: str, yaxis: str, **more: bool) -> Spec:
@@ -183,7 +183,7 @@ def _drive_caption(report: Report, before: Array, after: Array) -> str:
     caption = (
         f"The residual (measured − simulated) has {number(rms(before[used]), unit)} rms with the baseline"
     )
-    if report.findings:
+    if extends(report):
         caption += f" and {number(rms(after[used]), unit)} with the extended model"
     caption += f" over the samples used; the lowest panel shows its rms over {number(RMS_WINDOW_S, 's')} around each time."
     if report.worst:
@@ -205,7 +205,7 @@ def _drive_caption(report: Report, before: Array, after: Array) -> str:
 
 
 def _windows_caption(report: Report) -> str:
-    if not report.findings:
+    if not extends(report):
         return "No cause was added to the model, so there is one simulation. Gaps are samples that were left out."
     better = sum(w.after < w.before for w in report.worst)
     return (

@@ -15,6 +15,7 @@ from tests.plants.plant_one.car import Car
 from tests.plants.plant_one.driver import Driver
 from tests.plants.plant_one.episodes import Episodes
 from tests.plants.plant_one.pedal_dynamics import PedalDynamics, pedal_dynamics
+from tests.plants.plant_one.uneven_remnant import UNEVEN, stepwise
 from tests.plants.planted_drive import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
 
 DT = 0.02  # s
@@ -236,6 +237,8 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> Driven:
     answer, quiet = person(effects)
     _, noisy = person(effects)
     e = (driver.noise_sd * remnant.unit(noise, n, DT, _rng(seed, "remnant"))).tolist()
+    uneven = {name: how for name, how in effects.items() if name in UNEVEN}
+    stepping = stepwise(noise, n, DT, uneven, _rng(seed, "uneven")) if uneven else None
     grows = noise == "state"
     gust = (car.gust_sd * remnant.unit("ar1", n, DT, _rng(seed, "gust"))).tolist()
     slope = _road(n, car.grade_sd, 1.3 * float(ahead.sum()) * DT + 500.0, _rng(seed, "road"))
@@ -243,7 +246,7 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> Driven:
 
     v, rest = vl[0], car.hold(vl[0])
     gap = v * max(driver.headway_desired + (rest - driver.offset) / driver.K1, 0.6)
-    x, way = cars.begin(v, rest), 0.0
+    x, way, accel = cars.begin(v, rest), 0.0, 0.0
     out = {role: np.zeros(n) for role in ("pedal", "accel", "brake", "grade")}
     pedals, accels, brakes, grades = out.values()
     demand, remnants, panic = np.empty(n), np.empty(n), 0
@@ -257,10 +260,11 @@ def _drive(drawn: Drawn, ahead: Array, seed: int, noise: str) -> Driven:
         world.gap.append(gap)
         world.speed.append(v)
         wanted_pedal = answer(k)
+        own = e[k] if stepping is None else driver.noise_sd * stepping(accel, world.lead_accel[k])
         r = (
-            e[k] * (STATE_REST + (1.0 - STATE_REST) * abs(wanted_pedal - driver.offset) / STATE_SIZE)
+            own * (STATE_REST + (1.0 - STATE_REST) * abs(wanted_pedal - driver.offset) / STATE_SIZE)
             if grows
-            else e[k]
+            else own
         )
         demand[k], remnants[k] = quiet(k, wanted_pedal, 0.0), r
         u = noisy(k, wanted_pedal, r)

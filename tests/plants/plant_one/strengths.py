@@ -75,6 +75,10 @@ STRENGTHS: dict[str, Callable[[Scene], dict[str, float]]] = {
     "pedal_ceiling": _ceiling,
     "backlash": lambda s: {"width": s.of(2.0, 7.0)},
     "periodic_task": lambda s: {"amplitude": s.of(1.0, 4.0), "frequency": s.of(0.05, 0.3)},
+    # remnant; slopes of log sd per 0.3 m/s² of |acceleration|
+    "heavy_tails": lambda s: {"freedom": s.of(2.5, 6.0)},
+    "state_dependent_scale": lambda s: {"own": s.of(0.2, 0.5), "lead": s.of(0.0, 0.2)},
+    "clustered_scale": lambda s: {"ratio": s.of(2.0, 4.0), "duration": s.of(4.0, 8.0)},
     # masks
     "cruise_control": lambda s: {"share": s.of(0.15, 0.6)},
     "gear_shift": lambda s: {"per_minute": s.of(0.5, 3.0)},

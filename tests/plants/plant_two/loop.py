@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.plants.plant_two.car import BRAKE_PEDAL_BELOW, REVOLUTIONS, SHIFTS, accelerate
 from tests.plants.plant_two.driver import answering
-from tests.plants.plant_two.plan import STEP_S, Plan, chance, cut_in_at, hung, remnant_of
+from tests.plants.plant_two.plan import STEP_S, Plan, bursts_of, chance, cut_in_at, hung, remnant_of
 from tests.plants.plant_two.road import KNOT_SPACING_M, TRAFFIC, hills, wind
 from tests.plants.plant_two.shapes import above, switch, window
 from tests.plants.planted_drive import Array
@@ -50,6 +50,7 @@ def driven(plan: Plan) -> Driven:
     answer = answering(driver, placed, STEP_S)
     pedal_effects = [one.touch for one in placed if one.place == "pedal"]
     unit = remnant_of(plan, "own").tolist()
+    bursts = bursts_of(plan)
     ahead, ahead_accel = plan.lead_speed.tolist(), plan.lead_accel.tolist()
     gusts = wind(car.headwind, car.gusts, n, STEP_S, chance(plan.seed, "wind")).tolist()
     road = hills(
@@ -73,7 +74,7 @@ def driven(plan: Plan) -> Driven:
             gap = max(gap * left, 3.0)
         w = ahead[k] - v
         reply = answer(k, gap, v, w, ahead_accel[k], a)
-        noise = driver.noise_sd * unit[k]
+        noise = driver.noise_sd * (unit[k] if bursts is None else bursts.next(a, ahead_accel[k]))
         if grows:
             noise *= math.hypot(QUIETEST, (reply - driver.offset) / ANSWER)
         x = reply + noise

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests.plants.plant_two.burst_remnant import BURSTY, BurstRemnant
 from tests.plants.plant_two.car import Car, draw_car
 from tests.plants.plant_two.driver import Driver, Placed, changed_driver, draw_driver
 from tests.plants.plant_two.episodes import EVENTS, episodes
@@ -128,6 +129,14 @@ def hung(plan: Plan, without: str = "") -> list[Placed]:
 def remnant_of(plan: Plan, purpose: str) -> Array:
     """Draw (n,) noise of the plan's kind and unit variance; not yet grown with the answer."""
     return unit_remnant(plan.noise, plan.n, STEP_S, plan.damping, chance(plan.seed, "remnant", purpose))
+
+
+def bursts_of(plan: Plan) -> BurstRemnant | None:
+    """Draw the noise where an effect makes it uneven; None: it is what `remnant_of` draws."""
+    values = {effect: how for effect, how in plan.effects.items() if effect in BURSTY}
+    if not values:
+        return None
+    return BurstRemnant(plan.noise, plan.n, STEP_S, plan.damping, values, chance(plan.seed, "bursts"))
 
 
 def cut_in_at(plan: Plan) -> tuple[int, float]:

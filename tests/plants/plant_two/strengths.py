@@ -44,6 +44,9 @@ USUAL: dict[str, dict[str, Range]] = {
     "pedal_ceiling": {},
     "backlash": {"width": (2.0, 7.0)},  # %
     "periodic_task": {"amplitude": (1.0, 3.0), "frequency": (0.06, 0.3)},  # %, Hz
+    "heavy_tails": {"freedom": (2.5, 6.0)},
+    "state_dependent_scale": {"own": (0.2, 0.5), "lead": (0.05, 0.2)},  # of log sd per 0.3 m/s²
+    "clustered_scale": {"sd": (0.4, 0.8)},  # of log sd
     "felt_acceleration": {"gain": (2.0, 7.0)},  # % per m/s²
     "brake_light_startle": {"drop": (5.0, 14.0), "threshold": (0.5, 1.2)},  # %, m/s²
     "speed_keeping": {"gain": (0.4, 1.2), "memory": (15.0, 60.0)},  # % per m/s, s

@@ -1,0 +1,71 @@
+"""Gain of a law in one-step log score on held-out data, nats per minute, with a bootstrap over stretches (Künsch 1989)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.diagnosis.fitting.held_out_gain import DRAWS
+from canid.diagnosis.remnant import law_search
+from canid.diagnosis.remnant.innovations import Innovations
+from canid.diagnosis.remnant.law_fit import log_density
+from canid.effects.effect import Effect
+from canid.identification.confidence import QUANTILES
+from canid.types import Array, Interval
+
+# s; longer than the memory of the scale
+STRETCH_S = 15.0
+# fewer stretches do not show how much the gain varies
+MIN_STRETCHES = 4
+
+
+class HeldOut(NamedTuple):
+    """Gains on the quarters of the drive that did not fit the law."""
+
+    law: Interval  # of the whole law over a Gaussian of the present scale
+    each: dict[str, Interval]  # effect id -> over the law without it
+
+
+def held_out(of: Innovations, effects: Sequence[Effect], fold: npt.NDArray[np.int64]) -> HeldOut:
+    """Score the law on each fold as fitted to the others.
+
+    Args:
+        of: the innovations.
+        effects: of the law.
+        fold: (n,) fold of each sample.
+    """
+    whole = scores(of, effects, fold)
+    return HeldOut(
+        gain(whole - scores(of, (), fold), of),
+        {
+            effect.id: gain(whole - scores(of, law_search.without(effects, effect), fold), of)
+            for effect in effects
+        },
+    )
+
+
+def scores(of: Innovations, effects: Sequence[Effect], fold: npt.NDArray[np.int64]) -> Array:
+    """Log density of each innovation (n,) by the law of the other folds; 0 where it does not count."""
+    out = np.zeros(of.x.size)
+    for k in np.unique(fold):
+        here, train = of.rows & (fold == k), of.rows & (fold != k)
+        if here.any() and train.any():
+            law = law_search.fitted(of, effects, train).law
+            out[here] = log_density(law, of.x[here], law_search.features_of(of, effects, here))
+    return out
+
+
+def gain(difference: Array, of: Innovations) -> Interval:
+    """Mean difference of two log scores (n,), nats per minute; NaN with too few stretches."""
+    stretch = (np.arange(of.x.size) // max(round(STRETCH_S / of.dt), 1))[of.rows]
+    total, minutes = np.bincount(stretch, difference[of.rows]), np.bincount(stretch) * of.dt / 60.0
+    total, minutes = total[minutes > 0], minutes[minutes > 0]
+    if total.size < MIN_STRETCHES:
+        return Interval()
+    # the same drive gives the same interval
+    draws = np.random.default_rng(0).integers(0, total.size, (DRAWS, total.size))
+    low, high = np.quantile(total[draws].sum(axis=1) / minutes[draws].sum(axis=1), QUANTILES)
+    return Interval(float(total.sum() / minutes.sum()), float(low), float(high))

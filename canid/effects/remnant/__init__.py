@@ -1,0 +1,1 @@
+"""Effects on the innovations of the noise that the driver adds."""
