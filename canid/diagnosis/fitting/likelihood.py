@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve
 from scipy.signal import lfilter
-from scipy.special import log_ndtr
 
 from canid.findings import Flags
+from canid.identification import censoring
 from canid.identification.autoregression import preceded
 from canid.types import Array
 
@@ -104,12 +104,9 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
     if hidden.any():
         # e is y − E[y | before] in sd; at the floor y = floor, so −e is how far the expected demand lies above it
         sign = np.where(output.above[hidden], -1.0, 1.0)
-        z = -sign * e[hidden]
-        surprise = np.sqrt(np.maximum(-2.0 * log_ndtr(-z), 1e-12))
-        # d surprise / dz = φ(z) / (Φ(−z) surprise)
-        density = np.exp(-0.5 * z * z - log_ndtr(-z)) / np.sqrt(2 * np.pi)
-        e[hidden] = surprise
-        slope[hidden] = sign * density / surprise
+        of_bound = censoring.surprise(sign * e[hidden])
+        e[hidden] = of_bound.value
+        slope[hidden] = -sign * of_bound.slope
     e = np.where(rows, e, 0.0)
     free = int(np.count_nonzero(rows & ~hidden))
     return Scored(e, np.where(rows, slope, 0.0), float(e @ e), free)
