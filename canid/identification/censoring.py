@@ -44,7 +44,7 @@ def surprise(bound: Array) -> Surprise:
     >>> bool(abs(float(one.value[0]) ** 2 - 2 * math.log(2.0)) < 1e-12)
     True
     """
-    a, of_phi, ratio = _normal(bound)
+    _a, of_phi, ratio = _normal(bound)
     value = np.sqrt(np.maximum(-2.0 * np.log(0.5 * of_phi), 1e-12))
     return Surprise(value, -ratio / value)
 
