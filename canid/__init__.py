@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from canid.drive_reader import read_trace as read_trace
     from canid.drive_reader import replay as replay
     from canid.errors import CanidError as CanidError
+    from canid.files.model_file import read_model as read_model
     from canid.logs.recovery import recover as recover
     from canid.session import live as live
     from canid.simulation import simulate as simulate
+    from canid.simulation.model_drive import simulate_model as simulate_model
     from canid.vehicle import read_vehicle as read_vehicle
 
 _HOME = {
@@ -29,12 +31,14 @@ _HOME = {
     "identify": "drive_parameters",
     "live": "session",
     "read_drive": "drive_reader",
+    "read_model": "files.model_file",
     "read_signals": "drive_reader",
     "read_trace": "drive_reader",
     "read_vehicle": "vehicle",
     "recover": "logs.recovery",
     "replay": "drive_reader",
     "simulate": "simulation",
+    "simulate_model": "simulation.model_drive",
 }
 __all__ = sorted(_HOME)
 

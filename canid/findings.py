@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.identified_model import IdentifiedModel
 from canid.types import NAN, Array, Channel, DriveTime, Interval, SignalFinding
 
 Flags = npt.NDArray[np.bool_]
@@ -198,6 +199,7 @@ class Report(NamedTuple):
     provenance: Provenance = Provenance()
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
+    model: IdentifiedModel | None = None  # the final model, for simulation; None: nothing was identified
 
 
 def extends(report: Report) -> bool:

@@ -12,11 +12,15 @@ from canid.cli import options
 from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info
 from canid.cli.output.outputs import Output
-from canid.errors import DONE, CanidError, OutputError
+from canid.errors import DONE, CanidError, ConfigError, OutputError
 
 if TYPE_CHECKING:
     from canid.simulation import Simulation
     from canid.vehicle import Vehicle
+
+
+# share of the lead's time at speeds that the model was not identified at, from which on that is said
+MAX_OUTSIDE = 0.2
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,6 +62,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EFFECT[=VALUE,...]",
         help="hide an effect in the drive, for `canid diagnose` to find; repeatable",
     )
+    parser.add_argument(
+        "--model",
+        metavar="REPORT.json",
+        help="drive the model that `canid diagnose LOG --json REPORT.json` identified, instead of a drawn driver",
+    )
+    parser.add_argument(
+        "--lead",
+        metavar="LOG",
+        help="with --model: behind the vehicle ahead of this log, its longest stretch; default: one of --profile",
+    )
     options.force(parser)
     options.json_file(parser)
 
@@ -91,8 +105,12 @@ def run(args: argparse.Namespace) -> int:
     outputs.check([json, log, truth], options.read_by(args))
     check_log(log)
     vehicle = read_vehicle(args.vehicle or ("generic_lane" if args.profile == "lane" else "generic"))
-    simulation = simulate(
-        minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise, hide=dict(args.hide)
+    simulation = (
+        simulate(
+            minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise, hide=dict(args.hide)
+        )
+        if args.model is None
+        else of_model(args, vehicle)
     )
     text = write(log, truth, simulation, vehicle)
     with outputs.opened(json) as sink:
@@ -100,6 +118,45 @@ def run(args: argparse.Namespace) -> int:
             sink.write(text)
     info(f"{log.path} written, its truth to {truth.path}")
     return DONE
+
+
+def of_model(args: argparse.Namespace, vehicle: Vehicle) -> Simulation:
+    """Drive an identified model.
+
+    Raises:
+        ConfigError: no model, no lead, or an option that a model leaves no room for.
+        LogError: the lead's log cannot be read.
+    """
+    from canid.drive_reader import read_trace
+    from canid.files.model_file import read_model
+    from canid.simulation import model_drive
+
+    if args.hide or args.profile == "lane":
+        raise ConfigError("simulate: --model brings its own driver: leave out --hide and --profile lane")
+    model = read_model(args.model)
+    needed = {"gap", "range_rate", "speed", model.output}
+    if absent := sorted(needed - set(vehicle.roles) - {"gap", "range_rate"}):
+        raise ConfigError(
+            f"simulate: {vehicle.name} has no {', '.join(absent)}, which the model needs: choose --vehicle"
+        )
+    lead = (
+        model_drive.drawn_lead(model, args.profile, args.minutes, args.seed)
+        if args.lead is None
+        else model_drive.longest_lead(read_trace(args.lead, vehicle))
+    )
+    simulation = model_drive.drive(model, lead, args.seed, noise=args.noise != "none")
+    if model_drive.unstable(model):
+        info(
+            "the model does not hold a gap: behind a steady vehicle gap and speed run away; its gains are not a driver's"
+        )
+    low, high = model.driven["speed"].low, model.driven["speed"].high
+    outside = float(((lead.speed < low) | (lead.speed > high)).mean())
+    if outside > MAX_OUTSIDE:
+        info(
+            f"{100 * outside:.0f} % of the lead's speeds are outside of {low:.0f} to {high:.0f} m/s, which the model was "
+            "identified at"
+        )
+    return simulation
 
 
 def declared(out: Path, *, force: bool) -> tuple[Output, Output]:

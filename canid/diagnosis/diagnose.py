@@ -19,6 +19,7 @@ from canid.diagnosis.driver import (
 from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.final_model import final_model
 from canid.diagnosis.fitting.search import Named
 from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.innovations import innovations
@@ -41,6 +42,7 @@ from canid.findings import (
     no_fit,
 )
 from canid.identification.confidence import SIGMAS
+from canid.identified_model import IdentifiedModel
 from canid.signal_checks.drive_time import behind_a_lead, of_trace
 from canid.types import NAN, Array, Interval, Trace
 
@@ -130,6 +132,7 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
     report = overall_verdict.join(
         _report(prepared, searched, drivers, masked, steps, context.vehicle), remnant, context
     )
+    report = report._replace(model=_model(prepared, searched, context.vehicle, report))
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
         # what a wrong sensor did to the driver's parameters
@@ -151,6 +154,14 @@ def _remnant(
     return remnant_block.diagnose_remnant(
         of, effects, held_out.dealt(searched.data), len(drivers) + len(effects)
     )
+
+
+def _model(prepared: Prepared, searched: Search, vehicle: Vehicle, report: Report) -> IdentifiedModel | None:
+    """The final model: with the driver's causes where they hold."""
+    sound = [finding for finding in report.findings if not finding.surrogate]
+    holds = any(finding.where == "driver" for finding in sound)
+    data, solved = (searched.data, searched.solved) if holds else (prepared.data, searched.baseline)
+    return final_model(prepared.trace, data, solved, vehicle, sound, report.output)
 
 
 def ready(trace: Trace, usable: Flags) -> Prepared | None:

@@ -73,8 +73,10 @@ def follow(
     grade = slope_profile(n, DT, profile_lead, slope_sd, rng["road"])
     bursts = [(one.effect.remnant, one.params) for one in planted.of("remnant") if one.effect.remnant]
     stepwise = remnant.stepper(noise, n, DT, np.random.default_rng([seed, 8]), bursts) if bursts else None
-    columns = _loop(lead, pedal_noise, grade, truth, car, noise == "state", cut_in, planted, stepwise)
-    columns |= _further_signals(columns, grade, rng["road"])
+    columns = close_loop(
+        lead, pedal_noise, grade, truth, car, planted, stepwise, grows=noise == "state", cut_in=cut_in
+    )
+    columns |= further_signals(columns, grade, rng["road"])
     t = columns["t"]
     valid = np.ones(n)
     for start, stop in lost:
@@ -101,25 +103,43 @@ def follow(
     return Simulation(DT, columns, facts, seed, planted_effects.measured(planted, columns))
 
 
-def _loop(
+def close_loop(
     lead: Array,
     pedal_noise: Array,
     grade: Array,
     truth: DriverTruth,
     car: Car,
-    grows: bool,
-    cut_in: float | None,
     planted: Planted,
     stepwise: remnant.Step | None,
+    *,
+    grows: bool = False,
+    cut_in: float | None = None,
+    begin: tuple[float, float] | None = None,
 ) -> dict[str, Array]:
-    """Close the loop. Plain floats: numpy scalars would make it ten times slower."""
+    """Close the loop. Plain floats: numpy scalars would make it ten times slower.
+
+    Args:
+        lead: (n,) m/s.
+        pedal_noise: (n,) of variance 1; where there is no `stepwise`.
+        grade: (n,) %.
+        truth: the driver.
+        car: the car.
+        planted: effects on driver and car.
+        stepwise: noise that follows the accelerations.
+        grows: the noise is in proportion to the answer.
+        cut_in: s; another vehicle cuts in.
+        begin: gap in m and speed in m/s; None: the wanted headway at the lead's speed.
+
+    Returns:
+        Columns (n,) by role, and "t", "demand", "headway", "noise".
+    """
     n = len(lead)
     first = answer(truth.K1, truth.tau1, truth.dead_time1, DT)
     second = answer(truth.K2, truth.tau2, truth.dead_time2, DT)
     vl, e, slope = lead.tolist(), (pedal_noise * truth.noise_sd).tolist(), (grade * GRAVITY / 100).tolist()
     decay = math.exp(-DT / car.lag)
-    v = vl[0]
-    gap = truth.headway_desired * v
+    v = vl[0] if begin is None else begin[1]
+    gap = truth.headway_desired * v if begin is None else begin[0]
     error: list[float] = []
     rate: list[float] = []
     seen_rate: list[float] = []
@@ -154,6 +174,9 @@ def _loop(
         else:
             error.append(headway - truth.headway_desired)
             rate.append(closing)
+        if k == 0 and begin is not None:
+            # as if what is seen first had always been so
+            y1, y2 = error[0], rate[0]
         y1, y2 = first.step(y1, error, then), second.step(y2, rate, then)
         answered = truth.K1 * y1 + truth.K2 * y2 + y3
         # State-dependent noise: a pedal that moves more has more noise; of the same size at an answer of 6 %.
@@ -191,7 +214,7 @@ def _loop(
     }
 
 
-def _further_signals(columns: dict[str, Array], grade: Array, rng: np.random.Generator) -> dict[str, Array]:
+def further_signals(columns: dict[str, Array], grade: Array, rng: np.random.Generator) -> dict[str, Array]:
     """Compute what else the car measures: slope, course, gears. Nothing feeds back."""
     v, t = columns["speed"], columns["t"]
     zero = np.zeros(len(v))

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from canid.effects.effect import Remnant, ScaleFeature
+from canid.identified_model import NoiseLaw
 from canid.simulation.noise import DAMPING, RESONANCE_HZ, WHITE_SHARE, first_order
 
 # s for which one draw of Student's precision lasts: a push of the pedal, and a step of the estimators' grid. Drawn for
@@ -29,12 +30,16 @@ Step = Callable[[float, float], float]  # own and lead acceleration, m/s² -> no
 
 
 def stepper(
-    kind: str, n: int, dt: float, rng: np.random.Generator, effects: Sequence[tuple[Remnant, Sequence[float]]]
+    kind: str | NoiseLaw,
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    effects: Sequence[tuple[Remnant, Sequence[float]]],
 ) -> Step:
     """Make the noise of one drive.
 
     Args:
-        kind: as in `unit_noise`.
+        kind: as in `unit_noise`; or an identified law, of innovations of variance 1.
         n: steps of the drive.
         dt: s.
         rng: source of random numbers.
@@ -48,17 +53,18 @@ def stepper(
     """
     shocks, whites = (rng.standard_normal(n).tolist() for _ in range(2))
     spread, slopes = np.ones(n), dict[ScaleFeature, float]()
+    push = PUSH_S if isinstance(kind, str) else kind.step
     for remnant, p in effects:
         values = list(p)
         if remnant.heavy_tailed:
-            spread = spread * _student(values.pop(0), n, dt, rng)
+            spread = spread * _student(values.pop(0), n, dt, rng, push)
         for feature, slope in zip(remnant.scale, values, strict=True):
             if feature is ScaleFeature.PAST_INNOVATIONS:
                 spread = spread * _bursts(slope, n, dt, rng)
             else:
                 slopes[feature] = slopes.get(feature, 0.0) + slope
     spreads = spread.tolist()
-    filtered = _filter(kind, dt)
+    filtered = _filter(kind, dt) if isinstance(kind, str) else _autoregressive(kind, dt)
     k = -1
 
     def step(own: float, lead: float) -> float:
@@ -75,9 +81,9 @@ def stepper(
     return step
 
 
-def _student(freedom: float, n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
+def _student(freedom: float, n: int, dt: float, rng: np.random.Generator, push: float) -> np.ndarray:
     """Scale (n,) that makes a Gaussian Student's t, of variance 1 where that is finite."""
-    hold = max(round(PUSH_S / dt), 1)
+    hold = max(round(push / dt), 1)
     precision = rng.chisquare(freedom, n // hold + 1) / freedom
     variance = freedom / max(freedom - 2.0, MIN_VARIANCE_FREEDOM)
     return np.asarray(np.repeat(1.0 / np.sqrt(precision * variance), hold)[:n])
@@ -88,6 +94,24 @@ def _bursts(slope: float, n: int, dt: float, rng: np.random.Generator) -> np.nda
     sd = slope / PREDICTED_SHARE
     # the mean of a lognormal square is exp(2 sd²)
     return np.asarray(np.exp(sd * first_order(BURST_S, n, dt, rng) - sd * sd))
+
+
+def _autoregressive(law: NoiseLaw, dt: float) -> Callable[[float, float], float]:
+    """Noise of an identified law: new at each of its steps, straight in between, one of them late."""
+    every = max(round(law.step / dt), 1)
+    past = [0.0] * (1 + len(law.coefficients))
+    k = -1
+
+    def step(shock: float, white: float) -> float:
+        nonlocal k
+        k += 1
+        if k % every == 0:
+            past.insert(0, sum(a * x for a, x in zip(law.coefficients, past, strict=False)) + shock)
+            past.pop()
+        part = (k % every) / every
+        return (1 - part) * past[1] + part * past[0] if len(past) > 1 else past[0]
+
+    return step
 
 
 def _filter(kind: str, dt: float) -> Callable[[float, float], float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from canid import identified_model
 from canid.findings import Check, Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Window
 from canid.views import json_values
 from canid.views.diagnosis_text import duration, rms_error, used_time
@@ -49,6 +50,7 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
             key: {"before": json_values.interval(before), "after": json_values.interval(after)}
             for key, (before, after) in report.shifts.items()
         },
+        "model": None if report.model is None else identified_model.to_json(report.model),
         "steps": list(report.steps),
         "provenance": {
             name: dict(of) if name in ("versions", "dbc_sha256") else of

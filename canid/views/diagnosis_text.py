@@ -9,6 +9,7 @@ import numpy as np
 
 from canid.findings import Finding, Report, Trajectory, extends, masked_for
 from canid.identification import identifiability
+from canid.identified_model import equation
 from canid.types import Array, Interval
 from canid.views import signal_text
 from canid.views.names import SYMBOLS, parameter, readable
@@ -42,6 +43,8 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     lines += _headed("a drive that would decide", advice(report))
     title = "driver parameters: baseline, extended model" if extends(report) else "driver parameters"
     lines += _headed(title, _parameters(report))
+    if report.model is not None:
+        lines += _headed("final model; L(τ, θ): lag τ, dead time θ", [equation(report.model)])
     lines += _checks(report)
     lines += _headed("worst windows", _worst(report))
     lines += _headed(

@@ -9,6 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from canid.findings import Report, Verdict, extends
+from canid.identified_model import equation
 from canid.views.diagnosis_text import (
     advice,
     duration,
@@ -74,6 +75,7 @@ def page(report: Report) -> str:
         unit=role_unit(report.output),
         sentence=sentence(report),
         parameters=known_parameters(report),
+        equation="" if report.model is None else equation(report.model),
         advice=advice(report),
         duration=duration(report),
         used_time=used_time(report),
