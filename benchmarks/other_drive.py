@@ -18,7 +18,7 @@ from canid.diagnosis.rivals.rival_models import MODELS
 from canid.diagnosis.rivals.rival_simulation import leads, simulate
 from canid.effects import CATALOGUE
 from canid.effects.effect import Kind
-from canid.findings import ClosedLoopError, nrmse
+from canid.findings import ClosedLoopError, Report, nrmse
 from canid.types import Trace
 
 STRETCH_S = 60.0
@@ -32,8 +32,15 @@ def prepared(trace: Trace) -> Prepared | None:
     return ready(context.trace, context.usable)
 
 
-def chosen(of: Prepared) -> FittedDriver:
-    """Search the driver's causes and return the extended model; the baseline where there are none."""
+def chosen(of: Prepared, report: Report) -> FittedDriver:
+    """Return the model that the diagnosis stands for: extended by what it names; the baseline where it names nothing.
+
+    Args:
+        of: the drive.
+        report: its diagnosis. Surrogates are no cause by its own words, and do not count.
+    """
+    if not any(one.where == "driver" and not one.surrogate for one in report.findings):
+        return of.fitted
     drivers = tuple(e for e in CATALOGUE if e.where == "driver" and e.kind is not Kind.MASK)
     found, _ = cross_validation.search_causes(of.data, drivers, of.fitted)
     return found.solved if found.named else of.fitted

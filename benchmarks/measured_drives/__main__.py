@@ -103,14 +103,16 @@ def crossed(trace: Trace) -> str:
     return ", ".join(cells)
 
 
-def both_ways(trace: Trace) -> Errors:
+def both_ways(trace: Trace, minimum: float) -> Errors:
     """Each half fits, the other judges: means of the two; {}: a half is too short."""
-    halves = [prepared(part(trace, 0.0, 0.5)), prepared(part(trace, 0.5, 1.0))]
+    halves = [part(trace, 0.0, 0.5), part(trace, 0.5, 1.0)]
     ways = []
-    for here, there in (halves, halves[::-1]):
+    for this, other in (halves, halves[::-1]):
+        here, there = prepared(this), prepared(other)
         if here is None or there is None:
             return {}
-        ways.append(carried(here, there, {BASELINE: here.fitted, CHOSEN: chosen(here)}))
+        model = chosen(here, diagnose(this, minimum=minimum))
+        ways.append(carried(here, there, {BASELINE: here.fitted, CHOSEN: model}))
     names = ways[0].keys() & ways[1].keys()
     return {
         name: ClosedLoopError(*np.mean([way[name] for way in ways], axis=0))
@@ -119,7 +121,7 @@ def both_ways(trace: Trace) -> Errors:
     }
 
 
-def rivals(data: Path) -> None:
+def rivals(data: Path, minimum: float) -> None:
     """Print the table of rivals."""
     names = (BASELINE, CHOSEN, *(model.name for model in MODELS))
     print(f"| log | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}")
@@ -129,7 +131,7 @@ def rivals(data: Path) -> None:
         if not path.exists():
             print(f"| {log} | the file is not there |{' |' * (len(names) - 1)}")
             continue
-        errors = both_ways(read_trace(path, vehicle))
+        errors = both_ways(read_trace(path, vehicle), minimum)
         if errors:
             rows.append(errors)
         cells = (f"{errors[name].gap:.3f} / {errors[name].speed:.3f}" if errors else "–" for name in names)
@@ -154,7 +156,7 @@ def main() -> None:
     if args.only is None:
         print()
     if args.only != "diagnosis":
-        rivals(args.data)
+        rivals(args.data, args.minimum)
 
 
 def diagnoses(data: Path, minimum: float) -> None:

@@ -94,10 +94,10 @@ def judged(trace: Trace, other: Trace, report: Report) -> tuple[other_drive.Erro
     here, there = other_drive.prepared(trace), other_drive.prepared(other)
     if here is None or there is None:
         return {}, NAN
-    found = any(one.where == "driver" for one in report.findings)
-    chosen = other_drive.chosen(here) if found else here.fitted
+    chosen = other_drive.chosen(here, report)
     models = {other_drive.BASELINE: here.fitted, other_drive.CHOSEN: chosen}
-    gained = 1 - _variance(chosen, there) / _variance(here.fitted, there) if found else NAN
+    extended = bool(chosen.model.effects)
+    gained = 1 - _variance(chosen, there) / _variance(here.fitted, there) if extended else NAN
     return other_drive.carried(here, there, models), gained
 
 
