@@ -136,13 +136,13 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float, riva
     report = overall_verdict.join(
         _report(prepared, searched, drivers, masked, steps, context.vehicle), remnant, context
     )
-    if rivals:
-        report = report._replace(rivals=comparison.compare(prepared.data, report.closed_loop))
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
         # what a wrong sensor did to the driver's parameters
         before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
         report = report._replace(shifts=_shifts(before, report.extended))
+    if rivals:
+        report = report._replace(rivals=comparison.compare(prepared.data, report.closed_loop))
     return report
 
 
