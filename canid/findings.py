@@ -176,7 +176,7 @@ def nrmse(simulated: Array, measured: Array) -> float:
     """
     here = np.isfinite(simulated) & np.isfinite(measured)
     scale = float(np.sum(measured[here] ** 2))
-    return math.sqrt(float(np.sum((simulated - measured)[here] ** 2)) / scale) if scale > 0 else NAN
+    return float(np.sqrt(np.sum((simulated - measured)[here] ** 2) / scale)) if scale > 0 else NAN
 
 
 class Blocked(NamedTuple):
@@ -228,9 +228,9 @@ class Report(NamedTuple):
     advice: tuple[str, ...]  # which drives would decide what is not testable
     steps: tuple[str, ...]  # what was done, in order
     provenance: Provenance = Provenance()
+    rivals: tuple[Rival, ...] = ()  # published car-following models, where they were asked for
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
-    rivals: tuple[Rival, ...] = ()  # published car-following models, where they were asked for
 
 
 def extends(report: Report) -> bool:
