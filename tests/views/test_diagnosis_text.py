@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from canid import findings
 from canid.findings import Blocked, Finding, NotTestable, Report, Verdict
 from canid.types import Interval
 from canid.views import diagnosis_json, diagnosis_text, json_values, numbers
@@ -78,35 +77,6 @@ def test_failed_checks_are_named_and_passed_ones_counted(report_of: ReportOf) ->
 
 def test_rivals_are_named(report_of: ReportOf) -> None:
     assert "  rivals: speed_gain" in said(report_of(Verdict.ONE_OF))
-
-
-def test_published_models_stand_in_text_json_and_page(named: Report) -> None:
-    """The nearest first; one that could not be calibrated has its reason and nulls."""
-    calibrated = findings.Rival(
-        "OVRV", "a paper", {"T": Interval(1.5, 1.2, 1.8)}, {"T": "s"}, findings.ClosedLoopError(1e-3, 2e-3),
-        (findings.ClosedLoopError(1e-3, 2e-3),),
-    )  # fmt: skip
-    lacking = findings.Rival("IDM", "a paper", status="not_enough_data", says="drive longer")
-    report = named._replace(rivals=(calibrated, lacking))
-    lines = said(report)
-    head = next(k for k, line in enumerate(lines) if line.startswith("published car-following models"))
-    assert [line.split("  ")[1] for line in lines[head + 2 : head + 5]] == [
-        "OVRV",
-        "canid, extended",
-        "canid, baseline",
-    ]
-    assert lines[head + 5] == "  drive longer"
-    assert not any(line.startswith("published car-following models") for line in said(named))
-    out = as_json(report)["rivals"]
-    assert [one["model"] for one in out] == ["OVRV", "IDM"]
-    assert (out[0]["nrmse_gap"], out[0]["folds"]) == (1e-3, [{"nrmse_gap": 1e-3, "nrmse_speed": 2e-3}])
-    assert out[0]["parameters"] == {"T": {"value": 1.5, "low": 1.2, "high": 1.8}}
-    assert (out[1]["status"], out[1]["nrmse_gap"], out[1]["folds"]) == ("not_enough_data", None, [])
-    loop = as_json(report)["closed_loop"][0]
-    assert loop["nrmse_after"] == pytest.approx(0.6 * loop["nrmse_before"])
-    html = page(report)
-    assert all(text in html for text in ('<table id="rivals">', "1.50 [1.20, 1.80] s", "drive longer"))
-    assert '<table id="rivals">' not in page(named)
 
 
 def test_many_undecided_causes_stay_short(named: Report) -> None:
