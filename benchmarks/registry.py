@@ -79,6 +79,12 @@ BENCHMARKS = (
         "diagnosis of the measured drives, and of halves",
     ),
     Benchmark(
+        "sumo",
+        "benchmarks.sumo",
+        "20 min",
+        "seven driver models of Eclipse SUMO: identify, diagnose, a second lead, rivals",
+    ),
+    Benchmark(
         "change_detection",
         "benchmarks.monitor",
         "30 min",

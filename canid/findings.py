@@ -148,6 +148,38 @@ class Trajectory(NamedTuple):
     gain: Interval  # relative reduction of the error's variance
 
 
+class ClosedLoopError(NamedTuple):
+    """Normalised error in closed loop: rms error over the rms of what was measured (Punzo & Montanino 2016)."""
+
+    gap: float = NAN
+    speed: float = NAN
+
+
+class Rival(NamedTuple):
+    """A published car-following model, calibrated in closed loop on this drive."""
+
+    model: str
+    source: str
+    parameters: Mapping[str, Interval] = {}  # calibrated on the whole drive
+    units: Mapping[str, str] = {}  # parameter -> unit
+    nrmse: ClosedLoopError = ClosedLoopError()  # on data that did not calibrate it
+    folds: tuple[ClosedLoopError, ...] = ()  # the same, fold by fold
+    status: str = "ok"  # or "not_enough_data"
+    says: str = ""  # what is missing
+
+
+def nrmse(simulated: Array, measured: Array) -> float:
+    """Root mean square of the error over that of what was measured, where something was simulated.
+
+    Example:
+        >>> nrmse(np.array([10.0, 11.0, NAN]), np.array([10.0, 10.0, 10.0])).__round__(3)
+        0.071
+    """
+    here = np.isfinite(simulated) & np.isfinite(measured)
+    scale = float(np.sum(measured[here] ** 2))
+    return float(np.sqrt(np.sum((simulated - measured)[here] ** 2) / scale)) if scale > 0 else NAN
+
+
 class Blocked(NamedTuple):
     """Result of one block of the loop."""
 
@@ -197,6 +229,7 @@ class Report(NamedTuple):
     advice: tuple[str, ...]  # which drives would decide what is not testable
     steps: tuple[str, ...]  # what was done, in order
     provenance: Provenance = Provenance()
+    rivals: tuple[Rival, ...] = ()  # published car-following models, where they were asked for
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
     model: IdentifiedModel | None = None  # the final model, for simulation; None: nothing was identified

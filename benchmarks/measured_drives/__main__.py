@@ -1,10 +1,11 @@
 """Diagnosis of measured drives, whole and in halves: docs/measured.md.
 
-    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60]
+    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--only diagnosis|rivals]
 
 For each log: the verdict, the evidence for the two causes that a plot of the residual suggests (a drift of the desired
 headway, an answer to the lead's acceleration), and the answer to range rate in each half: the same driver should have
-the same in both.
+the same in both. The table of rivals has canid's model and published car-following models fitted to one half and
+simulated in closed loop on the other, both ways.
 """
 
 from __future__ import annotations
@@ -15,13 +16,20 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.other_drive import BASELINE, CHOSEN, Errors, carried, chosen, prepared, summary
 from canid import read_trace
 from canid.diagnosis.diagnose import diagnose, ready
 from canid.diagnosis.driver.driver_model import pedal
-from canid.findings import Report
+from canid.diagnosis.rivals.rival_models import MODELS
+from canid.findings import ClosedLoopError, Report
 from canid.types import Interval, Trace
 
 CANDIDATES = ("headway_drift", "lead_acceleration")
+# people who follow for more than twenty minutes: for the table of rivals, with those below
+LONG = tuple(
+    (f"asta/asta_{name}.blf", "openacc_asta")
+    for name in ("p3_f2_Tesla_Model3", "p3_f4_Audi_A6", "p10_f2_Audi_A6", "p10_f4_Mercedes_AClass")
+)
 # file -> shipped vehicle
 LOGS = (
     ("openacc/human_h22_v3.blf", "openacc"),
@@ -95,8 +103,45 @@ def crossed(trace: Trace) -> str:
     return ", ".join(cells)
 
 
+def both_ways(trace: Trace, minimum: float) -> Errors:
+    """Each half fits, the other judges: means of the two; {}: a half is too short."""
+    halves = [part(trace, 0.0, 0.5), part(trace, 0.5, 1.0)]
+    ways = []
+    for this, other in (halves, halves[::-1]):
+        here, there = prepared(this), prepared(other)
+        if here is None or there is None:
+            return {}
+        model = chosen(here, diagnose(this, minimum=minimum))
+        ways.append(carried(here, there, {BASELINE: here.fitted, CHOSEN: model}))
+    names = ways[0].keys() & ways[1].keys()
+    return {
+        name: ClosedLoopError(*np.mean([way[name] for way in ways], axis=0))
+        for name in ways[0]
+        if name in names
+    }
+
+
+def rivals(data: Path, minimum: float) -> None:
+    """Print the table of rivals."""
+    names = (BASELINE, CHOSEN, *(model.name for model in MODELS))
+    print(f"| log | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}")
+    rows = []
+    for log, vehicle in (*LONG, *(one for one in LOGS if one[1] == "openacc")):
+        path = data / log
+        if not path.exists():
+            print(f"| {log} | the file is not there |{' |' * (len(names) - 1)}")
+            continue
+        errors = both_ways(read_trace(path, vehicle), minimum)
+        if errors:
+            rows.append(errors)
+        cells = (f"{errors[name].gap:.3f} / {errors[name].speed:.3f}" if errors else "–" for name in names)
+        print(f"| {path.stem} | {' | '.join(cells)} |", flush=True)
+    if rows:
+        print("\n" + "\n".join(summary(rows)))
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks measured_drives",
         description=__doc__,
@@ -104,20 +149,31 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--minimum", type=float, default=60.0, help="s that a part must have")
+    parser.add_argument("--only", choices=("diagnosis", "rivals"))
     args = parser.parse_args()
+    if args.only != "rivals":
+        diagnoses(args.data, args.minimum)
+    if args.only is None:
+        print()
+    if args.only != "diagnosis":
+        rivals(args.data, args.minimum)
+
+
+def diagnoses(data: Path, minimum: float) -> None:
+    """Print the tables of whole drives and halves."""
     heads = (
         "log", "verdict", "named", *CANDIDATES, "fit %", "gain held out", "K of range rate", "τ+θ s", "masked s",
     )  # fmt: skip
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     by_halves = []
     for log, vehicle in LOGS:
-        path = args.data / log
+        path = data / log
         if not path.exists():
             print(f"| {log} | the file is not there | | | | | | | | |")
             continue
         trace = read_trace(path, vehicle)
         for name, start, stop in (("whole", 0.0, 1.0), ("first half", 0.0, 0.5), ("second half", 0.5, 1.0)):
-            report = diagnose(part(trace, start, stop), minimum=args.minimum)
+            report = diagnose(part(trace, start, stop), minimum=minimum)
             print(row(f"{path.stem}, {name}", report), flush=True)
         by_halves.append(f"| {path.stem} | {crossed(trace)} |")
     print(

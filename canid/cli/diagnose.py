@@ -34,6 +34,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "replaces an earlier page",
     )
     parser.add_argument(
+        "--rivals",
+        action="store_true",
+        help="calibrate published car-following models (IDM, FVDM, OVRV, Gipps) on the same drive and compare them in "
+        "closed loop; some 2 s per 10 min",
+    )
+    parser.add_argument(
         "--check",
         action="store_true",
         help="exit with 1 if a verdict is not adequate, a finding in the remnant alone excepted (for CI); "
@@ -62,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         for k, path in enumerate(args.logs):
             drive = reading.read_drive(path, vehicle, args, estimating=False)
             with Progress(f"diagnosing {path}"):
-                report = diagnose(drive.trace)
+                report = diagnose(drive.trace, rivals=args.rivals)
             report = report._replace(provenance=provenance(path, vehicle, command(args, path)))
             for line in [""] * (k > 0) + diagnosis_text.text(report, path, vehicle.name):
                 show(line)
@@ -115,10 +121,11 @@ def command(args: argparse.Namespace, log: str) -> str:
     """The command that reproduces the report of one log.
 
     Example:
-        >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0), "drive 7.blf")
+        >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0, rivals=False), "drive 7.blf")
         "canid diagnose 'drive 7.blf' --vehicle generic --stop 60"
     """
     words = ["canid", "diagnose", log, "--vehicle", str(args.vehicle)]
     words += ["--start", f"{args.start:g}"] if args.start > 0 else []
     words += ["--stop", f"{args.stop:g}"] if args.stop < float("inf") else []
+    words += ["--rivals"] if args.rivals else []
     return shlex.join(words)

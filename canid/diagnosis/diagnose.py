@@ -24,6 +24,7 @@ from canid.diagnosis.fitting.search import Named
 from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.remnant.remnant_block import RemnantReport
+from canid.diagnosis.rivals import comparison
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.effects import CATALOGUE
 from canid.effects.effect import Detector, Effect, Kind
@@ -72,7 +73,11 @@ class Prepared(NamedTuple):
 
 
 def diagnose(
-    trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum: float = MIN_DRIVING_S
+    trace: Trace,
+    *,
+    catalogue: tuple[Effect, ...] = CATALOGUE,
+    minimum: float = MIN_DRIVING_S,
+    rivals: bool = False,
 ) -> Report:
     """Diagnose a drive: its sensors first, then the car, then the driver.
 
@@ -80,6 +85,7 @@ def diagnose(
         trace: from `read_trace`.
         catalogue: the effects that may be named.
         minimum: s of driving that must be there.
+        rivals: calibrate published car-following models as well; some 2 s of CPU time per 10 min.
 
     Returns:
         a `Report`. A drive that decides nothing gets a verdict as well, never an exception.
@@ -90,11 +96,11 @@ def diagnose(
         >>> report.verdict.value
         'adequate'
     """
-    report = _diagnosed(trace, catalogue, minimum)
+    report = _diagnosed(trace, catalogue, minimum, rivals)
     return report._replace(signals=trace.findings, time=of_trace(trace))
 
 
-def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> Report:
+def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float, rivals: bool) -> Report:
     context = corrections.diagnose_context(trace, catalogue)
     given, trace, usable, masked = trace, context.trace, context.usable, context.masked
     wrong = signal_findings.untrusted(given, context.sensing.findings)
@@ -138,6 +144,8 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
         # what a wrong sensor did to the driver's parameters
         before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
         report = report._replace(shifts=_shifts(before, report.extended))
+    if rivals:
+        report = report._replace(rivals=comparison.compare(prepared.data, report.closed_loop))
     return report
 
 

@@ -5,7 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from canid import identified_model
-from canid.findings import Check, Finding, Fit, OperatingMap, Report, Spectra, Trajectory, Tried, Window
+from canid.findings import (
+    Check,
+    ClosedLoopError,
+    Finding,
+    Fit,
+    OperatingMap,
+    Report,
+    Rival,
+    Spectra,
+    Trajectory,
+    Tried,
+    Window,
+    nrmse,
+)
 from canid.views import json_values
 from canid.views.diagnosis_text import duration, rms_error, used_time
 from canid.views.numbers import role_unit
@@ -46,6 +59,7 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "maps": [_map(m) for m in report.maps],
         "spectra": None if report.spectra is None else _spectra(report.spectra),
         "closed_loop": [_trajectory(of) for of in report.closed_loop],
+        "rivals": [_rival(one) for one in report.rivals],
         "shifts": {
             key: {"before": json_values.interval(before), "after": json_values.interval(after)}
             for key, (before, after) in report.shifts.items()
@@ -133,4 +147,23 @@ def _trajectory(of: Trajectory) -> dict[str, Any]:
         "before": json_values.number(rms_error(of, of.before)),
         "after": json_values.number(rms_error(of, of.after)),
         "gain": json_values.interval(of.gain),
+        "nrmse_before": json_values.number(nrmse(of.before, of.measured)),
+        "nrmse_after": json_values.number(nrmse(of.after, of.measured)),
     }
+
+
+def _rival(of: Rival) -> dict[str, Any]:
+    return {
+        "model": of.model,
+        "source": of.source,
+        "status": of.status,
+        "says": of.says,
+        "parameters": {name: json_values.interval(iv) for name, iv in of.parameters.items()},
+        "units": dict(of.units),
+        **_nrmse(of.nrmse),
+        "folds": [_nrmse(one) for one in of.folds],
+    }
+
+
+def _nrmse(of: ClosedLoopError) -> dict[str, float | None]:
+    return {"nrmse_gap": json_values.number(of.gap), "nrmse_speed": json_values.number(of.speed)}

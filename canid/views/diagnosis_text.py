@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from typing import NamedTuple
 
 import numpy as np
 
-from canid.findings import Finding, Report, Trajectory, extends, masked_for
+from canid.findings import ClosedLoopError, Finding, Report, Trajectory, extends, masked_for, nrmse
 from canid.identification import identifiability
 from canid.identified_model import equation
 from canid.types import Array, Interval
@@ -50,6 +51,7 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     lines += _headed(
         "closed loop, with the lead vehicle of the log", [_closed_loop(of) for of in report.closed_loop]
     )
+    lines += _headed("published car-following models in closed loop, on held-out data", _rivals(report))
     return lines
 
 
@@ -130,6 +132,17 @@ def _closed_loop(of: Trajectory) -> str:
     return f"{line}, extended model {number(rms_error(of, of.after), unit)}; gain {percent(of.gain)} on held-out data"
 
 
+def _rivals(report: Report) -> list[str]:
+    models = closed_loop_models(report)
+    missing = dict.fromkeys(one.says for one in report.rivals if one.says)
+    if not models or not report.rivals:
+        return list(missing)
+    rows = [
+        (one.name, number(100 * one.error.gap, "%"), number(100 * one.error.speed, "%")) for one in models
+    ]
+    return columns(["model", "NRMSE of the gap", "of the speed"], rows) + list(missing)
+
+
 def _headed(title: str, lines: list[str] | tuple[str, ...], *, always: bool = False) -> list[str]:
     return ["", title, *(f"  {line}" for line in lines)] if lines or always else []
 
@@ -188,6 +201,33 @@ def rms_error(of: Trajectory, simulated: Array) -> float:
 def has_extended(of: Trajectory) -> bool:
     """Whether the extended model simulates this trajectory differently from the baseline."""
     return math.isfinite(of.gain.value)
+
+
+class ModelError(NamedTuple):
+    """A model and its error in closed loop on held-out data."""
+
+    name: str
+    error: ClosedLoopError
+    parameters: str  # as text; "" of canid's own models
+
+
+def closed_loop_models(report: Report) -> list[ModelError]:
+    """Both models of canid and the published ones that were calibrated, the smallest error of the gap first."""
+    roles = {of.role: of for of in report.closed_loop}
+    found = []
+    if {"gap", "speed"} <= roles.keys():
+        gap, speed = roles["gap"], roles["speed"]
+        before = ClosedLoopError(nrmse(gap.before, gap.measured), nrmse(speed.before, speed.measured))
+        found.append(ModelError("canid, baseline", before, ""))
+        if has_extended(gap) or has_extended(speed):
+            after = ClosedLoopError(nrmse(gap.after, gap.measured), nrmse(speed.after, speed.measured))
+            found.append(ModelError("canid, extended", after, ""))
+    for one in report.rivals:
+        if one.status == "ok":
+            units = {name: "" if unit == "1" else unit for name, unit in one.units.items()}
+            said = (f"{name} {interval(iv, units[name])}" for name, iv in one.parameters.items())
+            found.append(ModelError(one.model, one.nrmse, ", ".join(said)))
+    return sorted(found, key=lambda one: one.error.gap)
 
 
 def duration(report: Report) -> float:

@@ -141,8 +141,8 @@ def simulate(
     return tuple(out)
 
 
-def stretches(usable: Flags, dt: float) -> tuple[Stretch, ...]:
-    """Take the longest usable run out of each of `held_out`'s blocks.
+def stretches(usable: Flags, dt: float, block_s: float = FOLD_BLOCK_S) -> tuple[Stretch, ...]:
+    """Take the longest usable run out of each block of the drive; by default those of `held_out`.
 
     Example:
         >>> usable = np.ones(700, dtype=bool)
@@ -150,7 +150,7 @@ def stretches(usable: Flags, dt: float) -> tuple[Stretch, ...]:
         >>> stretches(usable, 0.1)
         (Stretch(start=100, stop=300, block=0),)
     """
-    size, out = round(FOLD_BLOCK_S / dt), []
+    size, out = round(block_s / dt), []
     for block, start in enumerate(range(0, usable.size, size)):
         found = runs(usable[start : start + size])
         if not found:

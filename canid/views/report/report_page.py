@@ -12,6 +12,7 @@ from canid.findings import Report, Verdict, extends
 from canid.identified_model import equation
 from canid.views.diagnosis_text import (
     advice,
+    closed_loop_models,
     duration,
     gain,
     known_parameters,
@@ -80,6 +81,7 @@ def page(report: Report) -> str:
         duration=duration(report),
         used_time=used_time(report),
         extends=extends,
+        closed_loop_models=closed_loop_models,
         gain=gain,
         figures={figure.name: figure for figure in figures},
         map_names=[f"map-{k + 1}" for k in range(len(report.maps))],

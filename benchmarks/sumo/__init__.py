@@ -1,0 +1,1 @@
+"""Driver models of Eclipse SUMO as a benchmark: identification, diagnosis and rivals on drivers that nobody here wrote."""

@@ -1,0 +1,118 @@
+"""Calibration of a car-following model: least squares of the gap in closed loop, from several starts.
+
+The gap is the measure of performance (Punzo & Montanino 2016: its error holds the speed's). A Latin hypercube of
+parameters is simulated at once; trust-region least squares (scipy) begins from the best few.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+from scipy.stats import t as student
+
+from canid.diagnosis.rivals.rival_model import RivalModel
+from canid.diagnosis.rivals.rival_simulation import Leads, simulate
+from canid.identification.confidence import MISS
+from canid.types import Array, Interval
+
+# parameter vectors that are screened, and how many of them begin a fit
+SCREENED, STARTS = 96, 3
+# evaluations of one fit; of a unit range, step of the derivatives; relative change at which a fit ends
+MAX_STEPS, DERIVATIVE_STEP, TOLERANCE = 20, 1e-4, 1e-4
+# of a unit range: nearer to its end a parameter is not identified
+AT_BOUND = 1e-3
+
+
+class Calibrated(NamedTuple):
+    """A calibrated model, on the unit cube of its parameters."""
+
+    x: Array  # (k,)
+    cost: float  # Σ gap error², m²
+    jacobian: Array  # (rows, k) m per unit
+    left: Array  # (rows,) m
+    stretch: Array  # (rows,) its number
+
+
+def calibrate(model: RivalModel, of: Leads, starts: tuple[Array, ...] = ()) -> Calibrated:
+    """Fit a model to the gap.
+
+    Args:
+        model: which one.
+        of: the stretches to fit.
+        starts: (k,) each, on the unit cube; (): screened ones.
+    """
+    found = [_fit(model, of, x) for x in starts or _screened(model, of)]
+    return min(found, key=lambda one: one.cost)
+
+
+def intervals(model: RivalModel, of: Calibrated) -> dict[str, Interval]:
+    """95 % intervals by the jackknife over stretches, linearised (CR3, MacKinnon & White 1985).
+
+    Errors of one stretch are correlated. A parameter at the end of its range is not identified: its interval is the range.
+    """
+    free = (of.x > AT_BOUND) & (of.x < 1 - AT_BOUND)
+    J = of.jacobian[:, free]
+    numbers = np.unique(of.stretch)
+    m = numbers.size
+    shifts = []
+    for k in numbers:
+        here = of.stretch == k
+        others = J[~here].T @ J[~here]
+        shifts.append(np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ (J[here].T @ of.left[here]))
+    sd = np.full(of.x.size, np.inf)
+    sd[free] = np.sqrt((m - 1) / m * np.sum(np.square(shifts), axis=0))
+    wide = float(student.isf(MISS / 2, max(m - 1, 1))) * sd
+    value, low, high = (
+        model.physical(np.clip(x, 0.0, 1.0)[:, None])[:, 0] for x in (of.x, of.x - wide, of.x + wide)
+    )
+    return {
+        one.name: Interval(float(value[k]), float(low[k]), float(high[k]))
+        for k, one in enumerate(model.parameters)
+    }
+
+
+def _screened(model: RivalModel, of: Leads) -> tuple[Array, ...]:
+    # the same log gives the same answer
+    x = qmc.LatinHypercube(len(model.parameters), rng=np.random.default_rng(0)).random(SCREENED)
+    cost = np.sum(_left(model, x.T, of) ** 2, axis=0)
+    return tuple(x[np.argsort(cost)[:STARTS]])
+
+
+def _left(model: RivalModel, x: Array, of: Leads) -> Array:
+    """Errors of the gap, (rows, p), m."""
+    gap, _ = simulate(model, model.physical(x), of)
+    out: Array = np.moveaxis(gap - of.gap[:, None, :], 1, 2)[of.inside]
+    return out
+
+
+def _fit(model: RivalModel, of: Leads, start: Array) -> Calibrated:
+    k = start.size
+    latest: list[Array] = []
+
+    def errors(x: Array) -> Array:
+        # derivatives cost next to nothing along with the value: numpy's overhead is that of one call
+        step = np.where(x < 0.5, DERIVATIVE_STEP, -DERIVATIVE_STEP)
+        left = _left(model, np.concatenate([x[:, None], x[:, None] + np.diag(step)], axis=1), of)
+        latest[:] = [x.copy(), (left[:, 1:] - left[:, :1]) / step]
+        out: Array = left[:, 0]
+        return out
+
+    def jacobian(x: Array) -> Array:
+        if not np.array_equal(latest[0], x):
+            errors(x)
+        return latest[1]
+
+    found = least_squares(
+        errors,
+        np.clip(start, AT_BOUND, 1 - AT_BOUND),
+        jacobian,
+        bounds=(np.zeros(k), np.ones(k)),
+        max_nfev=MAX_STEPS,
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+    )
+    number = np.broadcast_to(np.arange(of.inside.shape[1]), of.inside.shape)[of.inside]
+    return Calibrated(found.x, 2 * float(found.cost), found.jac, found.fun, number.astype(float))

@@ -1,0 +1,77 @@
+"""Closed-loop simulation of a car-following model behind the recorded lead, many stretches and parameters at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver.closed_loop import MIN_GAP_M, Stretch
+from canid.diagnosis.rivals.rival_model import RivalModel
+from canid.findings import Flags
+from canid.types import Array
+
+# s; traffic simulators step by 0.1 to 0.5 s, and a smaller step changes nothing here
+STEP_S = 0.2
+# m/s²; what tyres can do: models of the safe gap ask for more where it is all but gone
+MIN_ACCEL, MAX_ACCEL = -9.0, 5.0
+
+
+class Leads(NamedTuple):
+    """Stretches of a drive side by side, (steps, m) each; beyond a stretch's end the last row is repeated."""
+
+    gap: Array  # m, measured
+    speed: Array  # m/s, measured
+    lead: Array  # m/s
+    inside: Flags  # is it in the stretch? False in the first row, which is given
+    dt: float  # s
+
+    def take(self, columns: Flags) -> Leads:
+        """Only some stretches, (m,)."""
+        gap, speed, lead = (x[:, columns] for x in (self.gap, self.speed, self.lead))
+        return Leads(gap, speed, lead, self.inside[:, columns], self.dt)
+
+
+def leads(gap: Array, speed: Array, lead: Array, where: Sequence[Stretch], dt: float) -> Leads:
+    """Lay stretches side by side, at steps of about `STEP_S`.
+
+    Args:
+        gap: (n,) m.
+        speed: (n,) m/s.
+        lead: (n,) m/s.
+        where: the stretches.
+        dt: s.
+    """
+    every = max(int(STEP_S / dt + 1e-6), 1)
+    length = max((one.stop - one.start - 1) // every + 1 for one in where)
+    rows = every * np.arange(length)[:, None] + np.array([one.start for one in where])
+    inside = rows < np.array([one.stop for one in where])
+    inside[0] = False
+    rows = np.minimum(rows, gap.size - 1)
+    return Leads(gap[rows], speed[rows], lead[rows], inside, every * dt)
+
+
+def simulate(model: RivalModel, q: Array, of: Leads) -> tuple[Array, Array]:
+    """Simulate from the measured first state of each stretch (ballistic steps, Treiber & Kanagaraj 2015).
+
+    Args:
+        model: which one.
+        q: (k, p) parameters: p vectors, or (k, p, m): one for each stretch.
+        of: the stretches.
+
+    Returns:
+        gap (steps, p, m) m and speed (steps, p, m) m/s.
+    """
+    q = q[..., None] if q.ndim == 2 else q
+    steps, m = of.lead.shape
+    gap, speed = np.empty((2, steps, q.shape[1], m))
+    gap[0], speed[0] = of.gap[0], of.speed[0]
+    middle = 0.5 * (of.lead[1:] + of.lead[:-1])
+    for k in range(steps - 1):
+        v = speed[k]
+        accel = np.clip(model.acceleration(q, gap[k], v, of.lead[k]), MIN_ACCEL, MAX_ACCEL)
+        np.maximum(v + of.dt * accel, 0.0, out=speed[k + 1])
+        opening = middle[k] - 0.5 * (v + speed[k + 1])
+        np.maximum(gap[k] + of.dt * opening, MIN_GAP_M, out=gap[k + 1])
+    return gap, speed
