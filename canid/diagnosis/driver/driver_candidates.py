@@ -41,6 +41,8 @@ POLISH_EVIDENCE = 8.0
 POLISH_SHARE = 0.4
 # s by which a dead time may have come out too short, each an initial guess
 DEAD_TIME_OFFSETS_S = (0.15, 0.35, 0.7)
+# of the simulation's error variance; a quick cause may make a slow simulation worse by so much and still predict better
+MAX_SLOW_LOSS = 0.05
 
 
 DriverCandidate = Candidate[DriverModel]
@@ -125,9 +127,21 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: FittedDri
     ][:MAX_FULL_FITS]
     found = [tried(effect, data, without, begins) for effect, begins in worth]
     least = max(POLISH_EVIDENCE, POLISH_SHARE * max((one.evidence for one in found), default=0.0))
-    return [
+    refined = [
         price(one.effect, polished(data, one.solved), without, data.output.dt)
         if one.evidence > least
         else one
         for one in found
     ]
+    return [one for one in refined if not simulates_worse(data, one.solved, without)]
+
+
+def simulates_worse(data: DriverData, one: FittedDriver, without: FittedDriver) -> bool:
+    """Does a model that predicts the next sample better simulate the drive worse than the model without the cause?
+
+    Then it has traded the slow part of the response for the noise model, which explains any slow part: on measured
+    drives such fits have gains of ten times the baseline's.
+    """
+    free = data.output.usable & ~data.output.hidden
+    square = [float(np.mean((data.output.y - of.fitted.model)[free] ** 2)) for of in (without, one)]
+    return square[1] > (1 + MAX_SLOW_LOSS) * square[0]
