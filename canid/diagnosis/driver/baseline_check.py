@@ -24,6 +24,8 @@ from canid.types import Channel, Identifiable
 
 # of a parameter's range; nearer than this it stands at its bound
 BOUND_RANGE_SHARE = 1e-3
+# of the upper end of a gain's interval: a gain that controls nothing
+SMALL_GAIN_SHARE = 1e-2
 # lags and dead times of a channel; no reaction takes as long as their upper bounds
 DELAYS = {"headway_error": (TAU1, THETA1), "range_rate": (TAU2, THETA2)}
 
@@ -100,13 +102,25 @@ def vehicle_loop(car: FittedVehicle | None, pedal: bool, speed: float) -> Vehicl
     return VehicleLoop(float(car.q[STRENGTH]), float(car.q[LAG]), max(2.0 * float(car.q[DRAG]) * speed, 0.0))
 
 
+def not_surely_negative(channel: Channel) -> Channel:
+    """The channel with a gain of next to 0 where the estimate is negative and its interval is not.
+
+    A gain that is not distinguishable from 0 is as often of the wrong sign, and a headway that is not controlled drifts
+    slowly: that does not speak against the model. A response that overshoots does.
+    """
+    K = channel.K
+    if not K.value < 0.0 < K.high:
+        return channel
+    return channel._replace(K=K._replace(value=SMALL_GAIN_SHARE * K.high))
+
+
 def _loop(data: DriverData, channels: Mapping[str, Channel], car: FittedVehicle | None) -> str:
     """Sentence on an unstable loop, at the median speed and headway of the drive."""
     free = data.output.usable
     speed, headway = (float(np.median(x[free])) for x in (data.seen.speed, data.seen.headway))
     vehicle = vehicle_loop(car, data.pedal, speed)
     if vehicle is None or not closed_loop_stability.is_unstable(
-        tuple(channels.values()), speed, headway, vehicle
+        [not_surely_negative(channel) for channel in channels.values()], speed, headway, vehicle
     ):
         return ""
     gains = " and ".join(f"{channel.K.value:.3g}" for channel in channels.values())

@@ -25,6 +25,7 @@ from canid.diagnosis.driver.driver_model import (
 from canid.diagnosis.fitting.candidates import MIN_EXPLAINED, Candidate, Guess, best_fit, price, screened
 from canid.diagnosis.fitting.fitted_model import extended, polished
 from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.search import RIVAL
 from canid.effects.effect import DriveFeatures, Effect, Kind, Screening
 from canid.types import Array
 
@@ -41,6 +42,8 @@ POLISH_EVIDENCE = 8.0
 POLISH_SHARE = 0.4
 # s by which a dead time may have come out too short, each an initial guess
 DEAD_TIME_OFFSETS_S = (0.15, 0.35, 0.7)
+# evidence per parameter: of two candidates, the one with more of them must explain more by so much
+EVIDENCE_PER_PARAMETER = 6.0
 # of the simulation's error variance; a quick cause may make a slow simulation worse by so much and still predict better
 MAX_SLOW_LOSS = 0.05
 
@@ -52,7 +55,9 @@ def starts(effect: Effect, data: DriverData, without: FittedDriver) -> Iterator[
     """Parameters at which a cause may begin: the model without it, and the cause's own."""
     free = data.output.usable & ~data.output.below
     base = without.q
-    known = DriveFeatures(data.seen.duration, data.seen.speed[free], data.output.y[free])
+    known = DriveFeatures(
+        data.seen.duration, data.seen.speed[free], data.output.y[free], gap=data.seen.gap[free]
+    )
     own = [parameter.guesses(known) for parameter in effect.parameters]
     desired = (
         [float(x) for x in np.quantile(data.seen.headway[free], DESIRED_QUANTILES)]
@@ -133,7 +138,26 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: FittedDri
         else one
         for one in found
     ]
-    return [one for one in refined if not simulates_worse(data, one.solved, without)]
+    return [
+        one
+        for one in refined
+        if not simulates_worse(data, one.solved, without) and not is_operating_point(one, data, without)
+    ]
+
+
+def is_operating_point(one: DriverCandidate, data: DriverData, without: FittedDriver) -> bool:
+    """Does the same freedom, given to the operating point, explain as much as this dependence on time?
+
+    A time-invariant driver behind a lead that changes its speed changes with the operating point alone.
+    """
+    if one.evidence < POLISH_EVIDENCE:
+        return False
+    for effect in one.effect.timeless:
+        other = tried(effect, data, without, screen(effect, data, without))
+        handicap = EVIDENCE_PER_PARAMETER * max(other.parameters - one.parameters, 0)
+        if other.solved.deviance + handicap < one.solved.deviance + RIVAL:
+            return True
+    return False
 
 
 def simulates_worse(data: DriverData, one: FittedDriver, without: FittedDriver) -> bool:

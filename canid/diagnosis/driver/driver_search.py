@@ -39,8 +39,6 @@ MIN_DEVIANCE_GAIN = 1.0
 FORM_EVIDENCE_SHARE = 0.01
 # desired headways, speeds, levels, times along a drive that are chances of their own
 START_CHANCES = 3
-# evidence per parameter: of two candidates, the one with more of them must explain more by so much to be refitted from
-EVIDENCE_PER_PARAMETER = 6.0
 # of a cause's evidence that a rival must have had at some step to be fitted again
 RIVAL_SHARE = 0.3
 # s after an episode in which the pedal returns to the demand
@@ -219,7 +217,10 @@ def _tried(
     found = driver_candidates.candidates(curves, data, solved)
     if found:
         best = max(
-            found, key=lambda candidate: candidate.evidence - EVIDENCE_PER_PARAMETER * candidate.parameters
+            found,
+            key=lambda candidate: (
+                candidate.evidence - driver_candidates.EVIDENCE_PER_PARAMETER * candidate.parameters
+            ),
         )
         k = solved.q.size
         again = solve(data, solved.model, best.solved.q[:k], best.solved.noise, solved.rows)
