@@ -44,6 +44,9 @@ POLISH_SHARE = 0.4
 DEAD_TIME_OFFSETS_S = (0.15, 0.35, 0.7)
 # evidence per parameter: of two candidates, the one with more of them must explain more by so much
 EVIDENCE_PER_PARAMETER = 6.0
+# of the evidence of a dependence on time, that one on the operating point may not reach: neither has the exact form of
+# the driver's law, so the better of two approximations may be the wrong one
+TIMELESS_SHARE = 0.5
 # of the simulation's error variance; a quick cause may make a slow simulation worse by so much and still predict better
 MAX_SLOW_LOSS = 0.05
 
@@ -152,10 +155,11 @@ def is_operating_point(one: DriverCandidate, data: DriverData, without: FittedDr
     """
     if one.evidence < POLISH_EVIDENCE:
         return False
+    won = without.deviance - one.solved.deviance
     for effect in one.effect.timeless:
         other = tried(effect, data, without, screen(effect, data, without))
         handicap = EVIDENCE_PER_PARAMETER * max(other.parameters - one.parameters, 0)
-        if other.solved.deviance + handicap < one.solved.deviance + RIVAL:
+        if without.deviance - other.solved.deviance - handicap > min(won - RIVAL, TIMELESS_SHARE * won):
             return True
     return False
 
