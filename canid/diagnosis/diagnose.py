@@ -9,16 +9,20 @@ import numpy as np
 from canid.diagnosis import corrections, masks, overall_verdict, residual_maps, signal_findings
 from canid.diagnosis.adequacy import adequacy
 from canid.diagnosis.driver import (
+    baseline_check,
     closed_loop,
     cross_validation,
     detectability,
     driver_intervals,
+    driver_search,
     held_out,
     pedal_holds,
 )
+from canid.diagnosis.driver.cross_validation import Confirmed
 from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.driver.output_unit import in_output_unit
 from canid.diagnosis.final_model import final_model
 from canid.diagnosis.fitting.search import Named
 from canid.diagnosis.remnant import remnant_block
@@ -39,6 +43,7 @@ from canid.findings import (
     Report,
     Tried,
     Verdict,
+    Window,
     masked_for,
     no_fit,
 )
@@ -55,8 +60,6 @@ STILL_RATE, STILL_OUTPUT = 0.05, 1e-3
 # whitening it would amplify rounding, so every second sample is left out until it has
 MIN_INNOVATION_SHARE = 0.04
 MAX_SAMPLE_TIME_S = 0.8
-# of the error's variance; a quick cause may make a slow simulation worse by so much and still predict better
-MAX_SLOW_LOSS = 0.05
 
 NO_ANSWER = (
     "the output answers neither headway nor relative speed by more than chance: is it the right signal? "
@@ -130,15 +133,22 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float, riva
     drivers = tuple(
         effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
     )
-    searched, refused = cross_validation.search_causes(prepared.data, drivers, prepared.fitted)
-    steps += refused
+    refused = refused_baseline(prepared, context.vehicle)
+    confirmed = cross_validation.search_causes(prepared.data, () if refused else drivers, prepared.fitted)
+    searched = confirmed.search
+    steps += confirmed.refused
     if silent and not searched.solved.model.effects and not answered(searched.data, searched.solved):
         return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
-    remnant = _remnant(prepared, searched, drivers, catalogue)
-    report = overall_verdict.join(
-        _report(prepared, searched, drivers, masked, steps, context.vehicle), remnant, context
-    )
-    report = report._replace(model=_model(prepared, searched, context.vehicle, report))
+    if refused:
+        remnant = remnant_block.not_testable("The baseline does not describe the drive.")
+        alone = _report(prepared, confirmed, (), masked, steps, context.vehicle)
+        alone = baseline_refused(alone, refused)
+    else:
+        remnant = _remnant(prepared, searched, drivers, catalogue)
+        alone = _report(prepared, confirmed, drivers, masked, steps, context.vehicle)
+    report = overall_verdict.join(alone, remnant, context)
+    if not refused:
+        report = report._replace(model=_model(prepared, searched, context.vehicle, report))
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
         # what a wrong sensor did to the driver's parameters
@@ -247,15 +257,41 @@ def nothing(trace: Trace, why: str, masked: tuple[Masked, ...], steps: list[str]
     )  # fmt: skip
 
 
+def refused_baseline(prepared: Prepared, vehicle: Vehicle) -> str:
+    """Why no cause may be named on this baseline; "": it may be judged.
+
+    Stretches in which the pedal stands still are seen in the pedal itself: without them the baseline may hold.
+    """
+    car = vehicle.cars[0] if vehicle.cars is not None else None
+    why = baseline_check.refusal(prepared.data, prepared.fitted, car)
+    if not why:
+        return ""
+    seen = pedal_holds.detect(prepared.data, prepared.fitted)
+    if seen.pattern is None:
+        return why
+    data, fitted = driver_search.without_holds(prepared.data, prepared.fitted, seen)
+    return baseline_check.refusal(data, fitted, car)
+
+
+def baseline_refused(report: Report, why: str) -> Report:
+    """The report on a drive whose baseline is refused: where it fails, and nothing that rests on it."""
+    says = f"UNEXPLAINED: the baseline does not describe this drive: {why}."
+    return report._replace(
+        verdict=Verdict.UNEXPLAINED, says=says, unexplained=Interval(), blocks=(Blocked("driver", "unexplained", says),),
+        advice=(why,), steps=(*report.steps, f"baseline refused: {why}"),
+    )  # fmt: skip
+
+
 def _report(
     prepared: Prepared,
-    searched: Search,
+    confirmed: Confirmed,
     drivers: tuple[Effect, ...],
     masked: tuple[Masked, ...],
     steps: list[str],
     vehicle: Vehicle,
 ) -> Report:
     trace, original = prepared.trace, prepared.data
+    searched, folds, total = confirmed.search, confirmed.folds, confirmed.gain
     dt = trace.dt
     before, solved = searched.baseline, searched.solved
     held = adequacy.assess(searched, original, _explained(searched))
@@ -264,16 +300,14 @@ def _report(
     used = original.output.usable & ~original.output.below
     base = _fit(before, before_out, original, dt, original)
     extended = _fit(solved, after_out, original, dt, searched.data)
-    folds = held_out.folds(original, searched)
-    errors = held_out.errors(original, searched, folds) if searched.named else None
-    total = Interval() if errors is None else held_out.gain(*errors, dt)
-    sound = held.passed and not (solved.model.effects and _worse(total, original, searched, folds, dt))
+    sound = held.passed
     fitted = driver_intervals.parameters(solved, searched.data)
-    findings = tuple(_finding(one, searched, original, fitted, sound, total) for one in searched.named)
+    findings = tuple(_finding(one, trace, original, fitted, sound, total) for one in searched.named)
     verdict = _verdict(findings, sound)
     priced = detectability.shown(drivers, original, before)
     expected = {one.effect.id: one.expected for one in priced}
-    undecided = detectability.undecided(priced, original, len(drivers))
+    decided = frozenset(name for f in findings for name in (f.effect, *f.rivals))
+    undecided = detectability.undecided(priced, original, len(drivers), decided)
     tried = _tried(searched, findings, expected)
     r0 = np.where(used, original.output.y - before_out, 0.0)
     r1 = np.where(used, original.output.y - after_out, 0.0)
@@ -285,7 +319,8 @@ def _report(
         f"{len({s.effect.id for s in searched.steps})} causes fitted in full, of {len(drivers)} tried",
         "residual adequate" if held.passed else "residual not adequate: " + "; ".join(_failed(held)),
     ]
-    says = _says(verdict, findings, held, total, len(drivers))
+    worst = residual_maps.worst(trace.t, r0, r1, used, dt)
+    says = _says(verdict, findings, held, total, len(drivers), worst)
     role = masks.output_role(trace)
     loop = closed_loop.simulate(trace, original, role, folds, searched.holds, vehicle)
     return Report(
@@ -294,7 +329,7 @@ def _report(
         not_testable=tuple(undecided), candidates_tried=len(drivers), tried=tried,
         checks=_adequacy_checks(held), masked=masked,
         blocks=(Blocked("driver", _state(verdict), says),),
-        worst=residual_maps.worst(trace.t, r0, r1, used, dt),
+        worst=worst,
         maps=(
             residual_maps.operating_map(("speed", seen.speed), ("headway", seen.headway), r0, r1, used, dt),
             residual_maps.operating_map(("range_rate", seen.range_rate), ("gap", seen.gap), r0, r1, used, dt),
@@ -303,21 +338,6 @@ def _report(
         closed_loop=loop, shifts=_shifts(base, extended) if findings else {},
         advice=tuple(dict.fromkeys(_advice(undecided, findings, drivers))), steps=tuple(steps),
     )  # fmt: skip
-
-
-def _worse(
-    total: Interval, original: DriverData, searched: Search, folds: tuple[held_out.Fold, ...], dt: float
-) -> bool:
-    """Do the causes make the simulation of held-out data worse? Then they are not the causes.
-
-    A small loss of the simulation does not count where the one-step predictions gain.
-    """
-    if not total.value < 0:
-        return False
-    if total.value <= -MAX_SLOW_LOSS:
-        return True
-    quick = held_out.gain(*held_out.errors(original, searched, folds, predicted_errors=True), dt)
-    return not quick.low > 0
 
 
 def _tried(searched: Search, findings: tuple[Finding, ...], expected: dict[str, float]) -> tuple[Tried, ...]:
@@ -347,7 +367,7 @@ def _fit(
 
 def _finding(
     one: Named,
-    searched: Search,
+    trace: Trace,
     data: DriverData,
     fitted: dict[str, dict[str, Interval]],
     passed: bool,
@@ -358,14 +378,28 @@ def _finding(
         estimates = {one.effect.parameters[0].name: one.estimate}
     if one.episodes and Detector.PEDAL_CEILING not in one.effect.detectors:
         estimates = _rhythm(one, float((data.output.usable.sum()) * data.output.dt))
-    says = one.effect.says
+    says = in_output_unit(one.effect.says, pedal=data.pedal)
     for name, iv in estimates.items():
         says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
     return Finding(
-        effect=one.effect.id, where=one.effect.where, rivals=one.rivals, surrogate=not passed, parameters=estimates,
-        units={p.name: p.unit for p in one.effect.parameters}, gain=gain, says=says, evidence=one.evidence,
-        needed=one.needed, episodes=one.episodes,
+        effect=one.effect.id, where=one.effect.where, rivals=possible(one.rivals, trace, data), surrogate=not passed,
+        parameters=estimates, units={p.name: in_output_unit(p.unit, pedal=data.pedal) for p in one.effect.parameters},
+        gain=gain, says=says, evidence=one.evidence, needed=one.needed, episodes=one.episodes,
     )  # fmt: skip
+
+
+def possible(rivals: tuple[str, ...], trace: Trace, data: DriverData) -> tuple[str, ...]:
+    """Rivals that this log can have: their signals are measured, and a car lies between the output and the motion."""
+    by = {effect.id: effect for effect in CATALOGUE}
+    return tuple(
+        rival
+        for rival in rivals
+        if rival not in by
+        or (
+            all(role in trace.signals for role in by[rival].needs)
+            and (data.pedal or by[rival].where != "vehicle")
+        )
+    )
 
 
 def _rhythm(one: Named, seconds: float) -> dict[str, Interval]:
@@ -412,7 +446,12 @@ def _failed(held: adequacy.Adequacy) -> list[str]:
 
 
 def _says(
-    verdict: Verdict, findings: tuple[Finding, ...], held: adequacy.Adequacy, gain: Interval, tried: int
+    verdict: Verdict,
+    findings: tuple[Finding, ...],
+    held: adequacy.Adequacy,
+    gain: Interval,
+    tried: int,
+    worst: tuple[Window, ...],
 ) -> str:
     better = ""
     if gain.value == gain.value:
@@ -424,10 +463,13 @@ def _says(
             "and the residual holds nothing of the inputs."
         )
     if verdict is Verdict.UNEXPLAINED:
-        what = "; ".join(_failed(held)) or "a structure that does not carry over to other parts of the drive"
-        helped = ", ".join(finding.effect for finding in findings)
-        surrogate = f" {helped} helps, but is not the cause." if findings else ""
-        return f"UNEXPLAINED: the residual holds {what}.{surrogate}{better}"
+        what = "; ".join(_failed(held))
+        names = ", ".join(finding.effect for finding in findings)
+        helps = "helps, but" if gain.value > 0 else "predicts the next sample better, but"
+        surrogate = f" {names} {helps} is not the cause." if findings else ""
+        where = max(worst, key=lambda one: one.after, default=None)
+        most = f" Most of it is at {where.start:.0f} to {where.stop:.0f} s." if where is not None else ""
+        return f"UNEXPLAINED: the residual holds {what}.{most}{surrogate}{better}"
     if verdict is Verdict.ONE_OF:
         sets = " and ".join("one of {" + ", ".join((f.effect, *f.rivals)) + "}" for f in findings)
         return f"ONE OF: {sets}.{better}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from canid.diagnosis.corrections import Context
 from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.remnant_block import RemnantReport
-from canid.findings import Blocked, Finding, Report, Verdict
+from canid.findings import Blocked, Finding, NotTestable, Report, Verdict
 from canid.types import Interval
 
 # in the order of the control loop, in which they are diagnosed as well
@@ -32,17 +32,36 @@ def join(driver: Report, remnant: RemnantReport, around: Context) -> Report:
     tried = (
         driver.candidates_tried + sensing.tried + len({t.effect for t in (*vehicle.tried, *remnant.tried)})
     )
+    named = frozenset(finding.effect for finding in findings)
+    undecided = (*driver.not_testable, *sensing.not_testable, *vehicle.not_testable)
     return driver._replace(
         verdict=verdict,
         says=sentence(verdict, findings, lines, driver, tried),
         findings=findings,
-        not_testable=(*driver.not_testable, *sensing.not_testable, *vehicle.not_testable),
+        # the share is that of the driver's residual: of another block's nothing is known
+        unexplained=driver.unexplained
+        if verdict is not Verdict.UNEXPLAINED or block.state == "unexplained"
+        else Interval(),
+        not_testable=tuple(one for line in undecided for one in still_undecided(line, named)),
         candidates_tried=tried,
         tried=(*driver.tried, *vehicle.tried, *remnant.tried),
         checks=(*sensing.checks, *vehicle.checks, *driver.checks),
         blocks=lines,
         steps=(*around.steps, *driver.steps, *remnant.steps),
     )
+
+
+def still_undecided(line: NotTestable, named: frozenset[str]) -> tuple[NotTestable, ...]:
+    """What a line leaves undecided next to what was named; of a pair of which one is named, nothing.
+
+    Example:
+        >>> still_undecided(NotTestable(("a", "b", "c"), "why"), frozenset({"b"}))
+        (NotTestable(effects=('a', 'c'), why='why'),)
+    """
+    left = tuple(effect for effect in line.effects if effect not in named)
+    if left == line.effects:
+        return (line,)
+    return (line._replace(effects=left),) if len(left) > 1 else ()
 
 
 def with_context(nothing: Report, around: Context) -> Report:

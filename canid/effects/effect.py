@@ -140,6 +140,7 @@ class DriveFeatures(NamedTuple):
     slope_sd: float = NAN  # %, standard deviation of the measured slope; NaN: not measured
     level: bool = False  # no slope of the road stands out of its sensor's noise
     gear_measured: bool = False
+    gap: Array = np.zeros(0)  # (m,) m, of the samples that are fitted
 
 
 class Unavailable(NamedTuple):
@@ -264,6 +265,8 @@ class Effect(NamedTuple):
     shows_desired_headway: bool = (
         False  # with it the desired headway itself is identifiable: the fit frees it
     )
+    # of the same freedom, given to the operating point instead of the time: what these explain as well is not named
+    timeless: tuple[Effect, ...] = ()
     intermittent: bool = False  # the demand is followed at some instants only: nothing finer can be estimated
     redundancy: Redundancy | None = None  # what two measured signals show of it
     # (estimates, signals) -> the signals that it changed, corrected

@@ -70,7 +70,8 @@ def _about(report: Report, log: str, vehicle: str) -> list[str]:
 
 
 def _finding(finding: Finding) -> list[str]:
-    title = f"{finding.effect} ({finding.where}{', surrogate: it helps, but is not the cause' * finding.surrogate})"
+    helps = "it helps, but is not the cause" if finding.gain.value > 0 else "not the cause"
+    title = f"{finding.effect} ({finding.where}{f', surrogate: {helps}' * finding.surrogate})"
     evidence = f"evidence {number(finding.evidence)} (needed {number(finding.needed)})"
     lines = [
         title,

@@ -1,7 +1,8 @@
-"""Search with cross-validation: a weak cause must gain on held-out data, or the search is repeated without it.
+"""Search with cross-validation: a cause must gain on held-out data, or the search is repeated without it.
 
 The distribution of the evidence on the data that chose a cause assumes a known noise model. Held-out data need no such
-assumption: a change point, a speed or a width chosen by chance explains nothing elsewhere.
+assumption: a change point, a speed or a width chosen by chance explains nothing elsewhere. And a cause, weak or strong,
+that makes the simulation of held-out data worse is not the cause.
 """
 
 from __future__ import annotations
@@ -9,10 +10,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from canid.diagnosis.driver import driver_search, held_out
+from canid.diagnosis.driver.driver_candidates import MAX_SLOW_LOSS
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.driver.held_out import Fold
 from canid.effects.effect import Effect, Kind
+from canid.types import Interval
 
 # times the needed evidence; above it no false cause was ever seen
 SURE_RATIO = 2.5
@@ -24,6 +28,8 @@ class Confirmed(NamedTuple):
     """A search, and the effects that it was made without."""
 
     search: Search
+    folds: tuple[Fold, ...]  # both models, fitted to all but each fold
+    gain: Interval  # of all its causes, on held-out data
     refused: tuple[str, ...]  # sentences
 
 
@@ -39,10 +45,34 @@ def search_causes(data: DriverData, effects: tuple[Effect, ...], fitted: FittedD
     while True:
         search = driver_search.search_causes(data, effects, fitted)
         chance = _chance(search)
-        if not chance:
-            return Confirmed(search, tuple(refused))
-        refused.append(f"{chance} dropped: it explains nothing on held-out data")
+        if chance:
+            why = "it explains nothing on held-out data"
+        else:
+            folds = held_out.folds(data, search)
+            dt = data.output.dt
+            gain = held_out.gain(*held_out.errors(data, search, folds), dt) if search.named else Interval()
+            if not worse(gain, data, search, folds):
+                return Confirmed(search, folds, gain, tuple(refused))
+            chance, why = _weakest(search), "it makes the simulation of held-out data worse"
+        refused.append(f"{chance} dropped: {why}")
         effects = tuple(effect for effect in effects if effect.id != chance)
+
+
+def worse(gain: Interval, data: DriverData, search: Search, folds: tuple[Fold, ...]) -> bool:
+    """Do the causes make the simulation of held-out data worse? Then they are not the causes.
+
+    A small loss of the simulation does not count where the one-step predictions gain.
+    """
+    if not gain.value < 0:
+        return False
+    if gain.value <= -MAX_SLOW_LOSS or gain.high < 0:
+        return True
+    errors = held_out.errors(data, search, folds, predicted_errors=True)
+    return not held_out.gain(*errors, data.output.dt).low > 0
+
+
+def _weakest(search: Search) -> str:
+    return min(search.named, key=lambda one: one.evidence / one.needed).effect.id
 
 
 def _chance(search: Search) -> str:

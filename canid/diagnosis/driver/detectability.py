@@ -10,6 +10,7 @@ from canid.diagnosis.driver.driver_candidates import starts
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import DESIRED, K1, OFFSET, pedal
+from canid.diagnosis.driver.output_unit import in_output_unit
 from canid.diagnosis.fitting.candidates import direction, model_directions
 from canid.diagnosis.fitting.fitted_model import extended
 from canid.diagnosis.fitting.robust_covariance import needed
@@ -62,16 +63,22 @@ def shown(effects: tuple[Effect, ...], data: DriverData, without: FittedDriver) 
     return out
 
 
-def undecided(priced: list[Shown], data: DriverData, tried: int) -> list[NotTestable]:
-    """Effects that this drive cannot show, and pairs that it does not distinguish."""
+def undecided(
+    priced: list[Shown], data: DriverData, tried: int, named: frozenset[str] = frozenset()
+) -> list[NotTestable]:
+    """Effects that this drive cannot show, and pairs that it does not distinguish; none of those that it has `named`."""
     out = []
     seen = []
     for one in priced:
+        if one.effect.id in named:
+            continue
         bound = needed(len(one.effect.parameters), tried)
         if one.expected < bound:
             why = one.effect.absorbed or "a typical strength of it leaves too little on this drive"
             at = ", ".join(
-                f"{p.name} {typical(p, data):.2g} {p.unit}".removesuffix(" 1")
+                f"{p.name} {typical(p, data):.2g} {in_output_unit(p.unit, pedal=data.pedal)}".removesuffix(
+                    " 1"
+                )
                 for p in one.effect.parameters
                 if p.typical
             )

@@ -25,6 +25,7 @@ from canid.diagnosis.driver.driver_model import (
 from canid.diagnosis.fitting.candidates import MIN_EXPLAINED, Candidate, Guess, best_fit, price, screened
 from canid.diagnosis.fitting.fitted_model import extended, polished
 from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.search import RIVAL
 from canid.effects.effect import DriveFeatures, Effect, Kind, Screening
 from canid.types import Array
 
@@ -41,6 +42,13 @@ POLISH_EVIDENCE = 8.0
 POLISH_SHARE = 0.4
 # s by which a dead time may have come out too short, each an initial guess
 DEAD_TIME_OFFSETS_S = (0.15, 0.35, 0.7)
+# evidence per parameter: of two candidates, the one with more of them must explain more by so much
+EVIDENCE_PER_PARAMETER = 6.0
+# of the evidence of a dependence on time, that one on the operating point may not reach: neither has the exact form of
+# the driver's law, so the better of two approximations may be the wrong one
+TIMELESS_SHARE = 0.5
+# of the simulation's error variance; a quick cause may make a slow simulation worse by so much and still predict better
+MAX_SLOW_LOSS = 0.05
 
 
 DriverCandidate = Candidate[DriverModel]
@@ -50,7 +58,9 @@ def starts(effect: Effect, data: DriverData, without: FittedDriver) -> Iterator[
     """Parameters at which a cause may begin: the model without it, and the cause's own."""
     free = data.output.usable & ~data.output.below
     base = without.q
-    known = DriveFeatures(data.seen.duration, data.seen.speed[free], data.output.y[free])
+    known = DriveFeatures(
+        data.seen.duration, data.seen.speed[free], data.output.y[free], gap=data.seen.gap[free]
+    )
     own = [parameter.guesses(known) for parameter in effect.parameters]
     desired = (
         [float(x) for x in np.quantile(data.seen.headway[free], DESIRED_QUANTILES)]
@@ -125,9 +135,41 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: FittedDri
     ][:MAX_FULL_FITS]
     found = [tried(effect, data, without, begins) for effect, begins in worth]
     least = max(POLISH_EVIDENCE, POLISH_SHARE * max((one.evidence for one in found), default=0.0))
-    return [
+    refined = [
         price(one.effect, polished(data, one.solved), without, data.output.dt)
         if one.evidence > least
         else one
         for one in found
     ]
+    return [
+        one
+        for one in refined
+        if not simulates_worse(data, one.solved, without) and not is_operating_point(one, data, without)
+    ]
+
+
+def is_operating_point(one: DriverCandidate, data: DriverData, without: FittedDriver) -> bool:
+    """Does the same freedom, given to the operating point, explain as much as this dependence on time?
+
+    A time-invariant driver behind a lead that changes its speed changes with the operating point alone.
+    """
+    if one.evidence < POLISH_EVIDENCE:
+        return False
+    won = without.deviance - one.solved.deviance
+    for effect in one.effect.timeless:
+        other = tried(effect, data, without, screen(effect, data, without))
+        handicap = EVIDENCE_PER_PARAMETER * max(other.parameters - one.parameters, 0)
+        if without.deviance - other.solved.deviance - handicap > min(won - RIVAL, TIMELESS_SHARE * won):
+            return True
+    return False
+
+
+def simulates_worse(data: DriverData, one: FittedDriver, without: FittedDriver) -> bool:
+    """Does a model that predicts the next sample better simulate the drive worse than the model without the cause?
+
+    Then it has traded the slow part of the response for the noise model, which explains any slow part: on measured
+    drives such fits have gains of ten times the baseline's.
+    """
+    free = data.output.usable & ~data.output.hidden
+    square = [float(np.mean((data.output.y - of.fitted.model)[free] ** 2)) for of in (without, one)]
+    return square[1] > (1 + MAX_SLOW_LOSS) * square[0]

@@ -39,8 +39,6 @@ MIN_DEVIANCE_GAIN = 1.0
 FORM_EVIDENCE_SHARE = 0.01
 # desired headways, speeds, levels, times along a drive that are chances of their own
 START_CHANCES = 3
-# evidence per parameter: of two candidates, the one with more of them must explain more by so much to be refitted from
-EVIDENCE_PER_PARAMETER = 6.0
 # of a cause's evidence that a rival must have had at some step to be fitted again
 RIVAL_SHARE = 0.3
 # s after an episode in which the pedal returns to the demand
@@ -118,7 +116,8 @@ def _propose(
             return state, [_option(effect, step, seen.evidence, seen.needed, seen, certain=True)]
     form = FORM_EVIDENCE_SHARE * sum(one.evidence for one in state.named)
     solved, tried = _tried(curves, state.data, state.solved)
-    state = state._replace(solved=solved)
+    # another minimum of the baseline itself is the baseline: both models begin with the same one
+    state = state._replace(solved=solved, baseline=state.baseline if state.named else solved)
     data, options = state.data, list[Option[Found]]()
     capped = bool(np.isfinite(pedal_holds.ceiling(state.holds)))
     for candidate in tried:
@@ -204,7 +203,7 @@ def _with_random_walk(state: Search, step: Step, found: RandomWalk) -> Search:
 
 def _with_holds(state: Search, step: Step, found: pedal_holds.Holds) -> Search:
     """Take what was seen in the pedal itself out of what is fitted."""
-    data, solved = _without_holds(state.data, state.solved, found)
+    data, solved = without_holds(state.data, state.solved, found)
     t, dt = data.seen.t, data.output.dt
     spans = tuple((float(t[a]), float(t[b - 1]) + dt) for a, b in found.episodes)
     state = state._replace(data=data, solved=solved, holds=(*state.holds, found))
@@ -218,11 +217,15 @@ def _tried(
     found = driver_candidates.candidates(curves, data, solved)
     if found:
         best = max(
-            found, key=lambda candidate: candidate.evidence - EVIDENCE_PER_PARAMETER * candidate.parameters
+            found,
+            key=lambda candidate: (
+                candidate.evidence - driver_candidates.EVIDENCE_PER_PARAMETER * candidate.parameters
+            ),
         )
         k = solved.q.size
         again = solve(data, solved.model, best.solved.q[:k], best.solved.noise, solved.rows)
-        if again.deviance < solved.deviance - MIN_DEVIANCE_GAIN:
+        better = again.deviance < solved.deviance - MIN_DEVIANCE_GAIN
+        if better and not driver_candidates.simulates_worse(data, again, solved):
             return again, driver_candidates.candidates(curves, data, again)
     return solved, found
 
@@ -258,7 +261,7 @@ def _ceiling_level(found: pedal_holds.Holds, data: DriverData) -> Interval | Non
     return None
 
 
-def _without_holds(
+def without_holds(
     data: DriverData, solved: FittedDriver, found: pedal_holds.Holds
 ) -> tuple[DriverData, FittedDriver]:
     """Take the episodes out of what is fitted: masked, or at a ceiling, where the demand is only known to be above."""

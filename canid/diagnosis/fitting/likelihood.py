@@ -24,6 +24,9 @@ from canid.types import Array
 ORDERS = (2, 4, 6, 9, 13, 18, 25)
 # the most that log sd may differ from its mean through the state: a factor of 5 either way
 MAX_LOG_SCALE = 1.6
+# s; a noise that remembers longer is not distinguishable from an offset that drifts, and at a root on the unit circle no
+# offset is identifiable at all
+MAX_NOISE_MEMORY_S = 60.0
 # squared innovations beyond this many variances count as so many: one outlier is no state
 MAX_SQUARE = 9.0
 
@@ -113,21 +116,47 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
 
 
 def fit_noise(output: Output, residual: Array, p: int, size: Array) -> Noise:
-    """Fit A of order p to a residual (n,), by least squares over the samples that count, each weighted by its size."""
+    """Fit A of order p to a residual (n,), by least squares over the samples that count, each weighted by its size.
+
+    The residual has a mean of its own while the offset is not at its best. Without an intercept the noise model takes that
+    mean for a root near the unit circle, which leaves the offset unidentified: the next fit of it may end anywhere. For
+    the same reason the noise is stationary, its longest memory `MAX_NOISE_MEMORY_S`.
+    """
     rows = counted(output, p) & ~output.hidden
     index = np.flatnonzero(rows)
     if index.size < 4 * (p + 1):
         return Noise(
             np.r_[1.0, np.zeros(p)], max(float(np.std(residual[output.usable])), 1e-9), size, np.empty(0)
         )
-    lags = np.stack([residual[index - k] for k in range(1, p + 1)], axis=1) / size[index, None]
-    now = residual[index] / size[index]
+    weight = 1.0 / size[index]
+    lags = np.stack([*(residual[index - k] * weight for k in range(1, p + 1)), weight], axis=1)
+    now = residual[index] * weight
     gram = lags.T @ lags
     # a residual that is nothing but 0 has no spectrum, and none is singular
-    gram[np.diag_indices_from(gram)] += 1e-9 * max(float(np.trace(gram)) / max(p, 1), 1e-12)
+    own = np.arange(p)
+    gram[own, own] += 1e-9 * max(float(np.trace(gram[:p, :p])) / max(p, 1), 1e-12)
     a = solve(gram, lags.T @ now, assume_a="pos")
-    e = now - lags @ a
-    return Noise(np.r_[1.0, -a], max(float(np.sqrt(np.mean(e * e))), 1e-9), size, np.empty(0))
+    A = stationary(np.r_[1.0, -a[:p]], output.dt)
+    e = now + lags[:, :p] @ A[1:]
+    e = e - weight * float(weight @ e) / float(weight @ weight)
+    return Noise(A, max(float(np.sqrt(np.mean(e * e))), 1e-9), size, np.empty(0))
+
+
+def stationary(A: Array, dt: float) -> Array:
+    """Move the roots of A (p + 1,) into the circle of `MAX_NOISE_MEMORY_S`, all by the same factor (bandwidth expansion).
+
+    Example:
+        >>> stationary(np.array([1.0, -1.2]), 0.1).round(3)
+        array([ 1.   , -0.998])
+        >>> stationary(np.array([1.0, -0.5]), 0.1)
+        array([ 1. , -0.5])
+    """
+    radius = float(np.max(np.abs(np.roots(A)), initial=0.0))
+    limit = float(np.exp(-dt / MAX_NOISE_MEMORY_S))
+    if radius <= limit:
+        return A
+    out: Array = A * (limit / radius) ** np.arange(A.size)
+    return out
 
 
 def order(output: Output, residual: Array) -> int:
@@ -145,7 +174,7 @@ def order(output: Output, residual: Array) -> int:
             break
         noise = fit_noise(output, residual, p, ones)
         e = lfilter(noise.A, [1.0], residual)[rows]
-        aic = n * np.log(np.mean(e * e)) + 2 * p
+        aic = n * np.log(np.var(e)) + 2 * p
         if aic < best:
             best, chosen = aic, p
     return chosen

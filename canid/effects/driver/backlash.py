@@ -24,7 +24,7 @@ def step(p: Params, state: float, demand: float, dt: float) -> tuple[float, floa
 
 EFFECT = Effect(
     id="backlash",
-    says="The pedal follows the demand with a backlash of {width} %.",
+    says="The output follows the demand with a backlash of {width} %.",
     where="driver",
     kind=Kind.PARAMETRIC,
     parameters=(Parameter("width", "%", 0.0, 30.0, (2.0, 6.0), 3.0),),

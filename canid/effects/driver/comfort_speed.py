@@ -24,7 +24,7 @@ def among_speeds(drive: DriveFeatures) -> tuple[float, ...]:
 
 EFFECT = Effect(
     id="comfort_speed",
-    says="Above {speed} m/s the driver releases the pedal by {gain} % per m/s, whatever the lead does.",
+    says="Above {speed} m/s the driver asks for {gain} % less per m/s, whatever the lead does.",
     where="driver",
     kind=Kind.PARAMETRIC,
     # gain from 0 on: nobody presses the pedal more because the car is already fast

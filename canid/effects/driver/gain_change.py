@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import DriveFeatures, Effect, Kind, Parameter, Params, Seen, Share, Value
+from canid.effects.operating_point import GAINS
 
 
 def act(p: Params, seen: Seen) -> Value:
@@ -40,6 +41,7 @@ EFFECT = Effect(
     source="regimes: Gipps 1981; hidden Markov driver models",
     decides="a longer drive; a change in its middle is similar to a drift",
     shows_desired_headway=True,
+    timeless=GAINS,
     gain=act,
     found_at=((0.4, 0.3), (-0.5, 0.6)),
     silent_at=((0.02, 0.4),),

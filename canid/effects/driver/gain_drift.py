@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from canid.effects.effect import Effect, Kind, Parameter, Params, Seen, Value
+from canid.effects.operating_point import GAINS
 
 
 def act(p: Params, seen: Seen) -> Value:
@@ -25,6 +26,7 @@ EFFECT = Effect(
     source="Pilutti & Ulsoy 1999; Chen & Ulsoy 2001",
     decides="a longer drive; a change away from its middle is not a drift",
     shows_desired_headway=True,
+    timeless=GAINS,
     gain=act,
     found_at=((-0.6,), (0.6,)),
     silent_at=((0.03,),),

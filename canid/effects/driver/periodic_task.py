@@ -36,7 +36,7 @@ def column(p: Params, demand: Array, dt: float) -> Array:
 
 EFFECT = Effect(
     id="periodic_task",
-    says="The pedal oscillates by {amplitude} % at {frequency} Hz, whatever the lead does.",
+    says="The output oscillates by {amplitude} % at {frequency} Hz, whatever the lead does.",
     where="driver",
     kind=Kind.LINE,
     parameters=(

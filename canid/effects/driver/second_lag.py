@@ -37,7 +37,7 @@ def column(p: Params, demand: Array, dt: float) -> Array:
 
 EFFECT = Effect(
     id="second_lag",
-    says="The pedal follows the demand with a second lag of {tau} s.",
+    says="The output follows the demand with a second lag of {tau} s.",
     where="driver",
     kind=Kind.PARAMETRIC,
     parameters=(Parameter("tau", "s", 0.0, 1.5, (0.2,), 0.2),),

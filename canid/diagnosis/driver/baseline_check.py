@@ -1,0 +1,130 @@
+"""Does the fitted baseline describe the drive at all? Where it does not, no cause may be named on top of it.
+
+A baseline is refused for four reasons: its simulation fits worse than the mean of the output; a parameter stands at a
+bound of its box; a gain is negative beyond its interval; the closed loop that it describes is unstable. Every cause is
+then judged by a model of another drive, and what it "explains" is the baseline's own error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from canid.diagnosis.driver import driver_intervals
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import BASE, HIGH, K1, K2, LOW, OFFSET, TAU1, TAU2, THETA1, THETA2
+from canid.diagnosis.vehicle.vehicle_fit import FittedVehicle
+from canid.diagnosis.vehicle.vehicle_model import DRAG, LAG, STRENGTH
+from canid.identification import closed_loop_stability
+from canid.identification.closed_loop_stability import DIRECT, VehicleLoop
+from canid.types import Channel, Identifiable
+
+# of a parameter's range; nearer than this it stands at its bound
+BOUND_RANGE_SHARE = 1e-3
+# of the upper end of a gain's interval: a gain that controls nothing
+SMALL_GAIN_SHARE = 1e-2
+# lags and dead times of a channel; no reaction takes as long as their upper bounds
+DELAYS = {"headway_error": (TAU1, THETA1), "range_rate": (TAU2, THETA2)}
+
+
+def fit_percent(data: DriverData, solved: FittedDriver) -> float:
+    """Fit of the simulation on the samples that are free: 100 (1 − |y − simulated| / |y − mean|)."""
+    free = data.output.usable & ~data.output.hidden
+    y = data.output.y[free]
+    variation = float(np.linalg.norm(y - y.mean()))
+    left = float(np.linalg.norm(y - solved.fitted.model[free]))
+    return 100 * (1 - left / variation) if variation > 0 else math.nan
+
+
+def refusal(data: DriverData, solved: FittedDriver, car: FittedVehicle | None) -> str:
+    """Why the baseline does not describe the drive, and what would help; "": it may be judged.
+
+    Args:
+        data: the driver's columns.
+        solved: the baseline.
+        car: the fitted car behind a pedal; None: not known.
+    """
+    fit = fit_percent(data, solved)
+    if fit <= 0.0:
+        return (
+            f"its simulation fits worse than the mean of the output (fit {fit:.0f} %): something else than the lead moves "
+            "the output. What would help: 10 min in one stretch behind a lead whose speed changes, without cruise control"
+        )
+    at = _bounds(solved)
+    if at:
+        return f"{at} at the bound of what is searched: check units and signs of the signals (canid check)"
+    channels = driver_intervals.channels(solved, data.output.dt)
+    return _wrong_sign(channels) or _bounded_delay(solved, channels) or _loop(data, channels, car)
+
+
+def _near(solved: FittedDriver, k: int, limit: float) -> bool:
+    return abs(float(solved.q[k]) - limit) < BOUND_RANGE_SHARE * (HIGH[k] - LOW[k])
+
+
+def _bounds(solved: FittedDriver) -> str:
+    """Offset or gain at an end of its box."""
+    at = [k for k in (OFFSET, K1, K2) if any(_near(solved, k, limit) for limit in (LOW[k], HIGH[k]))]
+    return ", ".join(f"{BASE[k]} is {solved.q[k]:.3g}" for k in at)
+
+
+def _wrong_sign(channels: Mapping[str, Channel]) -> str:
+    for name, channel in channels.items():
+        if channel.K.high < 0.0:
+            return (
+                f"the gain of {name.replace('_', ' ')} is negative, {channel.K.value:.3g} "
+                f"[{channel.K.low:.3g}, {channel.K.high:.3g}]: nobody follows like that. What would help: check the signs "
+                "of the signals (canid check), or a drive in which the lead changes its speed at several headways"
+            )
+    return ""
+
+
+def _bounded_delay(solved: FittedDriver, channels: Mapping[str, Channel]) -> str:
+    """A response as late as the search goes, lag and dead time both, is no reaction. A gain near 0 has no delay."""
+    for name, delays in DELAYS.items():
+        if channels[name].status is not Identifiable.NOT and all(_near(solved, k, HIGH[k]) for k in delays):
+            late = sum(HIGH[k] for k in delays)
+            return (
+                f"the response to {name.replace('_', ' ')} is as late as the search goes, {late:.1f} s: it is no reaction. "
+                "What would help: a lead whose speed changes more often"
+            )
+    return ""
+
+
+def vehicle_loop(car: FittedVehicle | None, pedal: bool, speed: float) -> VehicleLoop | None:
+    """From the output to the acceleration, at a speed (m/s); None: not known."""
+    if not pedal:
+        return DIRECT
+    if car is None:
+        return None
+    return VehicleLoop(float(car.q[STRENGTH]), float(car.q[LAG]), max(2.0 * float(car.q[DRAG]) * speed, 0.0))
+
+
+def not_surely_negative(channel: Channel) -> Channel:
+    """The channel with a gain of next to 0 where the estimate is negative and its interval is not.
+
+    A gain that is not distinguishable from 0 is as often of the wrong sign, and a headway that is not controlled drifts
+    slowly: that does not speak against the model. A response that overshoots does.
+    """
+    K = channel.K
+    if not K.value < 0.0 < K.high:
+        return channel
+    return channel._replace(K=K._replace(value=SMALL_GAIN_SHARE * K.high))
+
+
+def _loop(data: DriverData, channels: Mapping[str, Channel], car: FittedVehicle | None) -> str:
+    """Sentence on an unstable loop, at the median speed and headway of the drive."""
+    free = data.output.usable
+    speed, headway = (float(np.median(x[free])) for x in (data.seen.speed, data.seen.headway))
+    vehicle = vehicle_loop(car, data.pedal, speed)
+    if vehicle is None or not closed_loop_stability.is_unstable(
+        [not_surely_negative(channel) for channel in channels.values()], speed, headway, vehicle
+    ):
+        return ""
+    gains = " and ".join(f"{channel.K.value:.3g}" for channel in channels.values())
+    return (
+        f"with its gains ({gains}) and delays the following would be unstable at {speed:.0f} m/s. What would help: a longer "
+        "drive, over which the headway changes by more than the driver's noise"
+    )
