@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 
@@ -10,7 +12,6 @@ from canid.diagnosis import corrections, masks, overall_verdict, residual_maps, 
 from canid.diagnosis.adequacy import adequacy
 from canid.diagnosis.driver import (
     closed_loop,
-    cross_validation,
     detectability,
     driver_intervals,
     held_out,
@@ -20,6 +21,10 @@ from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.null import confirmed_search, noise_source, verdict_null
+from canid.diagnosis.null.confirmed_search import Confirmed
+from canid.diagnosis.null.noise_source import Source
+from canid.diagnosis.null.replicates import Drive
 from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.remnant.remnant_block import RemnantReport
@@ -70,7 +75,11 @@ class Prepared(NamedTuple):
 
 
 def diagnose(
-    trace: Trace, *, catalogue: tuple[Effect, ...] = CATALOGUE, minimum: float = MIN_DRIVING_S
+    trace: Trace,
+    *,
+    catalogue: tuple[Effect, ...] = CATALOGUE,
+    minimum: float = MIN_DRIVING_S,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> Report:
     """Diagnose a drive: its sensors first, then the car, then the driver.
 
@@ -78,6 +87,7 @@ def diagnose(
         trace: from `read_trace`.
         catalogue: the effects that may be named.
         minimum: s of driving that must be there.
+        progress: is given the fraction of the replicates that are done, where a finding is held against them.
 
     Returns:
         a `Report`. A drive that decides nothing gets a verdict as well, never an exception.
@@ -88,11 +98,13 @@ def diagnose(
         >>> report.verdict.value
         'adequate'
     """
-    report = _diagnosed(trace, catalogue, minimum)
+    report = _diagnosed(trace, catalogue, minimum, progress)
     return report._replace(signals=trace.findings, time=of_trace(trace))
 
 
-def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> Report:
+def _diagnosed(
+    trace: Trace, catalogue: tuple[Effect, ...], minimum: float, progress: Callable[[float], None]
+) -> Report:
     context = corrections.diagnose_context(trace, catalogue)
     given, trace, usable, masked = trace, context.trace, context.usable, context.masked
     wrong = signal_findings.untrusted(given, context.sensing.findings)
@@ -122,13 +134,22 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
     drivers = tuple(
         effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
     )
-    searched, refused = cross_validation.search_causes(prepared.data, drivers, prepared.fitted)
-    steps += refused
+    null = Null(_drive(prepared, usable, context.vehicle, trace.dt), catalogue, progress)
+    confirmed = confirmed_search.search_causes(
+        null.drive,
+        drivers,
+        prepared.fitted,
+        lambda: null.noise(prepared.data, prepared.fitted),
+        null.seed,
+        progress,
+    )
+    searched = confirmed.search
+    steps += confirmed.refused
     if silent and not searched.solved.model.effects and not answered(searched.data, searched.solved):
         return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
     remnant = _remnant(prepared, searched, drivers, catalogue)
     report = overall_verdict.join(
-        _report(prepared, searched, drivers, masked, steps, context.vehicle), remnant, context
+        _report(prepared, confirmed, null, drivers, masked, steps), remnant, context
     )
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
@@ -136,6 +157,33 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
         before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
         report = report._replace(shifts=_shifts(before, report.extended))
     return report
+
+
+class Null(NamedTuple):
+    """What findings are held against: the drive, simulated again with its driver's own noise."""
+
+    drive: Drive
+    catalogue: tuple[Effect, ...]
+    progress: Callable[[float], None]
+
+    @property
+    def seed(self) -> int:
+        """The same drive gives the same replicates."""
+        return crc32(np.ascontiguousarray(self.drive.trace.output).tobytes())
+
+    def noise(self, data: DriverData, solved: FittedDriver) -> Source:
+        """Noise of a fitted driver."""
+        effects = [effect for effect in self.catalogue if effect.kind is Kind.REMNANT]
+        of = innovations(self.drive.trace, data, solved)
+        left = data.output.y - solved.fitted.model
+        return noise_source.source(of, solved.noise, left, effects, self.drive.trace.signals.get("accel"))
+
+
+def _drive(prepared: Prepared, usable: Flags, vehicle: Vehicle, dt: float) -> Drive:
+    """The drive on the grid that the driver was fitted on."""
+    trace = prepared.trace
+    role = masks.output_role(trace)
+    return Drive(trace, usable[:: round(trace.dt / dt)], prepared.data, role, vehicle)
 
 
 def _remnant(
@@ -230,27 +278,37 @@ def nothing(trace: Trace, why: str, masked: tuple[Masked, ...], steps: list[str]
 
 def _report(
     prepared: Prepared,
-    searched: Search,
+    confirmed: Confirmed,
+    null: Null,
     drivers: tuple[Effect, ...],
     masked: tuple[Masked, ...],
     steps: list[str],
-    vehicle: Vehicle,
 ) -> Report:
-    trace, original = prepared.trace, prepared.data
+    trace, original, searched, vehicle = prepared.trace, prepared.data, confirmed.search, null.drive.vehicle
     dt = trace.dt
     before, solved = searched.baseline, searched.solved
-    held = adequacy.assess(searched, original, _explained(searched))
+    explained = _explained(searched)
+    held = adequacy.assess(searched, original, explained)
+    if not held.passed:
+        noise = null.noise(searched.data, solved)
+        held, compared = verdict_null.judge(
+            null.drive, searched, held, noise, explained, null.seed, null.progress
+        )
+        steps = [*steps, compared] if compared else steps
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.random_walk)
     used = original.output.usable & ~original.output.below
     base = _fit(before, before_out, original, dt, original)
     extended = _fit(solved, after_out, original, dt, searched.data)
-    folds = held_out.folds(original, searched)
-    errors = held_out.errors(original, searched, folds) if searched.named else None
-    total = Interval() if errors is None else held_out.gain(*errors, dt)
+    folds, total = confirmed.folds, confirmed.gain
     sound = held.passed and not (solved.model.effects and _worse(total, original, searched, folds, dt))
     fitted = driver_intervals.parameters(solved, searched.data)
-    findings = tuple(_finding(one, searched, original, fitted, sound, total) for one in searched.named)
+    findings = tuple(
+        _finding(one, searched, original, fitted, sound, total)._replace(
+            log_score_gain=confirmed.log_scores[one.effect.id], null_gain=confirmed.null_gain
+        )
+        for one in searched.named
+    )
     verdict = _verdict(findings, sound)
     priced = detectability.shown(drivers, original, before)
     expected = {one.effect.id: one.expected for one in priced}
@@ -266,15 +324,14 @@ def _report(
         f"{len({s.effect.id for s in searched.steps})} causes fitted in full, of {len(drivers)} tried",
         "residual adequate" if held.passed else "residual not adequate: " + "; ".join(_failed(held)),
     ]
-    says = _says(verdict, findings, held, total, len(drivers))
-    role = masks.output_role(trace)
+    role = null.drive.role
     loop = closed_loop.simulate(trace, original, role, folds, searched.holds, vehicle)
-    return Report(
-        verdict=verdict, says=says, output=role, t=trace.t, measured=trace.output, used=used,
+    report = Report(
+        verdict=verdict, says="", output=role, t=trace.t, measured=trace.output, used=used,
         baseline=base, extended=extended, findings=findings, unexplained=_unexplained(held), gain=total,
         not_testable=tuple(undecided), candidates_tried=len(drivers), tried=tried,
         checks=_adequacy_checks(held), masked=masked,
-        blocks=(Blocked("driver", _state(verdict), says),),
+        blocks=(),
         worst=residual_maps.worst(trace.t, r0, r1, used, dt),
         maps=(
             residual_maps.operating_map(("speed", seen.speed), ("headway", seen.headway), r0, r1, used, dt),
@@ -283,7 +340,10 @@ def _report(
         spectra=residual_maps.spectra(r0, r1, {"headway_error": seen.headway, "range_rate": seen.range_rate}, used, dt),
         closed_loop=loop, shifts=_shifts(base, extended) if findings else {},
         advice=tuple(dict.fromkeys(_advice(undecided, findings, drivers))), steps=tuple(steps),
+        log_score_gain=confirmed.log_score, null_gain=confirmed.null_gain,
     )  # fmt: skip
+    says = _says(report, held, len(drivers))
+    return report._replace(says=says, blocks=(Blocked("driver", _state(verdict), says),))
 
 
 def _worse(
@@ -392,13 +452,9 @@ def _failed(held: adequacy.Adequacy) -> list[str]:
     return [f"{f.says} (p {f.p:.1g}, {100 * f.share:.0f} % of the residual)" for f in held.failed]
 
 
-def _says(
-    verdict: Verdict, findings: tuple[Finding, ...], held: adequacy.Adequacy, gain: Interval, tried: int
-) -> str:
-    better = ""
-    if gain.value == gain.value:
-        change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
-        better = f" Error variance {change:+.0f} % [{low:+.0f}, {high:+.0f}] on held-out data."
+def _says(report: Report, held: adequacy.Adequacy, tried: int) -> str:
+    verdict, findings = report.verdict, report.findings
+    better = overall_verdict.gained(report)
     if verdict is Verdict.ADEQUATE:
         return (
             f"ADEQUATE: none of {tried} causes explains more than chance, "

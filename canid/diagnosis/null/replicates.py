@@ -7,6 +7,7 @@ closes.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from canid.diagnosis.null.noise_source import Source, sampler
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.findings import Flags
 from canid.runs import runs
-from canid.types import Array, LearnGate, Trace
+from canid.types import LearnGate, Trace
 
 # s; the loop forgets its start within a minute, and a gap that a weak driver lets go is not lost for the whole drive
 MAX_STRETCH_S, MIN_STRETCH_S = 150.0, 20.0
@@ -51,7 +52,9 @@ class Replicate(NamedTuple):
     usable: Flags  # (n,)
 
 
-def simulated(drive: Drive, driver: FittedDriver, noise: Source, count: int, seed: list[int]) -> list[Replicate]:
+def simulated(
+    drive: Drive, driver: FittedDriver, noise: Source, count: int, seed: list[int]
+) -> list[Replicate]:
     """Simulate the drive again, several times side by side.
 
     Args:
@@ -112,11 +115,7 @@ def _stretches(drive: Drive) -> tuple[Stretch, ...]:
         for first, stop in runs(known & (trace.segment == segment)):
             parts = max(round((stop - first) / size), 1)
             edges = np.linspace(first, stop, parts + 1).astype(int)
-            out += [
-                Stretch(int(a), int(b), 0)
-                for a, b in zip(edges[:-1], edges[1:], strict=True)
-                if b - a >= least
-            ]
+            out += [Stretch(int(a), int(b), 0) for a, b in pairwise(edges) if b - a >= least]
     return tuple(out)
 
 

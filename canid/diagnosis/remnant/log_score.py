@@ -35,9 +35,7 @@ def held_out(of: Innovations, effects: Sequence[Effect], fold: npt.NDArray[np.in
     return HeldOut(
         gain(whole - scores(of, (), fold), of.rows, of.dt),
         {
-            effect.id: gain(
-                whole - scores(of, law_search.without(effects, effect), fold), of.rows, of.dt
-            )
+            effect.id: gain(whole - scores(of, law_search.without(effects, effect), fold), of.rows, of.dt)
             for effect in effects
         },
     )
