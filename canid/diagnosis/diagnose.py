@@ -343,7 +343,9 @@ def _report(
         log_score_gain=confirmed.log_score, null_gain=confirmed.null_gain,
     )  # fmt: skip
     says = _says(report, held, len(drivers))
-    return report._replace(says=says, blocks=(Blocked("driver", _state(verdict), says),))
+    without = " ".join(f"{one[0].upper()}{one[1:]}." for one in confirmed.refused)
+    block = Blocked("driver", _state(verdict), f"{says} {without}".strip())
+    return report._replace(says=says, blocks=(block,))
 
 
 def _worse(
