@@ -26,7 +26,7 @@ FINE, GRID = 50, 10
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 
 
-def follower(seed: int, lead_gain: float, minutes: float = 12.0) -> Trace:
+def follower(seed: int, lead_gain: float, minutes: float = 9.0) -> Trace:
     """Simulate a driver behind a lead; form, gains, delays and noise drawn."""
     rng = np.random.default_rng(seed)
     n, dt = int(minutes * 60 * FINE), 1.0 / FINE
@@ -142,6 +142,13 @@ def test_a_name_that_is_seen_in_the_pedal_predicts_its_next_sample(
     for one in found:
         assert one.log_score_gain.low > 0
     print(report.says)
+
+
+def test_the_same_drive_gives_the_same_null(seed: int) -> None:
+    drive = follower(seed, 0.7, minutes=5.0)
+    one, other = diagnose(drive), diagnose(drive)
+    assert one.null_gain == other.null_gain or not one.null_gain.replicates
+    assert one.says == other.says
 
 
 def test_a_clear_answer_ends_the_replicates_and_an_unclear_one_does_not(seed: int) -> None:

@@ -27,6 +27,8 @@ from canid.types import Interval
 
 # replicates that are simulated side by side
 BATCH = 5
+# that a gain which decides no name is compared with: none of 19 at or above it is p = 0.05
+GAIN_REPLICATES = 19
 
 
 class Confirmed(NamedTuple):
@@ -126,10 +128,8 @@ def _within_null(
                         f"the driver's own noise, in closed loop behind this lead, gives its evidence too "
                         f"({above} of {len(gains)} replicates without it)",
                     ), NullGain()
-            if (
-                Answer.OPEN not in (*answers, sequential.answer(gain.value, gains))
-                or len(gains) >= sequential.MOST
-            ):
+            settled = sequential.answer(gain.value, gains) is not Answer.OPEN or len(gains) >= GAIN_REPLICATES
+            if Answer.OPEN not in answers and settled:
                 return None, _null_gain(gains)
     return None, _null_gain(gains)
 
