@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
@@ -35,6 +34,14 @@ class Fit(NamedTuple):
     noise_sd: float  # output unit; of the unexplained part of the output
 
 
+class NullGain(NamedTuple):
+    """Gain of the simulation by the same effects on drives without them: the driver's own noise in the loop alone."""
+
+    median: float = NAN
+    high: float = NAN  # its 95 % point; a gain below it is none
+    replicates: int = 0  # simulated drives that it rests on
+
+
 class Finding(NamedTuple):
     """One effect that was named as a cause."""
 
@@ -49,8 +56,9 @@ class Finding(NamedTuple):
     evidence: float  # 2 Δ log likelihood over the model without it, robust against autocorrelated noise of varying scale
     needed: float  # what the evidence had to exceed, corrected for the number of candidates
     episodes: tuple[tuple[float, float], ...] = ()  # s; of effects that come and go
-    # nats/min, one-step log score on held-out data over the noise without it; NaN where the mean changes instead
+    # nats/min, one-step predictive log score on held-out data over the model without it; NaN: not scored
     log_score_gain: Interval = Interval()
+    null_gain: NullGain = NullGain()  # of `gain`; of findings of the driver
 
 
 class Tried(NamedTuple):
@@ -233,6 +241,9 @@ class Report(NamedTuple):
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
     model: IdentifiedModel | None = None  # the final model, for simulation; None: nothing was identified
+    # nats/min, of the driver's findings together, one-step predictive log score on held-out data
+    log_score_gain: Interval = Interval()
+    null_gain: NullGain = NullGain()  # of `gain`
 
 
 def extends(report: Report) -> bool:
@@ -243,7 +254,7 @@ def extends(report: Report) -> bool:
         >>> extends(SimpleNamespace(findings=()))
         False
     """
-    return any(not math.isfinite(finding.log_score_gain.value) for finding in report.findings)
+    return any(finding.where != "remnant" for finding in report.findings)
 
 
 def no_fit(n: int) -> Fit:

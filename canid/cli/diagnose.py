@@ -67,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
     with outputs.opened(json) as sink:
         for k, path in enumerate(args.logs):
             drive = reading.read_drive(path, vehicle, args, estimating=False)
-            with Progress(f"diagnosing {path}"):
-                report = diagnose(drive.trace, rivals=args.rivals)
+            with Progress(f"diagnosing {path}") as bar:
+                report = diagnose(drive.trace, rivals=args.rivals, progress=bar.to)
             report = report._replace(provenance=provenance(path, vehicle, command(args, path)))
             for line in [""] * (k > 0) + diagnosis_text.text(report, path, vehicle.name):
                 show(line)

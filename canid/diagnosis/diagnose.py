@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 
@@ -11,20 +13,22 @@ from canid.diagnosis.adequacy import adequacy
 from canid.diagnosis.driver import (
     baseline_check,
     closed_loop,
-    cross_validation,
     detectability,
     driver_intervals,
     driver_search,
     held_out,
     pedal_holds,
 )
-from canid.diagnosis.driver.cross_validation import Confirmed
 from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.output_unit import in_output_unit
 from canid.diagnosis.final_model import final_model
 from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.null import confirmed_search, noise_source, verdict_null
+from canid.diagnosis.null.confirmed_search import Confirmed
+from canid.diagnosis.null.noise_source import Source
+from canid.diagnosis.null.replicates import Drive
 from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.remnant.remnant_block import RemnantReport
@@ -43,7 +47,6 @@ from canid.findings import (
     Report,
     Tried,
     Verdict,
-    Window,
     masked_for,
     no_fit,
 )
@@ -81,6 +84,7 @@ def diagnose(
     catalogue: tuple[Effect, ...] = CATALOGUE,
     minimum: float = MIN_DRIVING_S,
     rivals: bool = False,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> Report:
     """Diagnose a drive: its sensors first, then the car, then the driver.
 
@@ -89,6 +93,7 @@ def diagnose(
         catalogue: the effects that may be named.
         minimum: s of driving that must be there.
         rivals: calibrate published car-following models as well; some 2 s of CPU time per 10 min.
+        progress: is given the fraction of the replicates that are done, where a finding is held against them.
 
     Returns:
         a `Report`. A drive that decides nothing gets a verdict as well, never an exception.
@@ -99,11 +104,17 @@ def diagnose(
         >>> report.verdict.value
         'adequate'
     """
-    report = _diagnosed(trace, catalogue, minimum, rivals)
+    report = _diagnosed(trace, catalogue, minimum, rivals, progress)
     return report._replace(signals=trace.findings, time=of_trace(trace))
 
 
-def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float, rivals: bool) -> Report:
+def _diagnosed(
+    trace: Trace,
+    catalogue: tuple[Effect, ...],
+    minimum: float,
+    rivals: bool,
+    progress: Callable[[float], None],
+) -> Report:
     context = corrections.diagnose_context(trace, catalogue)
     given, trace, usable, masked = trace, context.trace, context.usable, context.masked
     wrong = signal_findings.untrusted(given, context.sensing.findings)
@@ -134,18 +145,25 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float, riva
         effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
     )
     refused = refused_baseline(prepared, context.vehicle)
-    confirmed = cross_validation.search_causes(prepared.data, () if refused else drivers, prepared.fitted)
+    null = Null(_drive(prepared, usable, context.vehicle, trace.dt), catalogue, progress)
+    confirmed = confirmed_search.search_causes(
+        null.drive,
+        () if refused else drivers,
+        prepared.fitted,
+        lambda: null.noise(prepared.data, prepared.fitted),
+        null.seed,
+        progress,
+    )
     searched = confirmed.search
     steps += confirmed.refused
     if silent and not searched.solved.model.effects and not answered(searched.data, searched.solved):
         return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
     if refused:
         remnant = remnant_block.not_testable("The baseline does not describe the drive.")
-        alone = _report(prepared, confirmed, (), masked, steps, context.vehicle)
-        alone = baseline_refused(alone, refused)
+        alone = baseline_refused(_report(prepared, confirmed, null, (), masked, steps), refused)
     else:
         remnant = _remnant(prepared, searched, drivers, catalogue)
-        alone = _report(prepared, confirmed, drivers, masked, steps, context.vehicle)
+        alone = _report(prepared, confirmed, null, drivers, masked, steps)
     report = overall_verdict.join(alone, remnant, context)
     if not refused:
         report = report._replace(model=_model(prepared, searched, context.vehicle, report))
@@ -157,6 +175,33 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float, riva
     if rivals:
         report = report._replace(rivals=comparison.compare(prepared.data, report.closed_loop))
     return report
+
+
+class Null(NamedTuple):
+    """What findings are held against: the drive, simulated again with its driver's own noise."""
+
+    drive: Drive
+    catalogue: tuple[Effect, ...]
+    progress: Callable[[float], None]
+
+    @property
+    def seed(self) -> int:
+        """The same drive gives the same replicates."""
+        return crc32(np.ascontiguousarray(self.drive.trace.output).tobytes())
+
+    def noise(self, data: DriverData, solved: FittedDriver) -> Source:
+        """Noise of a fitted driver."""
+        effects = [effect for effect in self.catalogue if effect.kind is Kind.REMNANT]
+        of = innovations(self.drive.trace, data, solved)
+        left = data.output.y - solved.fitted.model
+        return noise_source.source(of, solved.noise, left, effects, self.drive.trace.signals.get("accel"))
+
+
+def _drive(prepared: Prepared, usable: Flags, vehicle: Vehicle, dt: float) -> Drive:
+    """The drive on the grid that the driver was fitted on."""
+    trace = prepared.trace
+    role = masks.output_role(trace)
+    return Drive(trace, usable[:: round(trace.dt / dt)], prepared.data, role, vehicle)
 
 
 def _remnant(
@@ -285,16 +330,24 @@ def baseline_refused(report: Report, why: str) -> Report:
 def _report(
     prepared: Prepared,
     confirmed: Confirmed,
+    null: Null,
     drivers: tuple[Effect, ...],
     masked: tuple[Masked, ...],
     steps: list[str],
-    vehicle: Vehicle,
 ) -> Report:
     trace, original = prepared.trace, prepared.data
     searched, folds, total = confirmed.search, confirmed.folds, confirmed.gain
+    vehicle = null.drive.vehicle
     dt = trace.dt
     before, solved = searched.baseline, searched.solved
-    held = adequacy.assess(searched, original, _explained(searched))
+    explained = _explained(searched)
+    held = adequacy.assess(searched, original, explained)
+    if not held.passed and drivers:
+        noise = null.noise(searched.data, solved)
+        held, compared = verdict_null.judge(
+            null.drive, searched, held, noise, explained, null.seed, null.progress
+        )
+        steps = [*steps, compared] if compared else steps
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.random_walk)
     used = original.output.usable & ~original.output.below
@@ -302,7 +355,12 @@ def _report(
     extended = _fit(solved, after_out, original, dt, searched.data)
     sound = held.passed
     fitted = driver_intervals.parameters(solved, searched.data)
-    findings = tuple(_finding(one, trace, original, fitted, sound, total) for one in searched.named)
+    findings = tuple(
+        _finding(one, trace, original, fitted, sound, total)._replace(
+            log_score_gain=confirmed.log_scores[one.effect.id], null_gain=confirmed.null_gain
+        )
+        for one in searched.named
+    )
     verdict = _verdict(findings, sound)
     priced = detectability.shown(drivers, original, before)
     expected = {one.effect.id: one.expected for one in priced}
@@ -320,15 +378,14 @@ def _report(
         "residual adequate" if held.passed else "residual not adequate: " + "; ".join(_failed(held)),
     ]
     worst = residual_maps.worst(trace.t, r0, r1, used, dt)
-    says = _says(verdict, findings, held, total, len(drivers), worst)
-    role = masks.output_role(trace)
+    role = null.drive.role
     loop = closed_loop.simulate(trace, original, role, folds, searched.holds, vehicle)
-    return Report(
-        verdict=verdict, says=says, output=role, t=trace.t, measured=trace.output, used=used,
+    report = Report(
+        verdict=verdict, says="", output=role, t=trace.t, measured=trace.output, used=used,
         baseline=base, extended=extended, findings=findings, unexplained=_unexplained(held), gain=total,
         not_testable=tuple(undecided), candidates_tried=len(drivers), tried=tried,
         checks=_adequacy_checks(held), masked=masked,
-        blocks=(Blocked("driver", _state(verdict), says),),
+        blocks=(),
         worst=worst,
         maps=(
             residual_maps.operating_map(("speed", seen.speed), ("headway", seen.headway), r0, r1, used, dt),
@@ -337,7 +394,12 @@ def _report(
         spectra=residual_maps.spectra(r0, r1, {"headway_error": seen.headway, "range_rate": seen.range_rate}, used, dt),
         closed_loop=loop, shifts=_shifts(base, extended) if findings else {},
         advice=tuple(dict.fromkeys(_advice(undecided, findings, drivers))), steps=tuple(steps),
+        log_score_gain=confirmed.log_score, null_gain=confirmed.null_gain,
     )  # fmt: skip
+    says = _says(report, held, len(drivers))
+    without = " ".join(f"{one[0].upper()}{one[1:]}." for one in confirmed.refused)
+    block = Blocked("driver", _state(verdict), f"{says} {without}".strip())
+    return report._replace(says=says, blocks=(block,))
 
 
 def _tried(searched: Search, findings: tuple[Finding, ...], expected: dict[str, float]) -> tuple[Tried, ...]:
@@ -445,18 +507,9 @@ def _failed(held: adequacy.Adequacy) -> list[str]:
     return [f"{f.says} (p {f.p:.1g}, {100 * f.share:.0f} % of the residual)" for f in held.failed]
 
 
-def _says(
-    verdict: Verdict,
-    findings: tuple[Finding, ...],
-    held: adequacy.Adequacy,
-    gain: Interval,
-    tried: int,
-    worst: tuple[Window, ...],
-) -> str:
-    better = ""
-    if gain.value == gain.value:
-        change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
-        better = f" Error variance {change:+.0f} % [{low:+.0f}, {high:+.0f}] on held-out data."
+def _says(report: Report, held: adequacy.Adequacy, tried: int) -> str:
+    verdict, findings, worst = report.verdict, report.findings, report.worst
+    better = overall_verdict.gained(report)
     if verdict is Verdict.ADEQUATE:
         return (
             f"ADEQUATE: none of {tried} causes explains more than chance, "
@@ -465,7 +518,7 @@ def _says(
     if verdict is Verdict.UNEXPLAINED:
         what = "; ".join(_failed(held))
         names = ", ".join(finding.effect for finding in findings)
-        helps = "helps, but" if gain.value > 0 else "predicts the next sample better, but"
+        helps = "helps, but" if report.gain.value > 0 else "predicts the next sample better, but"
         surrogate = f" {names} {helps} is not the cause." if findings else ""
         where = max(worst, key=lambda one: one.after, default=None)
         most = f" Most of it is at {where.start:.0f} to {where.stop:.0f} s." if where is not None else ""

@@ -134,12 +134,28 @@ def sentence(
                 finding.says + (_better(finding.gain) if where != "driver" else "") for finding in here
             )
             parts.append(f"In the {where}: {causes}")
-    better = _better(driver.gain) if any(f.where == "driver" and not f.surrogate for f in findings) else ""
+    better = gained(driver) if any(f.where == "driver" and not f.surrogate for f in findings) else ""
     tail = f" {left}" if left else ""
     if verdict is Verdict.ONE_OF:
         return f"ONE OF: {'; '.join(parts)}.{better}{tail}{law}"
     passed = "" if left else " The residual holds nothing more."
     return f"CAUSE: {' '.join(parts)}{better}{passed}{tail}{law}"
+
+
+def gained(driver: Report) -> str:
+    """What the driver's findings gain: of the simulation, next to what the null gives, and of the log score."""
+    null, gain, better = driver.null_gain, driver.gain, _better(driver.gain)
+    if better and null.replicates:
+        without = f"{-100 * null.median:+.0f} %, 95 % point {-100 * null.high:+.0f} %"
+        beyond = gain.value > null.high
+        better = better[:-1] + (
+            f" (without the cause, by the driver's own noise in the loop: {without})."
+            if beyond
+            else f", no more than without the cause, by the driver's own noise in the loop ({without})."
+        )
+    if driver.log_score_gain.value == driver.log_score_gain.value:
+        better += f" One-step predictions: {remnant_block.gained_by(driver.log_score_gain)}."
+    return better
 
 
 def _better(gain: Interval) -> str:

@@ -10,6 +10,7 @@ from canid.findings import (
     ClosedLoopError,
     Finding,
     Fit,
+    NullGain,
     OperatingMap,
     Report,
     Rival,
@@ -48,6 +49,8 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "findings": [_finding(f) for f in report.findings],
         "unexplained": json_values.interval(report.unexplained),
         "gain": json_values.interval(report.gain),
+        "null_gain": _null_gain(report.null_gain),
+        "log_score_gain": json_values.interval(report.log_score_gain),
         "not_testable": [{"effects": list(u.effects), "why": u.why} for u in report.not_testable],
         "advice": list(report.advice),
         "candidates_tried": int(report.candidates_tried),
@@ -90,12 +93,18 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameters": {name: json_values.interval(iv) for name, iv in f.parameters.items()},
         "units": dict(f.units),
         "gain": json_values.interval(f.gain),
+        "null_gain": _null_gain(f.null_gain),
         "log_score_gain": json_values.interval(f.log_score_gain),
         "says": f.says,
         "evidence": json_values.number(f.evidence),
         "needed": json_values.number(f.needed),
         "episodes": [_time_range(*episode) for episode in f.episodes],
     }
+
+
+def _null_gain(null: NullGain) -> dict[str, Any]:
+    numbers = {"median": json_values.number(null.median), "high": json_values.number(null.high)}
+    return numbers | {"replicates": int(null.replicates)}
 
 
 def _check(c: Check) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.findings import ClosedLoopError, Finding, Report, Trajectory, extends, masked_for, nrmse
+from canid.findings import ClosedLoopError, Finding, NullGain, Report, Trajectory, extends, masked_for, nrmse
 from canid.identification import identifiability
 from canid.identified_model import equation
 from canid.types import Array, Interval
@@ -162,17 +162,28 @@ def sentence(report: Report) -> str:
     return re.sub(r"^[A-Z][A-Z ]+: ", "", report.says)
 
 
-def gain(finding: Finding) -> str:
-    """What a finding gains on held-out data: of the simulation's error variance, or of the log score.
+def gain(of: Finding | Report) -> str:
+    """What a finding, or all of the driver's together, gain on held-out data: of the simulation and of the log score.
 
     Example:
+        >>> from canid.findings import NullGain
         >>> from types import SimpleNamespace
-        >>> gain(SimpleNamespace(gain=Interval(), log_score_gain=Interval(45.0, 38.0, 52.0)))
-        '45 [38, 52] nats/min of log score'
+        >>> found = SimpleNamespace(gain=Interval(0.3, 0.2, 0.4), log_score_gain=Interval(1.2, 0.5, 1.9))
+        >>> found.null_gain = NullGain(0.1, 0.25, 39)
+        >>> gain(found)
+        '30 [20, 40] % (null 10 %, 95 % point 25 %), 1.2 [0.5, 1.9] nats/min of log score'
     """
-    if math.isfinite(finding.log_score_gain.value):
-        return f"{interval(finding.log_score_gain, 'nats/min')} of log score"
-    return percent(finding.gain)
+    parts = [percent(of.gain)] if math.isfinite(of.gain.value) else []
+    if parts and of.null_gain.replicates:
+        parts[0] += f" ({null_gain(of.null_gain)})"
+    if math.isfinite(of.log_score_gain.value):
+        parts.append(f"{interval(of.log_score_gain, 'nats/min')} of log score")
+    return ", ".join(parts) or percent(of.gain)
+
+
+def null_gain(null: NullGain) -> str:
+    """Gain of the simulation that the same effects have without being there."""
+    return f"null {number(100 * null.median, '%')}, 95 % point {number(100 * null.high, '%')}"
 
 
 def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:

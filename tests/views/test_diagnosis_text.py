@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from canid.findings import Blocked, Finding, NotTestable, Report, Verdict
+from canid.findings import Blocked, Finding, NotTestable, NullGain, Report, Verdict
 from canid.types import Interval
 from canid.views import diagnosis_json, diagnosis_text, json_values, numbers
 from canid.views.report import page
@@ -15,8 +15,19 @@ from canid.views.report import page
 ReportOf = Callable[..., Report]
 NAN = float("nan")
 # names of docs/json.md that others rely on
-FINDING = {"effect", "where", "rivals", "surrogate", "parameters", "gain", "log_score_gain", "says"}
+FINDING = {
+    "effect",
+    "where",
+    "rivals",
+    "surrogate",
+    "parameters",
+    "gain",
+    "null_gain",
+    "log_score_gain",
+    "says",
+}
 INTERVAL = {"value", "low", "high"}
+NULL = {"median", "high", "replicates"}
 
 
 def said(report: Report) -> list[str]:
@@ -111,6 +122,21 @@ def test_a_finding_in_the_remnant_shows_its_gain_in_log_score_and_no_extended_mo
     assert "Cause found: heavy tails" in shown
 
 
+def test_both_gains_of_a_finding_of_the_driver_are_shown_with_the_null(named: Report) -> None:
+    """In text, JSON and page: the simulation's gain next to its null, and the one-step log score."""
+    gains = {"null_gain": NullGain(0.1, 0.25, 12), "log_score_gain": Interval(1.2, 0.5, 1.9)}
+    findings = tuple(one._replace(**gains) for one in named.findings)
+    report = named._replace(findings=findings, **gains)
+    shown = "31 [24, 37] % (null 10 %, 95 % point 25 %), 1.2 [0.5, 1.9] nats/min of log score"
+    assert shown in "\n".join(said(report))
+    assert shown in page(report)
+    assert "driver parameters: baseline, extended model" in "\n".join(said(report))
+    out = as_json(report)
+    for of in (out, *out["findings"]):
+        assert of["null_gain"] == {"median": 0.1, "high": 0.25, "replicates": 12}
+        assert of["log_score_gain"] == {"value": 1.2, "low": 0.5, "high": 1.9}
+
+
 @pytest.mark.parametrize("verdict", Verdict)
 def test_json_has_every_promised_name(report_of: ReportOf, verdict: Verdict) -> None:
     out = as_json(report_of(verdict))
@@ -122,10 +148,12 @@ def test_json_has_every_promised_name(report_of: ReportOf, verdict: Verdict) -> 
     for finding in out["findings"]:
         assert set(finding) >= FINDING
         assert finding["where"] in ("driver", "vehicle", "sensing", "remnant")
-        for iv in (finding["gain"], *finding["parameters"].values()):
+        assert set(finding["null_gain"]) == NULL
+        for iv in (finding["gain"], finding["log_score_gain"], *finding["parameters"].values()):
             assert set(iv) == INTERVAL
         assert set(finding["parameters"]) == set(finding["units"])
-    assert set(out["unexplained"]) == INTERVAL
+    assert set(out["unexplained"]) == set(out["gain"]) == set(out["log_score_gain"]) == INTERVAL
+    assert set(out["null_gain"]) == NULL
     assert all(set(u) == {"effects", "why"} for u in out["not_testable"])
     assert isinstance(out["candidates_tried"], int)
     assert set(out) >= {

@@ -6,6 +6,7 @@ measured state. All of them use the same car: the comparison is between drivers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +67,7 @@ class Road(NamedTuple):
     data: DriverData
     lead_speed: Array  # m/s
     output: Array  # measured
+    push: Array | None = None  # m/s², what car and road add to the fitted car; None: nothing
 
 
 class Ride(NamedTuple):
@@ -183,11 +185,42 @@ def car(solved: FittedVehicle, vehicle: Vehicle, demand: Array, brake: Flags, dt
     return Car(drivable(solved.model, solved.q, dt), ratio, slope, gear)
 
 
+class Driven(NamedTuple):
+    """A simulated drive: rows are samples, columns are stretches; the first rows are history, as measured."""
+
+    late: Late
+    output: Array  # with noise, before the floor; NaN in the history
+    past: int  # rows of history
+
+
+# (row, own acceleration (m,) of the row before) -> noise of the output (m,)
+Noise = Callable[[int, Array], Array]
+
+
 def drive(road: Road, ride: Ride, where: tuple[Stretch, ...]) -> tuple[Array, Array]:
     """Drive all stretches, side by side.
 
     Returns:
         gap (n,) m and speed (n,) m/s; NaN outside the stretches.
+    """
+    n = road.output.size
+    late, _, past = driven(road, ride, where)
+    gap, speed = np.full(n, NAN), np.full(n, NAN)
+    for m, one in enumerate(where):
+        here = slice(past, past + one.stop - one.start)
+        gap[one.start : one.stop] = late.gap[here, m]
+        speed[one.start : one.stop] = late.speed[here, m]
+    return gap, speed
+
+
+def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | None = None) -> Driven:
+    """Drive all stretches, side by side; a stretch that comes several times is several columns.
+
+    Args:
+        road: what the log gives.
+        ride: drivers and car.
+        where: the stretches.
+        noise: of the driver; None: none.
     """
     data, dt, n = road.data, road.data.output.dt, road.output.size
     past, length = round(HISTORY_S / dt), max(one.stop - one.start for one in where)
@@ -209,9 +242,14 @@ def drive(road: Road, ride: Ride, where: tuple[Stretch, ...]) -> tuple[Array, Ar
             engine, _ = ride.car.fitted.step(
                 engine, pressed[k], late.speed[k], ride.car.slope[at], ride.car.gear[at]
             )
+    output = np.full(rows.shape, NAN)
+    own = np.zeros(rows.shape[1])
     last: Array | None = None
     for k in range(past, past + length - 1):
         person, demand = step(person, late, k)
+        if noise is not None:
+            demand = np.minimum(demand + noise(k, own), pedal_holds.ceiling(ride.held))
+        output[k] = demand
         accel = demand
         if ride.car is not None and engine is not None:
             at = rows[k]
@@ -219,19 +257,16 @@ def drive(road: Road, ride: Ride, where: tuple[Stretch, ...]) -> tuple[Array, Ar
                 engine, np.maximum(demand, 0.0), late.speed[k], ride.car.slope[at], ride.car.gear[at]
             )
             accel = accel + ride.car.brake * np.minimum(demand, 0.0)
+        if road.push is not None:
+            accel = accel + road.push[rows[k]]
         # Adams and Bashforth's second order: the driver answers what the car has done, so nothing ahead is known
         mean = accel if last is None else 1.5 * accel - 0.5 * last
-        last = accel
+        last = own = accel
         late.speed[k + 1] = np.maximum(late.speed[k] + dt * mean, 0.0)
         opening = 0.5 * (lead[k] + lead[k + 1] - late.speed[k] - late.speed[k + 1])
         late.gap[k + 1] = np.maximum(late.gap[k] + dt * opening, MIN_GAP_M)
         late.range_rate[k + 1] = lead[k + 1] - late.speed[k + 1]
-    gap, speed = np.full(n, NAN), np.full(n, NAN)
-    for m, one in enumerate(where):
-        here = slice(past, past + one.stop - one.start)
-        gap[one.start : one.stop] = late.gap[here, m]
-        speed[one.start : one.stop] = late.speed[here, m]
-    return gap, speed
+    return Driven(late, output, past)
 
 
 def _drivers(road: Road, ride: Ride, where: tuple[Stretch, ...], rows: Rows) -> SimulatedDriver:

@@ -55,11 +55,11 @@ def folds(original: DriverData, found: Search) -> tuple[Fold, ...]:
     out = []
     for k in range(FOLDS):
         train = fold != k
-        base = _refit(original, found.baseline, train)
+        base = refitted(original, found.baseline, train)
         if not found.named:
             out.append(Fold(base, base, None))
             continue
-        extended = _refit(found.data, found.solved, train)
+        extended = refitted(found.data, found.solved, train)
         drift = None
         if found.random_walk is not None:
             whole = found.data._replace(output=found.data.output._replace(y=original.output.y))
@@ -110,7 +110,7 @@ def carried(of: Search, effect: Effect) -> float:
     fold = dealt(data)
     won = 0.0
     for k in range(FOLDS):
-        base = _refit(data, without, fold != k)
+        base = refitted(data, without, fold != k)
         found = driver_candidates.tried(
             effect, data, base, driver_candidates.screen(effect, data, base)
         ).solved
@@ -120,7 +120,8 @@ def carried(of: Search, effect: Effect) -> float:
     return won
 
 
-def _refit(data: DriverData, solved: FittedDriver, train: Flags) -> FittedDriver:
+def refitted(data: DriverData, solved: FittedDriver, train: Flags) -> FittedDriver:
+    """Fit a model again, to some samples only."""
     rows = solved.rows & train
     return solve(data, solved.model, solved.q, solved.noise, rows, turns=1)
 

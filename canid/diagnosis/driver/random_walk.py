@@ -7,6 +7,7 @@ refitted with the random walk subtracted: before, it contains the walk as an unl
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from canid.diagnosis.fitting.fitted_model import problem
 from canid.diagnosis.fitting.least_squares import jacobian
 from canid.diagnosis.fitting.likelihood import Noise, fit_noise, score, whitened
 from canid.effects.effect import KNOT_SPACING_S
+from canid.findings import Flags
 from canid.identification.confidence import CHI_SQUARED_QUANTILE
 from canid.types import Array, Interval
 
@@ -40,6 +42,7 @@ class RandomWalk(NamedTuple):
     added: Array  # (n,) output unit, what it does to the output
     desired_headway: Array  # (n,) s, deviation of the desired headway from its mean
     noise: Noise
+    step: float  # s per knot, standard deviation of its steps
 
 
 def shapes(data: DriverData, q: Array) -> Array:
@@ -104,7 +107,7 @@ def _found(data: DriverData, solved: FittedDriver, shape: Array, walk: Array, no
             # the standard deviation of a random walk over the drive is proportional to its step
             interval = Interval(sd, float(sd * inside.min() / variance), float(sd * inside.max() / variance))
             added = added - added[solved.rows].mean()
-            best = RandomWalk(evidence, interval, added, curve - curve.mean(), noise)
+            best = RandomWalk(evidence, interval, added, curve - curve.mean(), noise, variance)
     assert best is not None
     return best
 
@@ -115,6 +118,38 @@ class Explained(NamedTuple):
     gram: Array  # (k, k)
     b: Array  # (k,)
     without: float  # −2 log likelihood of no step at all
+
+
+def scores_of_walk(data: DriverData, solved: FittedDriver, found: RandomWalk, rows: Flags) -> Array:
+    """What a filtered random walk adds to the log density of each sample, (n,) nats (Schweppe 1965).
+
+    Args:
+        data: what is explained.
+        solved: the model with the walk taken out of the output.
+        found: the walk; the size of its steps and the noise next to it are used, its path is not.
+        rows: (n,) samples that count.
+    """
+    B = shapes(data, solved.q)
+    knots = B.shape[1]
+    shape = B @ np.tril(np.ones((knots, knots)))[:, 1:] * found.step
+    left = data.output.y - solved.fitted.model
+    plain = fit_noise(data.output, left, found.noise.A.size - 1, found.noise.size)
+    free = rows & ~data.output.hidden
+    X, e, e0 = whitened(found.noise, shape), whitened(found.noise, left), whitened(plain, left)
+    # recursive Bayesian regression of the steps, each normal with variance 1
+    mean, P = np.zeros(knots - 1), np.eye(knots - 1)
+    out = np.zeros(e.size)
+    level = math.log(plain.sd / found.noise.sd)
+    for t in np.flatnonzero(free):
+        x = X[t]
+        Px = P @ x
+        spread = 1.0 + float(x @ Px)
+        error = float(e[t] - x @ mean)
+        out[t] = 0.5 * (e0[t] * e0[t] - error * error / spread - math.log(spread)) + level
+        gain = Px / spread
+        mean = mean + gain * error
+        P = P - np.outer(gain, Px)
+    return out
 
 
 def _explained(data: DriverData, solved: FittedDriver, shape: Array, noise: Noise) -> Explained:

@@ -1,4 +1,4 @@
-"""Gain of a law in one-step log score on held-out data, nats per minute, with a bootstrap over stretches (Künsch 1989)."""
+"""Gain of a law in one-step log score on held-out data."""
 
 from __future__ import annotations
 
@@ -8,18 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis.fitting.held_out_gain import DRAWS
+from canid.diagnosis.fitting.log_score_gain import gain
 from canid.diagnosis.remnant import law_search
 from canid.diagnosis.remnant.innovations import Innovations
 from canid.diagnosis.remnant.law_fit import log_density
 from canid.effects.effect import Effect
-from canid.identification.confidence import QUANTILES
 from canid.types import Array, Interval
-
-# s; longer than the memory of the scale
-STRETCH_S = 15.0
-# fewer stretches do not show how much the gain varies
-MIN_STRETCHES = 4
 
 
 class HeldOut(NamedTuple):
@@ -39,9 +33,9 @@ def held_out(of: Innovations, effects: Sequence[Effect], fold: npt.NDArray[np.in
     """
     whole = scores(of, effects, fold)
     return HeldOut(
-        gain(whole - scores(of, (), fold), of),
+        gain(whole - scores(of, (), fold), of.rows, of.dt),
         {
-            effect.id: gain(whole - scores(of, law_search.without(effects, effect), fold), of)
+            effect.id: gain(whole - scores(of, law_search.without(effects, effect), fold), of.rows, of.dt)
             for effect in effects
         },
     )
@@ -56,16 +50,3 @@ def scores(of: Innovations, effects: Sequence[Effect], fold: npt.NDArray[np.int6
             law = law_search.fitted(of, effects, train).law
             out[here] = log_density(law, of.x[here], law_search.features_of(of, effects, here))
     return out
-
-
-def gain(difference: Array, of: Innovations) -> Interval:
-    """Mean difference of two log scores (n,), nats per minute; NaN with too few stretches."""
-    stretch = (np.arange(of.x.size) // max(round(STRETCH_S / of.dt), 1))[of.rows]
-    total, minutes = np.bincount(stretch, difference[of.rows]), np.bincount(stretch) * of.dt / 60.0
-    total, minutes = total[minutes > 0], minutes[minutes > 0]
-    if total.size < MIN_STRETCHES:
-        return Interval()
-    # the same drive gives the same interval
-    draws = np.random.default_rng(0).integers(0, total.size, (DRAWS, total.size))
-    low, high = np.quantile(total[draws].sum(axis=1) / minutes[draws].sum(axis=1), QUANTILES)
-    return Interval(float(total.sum() / minutes.sum()), float(low), float(high))

@@ -1,0 +1,144 @@
+"""Noise of a simulated driver: the fitted autoregression, its innovations resampled, their scale by the fitted law.
+
+The innovations are divided by the scale that the law gives them (all effects on the remnant in it) and drawn again in
+blocks: their distribution is the drive's own, whatever its tails (Künsch 1989; Efron & Tibshirani 1993, ch. 8).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import lfilter
+
+from canid.diagnosis.fitting.likelihood import Noise
+from canid.diagnosis.remnant import law_search
+from canid.diagnosis.remnant.innovations import MAX_FEATURE, Innovations
+from canid.diagnosis.remnant.law_fit import MAX_LOG_SCALE
+from canid.effects.effect import Effect, ScaleFeature
+from canid.findings import Flags
+from canid.identification.innovation_law import MEMORY_S, Law
+from canid.types import Array
+
+# s; a movement of the pedal is over by then, and the scale's own memory is in the law
+BLOCK_S = 2.0
+
+
+class Standard(NamedTuple):
+    """Mean and standard deviation by which a feature is standardised."""
+
+    mean: float
+    sd: float
+
+    def __call__(self, x: Array) -> Array:
+        """Standardise as the features of the fitted law are."""
+        return np.clip((x - self.mean) / self.sd, -MAX_FEATURE, MAX_FEATURE)
+
+
+class Source(NamedTuple):
+    """What noise is drawn from."""
+
+    noise: Noise
+    law: Law
+    slopes: dict[ScaleFeature, float]
+    fixed: Array  # (n,) log scale that does not depend on the simulated driver
+    own: Standard | None  # of own |acceleration|; None: it is not measured
+    recent: Standard  # of the log of recent innovations
+    middle: float  # mean of their squares
+    dt: float  # s
+    pool: Array  # (k,) standardised innovations, in the order of the drive
+    residual: Array  # (n,) output unit, of the drive: the noise begins with it
+
+
+def source(
+    of: Innovations, noise: Noise, residual: Array, effects: Sequence[Effect], accel: Array | None
+) -> Source:
+    """Standardise the innovations of a fitted driver.
+
+    Args:
+        of: the innovations.
+        noise: the fitted noise model.
+        residual: (n,) measured less modelled.
+        effects: on the remnant.
+        accel: (n,) m/s², own; None: not measured.
+    """
+    law = law_search.fitted(of, effects, of.rows).law
+    F = law_search.features_of(of, effects, of.rows)
+    z = of.x[of.rows] / (law.sd * np.exp(np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE)))
+    own_features = [feature for effect in effects if effect.remnant for feature in effect.remnant.scale]
+    slopes = dict(zip(own_features, law.slopes.tolist(), strict=False))
+    fixed = law.slopes[len(own_features) :] @ of.present
+    kept = [ScaleFeature.LEAD_ACCELERATION, *([ScaleFeature.OWN_ACCELERATION] if accel is None else [])]
+    for feature in kept:
+        fixed = fixed + slopes.get(feature, 0.0) * of.features[feature]
+    own = None if accel is None else _standard(np.abs(np.r_[accel[:1], accel[:-1]]), of.rows)
+    # as `innovation_law.features` has it
+    e = of.x / noise.size
+    middle = float(np.mean(e[of.rows] ** 2))
+    keep = math.exp(-of.dt / MEMORY_S)
+    square = np.where(of.rows, e * e, middle)
+    known = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * middle])[0]
+    recent = _standard(_log(np.r_[middle, known[:-1]], middle), of.rows)
+    return Source(noise, law, slopes, fixed, own, recent, middle, of.dt, z - z.mean(), residual)
+
+
+def _standard(x: Array, rows: Flags) -> Standard:
+    return Standard(float(np.mean(x[rows])), max(float(np.std(x[rows])), 1e-9))
+
+
+def _log(square: Array, middle: float) -> Array:
+    out: Array = 0.5 * np.log(square + 1e-3 * middle + 1e-300)
+    return out
+
+
+def resampled(pool: Array, shape: tuple[int, int], block: int, rng: np.random.Generator) -> Array:
+    """Draw columns of innovations, block by block: moving-blocks bootstrap (Künsch 1989).
+
+    Example:
+        >>> resampled(np.arange(9.0), (3, 2), 3, np.random.default_rng(0)).shape
+        (3, 2)
+    """
+    length, columns = shape
+    block = min(block, pool.size)
+    starts = rng.integers(0, pool.size - block + 1, (-(-length // block), columns))
+    index = (starts[:, None, :] + np.arange(block)[None, :, None]).reshape(-1, columns)[:length]
+    out: Array = pool[index]
+    return out
+
+
+def sampler(
+    of: Source, rows: npt.NDArray[np.int64], past: int, rng: np.random.Generator
+) -> Callable[[int, Array], Array]:
+    """Return the noise of each simulated sample: (row, own acceleration (m,) of the row before) -> (m,).
+
+    Args:
+        of: what is drawn from.
+        rows: (k, m) samples of the drive, one column per simulated stretch.
+        past: rows of history.
+        rng: of the draws.
+    """
+    length, m = rows.shape
+    noise, p = of.noise, of.noise.A.size - 1
+    z = resampled(of.pool, (length, m), max(round(BLOCK_S / of.dt), 1), rng)
+    own_slope = of.slopes.get(ScaleFeature.OWN_ACCELERATION, 0.0)
+    recent_slope = of.slopes.get(ScaleFeature.PAST_INNOVATIONS, 0.0)
+    keep = math.exp(-of.dt / MEMORY_S)
+    # latest first
+    history = np.stack([of.residual[rows[past - k]] for k in range(1, p + 1)])
+    square = np.full(m, of.middle)
+
+    def drawn(k: int, accel: Array) -> Array:
+        nonlocal square, history
+        log = of.fixed[rows[k]] + recent_slope * of.recent(_log(square, of.middle))
+        if of.own is not None:
+            log = log + own_slope * of.own(np.abs(accel))
+        x = of.law.sd * np.exp(np.clip(log, -MAX_LOG_SCALE, MAX_LOG_SCALE)) * z[k]
+        square = square + (1.0 - keep) * ((x / noise.size[rows[k]]) ** 2 - square)
+        now = noise.sd * x - noise.A[1:] @ history
+        history = np.vstack([now[None, :], history[:-1]])
+        return np.asarray(now)
+
+    return drawn

@@ -1,0 +1,220 @@
+"""One-step predictive log score of a driver's effects on held-out data (Dawid 1984; Gneiting & Raftery 2007).
+
+The density of the next sample given all before it does not profit from the driver's own noise that the loop carries back
+into the inputs, as an open-loop simulation does. Both models are those of `held_out`: fitted to the other folds. A random
+walk is scored as it would be filtered, knot by knot; a pedal that stands still by the chance that it stays.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.diagnosis.driver import held_out, pedal_holds
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_search import SOFT_LIMIT_PERCENT, Search
+from canid.diagnosis.driver.held_out import Fold
+from canid.diagnosis.driver.random_walk import scores_of_walk
+from canid.diagnosis.fitting.fitted_model import dropped
+from canid.diagnosis.fitting.likelihood import Output, fit_noise, score
+from canid.diagnosis.fitting.log_score_gain import gain
+from canid.diagnosis.remnant import law_fit
+from canid.effects.effect import Detector
+from canid.findings import Flags
+from canid.types import Array, Interval
+
+Counts = npt.NDArray[np.int64]
+
+# samples that the pedal has stood, upper edges of bins that double: what a pedal does that rests by chance
+RESTS = (1, 2, 4, 8, 16)
+# of a rhythm's interval, width of the bins in which the chance of a movement is counted, and how many
+RHYTHM_BIN_SHARE, RHYTHM_BINS = 0.125, 12
+# samples that count at each end of a chance beforehand
+PRIOR_COUNT = 1.0
+
+
+def log_scores(output: Output, rows: Flags, fit: FittedDriver, train: Flags, size: Array) -> Array:
+    """Log density (n,) of each sample given those before it; of one at the floor, log probability. 0 where no row.
+
+    Innovations are Student's t: a Gaussian score of people is that of a few outliers. The noise is fitted to other rows,
+    with the same relative scale for all models that are compared.
+
+    Args:
+        output: what is predicted.
+        rows: (n,) samples that count.
+        fit: the model.
+        train: (n,) samples that its noise is fitted to.
+        size: (n,) relative scale of the noise.
+    """
+    left = output.y - fit.fitted.model
+    noise = fit_noise(output._replace(usable=output.usable & train), left, fit.noise.A.size - 1, size)
+    scored = score(output, rows | train, noise, fit.fitted.model)
+    known = ~output.hidden
+    law = law_fit.fit(scored.e[train & known], np.zeros((0, int((train & known).sum()))), heavy=True).law
+    free = rows & known
+    out = np.where(rows, -0.5 * scored.e * scored.e, 0.0)
+    density = law_fit.log_density(law, scored.e[free], np.zeros((0, int(free.sum()))))
+    out[free] = density - np.log(noise.sd * noise.size[free])
+    # above a soft limit the density is even up to the limit itself
+    out[rows & output.above] -= math.log(SOFT_LIMIT_PERCENT)
+    return np.asarray(out)
+
+
+def of_whole(original: DriverData, found: Search, folds: tuple[Fold, ...]) -> Interval:
+    """Gain of all effects together over the baseline, nats/min.
+
+    Args:
+        original: the drive, with nothing taken out of it.
+        found: what was found on it.
+        folds: both models, fitted to all but each fold.
+    """
+    rows = found.baseline.rows & _scored(found)
+    base = _by_fold(original.output, rows, [one.base for one in folds], original, found.baseline.noise.size)
+    extended = _with_walk(original, found, folds, rows)
+    difference, rows = _with_holds(original, found, extended - base, base)
+    return gain(difference, rows, original.output.dt)
+
+
+def of_each(
+    original: DriverData, found: Search, folds: tuple[Fold, ...], whole: Interval
+) -> dict[str, Interval]:
+    """Gain of each effect over the model without it, nats/min: effect id -> gain.
+
+    Args:
+        original: the drive, with nothing taken out of it.
+        found: what was found on it.
+        folds: both models, fitted to all but each fold.
+        whole: of all together.
+    """
+    if len(found.named) == 1:
+        return {found.named[0].effect.id: whole}
+    out = {}
+    fitted = {effect.id for effect in found.solved.model.effects}
+    dt = original.output.dt
+    rows = found.solved.rows & _scored(found)
+    with_all = _by_fold(
+        found.data.output, rows, [one.extended for one in folds], found.data, found.baseline.noise.size
+    )
+    zero = np.zeros(rows.size)
+    for one in found.named:
+        if one.effect.id in fitted:
+            left = dropped(found.data, found.solved, one.effect.id)
+            fits = [
+                held_out.refitted(found.data, left, held_out.dealt(original) != k)
+                for k in range(held_out.FOLDS)
+            ]
+            without = _by_fold(found.data.output, rows, fits, found.data, found.baseline.noise.size)
+            out[one.effect.id] = gain(with_all - without, rows, dt)
+        elif found.random_walk is not None and Detector.RANDOM_WALK in one.effect.detectors:
+            out[one.effect.id] = gain(_walk(original, found, rows), rows, dt)
+        elif Detector.PEDAL_CEILING in one.effect.detectors:
+            out[one.effect.id] = whole
+        else:
+            base_rows = found.baseline.rows
+            base = _by_fold(
+                original.output, base_rows, [fold.base for fold in folds], original, found.baseline.noise.size
+            )
+            alone = found._replace(holds=tuple(h for h in found.holds if h.pattern in one.effect.detectors))
+            out[one.effect.id] = gain(*_with_holds(original, alone, zero, base, only=True), dt)
+    return out
+
+
+def _scored(found: Search) -> Flags:
+    """Rows that the extended model scores: those of its own, and none within what was taken out."""
+    return found.solved.rows
+
+
+def _by_fold(output: Output, rows: Flags, fits: list[FittedDriver], data: DriverData, size: Array) -> Array:
+    """Log scores (n,), each fold by the model of the others."""
+    fold, out = held_out.dealt(data), np.zeros(rows.size)
+    for k, fit in enumerate(fits):
+        here = rows & (fold == k)
+        out[here] = log_scores(output, here, fit, rows & (fold != k), size)[here]
+    return out
+
+
+def _with_walk(original: DriverData, found: Search, folds: tuple[Fold, ...], rows: Flags) -> Array:
+    """Log scores (n,) of the extended model."""
+    if found.random_walk is None:
+        return _by_fold(
+            found.data.output, rows, [one.extended for one in folds], found.data, found.baseline.noise.size
+        )
+    whole = found.data._replace(output=found.data.output._replace(y=original.output.y))
+    without = _by_fold(whole.output, rows, [one.base for one in folds], whole, found.baseline.noise.size)
+    return without + _walk(original, found, rows)
+
+
+def _walk(original: DriverData, found: Search, rows: Flags) -> Array:
+    """What a filtered random walk adds to each log score, (n,)."""
+    assert found.random_walk is not None
+    whole = found.data._replace(output=found.data.output._replace(y=original.output.y))
+    return scores_of_walk(whole, found.solved, found.random_walk, rows)
+
+
+def _with_holds(
+    original: DriverData, found: Search, difference: Array, base: Array, only: bool = False
+) -> tuple[Array, Flags]:
+    """Add what the standstills of the pedal are worth, and the rows in them.
+
+    A standing pedal is predicted by the chance that it stays, as long as it has stood by then, counted on the other folds;
+    compared with chances that do not know of holds: of a rest among movements, and of a movement after a rest.
+    """
+    rows = found.baseline.rows & (found.solved.rows if not only else np.zeros(difference.size, dtype=bool))
+    held = [one for one in found.holds if one.pattern is not Detector.PEDAL_CEILING]
+    if not held:
+        return difference, rows if not only else found.baseline.rows
+    y, free = original.output.y, original.output.usable & ~original.output.below
+    step = pedal_holds.step_size(y[original.output.usable])
+    still = np.abs(np.diff(y, prepend=np.nan)) < 0.5 * step
+    stood = _run_length(still)
+    rhythm = next((one.level for one in held if one.pattern is Detector.PEDAL_RHYTHM), 0.0)
+    coarse = np.digitize(stood, RESTS)
+    if rhythm > 0:
+        since = _since_movement(still) * original.output.dt / rhythm
+        fine = np.minimum((since / RHYTHM_BIN_SHARE).astype(int), RHYTHM_BINS) * 2 + (stood > 0)
+        plain = coarse
+    else:
+        fine, plain = coarse, (stood > 0).astype(np.int64)
+    fold = held_out.dealt(original)
+    out, counted = difference.copy(), free & np.r_[False, free[:-1]]
+    out[~rows] = 0.0
+    for k in range(held_out.FOLDS):
+        here, train = counted & (fold == k), counted & (fold != k)
+        chances = [_stays(cell, still, train)[cell] for cell in (plain, fine)]
+        log = [np.where(still, np.log(chance), np.log1p(-chance)) for chance in chances]
+        out[here] += (log[1] - log[0])[here]
+    return out, rows | counted
+
+
+def _run_length(still: Flags) -> Counts:
+    """Samples that the pedal had stood still before each sample.
+
+    Example:
+        >>> _run_length(np.array([False, True, True, False, True])).tolist()
+        [0, 0, 1, 2, 0]
+    """
+    index = np.arange(still.size)
+    last = np.maximum.accumulate(np.where(still, -1, index))
+    after = np.where(last >= 0, index - last, index + 1)
+    out: Counts = np.r_[0, after[:-1]]
+    return out
+
+
+def _since_movement(still: Flags) -> Counts:
+    """Samples since the pedal last began to move, before each sample."""
+    index = np.arange(still.size)
+    begins = ~still & np.r_[True, still[:-1]]
+    last = np.maximum.accumulate(np.where(begins, index, 0))
+    out: Counts = np.r_[0, (index - last)[:-1]]
+    return out
+
+
+def _stays(cell: Counts, still: Flags, train: Flags) -> Array:
+    """Chance that the pedal stands at a sample, by cell."""
+    size = int(cell.max()) + 1
+    stands = np.bincount(cell[train & still], minlength=size) + PRIOR_COUNT
+    moves = np.bincount(cell[train & ~still], minlength=size) + PRIOR_COUNT
+    return np.asarray(stands / (stands + moves))
