@@ -196,6 +196,16 @@ class Blocked(NamedTuple):
     says: str
 
 
+class DriveShare(NamedTuple):
+    """One of several drives that were diagnosed together."""
+
+    name: str
+    used: float  # s
+    # effect -> gain in one-step log score on this drive by a fit to the others, nats/min; NaN: too short
+    gains: Mapping[str, Interval]
+    channels: Mapping[str, Channel]  # the driver as this drive alone has it, the causes held; {}: too short
+
+
 class Provenance(NamedTuple):
     """What is needed to reproduce the report."""
 
@@ -244,6 +254,8 @@ class Report(NamedTuple):
     # nats/min, of the driver's findings together, one-step predictive log score on held-out data
     log_score_gain: Interval = Interval()
     null_gain: NullGain = NullGain()  # of `gain`
+    drives: tuple[DriveShare, ...] = ()  # where several were diagnosed together
+    differ: tuple[str, ...] = ()  # sentences: what is not the same on all of them
 
 
 def extends(report: Report) -> bool:

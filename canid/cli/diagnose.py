@@ -40,6 +40,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "closed loop; some 2 s per 10 min",
     )
     parser.add_argument(
+        "--same",
+        choices=("driver",),
+        help="diagnose all logs together: one driver in one car, on several drives",
+    )
+    parser.add_argument(
         "--check",
         action="store_true",
         help="exit with 1 if a verdict is not adequate, a finding in the remnant alone excepted (for CI); "
@@ -55,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
     from canid.views import diagnosis_json, diagnosis_text, json_values
     from canid.views.report import page
 
+    if args.same:
+        return run_together(args)
     pages = report_names(args.logs, args.report)
     json = options.json_output(args)
     reports = {log: Output("--report", name, output_kinds.PAGE) for log, name in pages.items()}
@@ -83,6 +90,52 @@ def run(args: argparse.Namespace) -> int:
             adequate &= report.verdict is Verdict.ADEQUATE or (named and not extends(report))
         if sink is not None:
             sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
+    return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
+
+
+def run_together(args: argparse.Namespace) -> int:
+    """Diagnose all logs as drives of one driver."""
+    from canid.cli.provenance import provenance
+    from canid.diagnosis.diagnose import diagnose_drives
+    from canid.findings import Verdict, extends
+    from canid.views import diagnosis_json, diagnosis_text, json_values
+    from canid.views.report import page
+
+    name = report_names([f"{Path(args.logs[0]).stem}.together"], args.report)
+    json = options.json_output(args)
+    target = Output("--report", next(iter(name.values())), output_kinds.PAGE) if name else None
+    outputs.check([json, target], options.read_by(args))
+    vehicle = reading.read_vehicle(args.vehicle)
+    show = line_printer(args.json)
+    with outputs.opened(json) as sink:
+        drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in args.logs]
+        with Progress(f"diagnosing {len(drives)} drives") as bar:
+            report = diagnose_drives(
+                [drive.trace for drive in drives], args.logs, rivals=args.rivals, progress=bar.to
+            )
+        logs = ", ".join(args.logs)
+        asked = " ".join(shlex.quote(path) for path in args.logs)
+        of = [provenance(path, vehicle, command(args, path)) for path in args.logs]
+        report = report._replace(
+            provenance=of[0]._replace(
+                log=logs,
+                log_sha256=", ".join(one.log_sha256 for one in of),
+                command=f"canid diagnose {asked} --same driver --vehicle {args.vehicle}",
+            )
+        )
+        for line in diagnosis_text.text(report, logs, vehicle.name):
+            show(line)
+        with outputs.opened(target) as file:
+            if file is not None and target is not None:
+                file.write(page(report))
+                info(f"{target.path} written")
+        damaged = DONE
+        for drive in drives:
+            damaged = reading.report_health(drive.health) or damaged
+        if sink is not None:
+            sink.write(json_values.line(diagnosis_json.to_json(report, logs, vehicle.name)) + "\n")
+    named = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
+    adequate = report.verdict is Verdict.ADEQUATE or (named and not extends(report))
     return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
 
 

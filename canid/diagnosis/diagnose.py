@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 from zlib import crc32
 
@@ -33,6 +33,8 @@ from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.remnant.remnant_block import RemnantReport
 from canid.diagnosis.rivals import comparison
+from canid.diagnosis.several_drives import shared_causes
+from canid.diagnosis.several_drives.joined_drives import join
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.effects import CATALOGUE
 from canid.effects.effect import Detector, Effect, Kind
@@ -104,8 +106,54 @@ def diagnose(
         >>> report.verdict.value
         'adequate'
     """
-    report = _diagnosed(trace, catalogue, minimum, rivals, progress)
+    report = _diagnosed(trace, catalogue, minimum, rivals, progress, Several())
     return report._replace(signals=trace.findings, time=of_trace(trace))
+
+
+def diagnose_drives(
+    traces: Sequence[Trace],
+    names: Sequence[str],
+    *,
+    catalogue: tuple[Effect, ...] = CATALOGUE,
+    minimum: float = MIN_DRIVING_S,
+    rivals: bool = False,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Report:
+    """Diagnose several drives of one driver in one car together.
+
+    Causes and parameters are those of all drives; each drive has an offset of its own. What was found is then held against
+    each drive by a fit to the others, and what differs between the drives is said.
+
+    Args:
+        traces: from `read_trace`, with one vehicle file.
+        names: of the drives.
+        catalogue: the effects that may be named.
+        minimum: s of driving that must be there, on all drives together.
+        rivals: as in `diagnose`.
+        progress: as in `diagnose`.
+
+    Returns:
+        One `Report`; `drives` and `differ` say what each drive makes of it.
+
+    Raises:
+        ConfigError: the drives differ in step, inputs, or output filter.
+    """
+    joined = join(traces)
+    several = Several(joined.spans, tuple(names))
+    report = _diagnosed(joined.trace, catalogue, minimum, rivals, progress, several)
+    return report._replace(signals=joined.trace.findings, time=joined.time)
+
+
+class Several(NamedTuple):
+    """Drives on one trace."""
+
+    spans: tuple[tuple[float, float], ...] = ()  # s, [begin, end) of each; (): it is one
+    names: tuple[str, ...] = ()
+
+    @property
+    def begins(self) -> tuple[float, ...]:
+        """Of each further drive, s."""
+        return tuple(begin for begin, _ in self.spans[1:])
 
 
 def _diagnosed(
@@ -114,6 +162,7 @@ def _diagnosed(
     minimum: float,
     rivals: bool,
     progress: Callable[[float], None],
+    several: Several,
 ) -> Report:
     context = corrections.diagnose_context(trace, catalogue)
     given, trace, usable, masked = trace, context.trace, context.usable, context.masked
@@ -129,7 +178,7 @@ def _diagnosed(
     )
     if missing:
         return overall_verdict.with_context(nothing(trace, missing, masked, steps), context)
-    prepared = ready(trace, usable)
+    prepared = ready(trace, usable, several.begins)
     if prepared is None:
         why = "too few samples in a row in which a person drives behind a lead"
         return overall_verdict.with_context(nothing(trace, why, masked, steps), context)
@@ -167,11 +216,14 @@ def _diagnosed(
     report = overall_verdict.join(alone, remnant, context)
     if not refused:
         report = report._replace(model=_model(prepared, searched, context.vehicle, report))
-    raw = None if trace is given else ready(given, usable)
+    raw = None if trace is given else ready(given, usable, several.begins)
     if raw is not None:
         # what a wrong sensor did to the driver's parameters
         before = _fit(raw.fitted, raw.fitted.fitted.model, raw.data, raw.trace.dt)
         report = report._replace(shifts=_shifts(before, report.extended))
+    if several.spans and not refused:
+        of = shared_causes.shared(searched.data, searched, several.spans, several.names)
+        report = report._replace(drives=of.drives, differ=of.differ)
     if rivals:
         report = report._replace(rivals=comparison.compare(prepared.data, report.closed_loop))
     return report
@@ -227,10 +279,16 @@ def _model(prepared: Prepared, searched: Search, vehicle: Vehicle, report: Repor
     return final_model(prepared.trace, data, solved, vehicle, sound, report.output)
 
 
-def ready(trace: Trace, usable: Flags) -> Prepared | None:
-    """Fit the baseline at the rate at which the output has content."""
+def ready(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Prepared | None:
+    """Fit the baseline at the rate at which the output has content.
+
+    Args:
+        trace: of a drive, or of several.
+        usable: (n,) samples that no mask has taken.
+        begins: s, of each further drive.
+    """
     while True:
-        data = prepare(trace, usable)
+        data = prepare(trace, usable, begins)
         fitted = baseline(data)
         if fitted is None:
             return None

@@ -49,12 +49,13 @@ def final_model(
     own = [
         f"{effect.id}.{parameter.name}" for effect in solved.model.effects for parameter in effect.parameters
     ]
+    further = [f"offset of drive {k} less that of 1" for k in range(2, 2 + len(solved.model.begins))]
     used = data.output.usable & ~data.output.below
     return IdentifiedModel(
         output=role,
         driver={name: float(x) for name, x in zip(BASE, solved.q, strict=False)},
         covariance=_covariance(solved, data.output.dt),
-        names=(*BASE, *own),
+        names=(*BASE, *further, *own),
         effects=_effects(solved, findings),
         noise=NoiseLaw(
             data.output.dt,

@@ -8,6 +8,7 @@ from canid import identified_model
 from canid.findings import (
     Check,
     ClosedLoopError,
+    DriveShare,
     Finding,
     Fit,
     NullGain,
@@ -68,11 +69,22 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
             for key, (before, after) in report.shifts.items()
         },
         "model": None if report.model is None else identified_model.to_json(report.model),
+        "drives": [_drive(one) for one in report.drives],
+        "differ": list(report.differ),
         "steps": list(report.steps),
         "provenance": {
             name: dict(of) if name in ("versions", "dbc_sha256") else of
             for name, of in report.provenance._asdict().items()
         },
+    }
+
+
+def _drive(one: DriveShare) -> dict[str, Any]:
+    return {
+        "log": one.name,
+        "used_time": json_values.number(one.used),
+        "gains": {effect: json_values.interval(iv) for effect, iv in one.gains.items()},
+        "channels": json_values.channels(one.channels),
     }
 
 

@@ -44,6 +44,7 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     lines += _headed("a drive that would decide", advice(report))
     title = "driver parameters: baseline, extended model" if extends(report) else "driver parameters"
     lines += _headed(title, _parameters(report))
+    lines += _headed("drive by drive, each held against a fit to the others", _drives(report))
     if report.model is not None:
         lines += _headed("final model; L(τ, θ): lag τ, dead time θ", [equation(report.model)])
     lines += _checks(report)
@@ -103,6 +104,20 @@ def _parameters(report: Report) -> list[str]:
         shown = (before, after) if extends(report) else (before,)
         rows.append((f"{name} ({unit})" if unit else name, *map(interval, shown)))
     return columns([""] * len(rows[0]), rows)[1:] if rows else []
+
+
+def _drives(report: Report) -> list[str]:
+    """What each of several drives says of the findings, and of the driver."""
+    lines = []
+    for one in report.drives:
+        gains = [f"{effect} {interval(iv, 'nats/min')}" for effect, iv in one.gains.items()]
+        own = [
+            f"K of {readable(name)} {interval(channel.K)}, τ+θ {interval(channel.tau_plus_dead_time, 's')}"
+            for name, channel in one.channels.items()
+        ]
+        said = [*own, *([f"gain of {', '.join(gains)}"] if gains else [])]
+        lines.append(f"{one.name} ({number(one.used, 's')}): {'; '.join(said) or 'too short'}")
+    return [*lines, *(says[:1].upper() + says[1:] + "." for says in report.differ)]
 
 
 def _checks(report: Report) -> list[str]:

@@ -29,6 +29,7 @@ class DriverData(NamedTuple):
     known: Lagged  # gap and range rate at each lag, from what was reported until now
     output: Output
     pedal: bool  # is the output a pedal, with a floor?
+    begins: tuple[float, ...] = ()  # s, of each further drive
 
 
 def filled(x: Array) -> Array:
@@ -45,12 +46,13 @@ def filled(x: Array) -> Array:
     return np.interp(index, index[known], x[known])
 
 
-def prepare(trace: Trace, usable: Flags) -> DriverData:
+def prepare(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> DriverData:
     """Lay out the columns.
 
     Args:
         trace: of a drive.
         usable: (n,) samples that no mask has taken.
+        begins: s, of each further drive on the trace.
     """
     signals, n = trace.signals, trace.t.size
     speed, gap = signals.get("speed", np.full(n, np.nan)), signals.get("gap", np.full(n, np.nan))
@@ -88,7 +90,7 @@ def prepare(trace: Trace, usable: Flags) -> DriverData:
     )
     nowhere = np.zeros(n, dtype=bool)
     output = Output(filled(trace.output), fine, below & fine, PEDAL_FLOOR_PERCENT, nowhere, np.inf, trace.dt)
-    return DriverData(seen, known_then, output, pedal)
+    return DriverData(seen, known_then, output, pedal, begins)
 
 
 def _within(flags: Flags, span: float, dt: float) -> Flags:

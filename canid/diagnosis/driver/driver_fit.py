@@ -7,6 +7,7 @@ from scipy.stats import chi2
 
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_model import (
+    BASE,
     DESIRED,
     K1,
     K2,
@@ -41,7 +42,7 @@ def baseline(data: DriverData) -> FittedDriver | None:
     free = output.usable & ~output.below
     if int(np.count_nonzero(free)) < MIN_SAMPLES:
         return None
-    model = with_effects(())
+    model = with_effects((), data.begins)
     q = np.zeros(len(model.low))
     for k, value in INITIAL.items():
         q[k] = value
@@ -62,6 +63,7 @@ def answered(data: DriverData, fitted: FittedDriver) -> bool:
     """
     q = fitted.q.copy()
     q[[K1, K2]] = 0.0
-    silent = solve(data, with_effects(()), q, fitted.noise, fitted.rows, free=(OFFSET,))
-    freed = len(fitted.fitted.free) - 1
+    offsets = (OFFSET, *range(len(BASE), len(BASE) + len(data.begins)))
+    silent = solve(data, fitted.model, q, fitted.noise, fitted.rows, free=offsets)
+    freed = len(fitted.fitted.free) - len(offsets)
     return silent.deviance - fitted.deviance > float(chi2.isf(ANSWER_CHANCE, freed))

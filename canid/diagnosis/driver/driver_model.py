@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -43,6 +44,7 @@ class DriverModel(NamedTuple):
     high: Array
     scale: Array
     where: tuple[slice, ...]  # each effect's parameters in q
+    begins: tuple[float, ...] = ()  # s, of each further drive: it has an offset of its own, after BASE
 
     @property
     def delays(self) -> tuple[tuple[int, int], ...]:
@@ -61,7 +63,7 @@ class DriverModel(NamedTuple):
 
     def with_effects(self, effects: Sequence[Effect]) -> DriverModel:
         """Return the driver with these effects."""
-        return with_effects(effects)
+        return with_effects(effects, self.begins)
 
     def free(self) -> tuple[int, ...]:
         """Parameters that a fit may move."""
@@ -100,9 +102,24 @@ class DriverModel(NamedTuple):
         return np.stack([standard(np.abs(away)), standard(away), standard(data.seen.speed)], axis=1)
 
 
-def with_effects(effects: Sequence[Effect]) -> DriverModel:
-    """Return the driver with some effects."""
-    return DriverModel(*box(effects, LOW, HIGH, SCALE))
+def with_effects(effects: Sequence[Effect], begins: tuple[float, ...] = ()) -> DriverModel:
+    """Return the driver with some effects, on one drive or on several one after the other."""
+    low, high, scale = (of + (of[OFFSET],) * len(begins) for of in (LOW, HIGH, SCALE))
+    return DriverModel(*box(effects, low, high, scale), begins)
+
+
+def offset(model: DriverModel, q: Array, t: Value) -> Value:
+    """Output without an answer, at times t: that of the first drive, and by how much a further one's differs.
+
+    Example:
+        >>> model = with_effects((), (100.0,))
+        >>> offset(model, np.r_[2.0, np.zeros(7), 0.5], np.array([50.0, 150.0])).tolist()
+        [2.0, 2.5]
+    """
+    out: Value = q[OFFSET]
+    for k, (begin, end) in enumerate(itertools.pairwise((*model.begins, math.inf))):
+        out = out + np.where((t >= begin) & (t < end), q[len(BASE) + k], 0.0)
+    return out
 
 
 def delayed(x: Array, delay: float, dt: float) -> Array:
@@ -264,7 +281,9 @@ def pedal(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, 
     dt = data.output.dt
     of = parts(model, data, q, recalled)
     first = lagged(of.gain * q[K1] * of.e, float(q[TAU1]), dt)
-    out: Array = q[OFFSET] + first + lagged(of.gain * q[K2] * of.w + of.extra, float(q[TAU2]), dt)
+    out: Array = (
+        offset(model, q, data.seen.t) + first + lagged(of.gain * q[K2] * of.w + of.extra, float(q[TAU2]), dt)
+    )
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.pedal is None:
             continue

@@ -16,12 +16,12 @@ from canid.diagnosis.driver.driver_model import (
     K1,
     K2,
     MIN_HEADWAY_SPEED,
-    OFFSET,
     TAU1,
     TAU2,
     THETA1,
     THETA2,
     DriverModel,
+    offset,
 )
 from canid.effects.effect import Effect, Seen, Value
 from canid.findings import Flags
@@ -148,7 +148,7 @@ def driver(of: SimulatedDriver, dt: float) -> tuple[Callable[[], State], Step]:
                 for c in (0, 1)
             )
             lags = (first, second)
-        demand: Array = q[OFFSET] + lags[0] + lags[1]
+        demand: Array = offset(of.model, q, late.t[k]) + lags[0] + lags[1]
         before = state.pedals or tuple(
             tuple(pedal.init(p[:, m], float(x)) for m, x in enumerate(demand)) for p, pedal in pedals
         )

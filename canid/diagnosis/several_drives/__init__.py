@@ -1,0 +1,1 @@
+"""Several drives of one driver, diagnosed together."""

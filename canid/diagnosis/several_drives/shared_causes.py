@@ -1,0 +1,122 @@
+"""Does what was found on several drives together hold on each of them, and in what do they differ?
+
+Each drive is predicted by models that were fitted to the other drives, with and without a cause; the drive itself gives
+its own offset and size of the noise only. The gain in one-step log score is what the cause is worth on a drive that had no
+part in its fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from canid.diagnosis.driver import driver_intervals
+from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import BASE, K1, K2, TAU1, TAU2, THETA1, THETA2
+from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.fitting import likelihood
+from canid.diagnosis.fitting.fitted_model import dropped, solve
+from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.log_score_gain import gain
+from canid.diagnosis.fitting.robust_covariance import inflation
+from canid.diagnosis.null import predictive_score
+from canid.findings import DriveShare, Flags
+from canid.types import Array, Interval
+
+# chance that drives of one driver are said to differ, over all groups of parameters
+DIFFER_CHANCE = 0.01
+# what may differ from drive to drive
+GROUPS = {"gains": (K1, K2), "lags and dead times": (TAU1, TAU2, THETA1, THETA2)}
+# samples that count; on fewer a drive has no estimate of its own
+MIN_ROWS = 400
+
+
+class Shared(NamedTuple):
+    """What each drive says of the joint model."""
+
+    drives: tuple[DriveShare, ...]
+    differ: tuple[str, ...]  # sentences: what is not the same on all drives
+
+
+def shared(
+    data: DriverData, found: Search, spans: Sequence[tuple[float, float]], names: Sequence[str]
+) -> Shared:
+    """Judge each drive.
+
+    Args:
+        data: of all drives.
+        found: on them together.
+        spans: s, [begin, end) of each drive.
+        names: of the drives.
+    """
+    t, rows = data.seen.t, found.solved.rows
+    inside = [rows & (t >= begin) & (t < end) for begin, end in spans]
+    without = {
+        effect.id: dropped(found.data, found.solved, effect.id) for effect in found.solved.model.effects
+    }
+    shares, own = [], list[FittedDriver | None]()
+    for name, here in zip(names, inside, strict=True):
+        others = rows & ~here
+        gains = {
+            effect: _gain(found.data, found.solved, left, here, others) for effect, left in without.items()
+        }
+        alone = _alone(found.data, found.solved, here)
+        own.append(alone)
+        channels = {} if alone is None else driver_intervals.channels(alone, data.output.dt)
+        shares.append(DriveShare(name, float(here.sum()) * data.output.dt, gains, channels))
+    return Shared(tuple(shares), _differences(found, [one for one in own if one is not None], data.output.dt))
+
+
+def _gain(data: DriverData, model: FittedDriver, left: FittedDriver, here: Flags, others: Flags) -> Interval:
+    """Gain of a cause on a drive, nats/min; both models as the other drives give them."""
+    if not others.any() or not here.any():
+        return Interval()
+    with_it, without = (_scores(data, one, here, others, model.noise.size) for one in (model, left))
+    return gain(with_it - without, here, data.output.dt)
+
+
+def _scores(data: DriverData, of: FittedDriver, here: Flags, others: Flags, size: Array) -> Array:
+    """One-step log scores (n,) on a drive by a fit to the others, after the drive's own offset."""
+    fit = solve(data, of.model, of.q, of.noise, of.rows & others, turns=1)
+    free = here & ~data.output.hidden
+    level = np.where(free, whitened(fit.noise, np.ones(here.size)), 0.0)
+    error = likelihood.score(data.output, free, fit.noise, fit.fitted.model).e
+    offset = float(level @ error) / max(float(level @ level), 1e-12)
+    output = data.output._replace(y=np.where(here, data.output.y - offset, data.output.y))
+    return predictive_score.log_scores(output, here, fit, of.rows & others, size)
+
+
+def _alone(data: DriverData, solved: FittedDriver, here: Flags) -> FittedDriver | None:
+    """The joint model fitted to one drive; its causes are held."""
+    if int(here.sum()) < MIN_ROWS:
+        return None
+    base = range(len(BASE))
+    free = tuple(k for k in solved.model.free() if k in base)
+    return solve(data, solved.model, solved.q, solved.noise, here, turns=1, free=free)
+
+
+def _differences(found: Search, own: Sequence[FittedDriver], dt: float) -> tuple[str, ...]:
+    """Likelihood ratio of own parameters on each drive against common ones, group by group."""
+    if len(own) < 2:
+        return ()
+    out = []
+    for name, group in GROUPS.items():
+        won, freedom = 0.0, 0
+        for one in own:
+            here = one.rows
+            held = solve(
+                found.data, one.model, found.solved.q, one.noise, here, turns=1,
+                free=tuple(k for k in one.fitted.free if k not in group),
+            )  # fmt: skip
+            spread = inflation(one.fitted, [k for k in group if k in one.fitted.free], dt)
+            won += max(held.deviance - one.deviance, 0.0) / spread
+            freedom += len(group)
+        # the common ones were fitted to the same drives
+        chance = float(chi2.sf(won, max(freedom - len(group), 1)))
+        if chance < DIFFER_CHANCE / len(GROUPS):
+            out.append(f"the driver's {name} are not the same on all drives (chance {chance:.1g})")
+    return tuple(out)
