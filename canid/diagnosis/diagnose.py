@@ -10,6 +10,7 @@ from canid.diagnosis import corrections, masks, overall_verdict, residual_maps, 
 from canid.diagnosis.adequacy import adequacy
 from canid.diagnosis.driver import (
     baseline_check,
+    baseline_form,
     closed_loop,
     cross_validation,
     detectability,
@@ -23,6 +24,7 @@ from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, answered, baseline
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.output_unit import in_output_unit
+from canid.diagnosis.driver.wanted_gap import Form
 from canid.diagnosis.fitting.search import Named
 from canid.diagnosis.remnant import remnant_block
 from canid.diagnosis.remnant.innovations import innovations
@@ -125,6 +127,12 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
     drivers = tuple(
         effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
     )
+    form = baseline_form.choose(prepared.data, prepared.fitted, drivers)
+    if form.fitted.model.form is not Form.TIME_HEADWAY:
+        # a form holds the effects that state another wanted gap
+        drivers = tuple(effect for effect in drivers if not effect.wanted_gap)
+        prepared = prepared._replace(fitted=form.fitted)
+    steps.append(f"form of the baseline: {form.fitted.model.form.value}: {form.why}")
     refused = refused_baseline(prepared, context.vehicle)
     confirmed = cross_validation.search_causes(prepared.data, () if refused else drivers, prepared.fitted)
     searched = confirmed.search
@@ -133,11 +141,12 @@ def _diagnosed(trace: Trace, catalogue: tuple[Effect, ...], minimum: float) -> R
         return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
     if refused:
         remnant = remnant_block.not_testable("The baseline does not describe the drive.")
-        alone = _report(prepared, confirmed, (), masked, steps, context.vehicle)
-        alone = baseline_refused(alone, refused)
+        alone = baseline_refused(
+            _report(prepared, confirmed, (), masked, steps, context.vehicle, form.why), refused
+        )
     else:
         remnant = _remnant(prepared, searched, drivers, catalogue)
-        alone = _report(prepared, confirmed, drivers, masked, steps, context.vehicle)
+        alone = _report(prepared, confirmed, drivers, masked, steps, context.vehicle, form.why)
     report = overall_verdict.join(alone, remnant, context)
     raw = None if trace is given else ready(given, usable)
     if raw is not None:
@@ -269,6 +278,7 @@ def _report(
     masked: tuple[Masked, ...],
     steps: list[str],
     vehicle: Vehicle,
+    why_form: str,
 ) -> Report:
     trace, original = prepared.trace, prepared.data
     searched, folds, total = confirmed.search, confirmed.folds, confirmed.gain
@@ -278,8 +288,8 @@ def _report(
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.random_walk)
     used = original.output.usable & ~original.output.below
-    base = _fit(before, before_out, original, dt, original)
-    extended = _fit(solved, after_out, original, dt, searched.data)
+    base = _fit(before, before_out, original, dt, original, why_form)
+    extended = _fit(solved, after_out, original, dt, searched.data, why_form)
     sound = held.passed
     fitted = driver_intervals.parameters(solved, searched.data)
     findings = tuple(_finding(one, trace, original, fitted, sound, total) for one in searched.named)
@@ -334,7 +344,12 @@ def _tried(searched: Search, findings: tuple[Finding, ...], expected: dict[str, 
 
 
 def _fit(
-    solved: FittedDriver, out: Array, data: DriverData, dt: float, fitted: DriverData | None = None
+    solved: FittedDriver,
+    out: Array,
+    data: DriverData,
+    dt: float,
+    fitted: DriverData | None = None,
+    why_form: str = "",
 ) -> Fit:
     used = data.output.usable & ~data.output.below
     y = data.output.y[used]
@@ -342,7 +357,8 @@ def _fit(
     variation = float(np.linalg.norm(y - y.mean()))
     percent = 100 * (1 - float(np.linalg.norm(left)) / variation) if variation > 0 else NAN
     shown = np.maximum(out, 0.0) if data.pedal else out
-    return Fit(driver_intervals.channels(solved, dt, fitted), percent, shown, float(np.std(left)))
+    form = baseline_form.stated(data, solved, why_form)
+    return Fit(driver_intervals.channels(solved, dt, fitted), percent, shown, float(np.std(left)), form)
 
 
 def _finding(

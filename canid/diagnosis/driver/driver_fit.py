@@ -8,9 +8,11 @@ from scipy.stats import chi2
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_model import (
     DESIRED,
+    FREE_SPEED,
     K1,
     K2,
     OFFSET,
+    OWN,
     TAU1,
     TAU2,
     THETA1,
@@ -24,7 +26,9 @@ from canid.diagnosis.fitting.fitted_model import FittedModel, Start, solve
 FittedDriver = FittedModel[DriverModel]
 
 # a driver as in the literature: the initial guess of every first fit (Grover 2021, table 4.2; reaction times in following)
-INITIAL = {K1: 5.0, K2: 5.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
+INITIAL = {K1: 5.0, K2: 5.0, FREE_SPEED: 50.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
+# gains of a driver whose output is an acceleration (m/s² per s, and per m/s)
+ACCELERATION_GAINS = {K1: 0.3, K2: 0.4}
 # s, further dead times from which the baseline's fit begins: the cost has a local minimum for each
 INITIAL_THETA2 = (0.2, 0.6, 1.0)
 # the noise model that pedals mostly have, and its standard deviation in parts of the output's
@@ -43,7 +47,7 @@ def baseline(data: DriverData) -> FittedDriver | None:
         return None
     model = with_effects(())
     q = np.zeros(len(model.low))
-    for k, value in INITIAL.items():
+    for k, value in (INITIAL if data.pedal else INITIAL | ACCELERATION_GAINS).items():
         q[k] = value
     q[DESIRED] = float(np.median(data.seen.headway[free]))
     q[OFFSET] = float(np.median(output.y[free]))
@@ -62,6 +66,7 @@ def answered(data: DriverData, fitted: FittedDriver) -> bool:
     """
     q = fitted.q.copy()
     q[[K1, K2]] = 0.0
-    silent = solve(data, with_effects(()), q, fitted.noise, fitted.rows, free=(OFFSET,))
-    freed = len(fitted.fitted.free) - 1
+    own = OWN[fitted.model.form]
+    silent = solve(data, fitted.model.with_effects(()), q, fitted.noise, fitted.rows, free=(OFFSET,))
+    freed = len(fitted.fitted.free) - len(own)
     return silent.deviance - fitted.deviance > float(chi2.isf(ANSWER_CHANCE, freed))
