@@ -25,6 +25,15 @@ class Verdict(Enum):
     NOT_ENOUGH_DATA = "not_enough_data"
 
 
+class BaselineForm(NamedTuple):
+    """Which gap the baseline wants at a speed."""
+
+    name: str  # "time_headway", "gap", "free_speed"
+    parameters: Mapping[str, Interval]  # "T", "s0", "v0"; those that the form has and the drive shows
+    units: Mapping[str, str]
+    says: str  # the form in words, and why it was chosen
+
+
 class Fit(NamedTuple):
     """One model on the whole drive: its parameters and its simulation from the measured inputs."""
 
@@ -32,6 +41,7 @@ class Fit(NamedTuple):
     fit_percent: float  # 100 (1 − |y − simulated| / |y − mean|)
     simulated: Array  # (n,) output unit; NaN where nothing can be simulated
     noise_sd: float  # output unit; of the unexplained part of the output
+    form: BaselineForm | None = None  # None: nothing was fitted
 
 
 class NullGain(NamedTuple):

@@ -10,8 +10,10 @@ import numpy as np
 
 from canid.types import Array, Interval
 
-# q of the driver: u = offset + K1 L1[headway − headway_desired] + K2 L2[range_rate] + noise
-DRIVER = ("offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired")
+# of the driver: u = offset + K1 L1[error] + K2 L2[range_rate] + noise; what the error is depends on the form
+DRIVER = (
+    "offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired", "standstill", "free_speed",
+)  # fmt: skip
 CAR = ("strength", "lag", "rolling", "drag", "brake")
 
 
@@ -37,14 +39,16 @@ class IdentifiedModel(NamedTuple):
     """The model of one driver in one car.
 
     Example:
-        >>> person = dict(zip(DRIVER, (0.1, 0.05, 0.4, 0.5, 0.5, 0.8, 0.6, 1.9)))
-        >>> model = IdentifiedModel("accel", person, np.zeros((8, 8)), DRIVER, {}, NoiseLaw(0.1, (0.9,), 0.1), None, {})
+        >>> person = dict(zip(DRIVER, (0.1, 0.05, 0.4, 0.5, 0.5, 0.8, 0.6, 1.9, 0.0, 0.0)))
+        >>> noise = NoiseLaw(0.1, (0.9,), 0.1)
+        >>> model = IdentifiedModel("accel", "time_headway", person, np.zeros((10, 10)), DRIVER, {}, noise, None, {})
         >>> equation(model)
         'accel = 0.1 + 0.05·L(0.5 s, 0.8 s)[headway − 1.9 s] + 0.4·L(0.5 s, 0.6 s)[range rate] + n'
     """
 
     output: str  # role: "pedal", "accel"
-    driver: Mapping[str, float]  # DRIVER
+    form: str  # of the baseline: "time_headway", "gap", "free_speed"
+    driver: Mapping[str, float]  # DRIVER; of standstill and free_speed those count that the form has
     covariance: Array  # (k, k) of `names`, 95 % intervals are those of a normal; 0 where a parameter was held
     names: tuple[str, ...]  # DRIVER, and "effect.parameter" of what was fitted with them
     effects: Mapping[str, Mapping[str, float]]  # id -> parameter -> value; of driver, vehicle and remnant
@@ -56,9 +60,15 @@ class IdentifiedModel(NamedTuple):
 def equation(model: IdentifiedModel) -> str:
     """The driver's law in one line; L(τ, θ) is e^(−θs)/(1 + τs)."""
     of = {name: f"{value:.3g}" for name, value in model.driver.items()}
+    T, s0, v0 = of["headway_desired"], of["standstill"], of["free_speed"]
+    error = {
+        "time_headway": f"headway − {T} s",
+        "gap": f"(gap − {s0} m − {T} s · speed) / (20 m/s)",
+        "free_speed": f"headway − ({T} s + {s0} m / speed) / √(1 − (speed / {v0} m/s)⁴)",
+    }[model.form]
     line = (
-        f"{model.output} = {of['offset']} + {of['K1']}·L({of['tau1']} s, {of['dead_time1']} s)[headway − "
-        f"{of['headway_desired']} s] + {of['K2']}·L({of['tau2']} s, {of['dead_time2']} s)[range rate] + n"
+        f"{model.output} = {of['offset']} + {of['K1']}·L({of['tau1']} s, {of['dead_time1']} s)[{error}] + "
+        f"{of['K2']}·L({of['tau2']} s, {of['dead_time2']} s)[range rate] + n"
     ).replace("+ -", "− ")
     added = [
         f"{name} ({', '.join(f'{parameter} {value:.3g}' for parameter, value in values.items())})"
@@ -75,6 +85,7 @@ def to_json(model: IdentifiedModel) -> dict[str, Any]:
     return {
         "equation": equation(model),
         "output": model.output,
+        "form": model.form,
         "driver": dict(model.driver),
         "names": list(model.names),
         "covariance": [[float(x) for x in row] for row in model.covariance],
@@ -96,6 +107,7 @@ def from_json(of: Mapping[str, Any]) -> IdentifiedModel:
     car, noise = of["car"], of["noise"]
     model = IdentifiedModel(
         output=str(of["output"]),
+        form=str(of["form"]),
         driver={name: _finite(of["driver"][name]) for name in DRIVER},
         covariance=covariance,
         names=names,
@@ -109,6 +121,7 @@ def from_json(of: Mapping[str, Any]) -> IdentifiedModel:
             for role, x in of["driven"].items()
         },
     )
+    equation(model)
     if not stationary(model.noise.coefficients):
         raise ValueError("its noise grows without bound")
     return model

@@ -12,6 +12,7 @@ from canid.diagnosis import corrections, masks, overall_verdict, residual_maps, 
 from canid.diagnosis.adequacy import adequacy
 from canid.diagnosis.driver import (
     baseline_check,
+    baseline_form,
     closed_loop,
     detectability,
     driver_intervals,
@@ -38,6 +39,7 @@ from canid.diagnosis.several_drives.joined_drives import join
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.effects import CATALOGUE
 from canid.effects.effect import Detector, Effect, Kind
+from canid.effects.wanted_gap import Form
 from canid.findings import (
     Blocked,
     Check,
@@ -193,6 +195,12 @@ def _diagnosed(
     drivers = tuple(
         effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
     )
+    form = baseline_form.choose(prepared.data, prepared.fitted, drivers)
+    if form.fitted.model.form is not Form.TIME_HEADWAY:
+        # a form holds the effects that state another wanted gap
+        drivers = tuple(effect for effect in drivers if not effect.wanted_gap)
+        prepared = prepared._replace(fitted=form.fitted)
+    steps.append(f"form of the baseline: {form.fitted.model.form.value}: {form.why}")
     refused = refused_baseline(prepared, context.vehicle)
     null = Null(_drive(prepared, usable, context.vehicle, trace.dt), catalogue, progress)
     confirmed = confirmed_search.search_causes(
@@ -209,10 +217,11 @@ def _diagnosed(
         return overall_verdict.with_context(nothing(trace, NO_ANSWER, masked, steps), context)
     if refused:
         remnant = remnant_block.not_testable("The baseline does not describe the drive.")
-        alone = baseline_refused(_report(prepared, confirmed, null, (), masked, steps), refused)
+        alone = _report(prepared, confirmed, null, (), masked, steps, form.why)
+        alone = baseline_refused(alone, refused)
     else:
         remnant = _remnant(prepared, searched, drivers, catalogue)
-        alone = _report(prepared, confirmed, null, drivers, masked, steps)
+        alone = _report(prepared, confirmed, null, drivers, masked, steps, form.why)
     report = overall_verdict.join(alone, remnant, context)
     if not refused:
         report = report._replace(model=_model(prepared, searched, context.vehicle, report))
@@ -392,6 +401,7 @@ def _report(
     drivers: tuple[Effect, ...],
     masked: tuple[Masked, ...],
     steps: list[str],
+    why_form: str,
 ) -> Report:
     trace, original = prepared.trace, prepared.data
     searched, folds, total = confirmed.search, confirmed.folds, confirmed.gain
@@ -409,8 +419,8 @@ def _report(
     before_out = before.fitted.model
     after_out = held_out.simulated(searched, searched.data, solved, searched.random_walk)
     used = original.output.usable & ~original.output.below
-    base = _fit(before, before_out, original, dt, original)
-    extended = _fit(solved, after_out, original, dt, searched.data)
+    base = _fit(before, before_out, original, dt, original, why_form)
+    extended = _fit(solved, after_out, original, dt, searched.data, why_form)
     sound = held.passed
     fitted = driver_intervals.parameters(solved, searched.data)
     findings = tuple(
@@ -474,7 +484,12 @@ def _tried(searched: Search, findings: tuple[Finding, ...], expected: dict[str, 
 
 
 def _fit(
-    solved: FittedDriver, out: Array, data: DriverData, dt: float, fitted: DriverData | None = None
+    solved: FittedDriver,
+    out: Array,
+    data: DriverData,
+    dt: float,
+    fitted: DriverData | None = None,
+    why_form: str = "",
 ) -> Fit:
     used = data.output.usable & ~data.output.below
     y = data.output.y[used]
@@ -482,7 +497,8 @@ def _fit(
     variation = float(np.linalg.norm(y - y.mean()))
     percent = 100 * (1 - float(np.linalg.norm(left)) / variation) if variation > 0 else NAN
     shown = np.maximum(out, 0.0) if data.pedal else out
-    return Fit(driver_intervals.channels(solved, dt, fitted), percent, shown, float(np.std(left)))
+    form = baseline_form.stated(data, solved, why_form)
+    return Fit(driver_intervals.channels(solved, dt, fitted), percent, shown, float(np.std(left)), form)
 
 
 def _finding(

@@ -53,6 +53,7 @@ def final_model(
     used = data.output.usable & ~data.output.below
     return IdentifiedModel(
         output=role,
+        form=solved.model.form.value,
         driver={name: float(x) for name, x in zip(BASE, solved.q, strict=False)},
         covariance=_covariance(solved, data.output.dt),
         names=(*BASE, *further, *own),

@@ -267,6 +267,9 @@ class Effect(NamedTuple):
     )
     # of the same freedom, given to the operating point instead of the time: what these explain as well is not named
     timeless: tuple[Effect, ...] = ()
+    wanted_gap: bool = (
+        False  # a gap wanted at a speed: the forms of the baseline compete with it, and hold it
+    )
     intermittent: bool = False  # the demand is followed at some instants only: nothing finer can be estimated
     redundancy: Redundancy | None = None  # what two measured signals show of it
     # (estimates, signals) -> the signals that it changed, corrected

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -115,6 +115,7 @@ def close_loop(
     grows: bool = False,
     cut_in: float | None = None,
     begin: tuple[float, float] | None = None,
+    error: Callable[[Seen], float] | None = None,
 ) -> dict[str, Array]:
     """Close the loop. Plain floats: numpy scalars would make it ten times slower.
 
@@ -129,6 +130,7 @@ def close_loop(
         grows: the noise is in proportion to the answer.
         cut_in: s; another vehicle cuts in.
         begin: gap in m and speed in m/s; None: the wanted headway at the lead's speed.
+        error: how far the driver is from the wanted gap, s; None: from the wanted headway.
 
     Returns:
         Columns (n,) by role, and "t", "demand", "headway", "noise".
@@ -140,7 +142,7 @@ def close_loop(
     decay = math.exp(-DT / car.lag)
     v = vl[0] if begin is None else begin[1]
     gap = truth.headway_desired * v if begin is None else begin[0]
-    error: list[float] = []
+    errors: list[float] = []
     rate: list[float] = []
     seen_rate: list[float] = []
     demand, speed, gaps, accel, noise = (np.empty(n) for _ in range(5))
@@ -163,21 +165,24 @@ def close_loop(
         headway, closing = gap / max(v, _MIN_SPEED), vl[k] - v
         seen_rate.append(closing)
         then = k
-        if in_driver:
+        e_k = headway - truth.headway_desired
+        if in_driver or error is not None:
             seen = Seen(k * DT, n * DT, headway, closing, gap, v, lead_accel[k])
-            acted = planted_effects.perceive(in_driver, headway - truth.headway_desired, closing, seen)
-            error.append(acted.e)
+            e_k = e_k if error is None else error(seen)
+        if in_driver:
+            acted = planted_effects.perceive(in_driver, e_k, closing, seen)
+            errors.append(acted.e)
             rate.append(acted.w)
             added.append(acted.extra)
             then = max(k - round(acted.later / DT), 0) if acted.later > 0 else k
             y3 = third.step(y3, added, then)
         else:
-            error.append(headway - truth.headway_desired)
+            errors.append(e_k)
             rate.append(closing)
         if k == 0 and begin is not None:
             # as if what is seen first had always been so
-            y1, y2 = error[0], rate[0]
-        y1, y2 = first.step(y1, error, then), second.step(y2, rate, then)
+            y1, y2 = errors[0], rate[0]
+        y1, y2 = first.step(y1, errors, then), second.step(y2, rate, then)
         answered = truth.K1 * y1 + truth.K2 * y2 + y3
         # State-dependent noise: a pedal that moves more has more noise; of the same size at an answer of 6 %.
         own = e[k] if stepwise is None else truth.noise_sd * stepwise(a, lead_accel[k])

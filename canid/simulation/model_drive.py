@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect
+from canid.effects import CATALOGUE, wanted_gap
+from canid.effects.effect import Effect, Seen
+from canid.effects.wanted_gap import Form
 from canid.errors import ConfigError
 from canid.identification.closed_loop_stability import unstable_roots
 from canid.identified_model import IdentifiedModel, NoiseLaw, to_json
@@ -119,9 +120,10 @@ def unstable(model: IdentifiedModel) -> bool:
     Example:
         >>> from canid.identified_model import DRIVER
         >>> from canid.types import Interval
-        >>> person = dict(zip(DRIVER, (0.1, -0.05, 0.4, 0.5, 0.5, 0.8, 0.6, 1.9)))
+        >>> person = dict(zip(DRIVER, (0.1, -0.05, 0.4, 0.5, 0.5, 0.8, 0.6, 1.9, 0.0, 0.0)))
         >>> driven = {"speed": Interval(20.0), "headway": Interval(1.9)}
-        >>> unstable(IdentifiedModel("accel", person, np.zeros((8, 8)), (), {}, NoiseLaw(0.1, (), 0.1), None, driven))
+        >>> noise = NoiseLaw(0.1, (), 0.1)
+        >>> unstable(IdentifiedModel("accel", "time_headway", person, np.zeros((10, 10)), (), {}, noise, None, driven))
         True
     """
     of, car = model.driver, model.car
@@ -181,7 +183,13 @@ def drive(
     stepwise = remnant.stepper(law, n, DT, np.random.default_rng([seed, 8]), bursts)
     level = np.zeros(n)
     begin = lead.gap, lead.own_speed
-    columns = close_loop(lead.speed, level, level, truth, car, planted, stepwise, begin=begin)
+    form = Form(model.form)
+
+    def away(seen: Seen) -> float:
+        return float(wanted_gap.error(form, of["headway_desired"], of["standstill"], of["free_speed"], seen))
+
+    error = None if form is Form.TIME_HEADWAY else away
+    columns = close_loop(lead.speed, level, level, truth, car, planted, stepwise, begin=begin, error=error)
     columns |= further_signals(columns, level, np.random.default_rng([seed, 3]))
     columns["lead_valid"] = np.ones(n)
     if model.car is None:

@@ -93,6 +93,14 @@ def _fit(fit: Fit) -> dict[str, Any]:
         "channels": json_values.channels(fit.channels),
         "fit_percent": json_values.number(fit.fit_percent),
         "noise_sd": json_values.number(fit.noise_sd),
+        "form": None
+        if fit.form is None
+        else {
+            "name": fit.form.name,
+            "parameters": {name: json_values.interval(iv) for name, iv in fit.form.parameters.items()},
+            "units": dict(fit.form.units),
+            "says": fit.form.says,
+        },
     }
 
 

@@ -67,7 +67,16 @@ def _about(report: Report, log: str, vehicle: str) -> list[str]:
         fit = f"fit of the simulation {number(before, '%')}"
         fit += f", of the extended model {number(after, '%')}" if extends(report) else ""
         lines.append(f"{fit}; {report.candidates_tried} causes tried")
-    return lines
+    return [*lines, *form(report)]
+
+
+def form(report: Report) -> list[str]:
+    """Which gap the extended model wants at a speed, with its parameters; [] where nothing was fitted."""
+    of = report.extended.form
+    if of is None:
+        return []
+    values = [f"{name} {interval(iv, of.units[name])}" for name, iv in of.parameters.items()]
+    return [f"baseline: {of.says}{': ' if values else ''}{', '.join(values)}"]
 
 
 def _finding(finding: Finding) -> list[str]:

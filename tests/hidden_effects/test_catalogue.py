@@ -41,7 +41,7 @@ ARGUMENTS |= {
     ("signal_checks/reference_speed.py", "speed_scale"),
 }
 # modules of canid/effects that hold no effect
-SHARED = {"effect", "redundancy", "slope"}
+SHARED = {"effect", "operating_point", "redundancy", "slope", "wanted_gap"}
 
 
 def modules() -> set[str]:

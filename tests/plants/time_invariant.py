@@ -1,7 +1,7 @@
-"""Followers whose law never changes (IDM, OVRV), behind a lead that changes its level of speed: acceleration as output.
+"""Followers whose law never changes (IDM, OVRV, time headway), behind a lead that changes its level of speed.
 
-Written from the equations (Treiber, Hennecke & Helbing 2000; Gunter et al. 2020), without anything of canid's: what a
-diagnosis says of them must not depend on the time.
+Written from the equations (Treiber, Hennecke & Helbing 2000; Gunter et al. 2020), without anything of canid's; the
+output is the acceleration. What a diagnosis says of them must not depend on the time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ DT = 0.1
 class Follower(NamedTuple):
     """Parameters of one follower."""
 
-    law: str  # "idm" or "ovrv"
+    law: str  # "idm", "ovrv" or "headway"
     T: float  # s, time headway
     s0: float  # m
     v0: float = 33.0  # m/s; IDM
@@ -33,6 +33,8 @@ class Follower(NamedTuple):
         """Return the acceleration, m/s²."""
         if self.law == "ovrv":
             return self.k1 * (gap - self.s0 - self.T * speed) + self.k2 * range_rate
+        if self.law == "headway":
+            return 20.0 * self.k1 * (gap / max(speed, 1.0) - self.T) + self.k2 * range_rate
         wanted = self.s0 + max(0.0, speed * self.T - speed * range_rate / (2 * math.sqrt(self.a * self.b)))
         return self.a * (1 - (speed / self.v0) ** 4 - (wanted / max(gap, 1.0)) ** 2)
 

@@ -12,6 +12,7 @@ import canid
 from canid.cli import main
 from canid.diagnosis.diagnose import diagnose
 from canid.drive_reader import read_trace
+from canid.effects.wanted_gap import Form
 from canid.findings import Report
 from canid.identified_model import DRIVER, CarLaw, IdentifiedModel, NoiseLaw, from_json, to_json
 from canid.logs import write_log
@@ -32,14 +33,14 @@ def model_of(
     """The model of a driver who is known."""
     values = (
         truth.offset, truth.K1, truth.K2, truth.tau1, truth.tau2, truth.dead_time1, truth.dead_time2,
-        truth.headway_desired,
+        truth.headway_desired, 0.0, 50.0,
     )  # fmt: skip
     law = CarLaw(car.power, car.lag, car.rolling, car.drag, car.brake)
     driven = {"speed": Interval(20.0, 10.0, 30.0), "headway": Interval(1.9, 1.5, 2.5)}
     k = len(DRIVER)
     return IdentifiedModel(
-        "pedal", dict(zip(DRIVER, values, strict=True)), np.eye(k), DRIVER, {}, NoiseLaw(0.1, coefficients, sd), law,
-        driven,
+        "pedal", "time_headway", dict(zip(DRIVER, values, strict=True)), np.eye(k), DRIVER, {},
+        NoiseLaw(0.1, coefficients, sd), law, driven,
     )  # fmt: skip
 
 
@@ -195,3 +196,22 @@ def test_a_model_that_does_not_hold_a_gap_is_said_to(
         out = tmp_path / "out.blf"
         assert main(["simulate", str(out), "--model", str(path), "--minutes", "0.5", "--force"]) == 0
         assert ("run away" in capsys.readouterr().err) is said
+
+
+@pytest.mark.parametrize("form", [Form.GAP, Form.FREE_SPEED], ids=lambda form: form.value)
+def test_a_model_settles_at_the_gap_that_its_form_wants(form: Form, seed: int) -> None:
+    """Behind a lead that keeps its speed, whatever gap it begins at."""
+    rng = np.random.default_rng(seed)
+    T, s0, v0, speed = (
+        float(rng.uniform(*bounds)) for bounds in ((1.0, 1.8), (2.0, 8.0), (35.0, 50.0), (10.0, 25.0))
+    )
+    model = model_of(drawn(rng), Car())
+    driver = dict(model.driver) | {
+        "K1": 0.3, "K2": 0.5, "offset": 0.0, "headway_desired": T, "standstill": s0, "free_speed": v0,
+    }  # fmt: skip
+    model = model._replace(output="accel", car=None, form=form.value, driver=driver)
+    run = model_drive.drive(
+        model, Lead(np.full(30_000, speed), float(rng.uniform(20, 60)), speed), noise=False
+    )
+    wanted = s0 + T * speed if form is Form.GAP else (s0 + T * speed) / np.sqrt(1 - (speed / v0) ** 4)
+    assert run.columns["gap"][-1] == pytest.approx(wanted, rel=0.01)

@@ -15,9 +15,22 @@ import numpy as np
 from canid.diagnosis.driver import driver_intervals
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_model import BASE, HIGH, K1, K2, LOW, OFFSET, TAU1, TAU2, THETA1, THETA2
+from canid.diagnosis.driver.driver_model import (
+    BASE,
+    DESIRED,
+    HIGH,
+    K1,
+    K2,
+    LOW,
+    OFFSET,
+    TAU1,
+    TAU2,
+    THETA1,
+    THETA2,
+)  # fmt: skip
 from canid.diagnosis.vehicle.vehicle_fit import FittedVehicle
 from canid.diagnosis.vehicle.vehicle_model import DRAG, LAG, STRENGTH
+from canid.effects.wanted_gap import REFERENCE_SPEED, Form
 from canid.identification import closed_loop_stability
 from canid.identification.closed_loop_stability import DIRECT, VehicleLoop
 from canid.types import Channel, Identifiable
@@ -57,7 +70,7 @@ def refusal(data: DriverData, solved: FittedDriver, car: FittedVehicle | None) -
     if at:
         return f"{at} at the bound of what is searched: check units and signs of the signals (canid check)"
     channels = driver_intervals.channels(solved, data.output.dt)
-    return _wrong_sign(channels) or _bounded_delay(solved, channels) or _loop(data, channels, car)
+    return _wrong_sign(channels) or _bounded_delay(solved, channels) or _loop(data, solved, channels, car)
 
 
 def _near(solved: FittedDriver, k: int, limit: float) -> bool:
@@ -114,14 +127,19 @@ def not_surely_negative(channel: Channel) -> Channel:
     return channel._replace(K=K._replace(value=SMALL_GAIN_SHARE * K.high))
 
 
-def _loop(data: DriverData, channels: Mapping[str, Channel], car: FittedVehicle | None) -> str:
+def _loop(
+    data: DriverData, solved: FittedDriver, channels: Mapping[str, Channel], car: FittedVehicle | None
+) -> str:
     """Sentence on an unstable loop, at the median speed and headway of the drive."""
     free = data.output.usable
     speed, headway = (float(np.median(x[free])) for x in (data.seen.speed, data.seen.headway))
     vehicle = vehicle_loop(car, data.pedal, speed)
-    if vehicle is None or not closed_loop_stability.is_unstable(
-        [not_surely_negative(channel) for channel in channels.values()], speed, headway, vehicle
-    ):
+    # of a gap error, K1 per 20 m/s multiplies gap − T·v
+    at = (
+        (speed, headway) if solved.model.form is not Form.GAP else (REFERENCE_SPEED, float(solved.q[DESIRED]))
+    )
+    both = [not_surely_negative(channel) for channel in channels.values()]
+    if vehicle is None or not closed_loop_stability.is_unstable(both, *at, vehicle):
         return ""
     gains = " and ".join(f"{channel.K.value:.3g}" for channel in channels.values())
     return (

@@ -47,7 +47,10 @@ EVIDENCE_PER_PARAMETER = 6.0
 # of the evidence of a dependence on time, that one on the operating point may not reach: neither has the exact form of
 # the driver's law, so the better of two approximations may be the wrong one
 TIMELESS_SHARE = 0.5
-# of the simulation's error variance; a quick cause may make a slow simulation worse by so much and still predict better
+# of the simulation's error variance, that a likelier model may lose on the data that it is fitted to
+MAX_SIMULATION_LOSS = 0.25
+# of the simulation's error variance on held-out data; a quick cause may make a slow simulation worse by so much and
+# still predict better
 MAX_SLOW_LOSS = 0.05
 
 
@@ -95,14 +98,15 @@ def screen(effect: Effect, data: DriverData, without: FittedDriver) -> list[Gues
 
 
 def regained(model: DriverModel, data: DriverData, without: FittedDriver, q: Array) -> Guess:
-    """Fit offset and both gains by linear least squares, everything else fixed."""
+    """Fit both gains, and the offset where it is free, by linear least squares, everything else fixed."""
     dt, noise = data.output.dt, without.noise
     of = parts(model, data, q)
     first = lagged(of.gain * of.e, float(q[TAU1]), dt)
     second = lagged(of.gain * of.w, float(q[TAU2]), dt)
     extra = lagged(of.extra + np.zeros_like(first), float(q[TAU2]), dt)
     rows = without.fitted.scored.slope == -1.0
-    X = whitened(noise, np.stack([np.ones_like(first), first, second], axis=1))[rows]
+    ones = np.ones_like(first) if OFFSET in model.free() else np.zeros_like(first)
+    X = whitened(noise, np.stack([ones, first, second], axis=1))[rows]
     y = whitened(noise, data.output.y - extra)[rows]
     gains = np.linalg.lstsq(X, y, rcond=None)[0]
     left, before = y - X @ gains, without.fitted.scored.e[rows]
@@ -168,8 +172,10 @@ def simulates_worse(data: DriverData, one: FittedDriver, without: FittedDriver) 
     """Does a model that predicts the next sample better simulate the drive worse than the model without the cause?
 
     Then it has traded the slow part of the response for the noise model, which explains any slow part: on measured
-    drives such fits have gains of ten times the baseline's.
+    drives such fits have gains of ten times the baseline's, and an error variance of up to forty times. The driver's own
+    noise is in the inputs through the loop, so the true model may simulate a little worse than a wrong one (by 11 % where
+    an IDM driver has K1 0.60 and a constant time headway takes 0.07): a small loss says nothing.
     """
     free = data.output.usable & ~data.output.hidden
     square = [float(np.mean((data.output.y - of.fitted.model)[free] ** 2)) for of in (without, one)]
-    return square[1] > (1 + MAX_SLOW_LOSS) * square[0]
+    return square[1] > (1 + MAX_SIMULATION_LOSS) * square[0]

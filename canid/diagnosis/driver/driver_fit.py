@@ -9,9 +9,11 @@ from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_model import (
     BASE,
     DESIRED,
+    FREE_SPEED,
     K1,
     K2,
     OFFSET,
+    OWN,
     TAU1,
     TAU2,
     THETA1,
@@ -25,7 +27,9 @@ from canid.diagnosis.fitting.fitted_model import FittedModel, Start, solve
 FittedDriver = FittedModel[DriverModel]
 
 # a driver as in the literature: the initial guess of every first fit (Grover 2021, table 4.2; reaction times in following)
-INITIAL = {K1: 5.0, K2: 5.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
+INITIAL = {K1: 5.0, K2: 5.0, FREE_SPEED: 50.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
+# gains of a driver whose output is an acceleration (m/s² per s, and per m/s)
+ACCELERATION_GAINS = {K1: 0.3, K2: 0.4}
 # s, further dead times from which the baseline's fit begins: the cost has a local minimum for each
 INITIAL_THETA2 = (0.2, 0.6, 1.0)
 # the noise model that pedals mostly have, and its standard deviation in parts of the output's
@@ -42,9 +46,9 @@ def baseline(data: DriverData) -> FittedDriver | None:
     free = output.usable & ~output.below
     if int(np.count_nonzero(free)) < MIN_SAMPLES:
         return None
-    model = with_effects((), data.begins)
+    model = with_effects((), begins=data.begins)
     q = np.zeros(len(model.low))
-    for k, value in INITIAL.items():
+    for k, value in (INITIAL if data.pedal else INITIAL | ACCELERATION_GAINS).items():
         q[k] = value
     q[DESIRED] = float(np.median(data.seen.headway[free]))
     q[OFFSET] = float(np.median(output.y[free]))
@@ -64,6 +68,7 @@ def answered(data: DriverData, fitted: FittedDriver) -> bool:
     q = fitted.q.copy()
     q[[K1, K2]] = 0.0
     offsets = (OFFSET, *range(len(BASE), len(BASE) + len(data.begins)))
-    silent = solve(data, fitted.model, q, fitted.noise, fitted.rows, free=offsets)
-    freed = len(fitted.fitted.free) - len(offsets)
+    own = {*OWN[fitted.model.form], *offsets}
+    silent = solve(data, fitted.model.with_effects(()), q, fitted.noise, fitted.rows, free=offsets)
+    freed = len(fitted.fitted.free) - len(own)
     return silent.deviance - fitted.deviance > float(chi2.isf(ANSWER_CHANCE, freed))

@@ -13,14 +13,24 @@ from scipy.signal import lfilter
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.fitting.model import box
 from canid.effects.effect import Effect, Params, Seen, Value
+from canid.effects.wanted_gap import Form, error
 from canid.types import Array
 
 # of the baseline, in this order, before those of the causes
-BASE = ("offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired")
-OFFSET, K1, K2, TAU1, TAU2, THETA1, THETA2, DESIRED = range(8)
+BASE = (
+    "offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired", "standstill", "free_speed",
+)  # fmt: skip
+OFFSET, K1, K2, TAU1, TAU2, THETA1, THETA2, DESIRED, STANDSTILL, FREE_SPEED = range(10)
 # physical box: gains of either sign, so that a sign error shows; lags and dead times as in FopdtSettings
-LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2)
-HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0)
+LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2, -5.0, 10.0)
+HIGH = (300.0, 100.0, 100.0, 3.0, 3.0, 3.0, 1.6, 6.0, 30.0, 100.0)
+# parameters that the fit of each form moves in addition to gains and delays. Of T, s0 and the offset only as many are
+# identifiable as the form has ways to depend on the speed; an IDM driver does not accelerate at the wanted gap
+OWN = {
+    Form.TIME_HEADWAY: (OFFSET,),
+    Form.GAP: (OFFSET, DESIRED),
+    Form.FREE_SPEED: (DESIRED, STANDSTILL, FREE_SPEED),
+}
 # s; standard deviation of the difference of both answers' lags, and of their dead times. They share the same perception
 # and the same pedal, and each is a second at most (reaction times in following: Grover 2021, table 4.2; Green 2000). A
 # steady drive shows little of the headway's, and late there is the same as more of K2: error(t − δ) = error − δ·rate/v
@@ -31,7 +41,7 @@ MIN_HEADWAY_SPEED = 1.0
 CACHED_DEAD_TIMES = 6
 # of a standard normal (Abramowitz & Stegun 1964, table 25.10, scaled)
 NODES = ((-math.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (math.sqrt(3.0), 1 / 6))
-SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5)
+SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5, 3.0, 10.0)
 
 Bend = Callable[[Params, Value, Seen], Value]
 
@@ -44,6 +54,7 @@ class DriverModel(NamedTuple):
     high: Array
     scale: Array
     where: tuple[slice, ...]  # each effect's parameters in q
+    form: Form = Form.TIME_HEADWAY
     begins: tuple[float, ...] = ()  # s, of each further drive: it has an offset of its own, after BASE
 
     @property
@@ -59,11 +70,13 @@ class DriverModel(NamedTuple):
     @property
     def centred(self) -> bool:
         """Is the desired headway itself visible?"""
-        return any(effect.shows_desired_headway for effect in self.effects)
+        return self.form is not Form.TIME_HEADWAY or any(
+            effect.shows_desired_headway for effect in self.effects
+        )
 
     def with_effects(self, effects: Sequence[Effect]) -> DriverModel:
         """Return the driver with these effects."""
-        return with_effects(effects, self.begins)
+        return with_effects(effects, self.form, self.begins)
 
     def free(self) -> tuple[int, ...]:
         """Parameters that a fit may move."""
@@ -73,7 +86,9 @@ class DriverModel(NamedTuple):
             for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
             if p.fixed
         }
-        return tuple(k for k in range(len(self.low)) if k not in fixed and (k != DESIRED or self.centred))
+        own = (OFFSET, DESIRED, STANDSTILL, FREE_SPEED)
+        fixed |= {k for k in own if k not in OWN[self.form] and (k != DESIRED or not self.centred)}
+        return tuple(k for k in range(len(self.low)) if k not in fixed)
 
     def bind(self, data: DriverData) -> Callable[[Array], Array]:
         """Return the simulated output as a function of the parameters alone."""
@@ -81,9 +96,7 @@ class DriverModel(NamedTuple):
         return lambda q: pedal(self, data, q, recalled)
 
     def ties(self, data: DriverData) -> Array | None:
-        """Both answers share a pedal, so their lags and dead times are alike. An acceleration adds those of the car."""
-        if not data.pedal:
-            return None
+        """Both answers share perception, pedal and car, so their lags and dead times are alike."""
         out = np.zeros((2, self.low.size))
         for row, (one, other) in zip(out, ((TAU1, TAU2), (THETA1, THETA2)), strict=True):
             row[one], row[other] = 1 / TIE_SD_S, -1 / TIE_SD_S
@@ -102,18 +115,20 @@ class DriverModel(NamedTuple):
         return np.stack([standard(np.abs(away)), standard(away), standard(data.seen.speed)], axis=1)
 
 
-def with_effects(effects: Sequence[Effect], begins: tuple[float, ...] = ()) -> DriverModel:
-    """Return the driver with some effects, on one drive or on several one after the other."""
+def with_effects(
+    effects: Sequence[Effect], form: Form = Form.TIME_HEADWAY, begins: tuple[float, ...] = ()
+) -> DriverModel:
+    """Return the driver with some effects, on a baseline of one form; on one drive, or on several one after the other."""
     low, high, scale = (of + (of[OFFSET],) * len(begins) for of in (LOW, HIGH, SCALE))
-    return DriverModel(*box(effects, low, high, scale), begins)
+    return DriverModel(*box(effects, low, high, scale), form, begins)
 
 
 def offset(model: DriverModel, q: Array, t: Value) -> Value:
     """Output without an answer, at times t: that of the first drive, and by how much a further one's differs.
 
     Example:
-        >>> model = with_effects((), (100.0,))
-        >>> offset(model, np.r_[2.0, np.zeros(7), 0.5], np.array([50.0, 150.0])).tolist()
+        >>> model = with_effects((), begins=(100.0,))
+        >>> offset(model, np.r_[2.0, np.zeros(len(BASE) - 1), 0.5], np.array([50.0, 150.0])).tolist()
         [2.0, 2.5]
     """
     out: Value = q[OFFSET]
@@ -246,7 +261,8 @@ def parts(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, 
             added = effect.dead_time(q[where], data.seen)
             theta1, theta2 = np.maximum(theta1 + added, 0.0), np.maximum(theta2 + added, 0.0)
     first, second = (_once(data, theta, recalled) for theta in (theta1, theta2))
-    e, w = first.headway - q[DESIRED], second.range_rate
+    e = error(model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
+    w = second.range_rate
     gain: Array | float = 1.0
     extra: Array | float = 0.0
     for effect, where in zip(model.effects, model.where, strict=True):

@@ -13,9 +13,11 @@ import numpy as np
 
 from canid.diagnosis.driver.driver_model import (
     DESIRED,
+    FREE_SPEED,
     K1,
     K2,
     MIN_HEADWAY_SPEED,
+    STANDSTILL,
     TAU1,
     TAU2,
     THETA1,
@@ -24,6 +26,7 @@ from canid.diagnosis.driver.driver_model import (
     offset,
 )
 from canid.effects.effect import Effect, Seen, Value
+from canid.effects.wanted_gap import error
 from canid.findings import Flags
 from canid.types import Array
 
@@ -105,7 +108,7 @@ def _lag_inputs(
         if effect.dead_time is not None:
             delays = [delay + effect.dead_time(p, clock) for delay in delays]
     first, second = (_seen(of, late, k, np.clip(delay, 0.0, HISTORY_S - dt), dt) for delay in delays)
-    e: Value = first.headway - q[DESIRED]
+    e: Value = error(of.model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
     w: Value = second.range_rate
     gain: Value = 1.0
     extra: Value = 0.0

@@ -35,6 +35,7 @@ EFFECT = Effect(
     needs=("speed",),
     source="Treiber, Hennecke & Helbing 2000 (IDM: v0)",
     decides="10 min of following below and above the speed in question",
+    wanted_gap=True,
     extra=act,
     found_at=((3.0, 0.7), (5.0, 0.6)),
     silent_at=((0.05, 0.7),),

@@ -31,6 +31,7 @@ EFFECT = Effect(
     source="Grover 2021, eq. 2.1",
     decides="10 min of following at town and motorway speeds",
     shows_desired_headway=True,
+    wanted_gap=True,
     headway=act,
     found_at=((1.0,), (1.5,)),
     silent_at=((0.03,),),

@@ -30,6 +30,7 @@ EFFECT = Effect(
     source="Treiber, Hennecke & Helbing 2000 (IDM)",
     rivals=("range_offset",),
     decides="a second range sensor, or a stop close behind the lead",
+    wanted_gap=True,
     headway=act,
     found_at=((5.0,), (8.0,)),
     silent_at=((0.1,),),

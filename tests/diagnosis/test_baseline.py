@@ -1,0 +1,165 @@
+"""A baseline that does not describe the drive names nothing; its form is the driver's; the operating point is not time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.diagnosis import masks
+from canid.diagnosis.diagnose import diagnose, ready
+from canid.diagnosis.driver import baseline_form
+from canid.diagnosis.fitting.likelihood import Output, fit_noise
+from canid.effects import CATALOGUE
+from canid.effects.wanted_gap import Form
+from canid.findings import Report, Verdict, extends
+from canid.types import Trace
+from tests import seeds
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
+from tests.plants.time_invariant import Follower, drawn, drive, lead_speed
+
+PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
+DRIVERS = tuple(effect for effect in CATALOGUE if effect.where == "driver")
+# effects that say that the driver is another one later on
+OF_TIME = {effect.id for effect in CATALOGUE if effect.timeless}
+
+
+def follow(law: str, seed: int, minutes: float = 10.0, **changes: float) -> tuple[Follower, Trace]:
+    rng = np.random.default_rng([seed, len(law)])
+    follower = drawn(law, rng)._replace(**changes)
+    return follower, drive(follower, lead_speed(minutes, rng), rng)
+
+
+def outputs(y: np.ndarray) -> Output:
+    none = np.zeros(y.size, dtype=bool)
+    return Output(y, ~none, none, -np.inf, none, np.inf, 0.1)
+
+
+def test_an_offset_in_the_residual_is_no_memory_of_the_noise() -> None:
+    """White noise with a mean is white: a root at 1 instead would leave the offset unidentified."""
+    rng = np.random.default_rng(seeds.seed("offset"))
+    residual = 20.0 + rng.normal(size=4000)
+    noise = fit_noise(outputs(residual), residual, 4, np.ones(4000))
+    assert np.abs(noise.A[1:]).max() < 0.15
+    assert noise.sd == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_noise_model_is_stationary_whatever_the_residual() -> None:
+    """A residual that grows, as where a pedal is held while the demand moves away, gives no growing noise."""
+    rng = np.random.default_rng(seeds.seed("growing"))
+    residual = np.tile(np.exp(0.12 * np.arange(40)), 100) + rng.normal(size=4000)
+    for p in (2, 9, 25):
+        noise = fit_noise(outputs(residual), residual, p, np.ones(4000))
+        assert np.abs(np.roots(noise.A)).max() < 1.0
+
+
+@pytest.mark.parametrize("simulator", PLANTS)
+def test_looks_away_in_white_noise_leave_a_baseline_that_describes_the_drive(simulator: str) -> None:
+    """Ten looks away: a stationary noise, and a simulation far better than the mean."""
+    for k in range(3):
+        seed = seeds.seed(f"looks away {simulator} {k}")
+        seen = trace(
+            PLANTS[simulator](
+                {"attention_gap": {"per_minute": 1.0, "duration": 4.0}},
+                seed=seed, minutes=10, noise="white", profile=("mixed", "urban", "motorway")[k],
+            )
+        )  # fmt: skip
+        prepared = ready(seen, np.ones(seen.t.size, dtype=bool))
+        assert prepared is not None
+        data, fitted = prepared.data, prepared.fitted
+        assert np.abs(np.roots(fitted.noise.A)).max() < 1.0, seed
+        free = data.output.usable & ~data.output.hidden
+        left = (data.output.y - fitted.fitted.model)[free]
+        assert np.mean(left**2) < 0.9 * np.var(data.output.y[free]), seed
+
+
+def assert_refused(report: Report, reason: str) -> None:
+    assert report.verdict is Verdict.UNEXPLAINED, report.says
+    assert reason in report.says
+    assert "What would help" in report.says or "canid check" in report.says
+    assert not report.findings
+    assert np.isnan(report.gain.value)
+    assert np.isnan(report.unexplained.value)
+    assert np.array_equal(report.baseline.simulated, report.extended.simulated, equal_nan=True)
+
+
+def planted(K1: float, K2: float, delay: int, seed: int) -> Trace:
+    """A drive whose inputs are a stable follower's, and whose output answers them with other gains, `delay` samples late."""
+    follower, seen = follow("ovrv", seed)
+    rng = np.random.default_rng(seed)
+    speed, gap, rate = (seen.signals[role] for role in ("speed", "gap", "range_rate"))
+    demand = K1 * (gap / np.maximum(speed, 2.0) - follower.T) + K2 * rate
+    accel = np.roll(demand, delay) + 0.05 * rng.normal(size=gap.size)
+    return seen._replace(output=accel, signals=seen.signals | {"accel_command": accel})
+
+
+@pytest.mark.parametrize(
+    ("K1", "K2", "delay", "reason"),
+    [(0.5, -0.6, 3, "negative"), (0.3, 4.0, 10, "unstable")],
+)
+def test_a_driver_that_cannot_follow_is_refused(K1: float, K2: float, delay: int, reason: str) -> None:
+    report = diagnose(planted(K1, K2, delay, seeds.seed(reason)))
+    assert_refused(report, reason)
+
+
+@pytest.mark.parametrize("law", ["idm", "ovrv"])
+def test_a_driver_whose_law_never_changes_has_not_changed(law: str) -> None:
+    for k in range(4):
+        seed = seeds.seed(f"constant {law} {k}")
+        _, seen = follow(law, seed)
+        report = diagnose(seen)
+        named = {name for f in report.findings for name in (f.effect, *f.rivals)}
+        assert not named & OF_TIME, (seed, report.says)
+
+
+@pytest.mark.parametrize(("law", "form"), [("ovrv", Form.GAP), ("idm", Form.FREE_SPEED)])
+def test_the_form_of_the_baseline_is_the_drivers(law: str, form: Form) -> None:
+    """Where the speed changes between town and motorway, the form is found and its parameters are near the truth."""
+    rng = np.random.default_rng(seeds.seed(f"form {law}"))
+    follower = Follower(law, T=1.3, s0=4.0, v0=30.0, a=1.2, b=1.8, k1=0.05, k2=0.4)
+    seen = drive(
+        follower, lead_speed(20.0, rng, levels=(8.0, 25.0, 12.0, 27.0, 18.0, 9.0, 26.0, 14.0)), rng, 0.06
+    )
+    usable, _ = masks.recognise(seen, CATALOGUE)
+    prepared = ready(seen, usable)
+    assert prepared is not None
+    choice = baseline_form.choose(prepared.data, prepared.fitted, DRIVERS)
+    assert choice.fitted.model.form is form, choice.why
+    found = baseline_form.stated(prepared.data, choice.fitted, choice.why).parameters
+    v0 = found["v0"].value if form is Form.FREE_SPEED else np.inf
+    truth = follower.v0 if form is Form.FREE_SPEED else np.inf
+    # T and s0 trade off; the wanted gap at the speeds that were driven does not
+    for v in (10.0, 18.0, 26.0):
+        wanted = (found["s0"].value + found["T"].value * v) / np.sqrt(1 - (v / v0) ** 4)
+        true = (follower.s0 + follower.T * v) / np.sqrt(1 - (v / truth) ** 4)
+        assert wanted == pytest.approx(true, rel=0.12)
+
+
+@pytest.mark.parametrize("simulator", [*PLANTS, "acceleration"])
+def test_a_time_headway_driver_keeps_the_form(simulator: str) -> None:
+    """And where nothing is found, both models are the same one."""
+    seed = seeds.seed(f"form {simulator}")
+    if simulator == "acceleration":
+        _, seen = follow("headway", seed)
+    else:
+        seen = trace(PLANTS[simulator]({}, seed=seed, minutes=8, noise="ar1", profile="mixed"))
+    report = diagnose(seen)
+    assert report.baseline.form is not None
+    assert report.baseline.form.name == "time_headway", (seed, report.baseline.form.says)
+    if not extends(report):
+        assert report.extended.fit_percent == report.baseline.fit_percent
+        assert report.extended.channels == report.baseline.channels
+
+
+def test_an_acceleration_has_no_unit_of_a_pedal() -> None:
+    _, seen = follow("idm", seeds.seed("units"))
+    report = diagnose(seen)
+    for finding in report.findings:
+        assert "%" not in finding.says
+        assert not any("%" in unit for unit in finding.units.values())
+        assert not any(effect.id in finding.rivals for effect in CATALOGUE if effect.where == "vehicle")
+    assert not any(
+        " %" in one.why for one in report.not_testable if one.effects[0] in {e.id for e in DRIVERS}
+    )
+    named = {finding.effect for finding in report.findings}
+    assert not any(named & set(one.effects) for one in report.not_testable)
