@@ -79,6 +79,12 @@ BENCHMARKS = (
         "diagnosis of the measured drives, and of halves",
     ),
     Benchmark(
+        "planted",
+        "benchmarks.measured_drives.planted",
+        "15 min",
+        "effects planted on measured drives: found, and nothing where nothing is planted",
+    ),
+    Benchmark(
         "change_detection",
         "benchmarks.monitor",
         "30 min",

@@ -1,9 +1,9 @@
 """Effects planted on measured drives: what canid finds where the noise is a person's, and what where nothing is planted.
 
-    python -m benchmarks.measured_drives.planted [--data ../shared/data] [--plant EFFECT ...] [--seed 1]
+    python -m benchmarks planted [--data ../shared/data] [--plant EFFECT ...] [--seed 1]
 
-Each half of each AstaZero drive: the baseline fitted to it, with its own noise, follows the recorded lead in closed loop with
-an effect; `diagnose` gets what the sensors would have had. One draw of the noise per half.
+Each half of each AstaZero drive: the baseline fitted to it, with its own noise, follows the recorded lead in closed loop
+with an effect; `diagnose` gets what the sensors would have had. One draw of the noise per half.
 """
 
 from __future__ import annotations
@@ -35,6 +35,10 @@ PLANTED: dict[str, tuple[float, ...]] = {
     "looming_gain": (1.0,),
     "lead_acceleration": (0.5,),
 }
+HEAD = (
+    "| planted | half | said of the driver | evidence of the planted, needed | log score, nats/min | gain of the simulation | null, 95 % |\n"
+    "|---|---|---|---|---|---|---|"
+)
 # draws of the noise until the driver follows the lead to the end
 TRIES = 4
 
@@ -87,7 +91,7 @@ def halves(data: Path) -> Iterator[tuple[str, Trace]]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.measured_drives.planted",
+        prog="python -m benchmarks planted",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -95,16 +99,14 @@ def main() -> None:
     parser.add_argument("--plant", nargs="+", choices=PLANTED, default=list(PLANTED))
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    print(
-        "| planted | half | said of the driver | log score, nats/min | gain of the simulation | null, 95 % |\n|---|---|---|---|---|---|"
-    )
+    print(HEAD)
     right = dict.fromkeys(args.plant, 0)
     drives = list(halves(args.data))
     for effect in args.plant:
         for name, trace in drives:
             made = planted(trace, effect, args.seed)
             if made is None:
-                print(f"| {effect} | {name} | the fitted driver does not follow | | | |", flush=True)
+                print(f"| {effect} | {name} | the fitted driver does not follow | | | | |", flush=True)
                 continue
             report = diagnose(made)
             sure = {
@@ -114,9 +116,15 @@ def main() -> None:
                 for n in (f.effect, *f.rivals)
             }
             right[effect] += effect in sure or (effect == NOTHING and not sure)
+            seen = max(
+                (one for one in report.tried if one.effect == effect),
+                key=lambda one: one.evidence,
+                default=None,
+            )
+            evidence = "–" if seen is None else f"{seen.evidence:.0f}, {seen.needed:.0f}"
             score, gain = report.log_score_gain, report.gain
             print(
-                f"| {effect} | {name} | {said(report)} | {score.value:.2g} [{score.low:.2g}, {score.high:.2g}] "
+                f"| {effect} | {name} | {said(report)} | {evidence} | {score.value:.2g} [{score.low:.2g}, {score.high:.2g}] "
                 f"| {gain.value:.2g} [{gain.low:.2g}, {gain.high:.2g}] | {report.null_gain.high:.2g} |",
                 flush=True,
             )
