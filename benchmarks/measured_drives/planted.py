@@ -36,7 +36,8 @@ PLANTED: dict[str, tuple[float, ...]] = {
     "lead_acceleration": (0.5,),
 }
 HEAD = (
-    "| planted | half | said of the driver | evidence of the planted, needed | log score, nats/min | gain of the simulation | null, 95 % |\n"
+    "| planted | half | said of the driver | evidence of the planted, needed "
+    "| log score, nats/min | gain of the simulation | null, 95 % |\n"
     "|---|---|---|---|---|---|---|"
 )
 # draws of the noise until the driver follows the lead to the end
