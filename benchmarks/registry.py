@@ -85,6 +85,12 @@ BENCHMARKS = (
         "seven driver models of Eclipse SUMO: identify, diagnose, a second lead, rivals",
     ),
     Benchmark(
+        "planted",
+        "benchmarks.measured_drives.planted",
+        "15 min",
+        "effects planted on measured drives: found, and nothing where nothing is planted",
+    ),
+    Benchmark(
         "change_detection",
         "benchmarks.monitor",
         "30 min",

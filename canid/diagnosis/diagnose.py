@@ -410,6 +410,7 @@ def _report(
     before, solved = searched.baseline, searched.solved
     explained = _explained(searched)
     held = adequacy.assess(searched, original, explained)
+    compared = ""
     if not held.passed and drivers:
         noise = null.noise(searched.data, solved)
         held, compared = verdict_null.judge(
@@ -465,9 +466,9 @@ def _report(
         log_score_gain=confirmed.log_score, null_gain=confirmed.null_gain,
     )  # fmt: skip
     says = _says(report, held, len(drivers))
-    without = " ".join(f"{one[0].upper()}{one[1:]}." for one in confirmed.refused)
-    block = Blocked("driver", _state(verdict), f"{says} {without}".strip())
-    return report._replace(says=says, blocks=(block,))
+    remarks = [*confirmed.refused, compared] if held.passed and compared else confirmed.refused
+    withdrawn = "".join(f" {one[0].upper()}{one[1:]}." for one in remarks)
+    return report._replace(says=says, blocks=(Blocked("driver", _state(verdict), says + withdrawn),))
 
 
 def _tried(searched: Search, findings: tuple[Finding, ...], expected: dict[str, float]) -> tuple[Tried, ...]:

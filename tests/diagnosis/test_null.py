@@ -1,7 +1,7 @@
 """Feedback imitates causes: what the driver's own noise gives in the loop is no name, and what he does beyond it is one.
 
 The drivers here share no code with canid nor with the planting simulators: an answer to headway and relative speed, or the
-optimal-velocity form with relative velocity (Milanés & Shladover 2014), coloured noise, 50 Hz, acceleration as output.
+optimal-velocity form with relative velocity (Milanés & Shladover 2014), autoregressive noise, 50 Hz, acceleration as output.
 """
 
 from __future__ import annotations
