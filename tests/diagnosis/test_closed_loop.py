@@ -205,7 +205,9 @@ def test_an_unstable_driver_leaves_numbers() -> None:
     q = np.concatenate([fitted.q, [4.0]])
     q[[BASE.index("K1"), BASE.index("K2")]] = -50.0, -50.0
     where = closed_loop.stretches(data.output.usable, data.output.dt)
-    ride = closed_loop.Ride((fitted._replace(model=model, fitted=fitted.fitted._replace(q=q)),), (None,), (), None)
+    ride = closed_loop.Ride(
+        (fitted._replace(model=model, fitted=fitted.fitted._replace(q=q)),), (None,), (), None
+    )
     road = closed_loop.Road(data, data.seen.speed + data.seen.range_rate, data.output.y)
     for simulated in closed_loop.drive(road, ride, where):
         known = simulated[where[0].start : where[0].stop]
