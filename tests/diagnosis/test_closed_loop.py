@@ -8,6 +8,7 @@ import pytest
 from canid.diagnosis.diagnose import diagnose
 from canid.diagnosis.driver import closed_loop, held_out
 from canid.diagnosis.driver.driver_data import prepare
+from canid.diagnosis.driver.driver_fit import baseline
 from canid.diagnosis.driver.driver_model import BASE, with_effects
 from canid.diagnosis.driver.driver_simulation import Late, SimulatedDriver, driver
 from canid.diagnosis.vehicle import vehicle_block
@@ -188,3 +189,27 @@ def test_stretches_lie_in_the_folds_that_did_not_fit_their_driver() -> None:
         assert usable[one.start : one.stop].all()
     assert [one.block for one in found] == [0, 1, 2, 3, 4, 5, 6]
     assert closed_loop.stretches(np.zeros(2000, dtype=bool), 0.1) == ()
+
+
+def test_an_unstable_driver_leaves_numbers() -> None:
+    """Answers of the wrong sign fly apart: the error is large and finite, and nothing overflows."""
+    seen = drive("one", {}, 95, "mixed")
+    signals = {role: x for role, x in seen.signals.items() if role not in ("pedal", "brake")}
+    data = prepare(
+        seen._replace(output=seen.signals["accel"], signals=signals), np.ones(seen.t.size, dtype=bool)
+    )
+    fitted = baseline(data)
+    assert fitted is not None
+    effect = BY["speed_gain"]
+    model = with_effects((effect,))
+    q = np.concatenate([fitted.q, [4.0]])
+    q[[BASE.index("K1"), BASE.index("K2")]] = -50.0, -50.0
+    where = closed_loop.stretches(data.output.usable, data.output.dt)
+    ride = closed_loop.Ride(
+        (fitted._replace(model=model, fitted=fitted.fitted._replace(q=q)),), (None,), (), None
+    )
+    road = closed_loop.Road(data, data.seen.speed + data.seen.range_rate, data.output.y)
+    for simulated in closed_loop.drive(road, ride, where):
+        known = simulated[where[0].start : where[0].stop]
+        assert np.isfinite(known).all()
+        assert np.ptp(known) > 20

@@ -34,6 +34,8 @@ from canid.types import NAN, Array, Interval, Trace
 MIN_STRETCH_S = 12.0
 # m; least gap: cars do not pass through each other
 MIN_GAP_M = 0.5
+# m/s; an unstable driver's error stays a number
+MAX_SPEED = 100.0
 # strength of the brake over that of the engine: where the drive does not show it (as `simulation.car`), and its bounds
 BRAKE_RATIO, MIN_BRAKE_RATIO, MAX_BRAKE_RATIO = 3.0, 1.0, 10.0
 # s of braking needed to estimate it; % of demand below the floor from which on the brake is pressed
@@ -263,6 +265,7 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
         mean = accel if last is None else 1.5 * accel - 0.5 * last
         last = own = accel
         late.speed[k + 1] = np.maximum(late.speed[k] + dt * mean, 0.0)
+        np.minimum(late.speed[k + 1], MAX_SPEED, out=late.speed[k + 1])
         opening = 0.5 * (lead[k] + lead[k + 1] - late.speed[k] - late.speed[k + 1])
         late.gap[k + 1] = np.maximum(late.gap[k] + dt * opening, MIN_GAP_M)
         late.range_rate[k + 1] = lead[k + 1] - late.speed[k + 1]
