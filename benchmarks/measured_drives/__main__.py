@@ -1,10 +1,10 @@
 """Diagnosis of measured drives, whole and in halves: docs/measured.md.
 
-    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60]
+    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--halves]
 
 For each log: the verdict, the evidence for the two causes that a plot of the residual suggests (a drift of the desired
 headway, an answer to the lead's acceleration), and the answer to range rate in each half: the same driver should have
-the same in both.
+the same in both. With --halves: the closed-loop gap error on the half that did not fit instead (`halves`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured_drives import halves
 from canid import read_trace
 from canid.diagnosis.diagnose import diagnose, ready
 from canid.diagnosis.driver.driver_model import pedal
@@ -30,6 +31,10 @@ LOGS = (
     ("openacc/acc_short_h2_v4.blf", "openacc"),
     ("openacc/acc_long_h10_v5.blf", "openacc"),
     ("rav4/rav4_highway.blf", "toyota_rav4_2017"),
+)
+ASTA = tuple(
+    (f"asta/asta_{name}.blf", "openacc_asta")
+    for name in ("p3_f2_Tesla_Model3", "p3_f4_Audi_A6", "p10_f2_Audi_A6", "p10_f4_Mercedes_AClass")
 )
 
 
@@ -104,7 +109,21 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--minimum", type=float, default=60.0, help="s that a part must have")
+    parser.add_argument(
+        "--halves", action="store_true", help="closed-loop gap error on the half that did not fit"
+    )
     args = parser.parse_args()
+    if args.halves:
+        followers = [
+            log for log in (*ASTA, *LOGS) if not log[0].startswith("rav4") and (args.data / log[0]).exists()
+        ]
+        traces = {Path(log): read_trace(args.data / log, vehicle) for log, vehicle in followers}
+        print(
+            "\n".join(
+                halves.table({path: (part(x, 0.0, 0.5), part(x, 0.5, 1.0)) for path, x in traces.items()})
+            )
+        )
+        return
     heads = (
         "log", "verdict", "named", *CANDIDATES, "fit %", "gain held out", "K of range rate", "τ+θ s", "masked s",
     )  # fmt: skip

@@ -114,6 +114,9 @@ def _fitted(data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | Non
         min(solved.q[k] - LOW[k], HIGH[k] - solved.q[k]) < edge for k, edge in zip(own, near, strict=True)
     ):
         return None
+    standstill = stated(data, solved, "").parameters.get("s0")
+    if standstill is not None and (standstill.high < LOW[STANDSTILL] or standstill.low > HIGH[STANDSTILL]):
+        return None
     won = fitted.deviance - solved.deviance
     evidence, bound = won / inflation(solved.fitted, own, data.output.dt), needed(extra, len(OTHERS))
     if evidence < bound:

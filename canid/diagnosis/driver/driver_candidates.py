@@ -49,7 +49,8 @@ EVIDENCE_PER_PARAMETER = 6.0
 TIMELESS_SHARE = 0.5
 # of the simulation's error variance, that a likelier model may lose on the data that it is fitted to
 MAX_SIMULATION_LOSS = 0.25
-# of the simulation's error variance on held-out data; a quick cause may make a slow simulation worse by so much and still predict better
+# of the simulation's error variance on held-out data; a quick cause may make a slow simulation worse by so much and
+# still predict better
 MAX_SLOW_LOSS = 0.05
 
 

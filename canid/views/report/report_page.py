@@ -12,6 +12,7 @@ from canid.findings import Report, Verdict, extends
 from canid.views.diagnosis_text import (
     advice,
     duration,
+    form,
     gain,
     known_parameters,
     sentence,
@@ -78,6 +79,7 @@ def page(report: Report) -> str:
         duration=duration(report),
         used_time=used_time(report),
         extends=extends,
+        form=form,
         gain=gain,
         figures={figure.name: figure for figure in figures},
         map_names=[f"map-{k + 1}" for k in range(len(report.maps))],
