@@ -115,7 +115,8 @@ def _fitted(data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | Non
     ):
         return None
     standstill = stated(data, solved, "").parameters.get("s0")
-    if standstill is not None and (standstill.high < LOW[STANDSTILL] or standstill.low > HIGH[STANDSTILL]):
+    # of a gap error s0 follows from the offset: a driver who wants −20 m when standing is another kind of driver
+    if standstill is not None and not LOW[STANDSTILL] <= standstill.value <= HIGH[STANDSTILL]:
         return None
     won = fitted.deviance - solved.deviance
     evidence, bound = won / inflation(solved.fitted, own, data.output.dt), needed(extra, len(OTHERS))
