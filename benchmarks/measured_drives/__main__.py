@@ -1,11 +1,12 @@
 """Diagnosis of measured drives, whole and in halves: docs/measured.md.
 
-    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--only diagnosis|rivals]
+    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--only diagnosis|rivals|halves]
 
 For each log: the verdict, the evidence for the two causes that a plot of the residual suggests (a drift of the desired
 headway, an answer to the lead's acceleration), and the answer to range rate in each half: the same driver should have
 the same in both. The table of rivals has canid's model and published car-following models fitted to one half and
-simulated in closed loop on the other, both ways.
+simulated in closed loop on the other, both ways. That of halves has the closed-loop gap error on the half that did not
+fit, by forms of the baseline (`halves`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured_drives import halves
 from benchmarks.other_drive import BASELINE, CHOSEN, Errors, carried, chosen, prepared, summary
 from canid import read_trace
 from canid.diagnosis.diagnose import diagnose, ready
@@ -38,6 +40,10 @@ LOGS = (
     ("openacc/acc_short_h2_v4.blf", "openacc"),
     ("openacc/acc_long_h10_v5.blf", "openacc"),
     ("rav4/rav4_highway.blf", "toyota_rav4_2017"),
+)
+ASTA = tuple(
+    (f"asta/asta_{name}.blf", "openacc_asta")
+    for name in ("p3_f2_Tesla_Model3", "p3_f4_Audi_A6", "p10_f2_Audi_A6", "p10_f4_Mercedes_AClass")
 )
 
 
@@ -149,14 +155,24 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--minimum", type=float, default=60.0, help="s that a part must have")
-    parser.add_argument("--only", choices=("diagnosis", "rivals"))
+    parser.add_argument("--only", choices=("diagnosis", "rivals", "halves"))
     args = parser.parse_args()
-    if args.only != "rivals":
+    if args.only in (None, "diagnosis"):
         diagnoses(args.data, args.minimum)
-    if args.only is None:
+    if args.only in (None, "rivals"):
         print()
-    if args.only != "diagnosis":
         rivals(args.data, args.minimum)
+    if args.only in (None, "halves"):
+        print()
+        closed_loop_of_halves(args.data)
+
+
+def closed_loop_of_halves(data: Path) -> None:
+    """Print the table of closed-loop gap errors on the other half."""
+    followers = [log for log in (*ASTA, *LOGS) if not log[0].startswith("rav4") and (data / log[0]).exists()]
+    traces = {Path(log): read_trace(data / log, vehicle) for log, vehicle in followers}
+    parts = {path: (part(x, 0.0, 0.5), part(x, 0.5, 1.0)) for path, x in traces.items()}
+    print("\n".join(halves.table(parts)))
 
 
 def diagnoses(data: Path, minimum: float) -> None:

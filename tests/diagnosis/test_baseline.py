@@ -54,10 +54,10 @@ def test_the_noise_model_is_stationary_whatever_the_residual() -> None:
 
 
 @pytest.mark.parametrize("simulator", PLANTS)
-def test_looks_away_in_white_noise_leave_a_baseline_that_describes_the_drive(simulator: str) -> None:
-    """Ten looks away: a stationary noise, and a simulation far better than the mean."""
+def test_attention_gaps_in_white_noise_leave_a_baseline_that_describes_the_drive(simulator: str) -> None:
+    """Ten attention gaps: a stationary noise, and a simulation far better than the mean."""
     for k in range(3):
-        seed = seeds.seed(f"looks away {simulator} {k}")
+        seed = seeds.seed(f"attention {simulator} {k}")
         seen = trace(
             PLANTS[simulator](
                 {"attention_gap": {"per_minute": 1.0, "duration": 4.0}},

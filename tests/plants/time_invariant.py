@@ -28,6 +28,7 @@ class Follower(NamedTuple):
     b: float = 1.8  # m/s²; IDM
     k1: float = 0.03  # 1/s²; OVRV
     k2: float = 0.35  # 1/s; OVRV
+    dead_time: float = 0.4  # s
 
     def accel(self, gap: float, speed: float, range_rate: float) -> float:
         """Return the acceleration, m/s²."""
@@ -43,7 +44,7 @@ def drawn(law: str, rng: np.random.Generator) -> Follower:
     """Draw a plausible follower."""
     return Follower(
         law, T=rng.uniform(1.0, 1.8), s0=rng.uniform(2.0, 5.0), v0=rng.uniform(30.0, 38.0), a=rng.uniform(0.9, 1.6),
-        b=rng.uniform(1.3, 2.2), k1=rng.uniform(0.015, 0.05), k2=rng.uniform(0.25, 0.5),
+        b=rng.uniform(1.3, 2.2), k1=rng.uniform(0.015, 0.05), k2=rng.uniform(0.25, 0.5), dead_time=rng.uniform(0.3, 0.7),
     )  # fmt: skip
 
 
@@ -75,8 +76,10 @@ def drive(follower: Follower, lead: Array, rng: np.random.Generator, noise: floa
     shocks = rng.standard_normal(n).tolist()
     for k in range(n):
         e += DT * (-e / 1.5) + noise * math.sqrt(2 * DT / 1.5) * shocks[k]
-        a = follower.accel(gap, v, float(lead[k]) - v) + e
-        speed[k], gaps[k], accel[k] = v, gap, a
+        speed[k], gaps[k] = v, gap
+        late = max(k - round(follower.dead_time / DT), 0)
+        a = follower.accel(float(gaps[late]), float(speed[late]), float(lead[late] - speed[late])) + e
+        accel[k] = a
         before = v
         v = max(v + DT * a, 0.0)
         gap = max(gap + DT * (0.5 * (lead[k] + lead[min(k + 1, n - 1)]) - 0.5 * (before + v)), 0.5)

@@ -114,6 +114,10 @@ def _fitted(data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | Non
         min(solved.q[k] - LOW[k], HIGH[k] - solved.q[k]) < edge for k, edge in zip(own, near, strict=True)
     ):
         return None
+    standstill = stated(data, solved, "").parameters.get("s0")
+    # of a gap error s0 follows from the offset: a driver who wants −20 m when standing is another kind of driver
+    if standstill is not None and not LOW[STANDSTILL] <= standstill.value <= HIGH[STANDSTILL]:
+        return None
     won = fitted.deviance - solved.deviance
     evidence, bound = won / inflation(solved.fitted, own, data.output.dt), needed(extra, len(OTHERS))
     if evidence < bound:
