@@ -7,15 +7,13 @@ walk is scored as it would be filtered, knot by knot; a pedal that stands still 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis.driver import held_out, pedal_holds
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_search import SOFT_LIMIT_PERCENT, Search
+from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.random_walk import scores_of_walk
 from canid.diagnosis.fitting.fitted_model import dropped
 from canid.diagnosis.fitting.likelihood import Output, fit_noise, score
@@ -57,8 +55,6 @@ def log_scores(output: Output, rows: Flags, fit: FittedDriver, train: Flags, siz
     out = np.where(rows, -0.5 * scored.e * scored.e, 0.0)
     density = law_fit.log_density(law, scored.e[free], np.zeros((0, int(free.sum()))))
     out[free] = density - np.log(noise.sd * noise.size[free])
-    # above a soft limit the density is even up to the limit itself
-    out[rows & output.above] -= math.log(SOFT_LIMIT_PERCENT)
     return np.asarray(out)
 
 
@@ -103,9 +99,8 @@ def of_each(original: DriverData, found: Search, size: Array, whole: Interval) -
             out[one.effect.id] = gain(with_all - without, rows, dt)
         elif found.random_walk is not None and Detector.RANDOM_WALK in one.effect.detectors:
             out[one.effect.id] = gain(_walk(original, found, rows), rows, dt)
-        elif Detector.PEDAL_CEILING in one.effect.detectors:
-            out[one.effect.id] = whole
         else:
+            # what else is held is known to both
             alone = found._replace(holds=tuple(h for h in found.holds if h.pattern in one.effect.detectors))
             out[one.effect.id] = gain(*_with_holds(original, alone, zero, only=True), dt)
     return out
@@ -135,25 +130,29 @@ def _with_holds(
 ) -> tuple[Array, Flags]:
     """Add what the standstills of the pedal are worth, and the rows in them.
 
-    A standing pedal is predicted by the chance that it stays, as long as it has stood by then, counted on the other folds;
-    compared with chances that do not know of holds: of a rest among movements, and of a movement after a rest.
+    A standing pedal is predicted by the chance that it stays, as long as it has stood by then, or at the top, counted on the
+    other folds; compared with chances that do not know of holds: of a rest among movements, of a movement after a rest.
     """
-    rows = found.baseline.rows & (found.solved.rows if not only else np.zeros(difference.size, dtype=bool))
-    held = [one for one in found.holds if one.pattern is not Detector.PEDAL_CEILING]
-    if not held:
-        return difference, rows if not only else found.baseline.rows
+    none = np.zeros(difference.size, dtype=bool)
+    rows = none if only else found.baseline.rows & found.solved.rows & ~found.data.output.above
+    if not found.holds:
+        return difference, rows
     y, free = original.output.y, original.output.usable & ~original.output.below
     step = pedal_holds.step_size(y[original.output.usable])
     still = np.abs(np.diff(y, prepend=np.nan)) < 0.5 * step
     stood = _run_length(still)
-    rhythm = next((one.level for one in held if one.pattern is Detector.PEDAL_RHYTHM), 0.0)
-    coarse = np.digitize(stood, RESTS)
-    if rhythm > 0:
-        since = _since_movement(still) * original.output.dt / rhythm
-        fine = np.minimum((since / RHYTHM_BIN_SHARE).astype(int), RHYTHM_BINS) * 2 + (stood > 0)
-        plain = coarse
-    else:
-        fine, plain = coarse, (stood > 0).astype(np.int64)
+    level, patterns = pedal_holds.ceiling(found.holds), {one.pattern for one in found.holds}
+    # at the top a ceiling keeps the pedal
+    top = np.r_[False, y[:-1] >= level - pedal_holds.TOP_STEPS * step].astype(np.int64)
+    plain: Counts = (stood > 0).astype(np.int64)
+    fine: Counts = 2 * plain + top
+    if Detector.PEDAL_RHYTHM in patterns:
+        interval = next(one.level for one in found.holds if one.pattern is Detector.PEDAL_RHYTHM)
+        since = _since_movement(still) * original.output.dt / interval
+        fine = 2 * np.minimum((since / RHYTHM_BIN_SHARE).astype(np.int64), RHYTHM_BINS) + plain
+        plain = np.digitize(stood, RESTS)
+    elif Detector.PEDAL_HOLDS in patterns:
+        fine = 2 * np.digitize(stood, RESTS) + top
     fold = held_out.dealt(original)
     out, counted = difference.copy(), free & np.r_[False, free[:-1]]
     out[~rows] = 0.0
