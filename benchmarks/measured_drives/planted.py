@@ -18,7 +18,6 @@ from benchmarks.measured_drives.__main__ import part
 from canid import read_trace
 from canid.diagnosis import corrections, masks
 from canid.diagnosis.diagnose import Null, diagnose, ready
-from canid.diagnosis.driver.driver_model import with_effects
 from canid.diagnosis.null import replicates
 from canid.diagnosis.null.replicates import Drive
 from canid.effects import CATALOGUE
@@ -58,7 +57,7 @@ def planted(trace: Trace, effect: str, seed: int) -> Trace | None:
     if effect != NOTHING:
         (one,) = (one for one in CATALOGUE if one.id == effect)
         q = np.r_[driver.q, PLANTED[effect]]
-        driver = driver._replace(model=with_effects((one,)), fitted=driver.fitted._replace(q=q))
+        driver = driver._replace(model=driver.model.with_effects((one,)), fitted=driver.fitted._replace(q=q))
     for attempt in range(TRIES):
         made = replicates.simulated(drive, driver, noise, 1, [seed, attempt])
         if made:

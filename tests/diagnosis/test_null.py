@@ -135,13 +135,14 @@ def test_a_name_that_is_seen_in_the_pedal_predicts_its_next_sample(
     values = {"attention_gap": {"per_minute": 1.5, "duration": 3.5}, "act_and_wait": {"interval": 1.4}}.get(
         effect, {}
     )
-    report = diagnose(
-        trace(PLANTS[simulator]({effect: values}, seed=seed, minutes=10, noise="ar1", profile="mixed"))
-    )
-    found = [f for f in report.findings if f.effect == effect]
-    for one in found:
-        assert one.log_score_gain.low > 0
-    print(report.says)
+    for k in range(3):
+        planted = PLANTS[simulator]({effect: values}, seed=seed + k, minutes=10, noise="ar1", profile="mixed")
+        report = diagnose(trace(planted))
+        found = [f for f in report.findings if f.effect == effect]
+        if found:
+            assert found[0].log_score_gain.low > 0
+            return
+    pytest.fail(f"not named; the last: {report.says}")
 
 
 def test_the_same_drive_gives_the_same_null(seed: int) -> None:

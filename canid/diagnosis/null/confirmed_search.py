@@ -69,11 +69,12 @@ def search_causes(
         refused += checked.refused
         if not search.named:
             return Confirmed(search, tuple(refused), folds, Interval(), NullGain(), Interval(), {})
-        whole = predictive_score.of_whole(data, search, folds)
-        each = predictive_score.of_each(data, search, folds, whole)
+        source = noise()
+        whole = predictive_score.of_whole(data, search, source.scale)
+        each = predictive_score.of_each(data, search, source.scale, whole)
         gone = _unpredictive(search, each)
         if gone is None:
-            gone, null_gain = _within_null(drive, search, gain, noise, seed, progress)
+            gone, null_gain = _within_null(drive, search, gain, source, seed, progress)
         if gone is None:
             return Confirmed(search, tuple(refused), folds, gain, null_gain, whole, each)
         one, why = gone
@@ -98,7 +99,7 @@ def _within_null(
     drive: Drive,
     search: Search,
     gain: Interval,
-    noise: Callable[[], Source],
+    source: Source,
     seed: int,
     progress: Callable[[float], None],
 ) -> tuple[tuple[Named, str] | None, NullGain]:
@@ -108,7 +109,6 @@ def _within_null(
         return None, NullGain()
     evidence: dict[str, list[float]] = {one.effect.id: [] for one in tested}
     gains: list[float] = []
-    source = noise()
     for batch in range(-(-sequential.MOST // BATCH)):
         for one in replicates.simulated(drive, search.baseline, source, BATCH, [seed, 0, batch]):
             found = bootstrap.statistics(one, search.baseline, tested)

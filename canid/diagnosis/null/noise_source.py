@@ -49,6 +49,7 @@ class Source(NamedTuple):
     recent: Standard  # of the log of recent innovations
     middle: float  # mean of their squares
     dt: float  # s
+    scale: Array  # (n,) of the drive's innovations, relative, by the law
     pool: Array  # (k,) standardised innovations, in the order of the drive
     residual: Array  # (n,) output unit, of the drive: the noise begins with it
 
@@ -66,8 +67,9 @@ def source(
         accel: (n,) m/s², own; None: not measured.
     """
     law = law_search.fitted(of, effects, of.rows).law
-    F = law_search.features_of(of, effects, of.rows)
-    z = of.x[of.rows] / (law.sd * np.exp(np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE)))
+    F = law_search.features_of(of, effects, np.ones(of.rows.size, dtype=bool))
+    scale = np.exp(np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE))
+    z = (of.x / (law.sd * scale))[of.rows]
     own_features = [feature for effect in effects if effect.remnant for feature in effect.remnant.scale]
     slopes = dict(zip(own_features, law.slopes.tolist(), strict=False))
     fixed = law.slopes[len(own_features) :] @ of.present
@@ -82,7 +84,7 @@ def source(
     square = np.where(of.rows, e * e, middle)
     known = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * middle])[0]
     recent = _standard(_log(np.r_[middle, known[:-1]], middle), of.rows)
-    return Source(noise, law, slopes, fixed, own, recent, middle, of.dt, z - z.mean(), residual)
+    return Source(noise, law, slopes, fixed, own, recent, middle, of.dt, scale, z - z.mean(), residual)
 
 
 def _standard(x: Array, rows: Flags) -> Standard:

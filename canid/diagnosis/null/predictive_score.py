@@ -7,16 +7,13 @@ walk is scored as it would be filtered, knot by knot; a pedal that stands still 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis.driver import held_out, pedal_holds
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_search import SOFT_LIMIT_PERCENT, Search
-from canid.diagnosis.driver.held_out import Fold
+from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.random_walk import scores_of_walk
 from canid.diagnosis.fitting.fitted_model import dropped
 from canid.diagnosis.fitting.likelihood import Output, fit_noise, score
@@ -58,35 +55,33 @@ def log_scores(output: Output, rows: Flags, fit: FittedDriver, train: Flags, siz
     out = np.where(rows, -0.5 * scored.e * scored.e, 0.0)
     density = law_fit.log_density(law, scored.e[free], np.zeros((0, int(free.sum()))))
     out[free] = density - np.log(noise.sd * noise.size[free])
-    # above a soft limit the density is even up to the limit itself
-    out[rows & output.above] -= math.log(SOFT_LIMIT_PERCENT)
     return np.asarray(out)
 
 
-def of_whole(original: DriverData, found: Search, folds: tuple[Fold, ...]) -> Interval:
+def of_whole(original: DriverData, found: Search, size: Array) -> Interval:
     """Gain of all effects together over the baseline, nats/min.
 
     Args:
         original: the drive, with nothing taken out of it.
         found: what was found on it.
-        folds: both models, fitted to all but each fold.
+        size: (n,) relative scale of the noise, by the law of the baseline's innovations: the same for both.
     """
-    rows = found.baseline.rows & _scored(found)
-    base = _by_fold(original.output, rows, [one.base for one in folds], original, found.baseline.noise.size)
-    extended = _with_walk(original, found, folds, rows)
-    difference, rows = _with_holds(original, found, extended - base, base)
-    return gain(difference, rows, original.output.dt)
+    rows = found.baseline.rows & found.solved.rows
+    base = _by_fold(original, found.baseline, rows, size)
+    if found.random_walk is None:
+        extended = _by_fold(found.data, found.solved, rows, size)
+    else:
+        extended = base + _walk(original, found, rows)
+    return gain(*_with_holds(original, found, extended - base), original.output.dt)
 
 
-def of_each(
-    original: DriverData, found: Search, folds: tuple[Fold, ...], whole: Interval
-) -> dict[str, Interval]:
+def of_each(original: DriverData, found: Search, size: Array, whole: Interval) -> dict[str, Interval]:
     """Gain of each effect over the model without it, nats/min: effect id -> gain.
 
     Args:
         original: the drive, with nothing taken out of it.
         found: what was found on it.
-        folds: both models, fitted to all but each fold.
+        size: as in `of_whole`.
         whole: of all together.
     """
     if len(found.named) == 1:
@@ -94,57 +89,33 @@ def of_each(
     out = {}
     fitted = {effect.id for effect in found.solved.model.effects}
     dt = original.output.dt
-    rows = found.solved.rows & _scored(found)
-    with_all = _by_fold(
-        found.data.output, rows, [one.extended for one in folds], found.data, found.baseline.noise.size
-    )
+    rows = found.solved.rows
+    with_all = _by_fold(found.data, found.solved, rows, size)
     zero = np.zeros(rows.size)
     for one in found.named:
         if one.effect.id in fitted:
             left = dropped(found.data, found.solved, one.effect.id)
-            fits = [
-                held_out.refitted(found.data, left, held_out.dealt(original) != k)
-                for k in range(held_out.FOLDS)
-            ]
-            without = _by_fold(found.data.output, rows, fits, found.data, found.baseline.noise.size)
+            without = _by_fold(found.data, left, rows, size)
             out[one.effect.id] = gain(with_all - without, rows, dt)
         elif found.random_walk is not None and Detector.RANDOM_WALK in one.effect.detectors:
             out[one.effect.id] = gain(_walk(original, found, rows), rows, dt)
-        elif Detector.PEDAL_CEILING in one.effect.detectors:
-            out[one.effect.id] = whole
         else:
-            base_rows = found.baseline.rows
-            base = _by_fold(
-                original.output, base_rows, [fold.base for fold in folds], original, found.baseline.noise.size
-            )
+            # what else is held is known to both
             alone = found._replace(holds=tuple(h for h in found.holds if h.pattern in one.effect.detectors))
-            out[one.effect.id] = gain(*_with_holds(original, alone, zero, base, only=True), dt)
+            out[one.effect.id] = gain(*_with_holds(original, alone, zero, only=True), dt)
     return out
 
 
-def _scored(found: Search) -> Flags:
-    """Rows that the extended model scores: those of its own, and none within what was taken out."""
-    return found.solved.rows
-
-
-def _by_fold(output: Output, rows: Flags, fits: list[FittedDriver], data: DriverData, size: Array) -> Array:
-    """Log scores (n,), each fold by the model of the others."""
+def _by_fold(data: DriverData, solved: FittedDriver, rows: Flags, size: Array) -> Array:
+    """Log scores (n,), each fold by the model as fitted to the others with noise of that scale."""
     fold, out = held_out.dealt(data), np.zeros(rows.size)
-    for k, fit in enumerate(fits):
-        here = rows & (fold == k)
-        out[here] = log_scores(output, here, fit, rows & (fold != k), size)[here]
+    left = data.output.y - solved.fitted.model
+    weighted = solved._replace(noise=fit_noise(data.output, left, solved.noise.A.size - 1, size))
+    for k in range(held_out.FOLDS):
+        here, train = rows & (fold == k), fold != k
+        fit = held_out.refitted(data, weighted, train)
+        out[here] = log_scores(data.output, here, fit, rows & train, size)[here]
     return out
-
-
-def _with_walk(original: DriverData, found: Search, folds: tuple[Fold, ...], rows: Flags) -> Array:
-    """Log scores (n,) of the extended model."""
-    if found.random_walk is None:
-        return _by_fold(
-            found.data.output, rows, [one.extended for one in folds], found.data, found.baseline.noise.size
-        )
-    whole = found.data._replace(output=found.data.output._replace(y=original.output.y))
-    without = _by_fold(whole.output, rows, [one.base for one in folds], whole, found.baseline.noise.size)
-    return without + _walk(original, found, rows)
 
 
 def _walk(original: DriverData, found: Search, rows: Flags) -> Array:
@@ -155,29 +126,33 @@ def _walk(original: DriverData, found: Search, rows: Flags) -> Array:
 
 
 def _with_holds(
-    original: DriverData, found: Search, difference: Array, base: Array, only: bool = False
+    original: DriverData, found: Search, difference: Array, only: bool = False
 ) -> tuple[Array, Flags]:
     """Add what the standstills of the pedal are worth, and the rows in them.
 
-    A standing pedal is predicted by the chance that it stays, as long as it has stood by then, counted on the other folds;
-    compared with chances that do not know of holds: of a rest among movements, and of a movement after a rest.
+    A standing pedal is predicted by the chance that it stays, as long as it has stood by then, or at the top, counted on the
+    other folds; compared with chances that do not know of holds: of a rest among movements, of a movement after a rest.
     """
-    rows = found.baseline.rows & (found.solved.rows if not only else np.zeros(difference.size, dtype=bool))
-    held = [one for one in found.holds if one.pattern is not Detector.PEDAL_CEILING]
-    if not held:
-        return difference, rows if not only else found.baseline.rows
+    none = np.zeros(difference.size, dtype=bool)
+    rows = none if only else found.baseline.rows & found.solved.rows & ~found.data.output.above
+    if not found.holds:
+        return difference, rows
     y, free = original.output.y, original.output.usable & ~original.output.below
     step = pedal_holds.step_size(y[original.output.usable])
     still = np.abs(np.diff(y, prepend=np.nan)) < 0.5 * step
     stood = _run_length(still)
-    rhythm = next((one.level for one in held if one.pattern is Detector.PEDAL_RHYTHM), 0.0)
-    coarse = np.digitize(stood, RESTS)
-    if rhythm > 0:
-        since = _since_movement(still) * original.output.dt / rhythm
-        fine = np.minimum((since / RHYTHM_BIN_SHARE).astype(int), RHYTHM_BINS) * 2 + (stood > 0)
-        plain = coarse
-    else:
-        fine, plain = coarse, (stood > 0).astype(np.int64)
+    level, patterns = pedal_holds.ceiling(found.holds), {one.pattern for one in found.holds}
+    # at the top a ceiling keeps the pedal
+    top = np.r_[False, y[:-1] >= level - pedal_holds.TOP_STEPS * step].astype(np.int64)
+    plain: Counts = (stood > 0).astype(np.int64)
+    fine: Counts = 2 * plain + top
+    if Detector.PEDAL_RHYTHM in patterns:
+        interval = next(one.level for one in found.holds if one.pattern is Detector.PEDAL_RHYTHM)
+        since = _since_movement(still) * original.output.dt / interval
+        fine = 2 * np.minimum((since / RHYTHM_BIN_SHARE).astype(np.int64), RHYTHM_BINS) + plain
+        plain = np.digitize(stood, RESTS)
+    elif Detector.PEDAL_HOLDS in patterns:
+        fine = 2 * np.digitize(stood, RESTS) + top
     fold = held_out.dealt(original)
     out, counted = difference.copy(), free & np.r_[False, free[:-1]]
     out[~rows] = 0.0

@@ -17,6 +17,7 @@ from canid.diagnosis.driver import closed_loop
 from canid.diagnosis.driver.closed_loop import ACCEL, MIN_GAP_M, ON_BRAKE_PERCENT, PEDAL, Ride, Road, Stretch
 from canid.diagnosis.driver.driver_data import PEDAL_FLOOR_PERCENT, DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import K1
 from canid.diagnosis.driver.driver_simulation import HISTORY_S
 from canid.diagnosis.null.noise_source import Source, sampler
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
@@ -75,6 +76,10 @@ def simulated(
     if seconds < MIN_SIMULATED_SHARE * float(np.count_nonzero(data.output.usable)):
         return []
     rng = np.random.default_rng(seed)
+    # a gain of headway below 0, which is chance, lets every gap go
+    q = driver.q.copy()
+    q[K1] = max(q[K1], 0.0)
+    driver = driver._replace(fitted=driver.fitted._replace(q=q))
     car, push = None, None
     if drive.role == PEDAL and drive.vehicle.cars is not None:
         brake = _brake(drive.trace)
