@@ -44,7 +44,7 @@ def error(form: Form, desired: Value, standstill: Value, free_speed: Value, seen
     Example:
         >>> seen = Seen(0.0, 600.0, 2.0, -1.0, 40.0, 20.0, 0.0)
         >>> [round(float(error(form, 1.5, 4.0, 30.0, seen)), 3) for form in Form]
-        [0.5, 0.3, 0.103]
+        [0.5, 0.3, 0.102]
     """
     if form is Form.TIME_HEADWAY:
         return seen.headway - desired
