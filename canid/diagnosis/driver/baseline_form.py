@@ -127,7 +127,7 @@ def _fitted(data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | Non
 
 def of_form(data: DriverData, fitted: FittedDriver, form: Form) -> FittedDriver | None:
     """Fit a baseline of another form, from its best initial guesses."""
-    model = with_effects((), form, fitted.model.begins)
+    model = with_effects((), form, fitted.model.begins, fitted.model.tied)
     guesses = [driver_candidates.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
     guesses.sort(key=lambda guess: -guess.explains)
     found = [solve(data, model, guess.q, fitted.noise, fitted.rows) for guess in guesses[:FULL_FITS]]

@@ -41,12 +41,28 @@ ANSWER_CHANCE = 1e-4
 
 
 def baseline(data: DriverData) -> FittedDriver | None:
-    """Fit the driver without any effect; None: too few samples."""
+    """Fit the driver without any effect; None: too few samples.
+
+    A controller need not answer both inputs alike: where a gain comes out negative and the output is an acceleration, the
+    delays of the two answers are left free of each other, if that is a driver who follows.
+    """
+    tied = _baseline(data, tied=True)
+    if tied is None or data.pedal or _follows(tied):
+        return tied
+    apart = _baseline(data, tied=False)
+    return apart if apart is not None and _follows(apart) else tied
+
+
+def _follows(fitted: FittedDriver) -> bool:
+    return bool(fitted.q[K1] > 0.0 and fitted.q[K2] > 0.0)
+
+
+def _baseline(data: DriverData, *, tied: bool) -> FittedDriver | None:
     output = data.output
     free = output.usable & ~output.below
     if int(np.count_nonzero(free)) < MIN_SAMPLES:
         return None
-    model = with_effects((), begins=data.begins)
+    model = with_effects((), begins=data.begins, tied=tied)
     q = np.zeros(len(model.low))
     for k, value in (INITIAL if data.pedal else INITIAL | ACCELERATION_GAINS).items():
         q[k] = value

@@ -56,6 +56,7 @@ class DriverModel(NamedTuple):
     where: tuple[slice, ...]  # each effect's parameters in q
     form: Form = Form.TIME_HEADWAY
     begins: tuple[float, ...] = ()  # s, of each further drive: it has an offset of its own, after BASE
+    tied: bool = True  # are lags and dead times of both answers alike?
 
     @property
     def delays(self) -> tuple[tuple[int, int], ...]:
@@ -76,7 +77,7 @@ class DriverModel(NamedTuple):
 
     def with_effects(self, effects: Sequence[Effect]) -> DriverModel:
         """Return the driver with these effects."""
-        return with_effects(effects, self.form, self.begins)
+        return with_effects(effects, self.form, self.begins, self.tied)
 
     def free(self) -> tuple[int, ...]:
         """Parameters that a fit may move."""
@@ -97,6 +98,8 @@ class DriverModel(NamedTuple):
 
     def ties(self, data: DriverData) -> Array | None:
         """Both answers share perception, pedal and car, so their lags and dead times are alike."""
+        if not self.tied:
+            return None
         out = np.zeros((2, self.low.size))
         for row, (one, other) in zip(out, ((TAU1, TAU2), (THETA1, THETA2)), strict=True):
             row[one], row[other] = 1 / TIE_SD_S, -1 / TIE_SD_S
@@ -116,11 +119,14 @@ class DriverModel(NamedTuple):
 
 
 def with_effects(
-    effects: Sequence[Effect], form: Form = Form.TIME_HEADWAY, begins: tuple[float, ...] = ()
+    effects: Sequence[Effect],
+    form: Form = Form.TIME_HEADWAY,
+    begins: tuple[float, ...] = (),
+    tied: bool = True,
 ) -> DriverModel:
     """Return the driver with some effects, on a baseline of one form; on one drive, or on several one after the other."""
     low, high, scale = (of + (of[OFFSET],) * len(begins) for of in (LOW, HIGH, SCALE))
-    return DriverModel(*box(effects, low, high, scale), form, begins)
+    return DriverModel(*box(effects, low, high, scale), form, begins, tied)
 
 
 def offset(model: DriverModel, q: Array, t: Value) -> Value:
