@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from canid.diagnosis.driver.wanted_gap import Form
 from scipy.optimize import minimize
 
 from canid.diagnosis import masks
@@ -24,6 +23,7 @@ from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import DESIRED, K1, OFFSET
 from canid.diagnosis.fitting.robust_covariance import sandwich
 from canid.effects import CATALOGUE
+from canid.effects.wanted_gap import Form
 from canid.types import Array, Trace
 
 DRIVERS = tuple(effect for effect in CATALOGUE if effect.where == "driver")

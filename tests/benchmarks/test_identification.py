@@ -23,11 +23,13 @@ from benchmarks.identification.table import Settings, markdown
 from benchmarks.identification.tables import (
     TABLES,
     anytime,
+    constancy,
     coverage,
     cuts,
     drift,
     filters,
     floor,
+    gain_steps,
     log_score,
     peers_following,
     progress,
@@ -73,6 +75,12 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drift, "MINUTES", (2.0,))
     monkeypatch.setattr(log_score, "DRIVES", log_score.DRIVES[:1])
     monkeypatch.setattr(verdict, "LEADS", verdict.LEADS[1:2])
+    monkeypatch.setattr(gain_steps, "STEP_WORLDS", gain_steps.STEP_WORLDS[::3])
+    monkeypatch.setattr(gain_steps, "CLEAN_WORLDS", gain_steps.CLEAN_WORLDS[::5])
+    monkeypatch.setattr(gain_steps, "CLEAN_S", 300.0)
+    monkeypatch.setattr(constancy, "WORLDS", constancy.WORLDS[::2])
+    monkeypatch.setattr(constancy, "SHARES", (0.0, 0.2))
+    monkeypatch.setattr(constancy, "DRIVE_S", 400.0)
 
 
 @pytest.mark.parametrize(("name", "table"), TABLES, ids=[name for name, _ in TABLES])

@@ -79,8 +79,8 @@ def search_causes(
             return Confirmed(search, tuple(refused), folds, gain, null_gain, whole, each)
         one, why = gone
         refused.append(f"{one.effect.id} withdrawn: {why}")
-        dropped = {one.effect.id, *one.rivals}
-        effects = tuple(effect for effect in effects if effect.id not in dropped)
+        # a rival is another law of the same data: it is named and judged by itself
+        effects = tuple(effect for effect in effects if effect.id != one.effect.id)
 
 
 def _unpredictive(search: Search, each: dict[str, Interval]) -> tuple[Named, str] | None:

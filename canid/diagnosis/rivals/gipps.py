@@ -26,7 +26,7 @@ def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
     """
     v0, a, b, tau, s0, b_lead = q
     share = speed / v0
-    free = speed + 2.5 * a * tau * (1 - share) * np.sqrt(0.025 + share)
+    free = speed + 2.5 * a * tau * (1 - share) * np.sqrt(1 / 40 + share)
     under = np.square(b * tau) + b * (2 * (gap - s0) - speed * tau + np.square(lead) / b_lead)
     safe = np.sqrt(np.maximum(under, 0.0)) - b * tau
     out: Array = (np.minimum(free, safe) - speed) / tau
