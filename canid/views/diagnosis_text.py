@@ -197,12 +197,17 @@ def gain(of: Finding | Report) -> str:
         >>> gain(found)
         '30 [20, 40] % (null 10 %, 95 % point 25 %), 1.2 [0.5, 1.9] nats/min of log score'
     """
+    return ", ".join(gains(of)).replace(", (", " (")
+
+
+def gains(of: Finding | Report) -> list[str]:
+    """The same, piece by piece: of the simulation, the null's in brackets, of the log score; at least one."""
     parts = [percent(of.gain)] if math.isfinite(of.gain.value) else []
     if parts and of.null_gain.replicates:
-        parts[0] += f" ({null_gain(of.null_gain)})"
+        parts.append(f"({null_gain(of.null_gain)})")
     if math.isfinite(of.log_score_gain.value):
         parts.append(f"{interval(of.log_score_gain, 'nats/min')} of log score")
-    return ", ".join(parts) or percent(of.gain)
+    return parts or [percent(of.gain)]
 
 
 def null_gain(null: NullGain) -> str:
