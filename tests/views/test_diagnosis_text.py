@@ -129,7 +129,10 @@ def test_both_gains_of_a_finding_of_the_driver_are_shown_with_the_null(named: Re
     report = named._replace(findings=findings, **gains)
     shown = "31 [24, 37] % (null 10 %, 95 % point 25 %), 1.2 [0.5, 1.9] nats/min of log score"
     assert shown in "\n".join(said(report))
-    assert shown in page(report)
+    on_page = page(report)
+    for part in ("31 [24, 37] %", "(null 10 %, 95 % point 25 %)", "1.2 [0.5, 1.9] nats/min of log score"):
+        # in the tile of the whole and in the row of the finding
+        assert on_page.count(f'<span class="line">{part}</span>') >= 2, part
     assert "driver parameters: baseline, extended model" in "\n".join(said(report))
     out = as_json(report)
     for of in (out, *out["findings"]):
