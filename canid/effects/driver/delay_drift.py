@@ -27,5 +27,6 @@ EFFECT = Effect(
     decides="the own acceleration, compared with the radar's range rate, shows whether their clocks run apart",
     dead_time=act,
     found_at=((0.8,), (1.0,)),
+    found_in=10.0,
     silent_at=((0.02,),),
 )
