@@ -42,7 +42,7 @@ def chosen(of: Prepared, report: Report) -> FittedDriver:
     if not any(one.where == "driver" and not one.surrogate for one in report.findings):
         return of.fitted
     drivers = tuple(e for e in CATALOGUE if e.where == "driver" and e.kind is not Kind.MASK)
-    found = cross_validation.search_causes(of.data, drivers, of.fitted)[0]
+    found = cross_validation.search_causes(of.data, drivers, of.fitted).search
     return found.solved if found.named else of.fitted
 
 

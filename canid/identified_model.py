@@ -14,7 +14,6 @@ from canid.types import Array, Interval
 DRIVER = (
     "offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired", "standstill", "free_speed",
 )  # fmt: skip
-CAR = ("strength", "lag", "rolling", "drag", "brake")
 
 
 class NoiseLaw(NamedTuple):
@@ -115,7 +114,7 @@ def from_json(of: Mapping[str, Any]) -> IdentifiedModel:
         noise=NoiseLaw(
             _positive(noise["step"]), tuple(map(_finite, noise["coefficients"])), _finite(noise["sd"])
         ),
-        car=None if car is None else CarLaw(*(_finite(car[name]) for name in CAR)),
+        car=None if car is None else CarLaw(*(_finite(car[name]) for name in CarLaw._fields)),
         driven={
             str(role): Interval(*(_finite(x[k]) for k in Interval._fields))
             for role, x in of["driven"].items()

@@ -16,10 +16,9 @@ import numpy as np
 
 from benchmarks.measured_drives.__main__ import part
 from canid import read_trace
-from canid.diagnosis import corrections, masks
-from canid.diagnosis.diagnose import Null, diagnose, ready
+from canid.diagnosis import corrections
+from canid.diagnosis.diagnose import Null, diagnose, ready, recorded_drive
 from canid.diagnosis.null import replicates
-from canid.diagnosis.null.replicates import Drive
 from canid.effects import CATALOGUE
 from canid.findings import Report
 from canid.types import LearnGate, Trace
@@ -49,9 +48,7 @@ def planted(trace: Trace, effect: str, seed: int) -> Trace | None:
     prepared = ready(context.trace, context.usable)
     if prepared is None:
         return None
-    own = prepared.trace
-    usable = context.usable[:: round(own.dt / trace.dt)]
-    drive = Drive(own, usable, prepared.data, masks.output_role(own), context.vehicle)
+    drive = recorded_drive(prepared, context.usable, context.vehicle, trace.dt)
     noise = Null(drive, CATALOGUE, lambda _: None).noise(prepared.data, prepared.fitted)
     driver = prepared.fitted
     if effect != NOTHING:

@@ -137,7 +137,7 @@ def diagnose_hidden(hidden: tuple[Output, Output], report: Output, show: Callabl
     write(*hidden, simulation, vehicle)
     diagnosis = diagnose(read_trace(log, vehicle))
     command = f"canid diagnose {log} --vehicle generic --report"
-    diagnosis = diagnosis._replace(provenance=provenance(log, vehicle, command))
+    diagnosis = diagnosis._replace(provenance=provenance((str(log),), vehicle, command))
     for line in diagnosis_text.text(diagnosis, log, vehicle.name)[:LINES_SHOWN]:
         show(line)
     show(f"hidden effect: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")

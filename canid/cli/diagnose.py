@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from canid.cli import options, reading
 from canid.cli.output import output_kinds, outputs
@@ -13,6 +15,10 @@ from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
 from canid.cli.output.progress import Progress
 from canid.errors import CHECK_FAILED, DONE, ConfigError
+
+if TYPE_CHECKING:
+    from canid.findings import Report
+    from canid.types import Trace
 
 # with any other suffix `--report LOG` (the name forgotten, the log taken for it) could write over a log
 PAGE_SUFFIXES = (".html", ".htm")
@@ -55,88 +61,56 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose."""
     from canid.cli.provenance import provenance
-    from canid.diagnosis.diagnose import diagnose
     from canid.findings import Verdict, extends
     from canid.views import diagnosis_json, diagnosis_text, json_values
     from canid.views.report import page
 
-    if args.same:
-        return run_together(args)
-    pages = report_names(args.logs, args.report)
+    # logs that make one report
+    groups = [tuple(args.logs)] if args.same else [(log,) for log in args.logs]
+    named = [f"{Path(args.logs[0]).stem}.together"] if args.same else args.logs
+    pages = report_names(named, args.report)
     json = options.json_output(args)
-    reports = {log: Output("--report", name, output_kinds.PAGE) for log, name in pages.items()}
-    outputs.check([json, *reports.values()], options.read_by(args))
+    reports: list[Output | None] = [Output("--report", name, output_kinds.PAGE) for name in pages.values()]
+    reports = reports or [None] * len(groups)
+    outputs.check([json, *reports], options.read_by(args))
     vehicle = reading.read_vehicle(args.vehicle)
     show = line_printer(args.json)
     objects = []
     damaged = DONE
     adequate = True
     with outputs.opened(json) as sink:
-        for k, path in enumerate(args.logs):
-            drive = reading.read_drive(path, vehicle, args, estimating=False)
-            with Progress(f"diagnosing {path}") as bar:
-                report = diagnose(drive.trace, rivals=args.rivals, progress=bar.to)
-            report = report._replace(provenance=provenance(path, vehicle, command(args, path)))
-            for line in [""] * (k > 0) + diagnosis_text.text(report, path, vehicle.name):
+        for k, (logs, target) in enumerate(zip(groups, reports, strict=True)):
+            drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in logs]
+            name, traces = ", ".join(logs), [drive.trace for drive in drives]
+            with Progress(f"diagnosing {name}") as bar:
+                report = diagnosed(args, traces, bar.to)
+            report = report._replace(provenance=provenance(logs, vehicle, command(args, *logs)))
+            for line in [""] * (k > 0) + diagnosis_text.text(report, name, vehicle.name):
                 show(line)
-            objects.append(diagnosis_json.to_json(report, path, vehicle.name))
+            objects.append(diagnosis_json.to_json(report, name, vehicle.name))
             # after the verdict: a full disk must not lose it; an earlier page is replaced only by a whole one
-            with outputs.opened(reports.get(path)) as file:
-                if file is not None:
+            with outputs.opened(target) as file:
+                if file is not None and target is not None:
                     file.write(page(report))
-                    info(f"{pages[path]} written")
-            damaged = reading.report_health(drive.health) or damaged
-            named = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
-            adequate &= report.verdict is Verdict.ADEQUATE or (named and not extends(report))
+                    info(f"{target.path} written")
+            for drive in drives:
+                damaged = reading.report_health(drive.health) or damaged
+            found = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
+            adequate &= report.verdict is Verdict.ADEQUATE or (found and not extends(report))
         if sink is not None:
             sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
     return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
 
 
-def run_together(args: argparse.Namespace) -> int:
-    """Diagnose all logs as drives of one driver."""
-    from canid.cli.provenance import provenance
-    from canid.diagnosis.diagnose import diagnose_drives
-    from canid.findings import Verdict, extends
-    from canid.views import diagnosis_json, diagnosis_text, json_values
-    from canid.views.report import page
+def diagnosed(args: argparse.Namespace, traces: list[Trace], progress: Callable[[float], None]) -> Report:
+    """Diagnose one drive, or several as those of one driver."""
+    if args.same:
+        from canid.diagnosis.diagnose import diagnose_drives
 
-    name = report_names([f"{Path(args.logs[0]).stem}.together"], args.report)
-    json = options.json_output(args)
-    target = Output("--report", next(iter(name.values())), output_kinds.PAGE) if name else None
-    outputs.check([json, target], options.read_by(args))
-    vehicle = reading.read_vehicle(args.vehicle)
-    show = line_printer(args.json)
-    with outputs.opened(json) as sink:
-        drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in args.logs]
-        with Progress(f"diagnosing {len(drives)} drives") as bar:
-            report = diagnose_drives(
-                [drive.trace for drive in drives], args.logs, rivals=args.rivals, progress=bar.to
-            )
-        logs = ", ".join(args.logs)
-        asked = " ".join(shlex.quote(path) for path in args.logs)
-        of = [provenance(path, vehicle, command(args, path)) for path in args.logs]
-        report = report._replace(
-            provenance=of[0]._replace(
-                log=logs,
-                log_sha256=", ".join(one.log_sha256 for one in of),
-                command=f"canid diagnose {asked} --same driver --vehicle {args.vehicle}",
-            )
-        )
-        for line in diagnosis_text.text(report, logs, vehicle.name):
-            show(line)
-        with outputs.opened(target) as file:
-            if file is not None and target is not None:
-                file.write(page(report))
-                info(f"{target.path} written")
-        damaged = DONE
-        for drive in drives:
-            damaged = reading.report_health(drive.health) or damaged
-        if sink is not None:
-            sink.write(json_values.line(diagnosis_json.to_json(report, logs, vehicle.name)) + "\n")
-    named = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
-    adequate = report.verdict is Verdict.ADEQUATE or (named and not extends(report))
-    return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
+        return diagnose_drives(traces, args.logs, rivals=args.rivals, progress=progress)
+    from canid.diagnosis.diagnose import diagnose
+
+    return diagnose(traces[0], rivals=args.rivals, progress=progress)
 
 
 def report_names(logs: list[str], asked: str | None) -> dict[str, str]:
@@ -170,14 +144,15 @@ def report_names(logs: list[str], asked: str | None) -> dict[str, str]:
     return pages
 
 
-def command(args: argparse.Namespace, log: str) -> str:
-    """The command that reproduces the report of one log.
+def command(args: argparse.Namespace, *logs: str) -> str:
+    """The command that reproduces the report of one log, or of several together.
 
     Example:
-        >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0, rivals=False), "drive 7.blf")
+        >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0, rivals=False, same=None), "drive 7.blf")
         "canid diagnose 'drive 7.blf' --vehicle generic --stop 60"
     """
-    words = ["canid", "diagnose", log, "--vehicle", str(args.vehicle)]
+    words = ["canid", "diagnose", *logs, "--vehicle", str(args.vehicle)]
+    words += ["--same", args.same] if args.same else []
     words += ["--start", f"{args.start:g}"] if args.start > 0 else []
     words += ["--stop", f"{args.stop:g}"] if args.stop < float("inf") else []
     words += ["--rivals"] if args.rivals else []

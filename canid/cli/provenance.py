@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -40,11 +41,11 @@ def versions() -> dict[str, str]:
     return releases
 
 
-def provenance(log: str, vehicle: Vehicle, command: str) -> Provenance:
-    """Provenance of the diagnosis of one log."""
+def provenance(logs: Sequence[str], vehicle: Vehicle, command: str) -> Provenance:
+    """Provenance of the diagnosis of one log, or of several together."""
     return Provenance(
-        log=log,
-        log_sha256=sha256(log),
+        log=", ".join(logs),
+        log_sha256=", ".join(map(sha256, logs)),
         vehicle=vehicle.path,
         vehicle_sha256=sha256(vehicle.path),
         command=command,

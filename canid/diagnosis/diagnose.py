@@ -202,7 +202,7 @@ def _diagnosed(
         prepared = prepared._replace(fitted=form.fitted)
     steps.append(f"form of the baseline: {form.fitted.model.form.value}: {form.why}")
     refused = refused_baseline(prepared, context.vehicle)
-    null = Null(_drive(prepared, usable, context.vehicle, trace.dt), catalogue, progress)
+    null = Null(recorded_drive(prepared, usable, context.vehicle, trace.dt), catalogue, progress)
     confirmed = confirmed_search.search_causes(
         null.drive,
         () if refused else drivers,
@@ -258,7 +258,7 @@ class Null(NamedTuple):
         return noise_source.source(of, solved.noise, left, effects, self.drive.trace.signals.get("accel"))
 
 
-def _drive(prepared: Prepared, usable: Flags, vehicle: Vehicle, dt: float) -> Drive:
+def recorded_drive(prepared: Prepared, usable: Flags, vehicle: Vehicle, dt: float) -> Drive:
     """The drive on the grid that the driver was fitted on."""
     trace = prepared.trace
     role = masks.output_role(trace)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from canid.diagnosis.driver import closed_loop
-from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_data import DriverData, braking
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import BASE
 from canid.diagnosis.fitting.robust_covariance import sandwich
@@ -100,6 +100,5 @@ def _car(trace: Trace, data: DriverData, solved: FittedDriver, vehicle: Vehicle)
     if vehicle.cars is None:
         return None
     q = vehicle.cars[1].q
-    brake = np.nan_to_num(trace.signals.get("brake", np.zeros(trace.t.size))) > 0.5
-    driven = closed_loop.car(vehicle.cars[1], vehicle, solved.fitted.model, brake, data.output.dt)
+    driven = closed_loop.car(vehicle.cars[1], vehicle, solved.fitted.model, braking(trace), data.output.dt)
     return CarLaw(float(q[STRENGTH]), float(q[LAG]), float(q[ROLLING]), float(q[DRAG]), driven.brake)

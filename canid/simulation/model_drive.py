@@ -74,9 +74,8 @@ def simulate_model(model: IdentifiedModel, trace: Trace, *, noise: bool = False,
     for start, stop in stretches(trace):
         columns = drive(model, lead_of(trace, start, stop), seed, noise=noise).columns
         at = trace.t[start:stop] - trace.t[start]
-        for role, column in zip(("output", *ModelRun._fields[2:]), out[1:], strict=True):
-            name = model.output if role == "output" else role
-            column[start:stop] = np.interp(at, columns["t"], columns[name])
+        for role, column in zip((model.output, "speed", "gap", "range_rate"), out[1:], strict=True):
+            column[start:stop] = np.interp(at, columns["t"], columns[role])
     return out
 
 
@@ -164,7 +163,10 @@ def drive(
         ConfigError: an effect of the model is not among them.
     """
     n = lead.speed.size
-    car = OBEDIENT if model.car is None else Car(*(model.car[k] for k in (0, 4, 1, 2, 3)))
+    car = OBEDIENT
+    if model.car is not None:
+        strength, lag, rolling, drag, brake = model.car
+        car = Car(power=strength, brake=brake, lag=lag, rolling=rolling, drag=drag)
     planted = planted_effects.plant(
         _strengths(model, catalogue),
         n * DT,

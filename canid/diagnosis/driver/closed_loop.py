@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis.driver import pedal_holds
-from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_data import DriverData, braking
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1, K2, TAU1, TAU2, lagged, parts
 from canid.diagnosis.driver.driver_simulation import HISTORY_S, Late, SimulatedDriver, driver
@@ -108,7 +108,7 @@ def simulate(
     dt, n = data.output.dt, trace.t.size
     if role not in (PEDAL, ACCEL) or (role == PEDAL and vehicle.cars is None):
         return ()
-    brake = np.nan_to_num(trace.signals.get("brake", np.zeros(n))) > 0.5
+    brake = braking(trace)
     usable = data.output.usable.copy()
     for start, stop in (span for one in held for span in one.episodes):
         usable[start:stop] = True

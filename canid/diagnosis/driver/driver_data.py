@@ -46,6 +46,12 @@ def filled(x: Array) -> Array:
     return np.interp(index, index[known], x[known])
 
 
+def braking(trace: Trace) -> Flags:
+    """Samples (n,) with the brake pressed; nowhere, where it is not measured."""
+    out: Flags = np.nan_to_num(trace.signals.get("brake", np.zeros(trace.t.size))) > 0.5
+    return out
+
+
 def prepare(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> DriverData:
     """Lay out the columns.
 
@@ -67,7 +73,7 @@ def prepare(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Driv
     # the floor hides the demand, and so does the brake while the pedal is up: both are "below", not lost
     hidden = np.array([gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) for gate in trace.gate])
     open_ = np.array([gate is LearnGate.OPEN for gate in trace.gate])
-    brake = np.nan_to_num(signals.get("brake", np.zeros(n))) > 0.5
+    brake = braking(trace)
     back = _within(brake, BRAKE_TO_PEDAL_S, trace.dt) & ~below
     settled = ~_within(~(open_ | hidden) | ~known, DRIVER_MEMORY_S, trace.dt)
     fine = usable & known & settled & ~back & (open_ | (hidden & below))

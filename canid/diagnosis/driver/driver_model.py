@@ -14,12 +14,11 @@ from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.fitting.model import box
 from canid.effects.effect import Effect, Params, Seen, Value
 from canid.effects.wanted_gap import Form, error
+from canid.identified_model import DRIVER
 from canid.types import Array
 
 # of the baseline, in this order, before those of the causes
-BASE = (
-    "offset", "K1", "K2", "tau1", "tau2", "dead_time1", "dead_time2", "headway_desired", "standstill", "free_speed",
-)  # fmt: skip
+BASE = DRIVER
 OFFSET, K1, K2, TAU1, TAU2, THETA1, THETA2, DESIRED, STANDSTILL, FREE_SPEED = range(10)
 # physical box: gains of either sign, so that a sign error shows; lags and dead times as in FopdtSettings
 LOW = (-300.0, -100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.2, -5.0, 10.0)

@@ -63,13 +63,14 @@ def search_causes(
     """
     refused: list[str] = []
     data = drive.data
+    source: Source | None = None
     while True:
         checked = cross_validation.search_causes(data, effects, fitted)
         search, folds, gain = checked.search, checked.folds, checked.gain
         refused += checked.refused
         if not search.named:
             return Confirmed(search, tuple(refused), folds, Interval(), NullGain(), Interval(), {})
-        source = noise()
+        source = source or noise()
         whole = predictive_score.of_whole(data, search, source.scale)
         each = predictive_score.of_each(data, search, source.scale, whole)
         gone = _unpredictive(search, each)

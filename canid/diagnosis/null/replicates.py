@@ -15,7 +15,7 @@ import numpy as np
 from canid.diagnosis.causal_smoothing import QUIETEST_GAP, QUIETEST_RATE, roughness
 from canid.diagnosis.driver import closed_loop
 from canid.diagnosis.driver.closed_loop import ACCEL, MIN_GAP_M, ON_BRAKE_PERCENT, PEDAL, Ride, Road, Stretch
-from canid.diagnosis.driver.driver_data import PEDAL_FLOOR_PERCENT, DriverData
+from canid.diagnosis.driver.driver_data import PEDAL_FLOOR_PERCENT, DriverData, braking
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1
 from canid.diagnosis.driver.driver_simulation import HISTORY_S
@@ -82,7 +82,7 @@ def simulated(
     driver = driver._replace(fitted=driver.fitted._replace(q=q))
     car, push = None, None
     if drive.role == PEDAL and drive.vehicle.cars is not None:
-        brake = _brake(drive.trace)
+        brake = braking(drive.trace)
         car = closed_loop.car(drive.vehicle.cars[1], drive.vehicle, driver.fitted.model, brake, dt)
         n = data.seen.t.size
         every = max(drive.vehicle.left.size // max(n, 1), 1)
@@ -102,10 +102,6 @@ def simulated(
         if made is not None:
             out.append(made)
     return out
-
-
-def _brake(trace: Trace) -> Flags:
-    return np.nan_to_num(trace.signals.get("brake", np.zeros(trace.t.size))) > 0.5
 
 
 def _stretches(drive: Drive) -> tuple[Stretch, ...]:
@@ -135,7 +131,7 @@ def _replicate(
     segment = trace.segment.copy()
     history = round(HISTORY_S / trace.dt)
     pedal = drive.role == PEDAL
-    brake = _brake(trace)
+    brake = braking(trace)
     crashed = total = 0
     for m, one in enumerate(where, first):
         # the last row has no output

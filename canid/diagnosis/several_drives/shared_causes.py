@@ -7,7 +7,7 @@ part in its fit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -61,9 +61,7 @@ def shared(
     shares, own = [], list[FittedDriver | None]()
     for name, here in zip(names, inside, strict=True):
         others = rows & ~here
-        gains = {
-            effect: _gain(found.data, found.solved, left, here, others) for effect, left in without.items()
-        }
+        gains = _gains(found.data, found.solved, without, here, others)
         alone = _alone(found.data, found.solved, here)
         own.append(alone)
         channels = {} if alone is None else driver_intervals.channels(alone, data.output.dt)
@@ -71,12 +69,20 @@ def shared(
     return Shared(tuple(shares), _differences(found, [one for one in own if one is not None], data.output.dt))
 
 
-def _gain(data: DriverData, model: FittedDriver, left: FittedDriver, here: Flags, others: Flags) -> Interval:
-    """Gain of a cause on a drive, nats/min; both models as the other drives give them."""
+def _gains(
+    data: DriverData, model: FittedDriver, without: Mapping[str, FittedDriver], here: Flags, others: Flags
+) -> dict[str, Interval]:
+    """Gain of each cause on a drive, nats/min; all models as the other drives give them."""
+    if not without:
+        return {}
     if not others.any() or not here.any():
-        return Interval()
-    with_it, without = (_scores(data, one, here, others, model.noise.size) for one in (model, left))
-    return gain(with_it - without, here, data.output.dt)
+        return dict.fromkeys(without, Interval())
+    size = model.noise.size
+    with_it = _scores(data, model, here, others, size)
+    return {
+        effect: gain(with_it - _scores(data, left, here, others, size), here, data.output.dt)
+        for effect, left in without.items()
+    }
 
 
 def _scores(data: DriverData, of: FittedDriver, here: Flags, others: Flags, size: Array) -> Array:

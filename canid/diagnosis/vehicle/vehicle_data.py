@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.driver.driver_data import filled
+from canid.diagnosis.driver.driver_data import braking, filled
 from canid.diagnosis.fitting.likelihood import Output
 from canid.diagnosis.masks import extended, output_role
 from canid.diagnosis.sensing.kinematics import slope
@@ -68,10 +68,9 @@ def prepare(trace: Trace, usable: Flags) -> VehicleData | str:
         measured, signal = signals["accel"], "accel"
     else:
         measured, signal = slope(own, dt), "speed"
-    brake = np.nan_to_num(signals.get("brake", np.zeros(n))) > 0.5
-    braking = extended(brake, round(AFTER_BRAKE_S / dt))
+    braked = extended(braking(trace), round(AFTER_BRAKE_S / dt))
     gone = extended(~(known & np.isfinite(measured) & usable), round(LAG_SETTLING_S / dt))
-    fine = ~braking & ~gone
+    fine = ~braked & ~gone
     if not fine.any() or np.std(measured[fine]) < STILL_ACCEL or np.std(pedal[fine]) < STILL_PEDAL:
         return "pedal and speed hardly move"
     road = graded(trace, own)
