@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
     # logs that make one report
     groups = [tuple(args.logs)] if args.same else [(log,) for log in args.logs]
-    named = [f"{Path(args.logs[0]).stem}.together"] if args.same else args.logs
+    named = [f"{Path(args.logs[0]).stem}_together"] if args.same else args.logs
     pages = report_names(named, args.report)
     json = options.json_output(args)
     reports: list[Output | None] = [Output("--report", name, output_kinds.PAGE) for name in pages.values()]
