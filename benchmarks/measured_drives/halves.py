@@ -96,7 +96,7 @@ def variants(of: Half) -> dict[str, FittedDriver]:
     """The baselines of a half."""
     plain, data = of.prepared.fitted, of.prepared.data
     gap = baseline_form.of_form(data, plain, Form.GAP)
-    chosen = baseline_form.choose(data, plain, DRIVERS).fitted
+    chosen = baseline_form.choose(of.prepared.trace, data, plain, DRIVERS).fitted
     out = {
         "time headway": plain,
         "form by evidence": chosen,

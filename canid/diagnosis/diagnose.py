@@ -195,7 +195,7 @@ def _diagnosed(
     drivers = tuple(
         effect for effect in catalogue if effect.where == "driver" and effect.kind is not Kind.MASK
     )
-    form = baseline_form.choose(prepared.data, prepared.fitted, drivers)
+    form = baseline_form.choose(prepared.trace, prepared.data, prepared.fitted, drivers)
     if form.fitted.model.form is not Form.TIME_HEADWAY:
         # a form holds the effects that state another wanted gap
         drivers = tuple(effect for effect in drivers if not effect.wanted_gap)

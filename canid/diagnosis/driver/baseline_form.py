@@ -3,7 +3,9 @@
 The literature states the forms for accelerations. What a pedal must be at a steady speed depends on the speed through the
 car's drag, which nobody can separate from a wanted gap: there the form stays Grover's, and what depends on the speed is a
 finding. Of an acceleration, a form must exceed the evidence that any cause needs, and that of every effect which states
-another wanted gap (a standstill distance in a time-headway driver, say), so that such an effect keeps its name.
+another wanted gap (a standstill distance in a time-headway driver, say), so that such an effect keeps its name; and behind
+the recorded lead, in closed loop, it must keep the measured gap at least as well as a constant time headway does. Of two
+such forms the closed loop decides: what the driver wants at a steady speed shows in the gap, hardly in the next sample.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.driver import driver_candidates
+from canid.diagnosis.driver import closed_loop, driver_candidates
 from canid.diagnosis.driver.driver_candidates import EVIDENCE_PER_PARAMETER
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
@@ -37,7 +39,7 @@ from canid.effects.effect import Effect, Kind
 from canid.effects.wanted_gap import REFERENCE_SPEED, Form
 from canid.findings import BaselineForm
 from canid.identification.confidence import SIGMAS
-from canid.types import Array, Interval
+from canid.types import Array, Interval, Trace
 
 # s, m, and parts of the highest driven speed: where the fit of a form begins, after screening with its gains refitted
 INITIAL_T, INITIAL_S0, INITIAL_V0 = (0.7, 1.2, 1.8, 2.5), (0.0, 4.0), (1.05, 1.3, 2.0)
@@ -47,6 +49,8 @@ OTHERS = (Form.GAP, Form.FREE_SPEED)
 BOUND_RANGE_SHARE = 0.01
 # of the screened initial guesses, fitted in full
 FULL_FITS = 2
+# of parameters and noise, in each of these fits
+FORM_TURNS = 8
 SAYS = {
     Form.TIME_HEADWAY: "the wanted time headway is constant",
     Form.GAP: "the gap is controlled, with a standstill distance and a time gap (OVRV)",
@@ -61,10 +65,11 @@ class Choice(NamedTuple):
     why: str
 
 
-def choose(data: DriverData, fitted: FittedDriver, effects: tuple[Effect, ...]) -> Choice:
+def choose(trace: Trace, data: DriverData, fitted: FittedDriver, effects: tuple[Effect, ...]) -> Choice:
     """Choose the form of the baseline.
 
     Args:
+        trace: of the drive, on the driver's grid.
         data: the driver's columns.
         fitted: the baseline with a constant time headway.
         effects: candidates of the driver's block.
@@ -73,8 +78,8 @@ def choose(data: DriverData, fitted: FittedDriver, effects: tuple[Effect, ...]) 
         return Choice(fitted, "the form for a pedal")
     best: _Fitted | None = None
     for form in OTHERS:
-        one = _fitted(data, fitted, form)
-        if one is not None and (best is None or one.margin > best.margin):
+        one = _fitted(trace, data, fitted, form)
+        if one is not None and (best is None or one.gap_error < best.gap_error):
             best = one
     if best is None:
         return Choice(fitted, "no other form explains more than chance")
@@ -101,11 +106,12 @@ class _Fitted(NamedTuple):
     evidence: float
     needed: float
     margin: float  # 2 Δ log likelihood less what the parameters cost
+    gap_error: float  # m², mean square, in closed loop
 
 
-def _fitted(data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | None:
+def _fitted(trace: Trace, data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | None:
     solved = of_form(data, fitted, form)
-    if solved is None or driver_candidates.simulates_worse(data, solved, fitted):
+    if solved is None:
         return None
     extra = len(solved.fitted.free) - len(fitted.fitted.free)
     own = [k for k in OWN[form] if k in solved.fitted.free and k != OFFSET]
@@ -122,7 +128,11 @@ def _fitted(data: DriverData, fitted: FittedDriver, form: Form) -> _Fitted | Non
     evidence, bound = won / inflation(solved.fitted, own, data.output.dt), needed(extra, len(OTHERS))
     if evidence < bound:
         return None
-    return _Fitted(solved, extra, evidence, bound, won - EVIDENCE_PER_PARAMETER * extra)
+    square, before = (closed_loop.gap_error(trace, data, one) for one in (solved, fitted))
+    # not <=: NaN, no stretch to compare on
+    if not square <= before:
+        return None
+    return _Fitted(solved, extra, evidence, bound, won - EVIDENCE_PER_PARAMETER * extra, square)
 
 
 def of_form(data: DriverData, fitted: FittedDriver, form: Form) -> FittedDriver | None:
@@ -130,7 +140,11 @@ def of_form(data: DriverData, fitted: FittedDriver, form: Form) -> FittedDriver 
     model = with_effects((), form, fitted.model.begins, fitted.model.tied)
     guesses = [driver_candidates.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
     guesses.sort(key=lambda guess: -guess.explains)
-    found = [solve(data, model, guess.q, fitted.noise, fitted.rows) for guess in guesses[:FULL_FITS]]
+    # another wanted gap leaves another noise: with the baseline's, the fit ends far from the optimum
+    found = [
+        polished(data, solve(data, model, guess.q, fitted.noise, fitted.rows, FORM_TURNS))
+        for guess in guesses[:FULL_FITS]
+    ]
     return min(found, key=lambda one: one.deviance, default=None)
 
 
