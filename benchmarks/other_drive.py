@@ -9,20 +9,22 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis import corrections
-from canid.diagnosis.diagnose import Prepared, ready
-from canid.diagnosis.driver import closed_loop, cross_validation
+from canid.diagnosis.driver import baseline_form, closed_loop, cross_validation
 from canid.diagnosis.driver.closed_loop import Ride, Road
 from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.diagnosis.rivals.calibration import calibrate
+from canid.diagnosis.rivals.recommendation import CANID
 from canid.diagnosis.rivals.rival_models import MODELS
 from canid.diagnosis.rivals.rival_simulation import leads, simulate
 from canid.effects import CATALOGUE
 from canid.effects.effect import Kind
+from canid.effects.wanted_gap import Form
 from canid.findings import ClosedLoopError, Report, nrmse
 from canid.types import Trace
 
 STRETCH_S = 60.0
-BASELINE, CHOSEN = "baseline", "chosen"
+BASELINE, CHOSEN, RECOMMENDED = "baseline", "chosen", "recommended"
 Errors = dict[str, ClosedLoopError]
 
 
@@ -33,17 +35,20 @@ def prepared(trace: Trace) -> Prepared | None:
 
 
 def chosen(of: Prepared, report: Report) -> FittedDriver:
-    """Return the model that the diagnosis stands for: extended by what it names; the baseline where it names nothing.
+    """Return the model that the diagnosis stands for: the baseline in its form, extended by what the report names.
 
     Args:
         of: the drive.
         report: its diagnosis. Surrogates are no cause by its own words, and do not count.
     """
-    if not any(one.where == "driver" and not one.surrogate for one in report.findings):
-        return of.fitted
     drivers = tuple(e for e in CATALOGUE if e.where == "driver" and e.kind is not Kind.MASK)
-    found = cross_validation.search_causes(of.data, drivers, of.fitted).search
-    return found.solved if found.named else of.fitted
+    fitted = baseline_form.choose(of.trace, of.data, of.fitted, drivers).fitted
+    if not any(one.where == "driver" and not one.surrogate for one in report.findings):
+        return fitted
+    if fitted.model.form is not Form.TIME_HEADWAY:
+        drivers = tuple(effect for effect in drivers if not effect.wanted_gap)
+    found = cross_validation.search_causes(of.data, drivers, fitted).search
+    return found.solved if found.named else fitted
 
 
 def carried(here: Prepared, there: Prepared, models: dict[str, FittedDriver]) -> Errors:
@@ -82,23 +87,48 @@ def carried(here: Prepared, there: Prepared, models: dict[str, FittedDriver]) ->
     return out
 
 
+def with_recommended(errors: Errors, report: Report) -> Errors:
+    """Add the errors of the model that the diagnosis of the first drive recommends.
+
+    Args:
+        errors: of all models on the other drive.
+        report: of the first drive, with its rivals.
+    """
+    name = CHOSEN if report.recommended in ("", CANID) else report.recommended
+    return errors | {RECOMMENDED: errors[name]} if errors else errors
+
+
 def best_rival(errors: Errors) -> ClosedLoopError:
     """The published model with the smallest error of the gap."""
     return min((errors[one.name] for one in MODELS), key=lambda error: error.gap)
 
 
 def summary(rows: list[Errors]) -> list[str]:
-    """Lines of a table: median and mean over the drives, and how often a model is no worse than the best rival."""
-    names = [BASELINE, CHOSEN, *(one.name for one in MODELS), "best rival"]
+    """Lines of a table: median and mean over the drives, and how often a model is no worse than the best rivals.
+
+    Of all drives that is the one with the smallest median; of each drive it is known afterwards only.
+    """
+    names = [
+        *(name for name in (BASELINE, CHOSEN, RECOMMENDED) if name in rows[0]),
+        *(one.name for one in MODELS),
+        "best rival",
+    ]
+    single = min(
+        (one.name for one in MODELS), key=lambda name: float(np.median([row[name].gap for row in rows]))
+    )
     rows = [{**row, "best rival": best_rival(row)} for row in rows]
     out = [
-        "| model | NRMSE of the gap, median | mean | of the speed, median | mean | gap no worse than the best rival |"
+        "| model | NRMSE of the gap, median | mean | of the speed, median | mean "
+        f"| gap no worse than {single}'s | than the best rival's of each drive |"
     ]
-    out.append("|---|---|---|---|---|---|")
+    out.append("|---|---|---|---|---|---|---|")
     for name in names:
         gap, speed = (np.array([row[name][k] for row in rows]) for k in (0, 1))
-        better = np.mean([row[name].gap <= row["best rival"].gap for row in rows])
+        shares = [
+            np.mean([row[name].gap <= row[other].gap for row in rows]) for other in (single, "best rival")
+        ]
         figures = (np.median(gap), np.mean(gap), np.median(speed), np.mean(speed))
         cells = " | ".join(f"{x:.3f}" for x in figures)
-        out.append(f"| {name} | {cells} | {100 * better:.0f} % ({len(rows)}) |")
+        better = " | ".join(f"{100 * share:.0f} % ({len(rows)})" for share in shares)
+        out.append(f"| {name} | {cells} | {better} |")
     return out

@@ -67,6 +67,24 @@ BENCHMARKS = (
         "hidden_effects", "benchmarks.hidden_effects", "2 h", "diagnosis of effects planted in 500 drives"
     ),
     Benchmark(
+        "another_lead",
+        "benchmarks.hidden_effects.another_lead",
+        "6 min",
+        "stated gains on fresh drives of the same driver behind other leads",
+    ),
+    Benchmark(
+        "missed",
+        "benchmarks.hidden_effects.missed",
+        "8 min",
+        "the driver's intervals where a weak effect was not named",
+    ),
+    Benchmark(
+        "hidden_effects_lane",
+        "benchmarks.hidden_effects.lane",
+        "10 min",
+        "diagnosis of effects planted in lane drives",
+    ),
+    Benchmark(
         "hidden_effects_tuning",
         "benchmarks.hidden_effects.peers.tuning",
         "1 h",

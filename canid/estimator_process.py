@@ -25,6 +25,7 @@ from typing import IO, Any, NamedTuple
 from canid.child_process import command as child_command
 from canid.errors import CanidError
 from canid.frame_columns import columns_of
+from canid.one_thread import use_one_thread
 from canid.types import Columns, Event, Frame
 
 # frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, some 60 MB
@@ -287,9 +288,8 @@ def main() -> int:
     """Run as the child: frames in, outputs out, until the input ends."""
     for ignored in (signal.SIGINT, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent to answer
-    # one core is enough, and a second one belongs to the recorder
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    # a second core belongs to the recorder
+    use_one_thread()
     source, sink = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # nothing that a library prints gets between the messages
 

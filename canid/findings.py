@@ -61,7 +61,9 @@ class Finding(NamedTuple):
     surrogate: bool  # it reduces the residual but leaves structure in it: not the cause
     parameters: Mapping[str, Interval]
     units: Mapping[str, str]  # parameter -> unit
-    gain: Interval  # relative reduction of the simulation's error variance on held-out data
+    # relative reduction of the simulation's error variance on held-out data; of the driver's findings the interval is where
+    # that of another drive of the same driver lies, behind another lead
+    gain: Interval
     says: str
     evidence: float  # 2 Δ log likelihood over the model without it, robust against autocorrelated noise of varying scale
     needed: float  # what the evidence had to exceed, corrected for the number of candidates
@@ -89,6 +91,16 @@ class NotTestable(NamedTuple):
 
     effects: tuple[str, ...]  # one: not identifiable here; two: not distinguishable here
     why: str  # and which drive would decide
+
+
+class Visible(NamedTuple):
+    """From which strength on an effect that was not named would have shown."""
+
+    effect: str
+    parameter: str
+    strength: float  # NaN: no strength up to eight times the typical one would have
+    unit: str
+    bends: float  # bias of K of range rate if so strong an effect were there, relative; NaN: not estimated
 
 
 class Check(NamedTuple):
@@ -242,7 +254,7 @@ class Report(NamedTuple):
     findings: tuple[Finding, ...]
     # share of the extended model's residual variance that is unexplained structure; NaN: not estimated
     unexplained: Interval
-    gain: Interval  # of all findings together, open loop, on held-out data
+    gain: Interval  # of all findings together, open loop, on held-out data; its interval is that of another drive
     not_testable: tuple[NotTestable, ...]
     candidates_tried: int
     tried: tuple[Tried, ...]
@@ -258,6 +270,7 @@ class Report(NamedTuple):
     steps: tuple[str, ...]  # what was done, in order
     provenance: Provenance = Provenance()
     rivals: tuple[Rival, ...] = ()  # published car-following models, where they were asked for
+    recommended: str = ""  # "canid" or a rival: the model to simulate with behind another lead; "": no rivals
     signals: tuple[SignalFinding, ...] = ()  # findings on the signals
     time: DriveTime | None = None  # what the drive holds
     model: IdentifiedModel | None = None  # the final model, for simulation; None: nothing was identified
@@ -266,6 +279,7 @@ class Report(NamedTuple):
     null_gain: NullGain = NullGain()  # of `gain`
     drives: tuple[DriveShare, ...] = ()  # where several were diagnosed together
     differ: tuple[str, ...] = ()  # sentences: what is not the same on all of them
+    visible: tuple[Visible, ...] = ()  # what a diagnosis of the driver that passes its tests could have seen
 
 
 def extends(report: Report) -> bool:

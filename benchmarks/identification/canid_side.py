@@ -13,7 +13,8 @@ from canid.estimators import ESTIMATORS
 from canid.estimators.armax import SECOND_START, ArmaxSettings
 from canid.estimators.fopdt import FopdtSettings
 from canid.identification import autoregression, feedback_bias, identifiability, innovation_law
-from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay
+from canid.identification.armax import armax_batch, armax_recursive, box_jenkins_recursive, gain_and_delay
+from canid.identification.armax.rates import per_sample, rates
 from canid.identification.fopdt import fopdt_residual, regression_rows
 from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process, row_layout
 from canid.identification.fopdt.prior import Prior
@@ -209,6 +210,10 @@ class Score(NamedTuple):
     dt: float  # s, rows apart
 
 
+# s of a drive that the recursion's batch start takes
+RECURSION_BEGINS_S = 60.0
+
+
 def held_out(path: Path, vehicle: str, half: int) -> Score:
     """Fit one half of a log and score the other, by the noise's Gaussian autoregression and by canid's law.
 
@@ -241,6 +246,54 @@ def held_out(path: Path, vehicle: str, half: int) -> Score:
         scores.append(60.0 / (fit.stride * trace.dt) * total / max(rows, 1))
     freedom = fit.law.freedom if fit.law is not None else np.nan
     return Score(scores[0], scores[1], freedom, fit.stride * trace.dt)
+
+
+def recursive(path: Path, vehicle: str, half: int) -> float:
+    """Gain of canid's law over a Gaussian one on ARMAX's innovations, nats/min; NaN: the recursion does not begin.
+
+    Each innovation is the error of the recursion's own prediction from what came before. Both laws are those that one half
+    shows, judged on the other.
+
+    Args:
+        path: of the log.
+        vehicle: its file's name.
+        half: 0 or 1, whose innovations the laws are fitted to.
+    """
+    trace = canid.read_trace(path, vehicle)
+    samples = np.column_stack([trace.output, trace.learn, trace.segment, trace.inputs])
+    layout, stated = row_layout(2, trace.dt, 3.0, 1.5), rates(trace.dt)
+    memories = per_sample(armax_recursive.FORGETTING, trace.dt)
+    begin, settle = round(RECURSION_BEGINS_S / trace.dt), 4.5
+    state = box_jenkins_recursive.begin(layout, samples[:begin], memories, None, settle)
+    if state is None:
+        return float("nan")
+    kept = []
+    for first in range(begin, len(samples) - stated.block, stated.block):
+        before = state
+        state = box_jenkins_recursive.step(
+            layout, state, samples[first : first + stated.block], memories, None, settle
+        )
+        if state.blocks > before.blocks:
+            kept.append(state.tested[-stated.block :, :2])
+    e, y = np.concatenate(kept).T
+    n = len(e) // 2
+    halves = [(e[part][:: state.stride], y[part][:: state.stride]) for part in (slice(0, n), slice(n, None))]
+    scores = []
+    for law in (False, True):
+        of = None
+        for innovations, output in (halves[half], halves[1 - half]):
+            known = np.isfinite(innovations)
+            clean = np.where(known, innovations, 0.0)
+            seen = np.isfinite(output)
+            change = innovation_law.changes(np.where(seen, output, 0.0), seen)
+            features = innovation_law.features(clean, known, change, 1.0 / (state.stride * trace.dt))
+            if of is None:
+                plain = innovation_law.equal(len(clean), float(clean[known].std()))
+                of = innovation_law.fit(clean, known, features) if law else plain
+                continue
+            density = innovation_law.log_density(clean, innovation_law.applied(clean, of.law, features))
+            scores.append(60.0 / (state.stride * trace.dt) * float(density[known].mean()))
+    return scores[1] - scores[0]
 
 
 def _residual(fit: ProcessFit, trace: canid.Trace, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,12 +1,13 @@
 """Diagnosis of measured drives, whole and in halves: docs/measured.md.
 
-    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--only diagnosis|rivals|halves]
+    python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--only diagnosis|rivals|halves|remnant]
 
-For each log: the verdict, the evidence for the two causes that a plot of the residual suggests (a drift of the desired
-headway, an answer to the lead's acceleration), and the answer to range rate in each half: the same driver should have
-the same in both. The table of rivals has canid's model and published car-following models fitted to one half and
-simulated in closed loop on the other, both ways. That of halves has the closed-loop gap error on the half that did not
-fit, by forms of the baseline (`halves`).
+For each log and its halves: the verdict, what is named in the mean law and in the remnant with its gain in one-step log
+score on held-out data, the answer to range rate, and from which size on three effects would have been named; then both
+halves as two drives of one driver, each judged by a fit to the other. The table of rivals has canid's model and published
+car-following models fitted to one half and simulated in closed loop on the other, both ways. That of halves has the
+closed-loop gap error on the half that did not fit, by forms of the baseline (`halves`); that of the remnant has the law of
+each person's noise on the others' drives.
 """
 
 from __future__ import annotations
@@ -17,21 +18,28 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_drives import halves
-from benchmarks.other_drive import BASELINE, CHOSEN, Errors, carried, chosen, prepared, summary
+from benchmarks.measured_drives import halves, remnant
+from benchmarks.other_drive import (
+    BASELINE,
+    CHOSEN,
+    RECOMMENDED,
+    Errors,
+    carried,
+    chosen,
+    prepared,
+    summary,
+    with_recommended,
+)
 from canid import read_trace
-from canid.diagnosis.diagnose import diagnose, ready
+from canid.diagnosis.diagnose import diagnose, diagnose_drives
 from canid.diagnosis.driver.driver_model import pedal
+from canid.diagnosis.prepared_drive import ready
 from canid.diagnosis.rivals.rival_models import MODELS
 from canid.findings import ClosedLoopError, Report
 from canid.types import Interval, Trace
 
-CANDIDATES = ("headway_drift", "lead_acceleration")
-# people who follow for more than twenty minutes: for the table of rivals, with those below
-LONG = tuple(
-    (f"asta/asta_{name}.blf", "openacc_asta")
-    for name in ("p3_f2_Tesla_Model3", "p3_f4_Audi_A6", "p10_f2_Audi_A6", "p10_f4_Mercedes_AClass")
-)
+# effects whose size at which this drive would show them stands in the table
+SEEN = ("lead_acceleration", "relative_speed_dead_zone", "asymmetric_gain")
 # file -> shipped vehicle
 LOGS = (
     ("openacc/human_h22_v3.blf", "openacc"),
@@ -41,6 +49,7 @@ LOGS = (
     ("openacc/acc_long_h10_v5.blf", "openacc"),
     ("rav4/rav4_highway.blf", "toyota_rav4_2017"),
 )
+# people who follow for more than twenty minutes
 ASTA = tuple(
     (f"asta/asta_{name}.blf", "openacc_asta")
     for name in ("p3_f2_Tesla_Model3", "p3_f4_Audi_A6", "p10_f2_Audi_A6", "p10_f4_Mercedes_AClass")
@@ -71,21 +80,38 @@ def interval_text(interval: Interval | None, digits: int = 2) -> str:
 
 def row(name: str, report: Report) -> str:
     """One line of the table."""
-    names = (f.effect + (" (surrogate)" if f.surrogate else "") for f in report.findings)
-    highest = {}
-    for one in report.tried:
-        if one.effect in CANDIDATES and not math.isnan(one.evidence):
-            highest[one.effect] = max(highest.get(one.effect, -math.inf), one.evidence)
-    evidence = " | ".join(f"{highest[e]:.1f}" if e in highest else "–" for e in CANDIDATES)
+    law = [f for f in report.findings if f.where == "remnant"]
+    mean = [f.effect + (" (surrogate)" if f.surrogate else "") for f in report.findings if f not in law]
+    of_law = [
+        "; ".join(
+            f"{f.effect} {', '.join(f'{iv.value:.2g}' for iv in f.parameters.values())}: "
+            f"{interval_text(f.log_score_gain, 1)}"
+            for f in law
+        )
+    ]
+    seen = {one.effect: f"{one.strength:.2g}" for one in report.visible}
+    form = report.baseline.form
     answer = report.extended.channels.get("range_rate") if report.extended.channels else None
     K, late = (interval_text(answer.K), interval_text(answer.tau_plus_dead_time)) if answer else ("–", "–")
-    gain = interval_text(report.gain)
-    fit = f"{report.baseline.fit_percent:.0f}" if report.baseline.channels else "–"
-    masked = sum(m.stop - m.start for m in report.masked)
-    return (
-        f"| {name} | {report.verdict.value} | {', '.join(names) or '–'} | {evidence} | {fit} | {gain} | {K} | {late} "
-        f"| {masked:.0f} |"
-    )
+    cells = (
+        name, report.verdict.value, ", ".join(mean) or "–", interval_text(report.log_score_gain, 1), of_law[0] or "–",
+        form.name.replace("_", " ") if form else "–",
+        f"{report.baseline.fit_percent:.0f}" if report.baseline.channels else "–",
+        K, late, *(seen.get(effect, "–") for effect in SEEN),
+    )  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def both_halves(trace: Trace, minimum: float) -> str:
+    """What the halves say together, and what each gains by what the other says."""
+    parts = [part(trace, 0.0, 0.5), part(trace, 0.5, 1.0)]
+    report = diagnose_drives(parts, ("first", "second"), minimum=minimum)
+    gains = [
+        f"{one.name} {effect} {interval_text(iv, 1)}"
+        for one in report.drives
+        for effect, iv in one.gains.items()
+    ]
+    return f"{report.verdict.value}; {'; '.join([*gains, *report.differ]) or 'no cause of the mean'}"
 
 
 def crossed(trace: Trace) -> str:
@@ -117,8 +143,9 @@ def both_ways(trace: Trace, minimum: float) -> Errors:
         here, there = prepared(this), prepared(other)
         if here is None or there is None:
             return {}
-        model = chosen(here, diagnose(this, minimum=minimum))
-        ways.append(carried(here, there, {BASELINE: here.fitted, CHOSEN: model}))
+        report = diagnose(this, minimum=minimum, rivals=True)
+        models = {BASELINE: here.fitted, CHOSEN: chosen(here, report)}
+        ways.append(with_recommended(carried(here, there, models), report))
     names = ways[0].keys() & ways[1].keys()
     return {
         name: ClosedLoopError(*np.mean([way[name] for way in ways], axis=0))
@@ -129,10 +156,10 @@ def both_ways(trace: Trace, minimum: float) -> Errors:
 
 def rivals(data: Path, minimum: float) -> None:
     """Print the table of rivals."""
-    names = (BASELINE, CHOSEN, *(model.name for model in MODELS))
+    names = (BASELINE, CHOSEN, RECOMMENDED, *(model.name for model in MODELS))
     print(f"| log | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}")
     rows = []
-    for log, vehicle in (*LONG, *(one for one in LOGS if one[1] == "openacc")):
+    for log, vehicle in (*ASTA, *(one for one in LOGS if one[1] == "openacc")):
         path = data / log
         if not path.exists():
             print(f"| {log} | the file is not there |{' |' * (len(names) - 1)}")
@@ -155,7 +182,7 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--minimum", type=float, default=60.0, help="s that a part must have")
-    parser.add_argument("--only", choices=("diagnosis", "rivals", "halves"))
+    parser.add_argument("--only", choices=("diagnosis", "rivals", "halves", "remnant"))
     args = parser.parse_args()
     if args.only in (None, "diagnosis"):
         diagnoses(args.data, args.minimum)
@@ -165,6 +192,11 @@ def main() -> None:
     if args.only in (None, "halves"):
         print()
         closed_loop_of_halves(args.data)
+    if args.only in (None, "remnant"):
+        print()
+        people = [log for log in (*ASTA, *LOGS) if "human" in log[0] or "asta" in log[0]]
+        traces = {Path(log).stem: read_trace(args.data / log, vehicle) for log, vehicle in people}
+        print("\n".join(remnant.table(traces)))
 
 
 def closed_loop_of_halves(data: Path) -> None:
@@ -178,24 +210,30 @@ def closed_loop_of_halves(data: Path) -> None:
 def diagnoses(data: Path, minimum: float) -> None:
     """Print the tables of whole drives and halves."""
     heads = (
-        "log", "verdict", "named", *CANDIDATES, "fit %", "gain held out", "K of range rate", "τ+θ s", "masked s",
+        "log", "verdict", "named in the mean", "log score, nats/min", "in the remnant: log score, nats/min", "form",
+        "fit %", "K of range rate", "τ+θ s", *(f"{effect} would show from" for effect in SEEN),
     )  # fmt: skip
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
-    by_halves = []
-    for log, vehicle in LOGS:
+    by_halves, together = [], []
+    for log, vehicle in (*ASTA, *LOGS):
         path = data / log
         if not path.exists():
-            print(f"| {log} | the file is not there | | | | | | | | |")
+            print(f"| {log} | the file is not there |{' |' * (len(heads) - 2)}")
             continue
         trace = read_trace(path, vehicle)
         for name, start, stop in (("whole", 0.0, 1.0), ("first half", 0.0, 0.5), ("second half", 0.5, 1.0)):
             report = diagnose(part(trace, start, stop), minimum=minimum)
             print(row(f"{path.stem}, {name}", report), flush=True)
         by_halves.append(f"| {path.stem} | {crossed(trace)} |")
+        together.append(f"| {path.stem} | {both_halves(trace, minimum)} |")
     print(
         "\n| log | half simulated by the other half's driver, fit %: as it is / with its own offset |\n|---|---|"
     )
     print("\n".join(by_halves))
+    print(
+        "\n| log | halves diagnosed together: verdict; gain on each half by a fit to the other, nats/min |\n|---|---|"
+    )
+    print("\n".join(together))
 
 
 if __name__ == "__main__":

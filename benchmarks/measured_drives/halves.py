@@ -17,11 +17,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from canid.diagnosis import masks
-from canid.diagnosis.diagnose import Prepared, ready
 from canid.diagnosis.driver import baseline_form, closed_loop
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import DESIRED, K1, OFFSET
 from canid.diagnosis.fitting.robust_covariance import sandwich
+from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
 from canid.effects.wanted_gap import Form
 from canid.types import Array, Trace

@@ -17,8 +17,10 @@ import numpy as np
 from benchmarks.measured_drives.__main__ import part
 from canid import read_trace
 from canid.diagnosis import corrections
-from canid.diagnosis.diagnose import Null, diagnose, ready, recorded_drive
+from canid.diagnosis.diagnose import diagnose
+from canid.diagnosis.driver_report import Null, recorded_drive
 from canid.diagnosis.null import replicates
+from canid.diagnosis.prepared_drive import ready
 from canid.effects import CATALOGUE
 from canid.findings import Report
 from canid.types import LearnGate, Trace

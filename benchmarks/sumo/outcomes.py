@@ -16,9 +16,9 @@ from benchmarks import other_drive
 from benchmarks.sumo.lead_speeds import lead_speeds
 from benchmarks.sumo.sumo_drive import Driven, drive
 from benchmarks.sumo.sumo_drivers import driver
-from canid.diagnosis.diagnose import Prepared
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import pedal
+from canid.diagnosis.prepared_drive import Prepared
 from canid.findings import Report
 from canid.logs import write_log
 from canid.simulation import START_UTC, frames
@@ -64,7 +64,7 @@ def run(seed: int, minutes: float, data: Path) -> Outcome:
     identified = canid.identify(trace, select_orders=False)
     identify_s = time.process_time() - begin
     begin = time.process_time()
-    report = canid.diagnose(trace)
+    report = canid.diagnose(trace, rivals=True)
     diagnose_s = time.process_time() - begin
     errors, achieved = judged(trace, other, report)
     K = {name: channel.K for name, channel in identified.channels.items()}
@@ -98,7 +98,7 @@ def judged(trace: Trace, other: Trace, report: Report) -> tuple[other_drive.Erro
     models = {other_drive.BASELINE: here.fitted, other_drive.CHOSEN: chosen}
     extended = bool(chosen.model.effects)
     gained = 1 - _variance(chosen, there) / _variance(here.fitted, there) if extended else NAN
-    return other_drive.carried(here, there, models), gained
+    return other_drive.with_recommended(other_drive.carried(here, there, models), report), gained
 
 
 def _variance(model: FittedDriver, there: Prepared) -> float:

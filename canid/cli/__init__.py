@@ -15,6 +15,7 @@ from canid.cli.interrupt import Ended, ending
 from canid.cli.output import streams
 from canid.cli.output.messages import info, print_line
 from canid.errors import DONE, NOT_WRITTEN, USAGE, CanidError, ConfigError
+from canid.one_thread import use_one_thread
 
 # Verb, one line for `canid --help`; the module canid.cli.<verb> has `arguments(parser)` and `run(args) -> int`.
 # It is imported only when its verb is called: start-up stays under 0.1 s, and recording starts before numpy, scipy and
@@ -62,6 +63,7 @@ class Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     args = list(sys.argv[1:] if argv is None else argv)
+    use_one_thread()
     with streams.installed() as standard:
         code, left = _run_caught(args)
     lost = [stream for stream in standard if stream.lost]

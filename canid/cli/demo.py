@@ -1,11 +1,16 @@
-"""`canid demo`: a simulated drive with known parameters on a virtual bus, through all of canid; needs no hardware."""
+"""`canid demo`: two simulated drives on a virtual bus, recorded and analysed by all of canid; needs no hardware.
+
+The first has known parameters and is estimated live; the second hides an effect, which is found from its recording.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 
 from canid.cli import live_session, options
@@ -16,6 +21,7 @@ from canid.cli.output.outputs import Output
 from canid.cli.simulate import check_log, declared, write
 from canid.errors import CHECK_FAILED, DONE
 from canid.identification.identifiability import QUOTABLE
+from canid.session import World, session
 from canid.types import Channel, Identifiable, Interval
 from canid.views import estimate_text
 from canid.views.end_summary import EstimateTally
@@ -26,6 +32,7 @@ from canid.views.names import SYMBOLS, readable
 DEFAULT_SPEED = 6.0
 DRIVE = "following_urban"
 CHANNEL = "canid-demo"
+HIDDEN_CHANNEL = "canid-demo-hidden"
 # random seed of the drive with a hidden effect
 HIDDEN_SEED = 21
 # lines of the diagnosis that are shown: verdict, and the first finding
@@ -54,7 +61,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play a drive onto a virtual bus, compare the estimates with the truth, and diagnose a second drive."""
+    """Play a drive onto a virtual bus, compare the estimates with the truth; record and diagnose a second drive."""
     from canid.vehicle.vehicle_file import shipped
 
     log = shipped().parent / "replay_logs" / f"{DRIVE}.blf"
@@ -64,8 +71,9 @@ def run(args: argparse.Namespace) -> int:
     json_file = options.json_output(args)
     recording = Output("-o", str(out / "demo.blf"), output_kinds.RECORDING)
     hidden = declared(out / "hidden.blf", force=True)
+    hidden_recording = Output("-o", str(out / "hidden_recorded.blf"), output_kinds.RECORDING)
     report = Output("-o", str(out / "report.html"), output_kinds.PAGE)
-    outputs.check([json_file, recording, *hidden, report])
+    outputs.check([json_file, recording, *hidden, hidden_recording, report])
     check_log(hidden[0])
     known = tuple((readable(name), _truth(of)) for name, of in truth.items())
     info(f"{log.name}: a simulated drive of 3 minutes on a virtual bus, at {args.speed:g} × real time")
@@ -81,12 +89,12 @@ def run(args: argparse.Namespace) -> int:
     comparison = [line for name, channels in estimated.items() for line in compare(name, channels, truth)]
     for line in comparison:
         show(line)
-    diagnose_hidden(hidden, report, show)
+    found = diagnose_hidden(hidden, hidden_recording, report, show)
     show(f"full diagnosis: {report.path}")
     show("next: canid replay replay_logs/following_urban.blf --vehicle generic")
     show("      canid check YOUR.blf            list the contents of your own log")
     show("      canid init YOUR.dbc             propose a vehicle file for your own car")
-    return code or (DONE if estimated else CHECK_FAILED)
+    return code or (DONE if estimated and found else CHECK_FAILED)
 
 
 def play_and_watch(
@@ -118,8 +126,33 @@ def play_and_watch(
     )
 
 
-def diagnose_hidden(hidden: tuple[Output, Output], report: Output, show: Callable[[str], None]) -> None:
-    """Simulate a drive with a hidden effect, write its log, diagnose the log, and write the report."""
+def record_at_once(log: str, recording: str) -> World:
+    """Play a log onto a virtual bus without pauses and record it, as `canid record` does; returns the recorder's end.
+
+    On `virtual` the log's own times go along, so the recording has the duration of the drive.
+    """
+    from canid.buses.bus_opener import open_buses
+    from canid.buses.send import onto
+    from canid.logs import open_log
+
+    bus = {"interface": "virtual", "channel": HIDDEN_CHANNEL}
+    buses = open_buses([{**bus, "preserve_timestamps": True}])
+    sender = threading.Thread(target=onto, args=(bus, open_log(log)), kwargs={"speed": math.inf}, daemon=True)
+    sender.start()
+    # what the bus still holds when the sender has ended is drained
+    with closing(session(buses, None, record=recording, stopped=lambda: not sender.is_alive())) as running:
+        (*_, last) = (item for item in running if isinstance(item, World))
+    return last
+
+
+def diagnose_hidden(
+    hidden: tuple[Output, Output], recording: Output, report: Output, show: Callable[[str], None]
+) -> bool:
+    """Simulate a drive with a hidden effect, record it from a virtual bus, diagnose the recording, write the report.
+
+    Returns:
+        Whether the hidden effect is among the findings.
+    """
     from canid.cli.provenance import provenance
     from canid.diagnosis.diagnose import diagnose
     from canid.drive_reader import read_trace
@@ -129,20 +162,25 @@ def diagnose_hidden(hidden: tuple[Output, Output], report: Output, show: Callabl
     from canid.views import diagnosis_text
     from canid.views.report import page
 
-    info("now a simulated drive of 5 minutes with a hidden effect: canid diagnoses its log")
+    info(
+        "now a simulated drive of 5 minutes with a hidden effect: onto the bus at once, recorded, and diagnosed"
+    )
     vehicle = read_vehicle("generic")
     effect = next(each.id for each in CATALOGUE if each.in_demo)
     simulation = simulate(minutes=5, seed=HIDDEN_SEED, profile="urban", hide={effect: ()})
-    log = hidden[0].path
     write(*hidden, simulation, vehicle)
+    recorder = record_at_once(hidden[0].path, recording.path).recorder
+    log = str(recorder.path)
+    info(f"{log}: {recorder.frames:,} frames recorded, {recorder.drops_bus + recorder.drops_disk} dropped")
     diagnosis = diagnose(read_trace(log, vehicle))
     command = f"canid diagnose {log} --vehicle generic --report"
-    diagnosis = diagnosis._replace(provenance=provenance((str(log),), vehicle, command))
+    diagnosis = diagnosis._replace(provenance=provenance((log,), vehicle, command))
     for line in diagnosis_text.text(diagnosis, log, vehicle.name)[:LINES_SHOWN]:
         show(line)
     show(f"hidden effect: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
     with outputs.opened_file(report) as file:
         file.write(page(diagnosis))
+    return any(effect in (finding.effect, *finding.rivals) for finding in diagnosis.findings)
 
 
 def _truth(of: dict[str, float]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +17,9 @@ from canid.cli.output.progress import Progress
 from canid.errors import CHECK_FAILED, DONE, ConfigError
 
 if TYPE_CHECKING:
+    from canid.drive_reader import Drive
     from canid.findings import Report
-    from canid.types import Trace
+    from canid.vehicle import Vehicle
 
 # with any other suffix `--report LOG` (the name forgotten, the log taken for it) could write over a log
 PAGE_SUFFIXES = (".html", ".htm")
@@ -47,8 +48,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--same",
-        choices=("driver",),
-        help="diagnose all logs together: one driver in one car, on several drives",
+        choices=("driver", "car"),
+        help="diagnose all logs together. driver: one driver in one car, one report; car: sensors and car on all drives "
+        "together, each driver on the own drive, one report per log",
     )
     parser.add_argument(
         "--check",
@@ -66,8 +68,9 @@ def run(args: argparse.Namespace) -> int:
     from canid.views.report import page
 
     # logs that make one report
-    groups = [tuple(args.logs)] if args.same else [(log,) for log in args.logs]
-    named = [f"{Path(args.logs[0]).stem}_together"] if args.same else args.logs
+    together = args.same == "driver"
+    groups: list[tuple[str, ...]] = [tuple(args.logs)] if together else [(log,) for log in args.logs]
+    named = [f"{Path(args.logs[0]).stem}_together"] if together else args.logs
     pages = report_names(named, args.report)
     json = options.json_output(args)
     reports: list[Output | None] = [Output("--report", name, output_kinds.PAGE) for name in pages.values()]
@@ -79,12 +82,14 @@ def run(args: argparse.Namespace) -> int:
     damaged = DONE
     adequate = True
     with outputs.opened(json) as sink:
-        for k, (logs, target) in enumerate(zip(groups, reports, strict=True)):
-            drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in logs]
-            name, traces = ", ".join(logs), [drive.trace for drive in drives]
-            with Progress(f"diagnosing {name}") as bar:
-                report = diagnosed(args, traces, bar.to)
-            report = report._replace(provenance=provenance(logs, vehicle, command(args, *logs)))
+        diagnosed = (
+            diagnosed_together(args, vehicle)
+            if args.same == "car"
+            else diagnosed_in_turn(args, vehicle, groups)
+        )
+        for k, (logs, target, (drives, report)) in enumerate(zip(groups, reports, diagnosed, strict=True)):
+            name, read = ", ".join(logs), args.logs if args.same else logs
+            report = report._replace(provenance=provenance(logs, vehicle, command(args, *read)))
             for line in [""] * (k > 0) + diagnosis_text.text(report, name, vehicle.name):
                 show(line)
             objects.append(diagnosis_json.to_json(report, name, vehicle.name))
@@ -102,15 +107,35 @@ def run(args: argparse.Namespace) -> int:
     return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
 
 
-def diagnosed(args: argparse.Namespace, traces: list[Trace], progress: Callable[[float], None]) -> Report:
-    """Diagnose one drive, or several as those of one driver."""
-    if args.same:
-        from canid.diagnosis.diagnose import diagnose_drives
+def diagnosed_in_turn(
+    args: argparse.Namespace, vehicle: Vehicle, groups: list[tuple[str, ...]]
+) -> Iterator[tuple[list[Drive], Report]]:
+    """Read and diagnose one drive after the other, or several of one driver as one."""
+    for logs in groups:
+        drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in logs]
+        traces = [drive.trace for drive in drives]
+        with Progress(f"diagnosing {', '.join(logs)}") as bar:
+            if args.same:
+                from canid.diagnosis.diagnose import diagnose_drives
 
-        return diagnose_drives(traces, args.logs, rivals=args.rivals, progress=progress)
-    from canid.diagnosis.diagnose import diagnose
+                report = diagnose_drives(traces, args.logs, rivals=args.rivals, progress=bar.to)
+            else:
+                from canid.diagnosis.diagnose import diagnose
 
-    return diagnose(traces[0], rivals=args.rivals, progress=progress)
+                report = diagnose(traces[0], rivals=args.rivals, progress=bar.to)
+        yield drives, report
+
+
+def diagnosed_together(args: argparse.Namespace, vehicle: Vehicle) -> Iterator[tuple[list[Drive], Report]]:
+    """Read all drives of one car and diagnose them, sensors and car on all of them."""
+    from canid.diagnosis.diagnose import diagnose_car
+
+    drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in args.logs]
+    with Progress(f"diagnosing {len(drives)} drives of one car") as bar:
+        traces = [drive.trace for drive in drives]
+        reports = diagnose_car(traces, args.logs, rivals=args.rivals, progress=bar.to)
+    for drive, report in zip(drives, reports, strict=True):
+        yield [drive], report
 
 
 def report_names(logs: list[str], asked: str | None) -> dict[str, str]:

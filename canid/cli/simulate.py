@@ -84,10 +84,10 @@ def hidden(text: str) -> tuple[str, tuple[float, ...]]:
         >>> hidden(f"{CATALOGUE[0].id}=0.4")[1]
         (0.4,)
     """
-    from canid.simulation.planted_effects import PLANTABLE
+    from canid.simulation.planted_effects import PLANTABLE, WITH_NUMBERS
 
     name, _, numbers = text.partition("=")
-    if name not in PLANTABLE:
+    if name not in (WITH_NUMBERS if numbers else PLANTABLE):
         raise argparse.ArgumentTypeError(f"{name!r} cannot be hidden; choose from {', '.join(PLANTABLE)}")
     try:
         return name, tuple(float(x) for x in numbers.split(",") if x)
@@ -105,13 +105,20 @@ def run(args: argparse.Namespace) -> int:
     outputs.check([json, log, truth], options.read_by(args))
     check_log(log)
     vehicle = read_vehicle(args.vehicle or ("generic_lane" if args.profile == "lane" else "generic"))
-    simulation = (
-        simulate(
-            minutes=args.minutes, seed=args.seed, profile=args.profile, noise=args.noise, hide=dict(args.hide)
+    try:
+        simulation = (
+            simulate(
+                minutes=args.minutes,
+                seed=args.seed,
+                profile=args.profile,
+                noise=args.noise,
+                hide=dict(args.hide),
+            )
+            if args.model is None
+            else of_model(args, vehicle)
         )
-        if args.model is None
-        else of_model(args, vehicle)
-    )
+    except ValueError as error:
+        raise ConfigError(f"simulate: {error}") from None
     text = write(log, truth, simulation, vehicle)
     with outputs.opened(json) as sink:
         if sink is not None:

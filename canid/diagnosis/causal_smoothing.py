@@ -21,8 +21,8 @@ from canid.types import Array
 JERKS = (0.03, 0.1, 0.3, 1.0, 3.0)
 # samples that decide which
 JERK_SAMPLES = 3000
-# steps until the gain has settled, from anything
-SETTLING_STEPS = 400
+# steps until the gain has settled, from anything; and change per step, relative, at which it has
+SETTLING_STEPS, SETTLED_CHANGE = 400, 1e-12
 # least noise: one step of a fine resolution
 QUIETEST_GAP, QUIETEST_RATE = 0.02, 0.005
 # m; the noise of a position that nobody reports
@@ -37,6 +37,7 @@ class Lagged(NamedTuple):
     lead_accel: Array  # (n, lags) m/s²
     gap_sd: Array  # (lags,) m
     range_rate_sd: Array  # (lags,) m/s
+    jerks: tuple[float, float]  # (m/s³)²·s, of the relative motion and of the lead
 
 
 class Followed(NamedTuple):
@@ -44,6 +45,7 @@ class Followed(NamedTuple):
 
     x: Array  # (n, lags, 3): position, speed, acceleration
     sd: Array  # (lags, 3)
+    jerk: float  # (m/s³)²·s
 
 
 class Filter(NamedTuple):
@@ -87,8 +89,12 @@ def settled(jerk: float, gap_sd: float, rate_sd: float, dt: float) -> Filter:
     P = np.diag([gap_sd**2, rate_sd**2, 1.0])
     G = np.zeros((3, 2))
     S, updated = np.eye(2), P
+    # a position that nobody reports never settles, and nothing depends on it
+    part = slice(1 if gap_sd >= UNREPORTED_SD_M else 0, 3)
     for _ in range(SETTLING_STEPS):
-        P = F @ updated @ F.T + Q
+        before, P = P, F @ updated @ F.T + Q
+        if (abs(P - before)[part, part] <= SETTLED_CHANGE * abs(P[part, part])).all():
+            break
         S = H @ P @ H.T + R
         G = P @ H.T @ np.linalg.inv(S)
         updated = P - G @ H @ P
@@ -146,6 +152,7 @@ def lagged(
     new: np.ndarray[tuple[int], np.dtype[np.bool_]],
     lags: int,
     dt: float,
+    jerks: tuple[float, float] | None = None,
 ) -> Lagged:
     """Estimate gap, range rate and the lead's acceleration at every lag.
 
@@ -156,15 +163,22 @@ def lagged(
         new: (n,) another target from here on.
         lags: so many, from 0 on.
         dt: s.
+        jerks: how lively both motions are; None: what is likeliest.
     """
-    pair = followed(gap, rate, new, lags, dt)
-    lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt)
+    tried = [JERKS if jerks is None else (jerk,) for jerk in jerks or (0.0, 0.0)]
+    pair = followed(gap, rate, new, lags, dt, tried[0])
+    lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt, tried[1])
     gaps, rates, accels = (np.asfortranarray(of.x[:, :, k].T) for of, k in ((pair, 0), (pair, 1), (lead, 2)))
-    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1])
+    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1], (pair.jerk, lead.jerk))
 
 
 def followed(
-    x: Array, v: Array, new: np.ndarray[tuple[int], np.dtype[np.bool_]], lags: int, dt: float
+    x: Array,
+    v: Array,
+    new: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    lags: int,
+    dt: float,
+    jerks: tuple[float, ...] = JERKS,
 ) -> Followed:
     """Estimate a motion at every lag.
 
@@ -174,6 +188,7 @@ def followed(
         new: (n,) another motion from here on.
         lags: so many, from 0 on.
         dt: s.
+        jerks: of them the likeliest is taken.
 
     Returns:
         `x` (lags, n, 3).
@@ -184,8 +199,10 @@ def followed(
         max(roughness(v, 2), QUIETEST_RATE),
     )
     part = slice(0, JERK_SAMPLES)
-    filters = [settled(jerk, x_sd, v_sd, dt) for jerk in JERKS]
-    chosen = min(filters, key=lambda f: unlikely(f, run(f, x[part], v[part], new[part])[1]))
+    jerk, chosen = jerks[0], settled(jerks[0], x_sd, v_sd, dt)
+    if len(jerks) > 1:
+        filters = [(jerk, settled(jerk, x_sd, v_sd, dt)) for jerk in jerks]
+        jerk, chosen = min(filters, key=lambda f: unlikely(f[1], run(f[1], x[part], v[part], new[part])[1]))
     states, _ = run(chosen, x, v, new)
     n = len(states)
     first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
@@ -204,4 +221,4 @@ def followed(
         P = chosen.P + chosen.C @ (P - chosen.ahead) @ chosen.C.T
         covariances.append(P)
     sd = np.sqrt(np.maximum([np.diag(P) for P in covariances], 0.0))
-    return Followed(out, sd)
+    return Followed(out, sd, jerk)

@@ -142,9 +142,17 @@ def sentence(
     return f"CAUSE: {' '.join(parts)}{better}{passed}{tail}{law}"
 
 
-def gained(driver: Report) -> str:
-    """What the driver's findings gain: of the simulation, next to what the null gives, and of the log score."""
-    null, gain, better = driver.null_gain, driver.gain, _better(driver.gain)
+def gained(driver: Report, *, predicted: bool = True) -> str:
+    """What the driver's findings gain: of the simulation, next to what the null gives, and of the log score.
+
+    Args:
+        driver: the driver's part of the report.
+        predicted: the gain's interval is where that of another drive lies, behind another lead.
+    """
+    null, gain = driver.null_gain, driver.gain
+    better = (
+        _better(gain, " on held-out data; expected behind another lead", "") if predicted else _better(gain)
+    )
     if better and null.replicates:
         without = f"{-100 * null.median:+.0f} %, 95 % point {-100 * null.high:+.0f} %"
         beyond = gain.value > null.high
@@ -158,11 +166,12 @@ def gained(driver: Report) -> str:
     return better
 
 
-def _better(gain: Interval) -> str:
+def _better(gain: Interval, between: str = "", after: str = " on held-out data") -> str:
+    """A gain, what is said before its interval, and after."""
     if gain.value != gain.value:
         return ""
     change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
-    return f" Error variance {change:+.0f} % [{low:+.0f}, {high:+.0f}] on held-out data."
+    return f" Error variance {change:+.0f} %{between} [{low:+.0f}, {high:+.0f}]{after}."
 
 
 def _choice(finding: Finding) -> str:

@@ -6,11 +6,13 @@ from canid.effects.driver import (
     attention_gap,
     backlash,
     comfort_speed,
+    curvature_preview,
     delay_drift,
     gain_change,
     gain_drift,
     headway_dead_zone,
     headway_drift,
+    lateral_dead_zone,
     lead_acceleration,
     looming_gain,
     looming_threshold,
@@ -96,4 +98,14 @@ CATALOGUE: tuple[Effect, ...] = (
     turbo_lag.EFFECT,
     pedal_map.EFFECT,
     actuator_lag.EFFECT,
+)
+
+# of a driver who keeps the lane: the same names where the cause is the same
+LANE_CATALOGUE: tuple[Effect, ...] = (
+    lateral_dead_zone.EFFECT,
+    gain_drift.LANE,
+    attention_gap.LANE,
+    delay_drift.LANE,
+    second_lag.LANE,
+    curvature_preview.EFFECT,
 )

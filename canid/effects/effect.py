@@ -194,6 +194,14 @@ class VehicleHooks(NamedTuple):
     push: Callable[[Params, VehicleState], Value] | None = None  # m/s², onto the acceleration
 
 
+class LaneHooks(NamedTuple):
+    """Where an effect acts on a driver who keeps the lane; each function gets the effect's parameters first."""
+
+    offset: Callable[[Params, Value], Value] | None = None  # m off the wanted position -> m acted upon
+    # ° into the demand, from the road's curvature (1/m) as a function of the s that it is ahead
+    curvature: Callable[[Params, Callable[[float], Value]], Value] | None = None
+
+
 class Remnant(NamedTuple):
     """What an effect does to the innovations of the driver's noise."""
 
@@ -242,6 +250,7 @@ class Effect(NamedTuple):
     dead_time: Callable[[Params, Seen], Value] | None = None  # s, added to both dead times
     pedal: PedalDynamics | None = None
     vehicle: VehicleHooks | None = None
+    lane: LaneHooks | None = None
     sense: Callable[[Params, SensorValues], SensorValues] | None = None  # true -> measured
     remnant: Remnant | None = None  # innovations of the driver's noise
     mask: Callable[[MaskInput], Flags] | None = None  # (n,) samples to be left out

@@ -98,3 +98,8 @@ GAINS: tuple[Effect, ...] = (
     ),
     _gain("step of the gain by gap", _step(log_gap), _SHARE, Parameter("at", "1", -3.0, 3.0, _gaps, 0.0)),
 )
+
+# of a driver who keeps the lane: only the speed is an operating point there
+LANE_GAINS: tuple[Effect, ...] = tuple(
+    effect for effect in GAINS if effect.id in ("gain by speed", "step of the gain by speed")
+)

@@ -139,7 +139,8 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     if not math.isfinite(sample.t) or sample.t <= state.t:
         return state, False
     pool, row = pooling.step(state.pool, sample, setup.grid, setup.per_row)
-    state = state._replace(pool=pool)
+    # on a grid of a tenth of a second nothing is pooled
+    state = state if pool is state.pool else state._replace(pool=pool)
     return _advanced(setup, state, row) if row is not None else (state, False)
 
 

@@ -146,4 +146,4 @@ def _residual_tests(setup: Setup, model: box_jenkins_state.State) -> ResidualTes
     e = model.tested[:, 0]
     if np.isfinite(e).sum() * setup.dt < MIN_TESTED_S:
         return None
-    return residual_tests.run_tests(e, model.tested[:, 1:], setup.input_names, len(model.ar), model.stride)
+    return residual_tests.run_tests(e, model.tested[:, 2:], setup.input_names, len(model.ar), model.stride)

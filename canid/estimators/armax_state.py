@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from canid.estimators import pooling, status
+from canid.identification import innovation_law
 from canid.identification.armax import armax_recursive, box_jenkins_state
 from canid.identification.armax.armax_batch import Orders
 from canid.identification.armax.rates import rates
@@ -184,6 +185,7 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         (model.anchor, (n, n)),
         (model.trust.weights, (k,)),
         (model.trust.leave, (k - 1,)),
+        (model.innovations, (len(model.innovations),)),
         *[(psi, (k, 1, n)) for psi in model.psi],
         *[(one.psi, (k, 1, n)) for one in model.block],
         *[(one.e, (k,)) for one in model.block],
@@ -194,6 +196,8 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         yield "the lags of armax have another shape"
     if not abs(sum(model.trust.weights) - 1.0) < 1e-6:
         yield "the weights of armax do not add up to one"
+    if not innovation_law.is_possible(model.law):
+        yield "the law of the innovations of armax is none"
     if not np.abs(model.theta).max(initial=0.0) <= MAX_PARAMETER:
         yield "the parameters of armax are larger than any measured quantity"
 
@@ -216,11 +220,13 @@ def _check_separate(setup: Setup, model: box_jenkins_state.State | None) -> Iter
         (model.trust.weights, (k,)),
         (model.trust.leave, (k - 1,)),
         (model.tail, (len(model.tail), width)),
-        (model.tested, (len(model.tested), 1 + m)),
+        (model.tested, (len(model.tested), 2 + m)),
     ]
     if any(np.shape(part) != shape for part, shape in shapes) or len(model.regions) != m:
         yield "the model of armax has another shape"
     if not len(model.ar) * model.stride <= model.ready <= len(model.tail) or model.phase >= model.stride:
         yield "the lags of armax have another shape"
+    if not innovation_law.is_possible(model.law):
+        yield "the law of the innovations of armax is none"
     if not abs(sum(model.trust.weights) - 1.0) < 1e-6:
         yield "the weights of armax do not add up to one"

@@ -184,6 +184,8 @@ def _missing(setup: Setup, state: State, sample: Sample) -> tuple[tuple[float, .
 
 def _with_rows(setup: Setup, state: State) -> State:
     """Make rows of the pending samples."""
+    if not state.recent:
+        return state
     samples = np.array(state.recent).reshape(-1, 3 + len(setup.input_names))
     making, more = regression_rows.put(setup.layout, state.making, samples, setup.settle)
     window = np.concatenate([state.window, more])[-setup.rows :]

@@ -71,7 +71,7 @@ def stride(residual: Array, usable: npt.NDArray[np.bool_], step: float, limits: 
     >>> stride(white, np.full(600, True), 0.1), stride(np.cumsum(np.cumsum(white)), np.full(600, True), 0.1)
     (1, 10)
     """
-    change = np.diff(residual) * (usable[1:] & usable[:-1])
+    change = (residual[1:] - residual[:-1]) * (usable[1:] & usable[:-1])
     of_change = np.abs(np.fft.rfft(change)) ** 2
     total = float(of_change.sum())
     if len(of_change) < 16 or not total > 0.0:

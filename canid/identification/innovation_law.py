@@ -26,9 +26,13 @@ TAIL_LEAST = 2.5
 SCALE_LEAST = 4.0
 # log of the scale, at most, from its mean: a factor of 7 either way
 MAX_LOG_SCALE = 2.0
+# of log scale by a feature
+MAX_SLOPE = 1.5
 # s over which past innovations count
 MEMORY_S = 4.0
 ROUNDS = 2
+# innovations below which a law is not looked for
+MIN_ROWS = 100
 
 
 class Law(NamedTuple):
@@ -44,9 +48,25 @@ class Law(NamedTuple):
         return (self.freedom + 3.0) / (self.freedom + 1.0) if math.isfinite(self.freedom) else 1.0
 
     @property
+    def variance(self) -> float:
+        """Of an innovation, over the squared scale."""
+        return self.freedom / (self.freedom - 2.0) if math.isfinite(self.freedom) else 1.0
+
+    @property
     def is_plain(self) -> bool:
         """Whether it is a Gaussian of one size: every innovation counts alike."""
         return not (math.isfinite(self.freedom) or len(self.slopes))
+
+
+def is_possible(law: Law) -> bool:
+    """Whether a law may have come from `fit`.
+
+    >>> is_possible(Law(math.inf, 0.1, np.zeros(0))), is_possible(Law(1.0, 0.1, np.zeros(0)))
+    (True, False)
+    """
+    slopes = np.asarray(law.slopes)
+    whole = slopes.shape in ((0,), (2,)) and bool((np.abs(slopes) <= MAX_SLOPE).all())
+    return law.freedom in FREEDOMS and 0.0 <= law.sd < math.inf and whole
 
 
 class Weights(NamedTuple):
@@ -66,6 +86,19 @@ class Weights(NamedTuple):
 def equal(n: int, sd: float = 1.0) -> Weights:
     """Weights of a Gaussian of one size."""
     return Weights(Law(math.inf, sd, np.zeros(0)), np.ones(n), np.ones(n))
+
+
+def changes(y: Array, usable: npt.NDArray[np.bool_]) -> Array:
+    """Return (n,) the size of a signal's change from two values ago to the last; where it is not known, the mean.
+
+    >>> changes(np.array([0.0, 1.0, 4.0, 4.0]), np.full(4, True))
+    array([2., 2., 1., 3.])
+    """
+    change, known = np.zeros(len(y)), np.zeros(len(y), bool)
+    change[2:] = np.abs(y[1:-1] - y[:-2])
+    known[2:] = usable[1:-1] & usable[:-2]
+    change[~known] = float(change[known].mean()) if known.any() else 1.0
+    return change
 
 
 def features(e: Array, rows: npt.NDArray[np.bool_], change: Array, per_second: float) -> Array:
@@ -137,7 +170,7 @@ def fit(
         information = squares * (2.0 * freedom / (freedom + 3.0) if heavy else 2.0)
         information.flat[:: k + 1] += 1e-6 * len(x) + 1e-12
         step: Array = np.asarray(np.linalg.solve(information, slope), dtype=np.float64)
-        slopes = _within(slopes + _within(step, 0.5), 1.5)
+        slopes = _within(slopes + _within(step, 0.5), MAX_SLOPE)
         log_size = _log_size(slopes, F)
         freedom, sd, value = _best(x, log_size, share, freedom)
     if value < plain[2] + SCALE_LEAST:
@@ -157,6 +190,16 @@ def weights(e: Array, law: Law, of: Array, rows: npt.NDArray[np.bool_]) -> Weigh
     size = _size(law, of, len(e))
     sd, _ = _at((e[rows] / size[rows]) ** 2, law.freedom, 1.0, 0.0)
     return applied(e, law._replace(sd=sd), of)
+
+
+def mixture(law: Law, e: float) -> float:
+    """Return how a squared innovation counts under a law of one size.
+
+    >>> mixture(Law(math.inf, 1.0, np.zeros(0)), 5.0), mixture(Law(4.0, 2.0, np.zeros(0)), 4.0)
+    (1.0, 0.625)
+    """
+    v = law.freedom
+    return (v + 1.0) / (v + (e / law.sd) ** 2) if v < math.inf and law.sd > 0.0 else 1.0
 
 
 def applied(e: Array, law: Law, of: Array) -> Weights:

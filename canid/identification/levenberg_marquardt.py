@@ -25,6 +25,10 @@ class Damping(NamedTuple):
     tries: int  # at one point, until it counts as the minimum
     iterations: int  # steps that are taken at most
     tolerance: float  # relative fall of the cost at which the descent has ended
+    growth: float = 1.0  # of `up` with each further step that is refused at the same point (Nielsen 1999)
+    predicted: bool = (
+        False  # does the descent end as well where a step is refused that would gain no more than that?
+    )
 
 
 class Local(NamedTuple, Generic[P]):
@@ -72,14 +76,17 @@ def minimise(
         here = local(point)
         if here is None:
             return Minimum(point, False)
-        before = cost(point)
+        before, up = cost(point), damping.up
         for _ in range(damping.tries):
             matrix = here.curvature + np.diag(mu * here.damped)
             step: Array = np.asarray(np.linalg.solve(matrix, -here.gradient), np.float64)
             trial = here.move(step)
             if trial is not None and cost(trial) <= before:
                 break
-            mu *= damping.up
+            fall = -float(step @ (2.0 * here.gradient + here.curvature @ step))
+            if damping.predicted and fall <= damping.tolerance * before:
+                return Minimum(point, False)
+            mu, up = mu * up, up * damping.growth
         else:
             return Minimum(point, False)
         point, mu = trial, max(mu / damping.down, damping.least)

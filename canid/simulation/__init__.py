@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from canid.effects import CATALOGUE
+from canid.effects import CATALOGUE, LANE_CATALOGUE
 from canid.effects.effect import Effect
 from canid.simulation.bus_frames import START_UTC, frames, truth_text
 from canid.simulation.car import Car
@@ -47,7 +47,8 @@ def simulate(
     grade_sd: float = 0.8,
     car: Car | None = None,
     hide: Mapping[str, Strength] | None = None,
-    catalogue: tuple[Effect, ...] = CATALOGUE,
+    catalogue: tuple[Effect, ...] | None = None,
+    curvature_sd: float = 0.0,
 ) -> Simulation:
     """Simulate a drive in closed loop at 100 Hz: behind another vehicle, or keeping the lane.
 
@@ -58,7 +59,8 @@ def simulate(
         minutes: duration.
         seed: the same seed gives the same drive.
         profile: "mixed", "urban" or "motorway": how the lead drives; "lane": no lead, the driver of Chen &
-            Ulsoy 2001 keeps the lane, and only `driver` and `car` of the following apply.
+            Ulsoy 2001 keeps the lane, and only `driver`, `car`, `hide`, `catalogue` and `curvature_sd` of the
+            following apply.
         noise: kind of the driver's noise, one of `NOISES`.
         driver: the driver; None draws a plausible one by the seed (of "lane": takes the paper's).
         lost: (start, stop) in s: the radar loses the lead, the driver does not.
@@ -66,7 +68,9 @@ def simulate(
         grade_sd: standard deviation of the road's slope, %.
         car: the car that is driven.
         hide: effects that driver, car or sensors have: id -> parameters; None or (): a strength that shows.
-        catalogue: effects that `hide` may name.
+        catalogue: effects that `hide` may name; None: those of the task.
+        curvature_sd: standard deviation of the road's curvature, 1/m, of "lane"; 0: a straight road, or curves where a
+            hidden effect needs them.
 
     Returns:
         Columns of what truly happened, and the truth.
@@ -88,11 +92,11 @@ def simulate(
     if profile == "lane":
         if isinstance(driver, DriverTruth):
             raise ValueError("profile 'lane' takes a driver of type Steering")
-        if hide:
-            raise ValueError("profile 'lane' hides nothing: the catalogue is of car following")
-        return keep_lane(minutes, seed, driver or Steering(), car or Car())
+        lane = LANE_CATALOGUE if catalogue is None else catalogue
+        return keep_lane(minutes, seed, driver or Steering(), car or Car(), hide or {}, lane, curvature_sd)
     if isinstance(driver, Steering):
         raise ValueError(f"profile {profile!r} takes a driver of type DriverTruth")
+    behind = CATALOGUE if catalogue is None else catalogue
     return follow(
-        minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car(), hide or {}, catalogue
+        minutes, seed, profile, noise, driver, lost, cut_in, grade_sd, car or Car(), hide or {}, behind
     )

@@ -30,7 +30,14 @@ class Car(NamedTuple):
 GRAVITY = 9.81  # m/s²
 
 
-def slope_profile(n: int, dt: float, speed: Array, sd: float, rng: np.random.Generator) -> Array:
+def slope_profile(
+    n: int,
+    dt: float,
+    speed: Array,
+    sd: float,
+    rng: np.random.Generator,
+    lengths: tuple[float, float] = (400.0, 3000.0),
+) -> Array:
     """Draw the slope under a vehicle that drives at `speed`.
 
     Args:
@@ -39,13 +46,14 @@ def slope_profile(n: int, dt: float, speed: Array, sd: float, rng: np.random.Gen
         speed: (n,) m/s.
         sd: standard deviation of the slope, %.
         rng: source of random numbers.
+        lengths: m, of the shortest and the longest hill.
 
     Returns:
-        (n,) %, positive uphill: four waves of hills 400 m to 3 km long.
+        (n,) %, positive uphill: four waves of hills.
     """
     x = np.cumsum(speed) * dt
     out = np.zeros(n)
-    for length in rng.uniform(400.0, 3000.0, 4):
+    for length in rng.uniform(*lengths, 4):
         out += math.sqrt(2 / 4) * np.sin(2 * math.pi * (x / length + rng.uniform()))
     return sd * out
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.simulation.car import Car, gearbox
+from canid.effects.effect import Effect
+from canid.simulation import lane_effects, planted_effects
+from canid.simulation.car import Car, gearbox, slope_profile
 from canid.simulation.following import DT, Simulation
+from canid.simulation.planted_effects import Strength
 from canid.types import Array
 
 
@@ -34,53 +38,93 @@ _YAW_LAG = 0.15  # s, how a car's yaw rate follows its wheels at that speed
 _PUSH, _PUSH_TIME = 0.25, 0.5
 
 
-def keep_lane(minutes: float, seed: int, steering: Steering, car: Car) -> Simulation:
-    """Simulate lane keeping on a straight road at 25 m/s.
+# 1/m, standard deviation of the road's curvature where an effect needs curves: a degree of steering wheel
+_CURVES = 4e-4
+_CURVE_LENGTHS = (150.0, 600.0)  # m, from one left curve to the next
+
+
+def keep_lane(
+    minutes: float,
+    seed: int,
+    steering: Steering,
+    car: Car,
+    hide: Mapping[str, Strength],
+    catalogue: tuple[Effect, ...],
+    curvature_sd: float = 0.0,
+) -> Simulation:
+    """Simulate lane keeping at 25 m/s.
 
     The wheel turns evenly between the driver's decisions, so that the angle at each 0.1 s is exactly the
     model's output.
 
+    Args:
+        minutes: duration.
+        seed: the same seed gives the same drive.
+        steering: the driver.
+        car: of the pedal and the gearbox.
+        hide: effects of the driver, as in `simulate`.
+        catalogue: effects that may be hidden.
+        curvature_sd: standard deviation of the road's curvature, 1/m; 0: straight, or as an effect needs it.
+
     Example:
-        >>> drive = keep_lane(1.0, 1, Steering(), Car())
+        >>> drive = keep_lane(1.0, 1, Steering(), Car(), {}, ())
         >>> bool(abs(drive.columns["lateral_offset"]).max() < 1.5)
         True
     """
     n = round(minutes * 60 / DT)
+    own = np.random.default_rng([seed, 9])
+    planted = planted_effects.plant(hide, n * DT, _SPEED, car.hold(_SPEED), own, catalogue)
+    see = lane_effects.sight(planted.placed, n * DT, _STEPS * DT, DT)
+    move = planted_effects.pedal_dynamics(planted.placed, _STEPS * DT)
+    sd = curvature_sd or (_CURVES if lane_effects.in_curves(planted.placed) else 0.0)
+    # four waves of curves, as hills are made
+    curvature = slope_profile(n, DT, np.full(n, _SPEED), sd, np.random.default_rng([seed, 2]), _CURVE_LENGTHS)
+    bends: list[float] = curvature.tolist()
+
+    def bend(t: float) -> float:
+        return bends[min(max(round(t / DT), 0), n - 1)]
+
     pedal, road = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
     e = (steering.noise_sd * pedal.standard_normal(n // _STEPS + 2)).tolist()
     decay = math.exp(-DT / _PUSH_TIME)
     shocks = (_PUSH * math.sqrt(1 - decay * decay) * road.standard_normal(n)).tolist()
-    offset, angle, yaw_rate = np.empty(n), np.empty(n), np.empty(n)
+    angle, yaw_rate = np.empty(n), np.empty(n)
     y = heading = drift = r = push = 0.0
-    seen = [0.0, 0.0]  # offset at the driver's last two decisions
-    turned = [0.0, 0.0]  # its last two angles
-    now = next_angle = 0.0
+    offset: list[float] = []
+    turned = [0.0, 0.0]  # the last two angles that the driver wanted
+    now = next_angle = aimed = 0.0
+    poles = 1.0 + sum(steering.a)
     for k in range(n):
         j, part = divmod(k, _STEPS)
+        offset.append(y)
         if part == 0:
             now = next_angle
-            seen = [y, seen[0]]
-            turned = [now, turned[0]]
+            turned = [aimed, turned[0]]
             # nk = 1: the angle at the next decision rests on the offsets of this one and the one before.
-            next_angle = (
+            seen, added = see((j + 1) * _STEPS * DT, offset, bend)
+            aimed = (
                 -steering.a[0] * turned[0]
                 - steering.a[1] * turned[1]
                 + steering.b[0] * seen[0]
                 + steering.b[1] * seen[1]
                 + e[j + 1]
                 + steering.c * e[j]
+                + poles * added
             )
-        offset[k], yaw_rate[k] = y, r
+            next_angle = move(aimed)
+        yaw_rate[k] = r
         angle[k] = now + (next_angle - now) * part / _STEPS
         wanted = _SPEED * math.radians(angle[k]) / (_RATIO * _WHEELBASE)
         r += (wanted - r) * DT / _YAW_LAG
-        heading += r * DT
+        heading += (r - _SPEED * bends[k]) * DT
         push = decay * push + shocks[k]
         drift += push * DT
         # Tyres do not let a car slide sideways for long: what pushed it has gone after half a second.
         drift -= drift * DT / _PUSH_TIME
         y += (_SPEED * heading + drift) * DT
-    return Simulation(DT, _columns(n, offset, angle, yaw_rate, car), _truth(minutes, seed, steering), seed)
+    facts = _truth(minutes, seed, steering) | {"hidden": planted.truth or None}
+    columns = _columns(n, np.array(offset), angle, yaw_rate, car) | {"curvature": curvature}
+    return Simulation(DT, columns, facts, seed)
 
 
 def _columns(n: int, offset: Array, angle: Array, yaw_rate: Array, car: Car) -> dict[str, Array]:

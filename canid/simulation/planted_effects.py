@@ -7,12 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.effects import CATALOGUE
+from canid.effects import CATALOGUE, LANE_CATALOGUE
 from canid.effects.effect import Effect, Kind, Seen, SensorValues, Share, VehicleState
 from canid.types import Array
 
 # effects that can be planted by name alone: at one of their strengths `found_at`
-PLANTABLE = tuple(effect.id for effect in CATALOGUE if effect.found_at)
+PLANTABLE = tuple(dict.fromkeys(e.id for e in (*CATALOGUE, *LANE_CATALOGUE) if e.found_at))
+# and those that can be planted with their parameters given
+WITH_NUMBERS = tuple(
+    dict.fromkeys(e.id for e in (*CATALOGUE, *LANE_CATALOGUE) if e.found_at or e in LANE_CATALOGUE)
+)
 # mean over top speed of the lead's profiles, and top level over the pedal that holds the mean speed: about what drives
 # of 5 min show
 MEAN_SPEED_SHARE, TOP_PEDAL_FACTOR = 0.65, 2.2

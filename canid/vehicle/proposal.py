@@ -19,6 +19,8 @@ from canid.vehicle.units import factor_to, unit_of
 _MAX_SWITCH_BITS = 2
 # A radar that reports fewer objects than this one by one would not number its messages.
 _MIN_TRACKS = 4
+# what a proposal for car following holds as a comment: logs of car following rarely have it
+LANE_KEEPING_ALONE = {"curvature"}
 
 
 class _Named(NamedTuple):
@@ -86,7 +88,10 @@ def propose(paths: str | Path | Sequence[str | Path], folder: str | Path | None 
     for role in ROLES:
         if tracks and role in ("gap", "range_rate", "lead_valid", "lead_speed"):
             continue
-        lines += _lines(role, found[role], role in needed)
+        proposed = _lines(role, found[role], role in needed)
+        lines += (
+            [f"# {line}  # lane keeping" for line in proposed] if role in LANE_KEEPING_ALONE else proposed
+        )
     lines += ["", *(tracks or []), "[driver]", 'task = "car_following"', f'output = "{output}"']
     return "\n".join(lines) + "\n"
 

@@ -47,6 +47,7 @@ ROLES: dict[str, Role] = {
     "engine_speed": Role("rpm", "number", "engine speed"),
     "lateral_offset": Role("m", "number", "from the middle of the lane; positive = to the left"),
     "steering_angle": Role("deg", "number", "steering wheel; positive = to the left"),
+    "curvature": Role("1/m", "number", "of the road at the car; positive = to the left"),
 }
 
 # roles that canid computes itself: mapping one is a mistake with its own sentence

@@ -41,5 +41,6 @@ NAME_PATTERNS: dict[str, tuple[str, str]] = {
     "gear": (r"^(current |actual )?gear$|gear (pos|act|engaged)", r"lever|shift|req"),
     "engine_speed": (r"(engine|eng|motor) ?(spd|speed|rpm)|^rpm$", r"fan|target|idle"),
     "lateral_offset": (r"(lateral|lane|lat) ?(offset|pos\w*|dev\w*)", r"left|right"),
+    "curvature": (r"(road|lane) ?curv\w*", r"rate|deriv\w*|left|right"),
     "steering_angle": (r"steer\w*( wheel)? ?(angle|ang)\b", r"rate|speed|offset|torque|cmd|req|frac"),
 }

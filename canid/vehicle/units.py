@@ -34,6 +34,8 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
         1.0,
         ("m/s2", "m/s^2", "m/s²", "m/s/s", "mps2", "m/s**2", "m/sec2", "m/sec^2"),
     ),
+    ("curvature", 1.0, ("1/m", "m-1", "rad/m")),
+    ("curvature", 0.001, ("1/km", "km-1")),
     ("acceleration", 9.80665, ("g", "g's")),
     ("acceleration", 0.00980665, ("mg",)),
     ("acceleration", _KMH, ("km/h/s", "kph/s")),

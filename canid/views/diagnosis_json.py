@@ -18,6 +18,7 @@ from canid.findings import (
     Spectra,
     Trajectory,
     Tried,
+    Visible,
     Window,
     nrmse,
 )
@@ -53,6 +54,7 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "null_gain": _null_gain(report.null_gain),
         "log_score_gain": json_values.interval(report.log_score_gain),
         "not_testable": [{"effects": list(u.effects), "why": u.why} for u in report.not_testable],
+        "power": [_visible(one) for one in report.visible],
         "advice": list(report.advice),
         "candidates_tried": int(report.candidates_tried),
         "tried": [_tried(row) for row in report.tried],
@@ -64,6 +66,7 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "spectra": None if report.spectra is None else _spectra(report.spectra),
         "closed_loop": [_trajectory(of) for of in report.closed_loop],
         "rivals": [_rival(one) for one in report.rivals],
+        "recommended": report.recommended or None,
         "shifts": {
             key: {"before": json_values.interval(before), "after": json_values.interval(after)}
             for key, (before, after) in report.shifts.items()
@@ -125,6 +128,16 @@ def _finding(f: Finding) -> dict[str, Any]:
 def _null_gain(null: NullGain) -> dict[str, Any]:
     numbers = {"median": json_values.number(null.median), "high": json_values.number(null.high)}
     return numbers | {"replicates": int(null.replicates)}
+
+
+def _visible(of: Visible) -> dict[str, Any]:
+    return {
+        "effect": of.effect,
+        "parameter": of.parameter,
+        "strength": json_values.number(of.strength),
+        "unit": of.unit,
+        "bends_K2": json_values.number(of.bends),
+    }
 
 
 def _check(c: Check) -> dict[str, Any]:

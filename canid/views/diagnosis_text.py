@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.diagnosis.rivals.recommendation import CANID
 from canid.findings import ClosedLoopError, Finding, NullGain, Report, Trajectory, extends, masked_for, nrmse
 from canid.identification import identifiability
 from canid.identified_model import equation
@@ -20,6 +21,7 @@ from canid.views.table import columns
 # lines of one kind that a terminal shows; the page and the JSON have all
 WORST_SHOWN = 3
 UNDECIDED_SHOWN = 6
+VISIBLE_SHOWN = 6
 
 
 def text(report: Report, log: str, vehicle: str) -> list[str]:
@@ -41,6 +43,7 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     if math.isfinite(report.unexplained.value):
         lines += ["", f"share of the residual that no cause explains: {percent(report.unexplained)}"]
     lines += _headed("not testable on this drive", _undecided(report))
+    lines += _headed("would have shown, nine times out of ten", _visible(report))
     lines += _headed("a drive that would decide", advice(report))
     title = "driver parameters: baseline, extended model" if extends(report) else "driver parameters"
     lines += _headed(title, _parameters(report))
@@ -106,6 +109,22 @@ def _undecided(report: Report) -> list[str]:
     return [*lines[:UNDECIDED_SHOWN], *([f"and {more} more, in --json and --report"] if more > 0 else [])]
 
 
+def _visible(report: Report) -> list[str]:
+    """What the drive could have shown, and what else could bend K of range rate; those that bend it most first."""
+    lines = []
+    for of in report.visible:
+        unit, bends = "" if of.unit == "1" else of.unit, f"{100 * abs(of.bends):.2g} %"
+        if math.isfinite(of.strength):
+            seen = f"{of.effect} from {of.parameter} {of.strength:.2g}{f' {unit}' if unit else ''} on"
+            then = f"; a weaker one bends K of range rate by up to {bends}"
+        else:
+            seen = f"{of.effect}: at no {of.parameter} up to eight times the typical one"
+            then = f", which would bend K of range rate by {bends}"
+        lines.append(f"{seen}{then if math.isfinite(of.bends) else ''}")
+    more = len(lines) - VISIBLE_SHOWN
+    return [*lines[:VISIBLE_SHOWN], *([f"and {more} more, in --json"] if more > 0 else [])]
+
+
 def _parameters(report: Report) -> list[str]:
     rows = []
     for key, (before, after) in known_parameters(report).items():
@@ -165,7 +184,8 @@ def _rivals(report: Report) -> list[str]:
     rows = [
         (one.name, number(100 * one.error.gap, "%"), number(100 * one.error.speed, "%")) for one in models
     ]
-    return columns(["model", "NRMSE of the gap", "of the speed"], rows) + list(missing)
+    table = columns(["model", "NRMSE of the gap", "of the speed"], rows)
+    return [*table, *([recommendation(report)] if report.recommended else []), *missing]
 
 
 def _headed(title: str, lines: list[str] | tuple[str, ...], *, always: bool = False) -> list[str]:
@@ -269,6 +289,13 @@ def closed_loop_models(report: Report) -> list[ModelError]:
             said = (f"{name} {interval(iv, units[name])}" for name, iv in one.parameters.items())
             found.append(ModelError(one.model, one.nrmse, ", ".join(said)))
     return sorted(found, key=lambda one: one.error.gap)
+
+
+def recommendation(report: Report) -> str:
+    """Which model to simulate with behind another lead, as a sentence."""
+    if report.recommended == CANID:
+        return "For a simulation behind another lead take canid's model: no published one's error of the gap is 5 % smaller."
+    return f"For a simulation behind another lead take {report.recommended}: it has the smallest error of the gap."
 
 
 def duration(report: Report) -> float:

@@ -19,7 +19,7 @@ from scipy.stats import binom
 
 import benchmarks.hidden_effects as folder
 from benchmarks.hidden_effects import __main__ as command
-from benchmarks.hidden_effects import ablation, drives, outcomes, shares, table
+from benchmarks.hidden_effects import ablation, drives, hiding, outcomes, shares, table
 from benchmarks.hidden_effects.drives import CLEAN, FAINT, FOREIGN, ONE, REMOVED, TWO, Drive, drive
 from benchmarks.hidden_effects.expected import Price
 from benchmarks.hidden_effects.hiding import FAINT_LR, hide
@@ -405,15 +405,16 @@ def test_a_short_run_ends_in_a_table_and_goes_on_from_its_file(
 ) -> None:
     """Four drives of 3 min: two clean, one with one effect, one with two; then the same again, and none is run."""
     monkeypatch.setattr(drives, "MINUTES", (3.0,))
+    monkeypatch.setattr(hiding, "ATTEMPTS", 1)
     path = tmp_path / "out.jsonl"
-    args = ["--first-seed", "400", "--workers", "1", "--out", str(path)]
+    args = ["--first-seed", "420", "--workers", "1", "--out", str(path)]
     assert command.main(["--logs", "3", *args]) == 0
     assert command.main(["--logs", "4", *args, "--confusion", "--parameters", "--wrong"]) == 0
     first = capsys.readouterr()
     assert "3 drives are in" in first.err
     assert "1 of 1 drives" in first.err
     kept = list(outcomes.stored(path))
-    assert [o.drive for o in kept] == drives.drives(4, 400)
+    assert [o.drive for o in kept] == drives.drives(4, 420)
     assert [len(o.truth) for o in kept] == [0, 1, 0, 2]
     assert all(o.answers["canid"].says != BROKE and o.answers["canid"].seconds > 0 for o in kept)
     assert "4 drives: 2 clean, 1 one, 0 faint, 1 two" in first.out

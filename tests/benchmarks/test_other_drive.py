@@ -35,5 +35,5 @@ def test_models_are_carried_to_another_drive(seed: int) -> None:
     lines = summary([errors, errors])
     assert (
         lines[-1]
-        == f"| best rival | {best.gap:.3f} | {best.gap:.3f} | {best.speed:.3f} | {best.speed:.3f} | 100 % (2) |"
+        == f"| best rival | {best.gap:.3f} | {best.gap:.3f} | {best.speed:.3f} | {best.speed:.3f} | 100 % (2) | 100 % (2) |"
     )

@@ -23,7 +23,7 @@ def test_five_minutes_hold_the_truth(seed: int) -> None:
 def test_a_later_log_shows_the_same_driver() -> None:
     """The driver's clock is not in the numbers: logs that begin 48 ms apart agree to a standard error."""
     car, fits = read_vehicle("generic_lane"), []
-    drive = keep_lane(4.0, 5, Steering(), Car())
+    drive = keep_lane(4.0, 5, Steering(), Car(), {}, ())
     for late in (0.0, 0.048):
         found = armax_whole_drive.identify(steering.seen(steering._later(drive, late), car), Orders())
         assert found is not None

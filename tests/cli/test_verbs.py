@@ -356,3 +356,12 @@ def test_demo(canid: Canid, tmp_path: Path) -> None:
     for line in (tmp_path / "demo.jsonl").read_text().splitlines():
         is_estimate(json.loads(line))
     assert canid("check", tmp_path / "out/demo.blf", "--vehicle", "generic").code == DONE
+    # the hidden effect is found from what was recorded of the bus, which is what was simulated
+    assert "NAMED" in ran.out
+    assert str(tmp_path / "out/hidden_recorded.blf") in ran.out
+    sent, recorded = (
+        [(frame.t, frame.id, frame.data) for frame in open_log(tmp_path / "out" / name)]
+        for name in ("hidden.blf", "hidden_recorded.blf")
+    )
+    assert [row[1:] for row in recorded] == [row[1:] for row in sent]
+    assert max(abs(one[0] - two[0]) for one, two in zip(recorded, sent, strict=True)) < 1e-6

@@ -7,8 +7,9 @@ import pytest
 
 from canid.diagnosis.adequacy import alternatives, intermittent_gain, refit_noise, skewness
 from canid.diagnosis.adequacy.alternatives import shapes
-from canid.diagnosis.diagnose import Prepared, diagnose, ready
+from canid.diagnosis.diagnose import diagnose
 from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
 from canid.findings import Verdict
 from tests.plants import plant_one, plant_two

@@ -12,10 +12,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from canid.diagnosis import corrections
 from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.null import predictive_score, sequential
+from canid.diagnosis.driver_report import Null, recorded_drive
+from canid.diagnosis.null import baseline_fit, predictive_score, sequential
 from canid.diagnosis.null.noise_source import resampled
 from canid.diagnosis.null.sequential import Answer
+from canid.diagnosis.prepared_drive import ready
+from canid.effects import CATALOGUE
 from canid.findings import Report
 from canid.types import LearnGate, Trace
 from tests.plants import plant_one, plant_two
@@ -108,9 +112,9 @@ def test_a_driver_of_coloured_noise_gets_no_name_for_what_the_loop_gives(seed: i
 
 
 def test_a_driver_who_answers_the_leads_acceleration_is_found(seed: int) -> None:
-    """On one of twelve drives: about half of them show it (4 of 8 drawn), so that none does is chance once in 4,000 runs."""
+    """On one of four drives at least: 8 of 8 drawn drives with gains from 0.5 to 0.8 show it."""
     rng = np.random.default_rng(seed)
-    for k, gain in enumerate(rng.uniform(0.7, 0.9, 12).tolist()):
+    for k, gain in enumerate(rng.uniform(0.5, 0.8, 4).tolist()):
         report = diagnose(follower(seed + k, gain))
         if "lead_acceleration" in named(report):
             break
@@ -122,8 +126,6 @@ def test_a_driver_who_answers_the_leads_acceleration_is_found(seed: int) -> None
     assert report.log_score_gain.low > 0
     assert sequential.LEAST <= found.null_gain.replicates <= sequential.MOST
     assert found.null_gain.median < found.null_gain.high
-    again = diagnose(follower(seed + k, gain))
-    assert again.null_gain == report.null_gain, "the same drive gives the same null"
 
 
 @pytest.mark.parametrize(
@@ -178,7 +180,28 @@ def test_resampled_blocks_keep_what_follows_what(seed: int) -> None:
     assert (inside == 1.0).all()
 
 
+def test_a_poor_fit_speaks_against_a_baseline_only_where_its_own_replicates_fit_better(seed: int) -> None:
+    """The fit of a driver without a cause is as his replicates'; that of a model off by as much as the output moves is not.
+
+    One driver in twenty is beyond them by chance, so that three of four are once in 2,000 runs.
+    """
+    usual = []
+    for k in range(4):
+        seen = follower(seed + k, 0.0, minutes=5.0)
+        usable = np.ones(seen.t.size, dtype=bool)
+        prepared = ready(seen, usable)
+        assert prepared is not None
+        vehicle = corrections.diagnose_context(seen, CATALOGUE).vehicle
+        null = Null(recorded_drive(prepared, usable, vehicle, seen.dt), CATALOGUE, lambda _: None)
+        noise = null.noise(prepared.data, prepared.fitted)
+        usual.append(baseline_fit.usual(null.drive, prepared.fitted, noise, seed))
+        at = prepared.fitted.fitted
+        off = prepared.fitted._replace(fitted=at._replace(model=at.model + 3 * float(np.std(seen.output))))
+        assert not baseline_fit.usual(null.drive, off, noise, seed)
+    assert sum(usual) >= 2, usual
+
+
 def test_standstills_are_counted_from_the_past_alone() -> None:
     still = np.array([False, True, True, True, False, True])
-    assert predictive_score._run_length(still).tolist() == [0, 0, 1, 2, 3, 0]
+    assert predictive_score.run_length(still).tolist() == [0, 0, 1, 2, 3, 0]
     assert predictive_score._since_movement(still).tolist() == [0, 0, 1, 2, 3, 0]

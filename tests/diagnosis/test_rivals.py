@@ -10,9 +10,10 @@ import pytest
 
 from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.rivals.comparison import MIN_STRETCHES, compare
+from canid.diagnosis.rivals.recommendation import CANID, recommended
 from canid.diagnosis.rivals.rival_models import MODELS
-from canid.findings import Rival
-from canid.types import Array, LearnGate, Trace
+from canid.findings import Rival, Trajectory
+from canid.types import Array, Interval, LearnGate, Trace
 from tests.plants.plant_one import lead
 
 # s; of the plant, and of the samples
@@ -88,6 +89,12 @@ def near(found: Rival, truth: dict[str, float], share: dict[str, float]) -> None
         assert found.parameters[name].value == pytest.approx(truth[name], rel=of), name
 
 
+def own_loop(error: float) -> tuple[Trajectory, ...]:
+    """A closed-loop simulation with this error of the gap."""
+    gap = np.full(100, 30.0)
+    return (Trajectory("gap", gap, 2.0 * gap, gap * (1.0 + error), Interval()),)
+
+
 def test_idm_is_found_in_an_idm(seed: int) -> None:
     """On 28 other drives no other model came nearer than 1.25 times its error, T was within 11 % and v0 within 4 %."""
     rng = np.random.default_rng(seed)
@@ -95,6 +102,12 @@ def test_idm_is_found_in_an_idm(seed: int) -> None:
     found = judged(drive(idm(truth), rng, 10))
     assert min(found.values(), key=lambda one: one.nrmse.gap).model == "IDM", found
     near(found["IDM"], truth, {"v0": 0.1, "T": 0.25, "a": 0.35, "b": 0.45})
+    rivals = tuple(found.values())
+    assert recommended((), rivals) == "IDM"
+    # canid's model where no published one is clearly better
+    for factor, name in ((1.0, CANID), (1.02, CANID), (1.2, "IDM")):
+        assert recommended(own_loop(factor * found["IDM"].nrmse.gap), rivals) == name
+    assert recommended(own_loop(1.0), ()) == ""
 
 
 def test_constant_headway_is_found_in_a_constant_headway(seed: int) -> None:

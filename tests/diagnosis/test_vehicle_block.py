@@ -146,6 +146,18 @@ def test_a_drive_without_pedal_says_what_to_map() -> None:
     assert vehicle.cars is None
 
 
+def test_a_pedal_that_moves_no_car_leaves_the_vehicle_untested(seed: int) -> None:
+    """The pedal of another time, as where cruise control drove: nothing is called adequate."""
+    seen = drive("one", {}, seed)
+    shift = seen.t.size // 3
+    assert diagnosed(seen).block.state == "adequate"
+    other = seen._replace(
+        output=np.roll(seen.output, shift),
+        signals=seen.signals | {"pedal": np.roll(seen.signals["pedal"], shift)},
+    )
+    assert diagnosed(other).block.state != "adequate"
+
+
 @pytest.mark.parametrize(
     "names", [(), ("pedal_map",), ("turbo_lag", "gear_ratio"), ("engine_braking", "power_limit")]
 )

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import tempfile
 import zlib
+from collections.abc import Container
 from pathlib import Path
 from typing import NamedTuple
 
 import canid
 from canid.diagnosis import masks
-from canid.diagnosis.diagnose import Prepared, ready
 from canid.diagnosis.driver import cross_validation, held_out
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.remnant.remnant_block import diagnose_remnant
 from canid.diagnosis.sensing.sensing_block import diagnose_sensing
@@ -43,21 +44,23 @@ class Case(NamedTuple):
         return f"{self.effect.id}={','.join(f'{x:g}' for x in self.strength)} seed {self.seed}"
 
 
-def cases(strengths: str, catalogue: tuple[Effect, ...] = CATALOGUE) -> list[Case]:
-    """One strength of half of the effects, the others in other runs; with CANID_ALL_STRENGTHS=1 all strengths of all.
+def cases(strengths: str, one_of: int, always: Container[str] = ()) -> list[Case]:
+    """One strength of a part of the effects, the others in other runs; with CANID_ALL_STRENGTHS=1 all strengths of all.
 
-    Which half is drawn with the run's seed; the seeds of drives depend on the effect's id alone.
+    Which part is drawn with the run's seed; the seeds of drives depend on the effect's id alone.
 
     Args:
         strengths: `found_at` or `silent_at`.
-        catalogue: the effects.
+        one_of: of so many effects one is drawn.
+        always: effects that are in every run.
     """
     out = []
-    for effect in catalogue:
+    for effect in CATALOGUE:
         of = getattr(effect, strengths)
         chosen = range(len(of))
         if not os.environ.get("CANID_ALL_STRENGTHS"):
-            chosen = chosen[: seeds.seed(f"{strengths} {effect.id}") % 2]
+            drawn = effect.id in always or seeds.seed(f"{strengths} {effect.id}") % one_of == 0
+            chosen = chosen[:drawn]
         out += [Case(effect, of[k], zlib.crc32(f"{effect.id} {k} 0".encode()) % 100_000) for k in chosen]
     return out
 

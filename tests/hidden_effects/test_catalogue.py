@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import canid
-from canid.effects import CATALOGUE
+from canid.effects import CATALOGUE, LANE_CATALOGUE
 from canid.effects.effect import (
     DriveFeatures,
     Effect,
@@ -28,8 +28,11 @@ from canid.effects.redundancy import Coefficient
 from canid.types import Interval
 
 PACKAGE = Path(canid.__file__).parent
-IDS = {effect.id for effect in CATALOGUE}
-each = pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.id)
+IDS = {effect.id for effect in (*CATALOGUE, *LANE_CATALOGUE)}
+TASKS = {"": CATALOGUE, "lane ": LANE_CATALOGUE}
+each = pytest.mark.parametrize(
+    "effect", [pytest.param(e, id=f"{task}{e.id}") for task, of in TASKS.items() for e in of]
+)
 
 # the argument of `simulate` and its key in a truth file are older than the mask of the same name
 ARGUMENTS = {("simulation/__init__.py", "cut_in"), ("simulation/following.py", "cut_in")}
@@ -76,7 +79,8 @@ def test_no_effect_is_named_outside_of_the_catalogue() -> None:
 
 def test_every_effect_file_is_in_the_catalogue() -> None:
     assert modules() == IDS
-    assert len(IDS) == len(CATALOGUE)
+    for of in TASKS.values():
+        assert len({effect.id for effect in of}) == len(of)
 
 
 # --- every effect ------------------------------------------------------------------------------------------
@@ -86,7 +90,7 @@ def test_every_effect_file_is_in_the_catalogue() -> None:
 def test_an_effect_is_described(effect: Effect) -> None:
     folder = "masks" if effect.kind is Kind.MASK else effect.where
     module = importlib.import_module(f"canid.effects.{folder}.{effect.id}")
-    assert module.EFFECT is effect
+    assert effect is (module.LANE if effect in LANE_CATALOGUE and hasattr(module, "LANE") else module.EFFECT)
     assert (module.__doc__ or "").strip().splitlines()[0].endswith((".", ")"))
     assert effect.source
     assert effect.where in ("driver", "vehicle", "sensing", "remnant")
@@ -119,7 +123,7 @@ def test_parameters_have_units_and_stay_within_bounds(effect: Effect) -> None:
 @each
 def test_an_effect_has_the_hooks_of_its_kind(effect: Effect) -> None:
     answers = (effect.headway, effect.range_rate, effect.extra, effect.gain, effect.dead_time)
-    acts = any((*answers, effect.pedal, effect.vehicle))
+    acts = any((*answers, effect.pedal, effect.vehicle, effect.lane))
     assert acts == (effect.kind not in (Kind.MASK, Kind.REDUNDANCY, Kind.REMNANT))
     assert (effect.remnant is not None) == (effect.kind is Kind.REMNANT) == (effect.where == "remnant")
     assert (effect.mask is not None) == (effect.kind is Kind.MASK)
@@ -150,6 +154,14 @@ def test_hooks_work_on_floats_and_columns_alike(effect: Effect) -> None:
             same(np.broadcast_to(term(p, seen), n), [term(p, s) for s in one])
     if effect.vehicle is not None:
         on_the_vehicle(effect, p, rng)
+    if effect.lane is not None and effect.lane.offset is not None:
+        same(effect.lane.offset(p, e), [effect.lane.offset(p, float(x)) for x in e])
+    if effect.lane is not None and effect.lane.curvature is not None:
+        add = effect.lane.curvature
+        same(
+            add(p, lambda ahead: 1e-3 * (e + ahead)),
+            [add(p, lambda ahead, x=x: 1e-3 * (x + ahead)) for x in e],
+        )
     if effect.sense is not None:
         true = SensorValues(seen.t, 60.0, seen.gap, seen.range_rate, seen.speed, np.zeros(n))
         sensed = effect.sense(p, true)

@@ -93,7 +93,7 @@ def test_a_wheel_that_stands_still_keeps_the_grid() -> None:
 
 def test_steering_does_not_depend_on_chunks(seed: int) -> None:
     """Samples of a lane drive are the same to the last bit however its frames are divided."""
-    car, drive = read_vehicle("generic_lane"), keep_lane(0.5, seed % 10_000, Steering(), Car())
+    car, drive = read_vehicle("generic_lane"), keep_lane(0.5, seed % 10_000, Steering(), Car(), {}, ())
     said = frames(drive, car)
     built, rng = pipeline.build(car, estimating=False), random.Random(seed)
     seen = []

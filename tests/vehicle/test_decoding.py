@@ -41,7 +41,7 @@ def test_random_frames_decode_as_cantools_does(decode_all):
     vehicle = read_vehicle("generic")
     chance = random.Random(1)
     compared = 0
-    for _ in range(3000):
+    for _ in range(3400):
         message = chance.choice(GENERIC.messages)
         data = bytearray(
             chance.randbytes(chance.choice([message.length, message.length, chance.randint(0, 8)]))

@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis import masks
-from canid.diagnosis.diagnose import lacking, ready
 from canid.diagnosis.driver.driver_candidates import starts
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1, TAU1, lagged, pedal
 from canid.diagnosis.driver.pedal_holds import MIN_HOLD_S
 from canid.diagnosis.fitting.fitted_model import extended
+from canid.diagnosis.prepared_drive import lacking, ready
 from canid.effects.effect import Effect, Kind
 from canid.findings import Flags
 from canid.types import Trace

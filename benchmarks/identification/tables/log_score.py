@@ -25,9 +25,16 @@ def table(settings: Settings) -> list[Table]:
                 float(np.mean([s.gaussian for s in scores])),
                 float(np.mean([s.law - s.gaussian for s in scores])),
                 " / ".join(f"{s.freedom:g}" for s in scores),
+                float(np.mean([canid_side.recursive(path, vehicle, half) for half in (0, 1)])),
             )
         )
-    columns = ("drive", "Gaussian AR, nats/min", "gain of canid's law", "degrees of freedom")
+    columns = (
+        "drive",
+        "Gaussian AR, nats/min",
+        "gain of canid's law",
+        "degrees of freedom",
+        "gain on ARMAX's innovations",
+    )
     if not rows:
         rows = [("measured drives", f"{DATA} is not there")]
     return [Table("Held-out one-step log score, two halves", columns, rows)]

@@ -59,7 +59,7 @@ def table(settings: Settings) -> list[Table]:
 def one(seed: int, minutes: float) -> Run | None:
     """Drive, record, identify."""
     car = read_vehicle("generic_lane")
-    simulated = _later(keep_lane(minutes + 0.2, seed, Steering(), Car()), LATE[seed % len(LATE)])
+    simulated = _later(keep_lane(minutes + 0.2, seed, Steering(), Car(), {}, ()), LATE[seed % len(LATE)])
     found = armax_whole_drive.identify(seen(simulated, car), Orders())
     if found is None:
         return None

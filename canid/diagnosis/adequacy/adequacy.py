@@ -21,7 +21,9 @@ from canid.diagnosis.adequacy.refit_noise import directions
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.fitting.fitted_model import FittedModel, M
 from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.model import Columns
 from canid.diagnosis.fitting.score_test import independent, score_test
 from canid.types import Array
 
@@ -77,7 +79,7 @@ def assess(found: Search, original: DriverData, explained: float = 0.0) -> Adequ
     """
     data, solved = found.data, found.solved
     families = shapes(data, solved)
-    families_tested = [*_spanned(families, data, solved), _unsteady(data, solved)]
+    families_tested = [*spanned(families, data, solved), _unsteady(data, solved)]
     families_tested += [
         Family(one.name, one.says, one.p, one.statistic, 1, one.share)
         for one in unnamed_patterns.detect(found, original)
@@ -97,17 +99,18 @@ def assess(found: Search, original: DriverData, explained: float = 0.0) -> Adequ
     return Adequacy(not failed, tuple(families_tested), tuple(failed), bound, material, share)
 
 
-def _white(columns: Array, solved: FittedDriver) -> Array:
+def _white(columns: Array, solved: FittedModel[M]) -> Array:
     """Columns (n, k) as the score weighs them."""
     slope = solved.fitted.scored.slope
     out: Array = np.where(solved.rows[:, None], whitened(solved.noise, columns) * slope[:, None], 0.0)
     return out
 
 
-def _spanned(families: list[Shapes], data: DriverData, solved: FittedDriver) -> list[Family]:
+def spanned(families: list[Shapes], data: Columns, solved: FittedModel[M]) -> list[Family]:
     """Test every family; those that show something twice."""
     memory = refit_noise.noise_memory(solved)
-    Q = qr(np.column_stack([solved.fitted.jacobian, memory]), mode="economic")[0]
+    J = solved.fitted.jacobian
+    Q = np.column_stack([memory, qr(J - memory @ (memory.T @ J), mode="economic")[0]])
     e = solved.fitted.scored.e / np.sqrt(max(_even(solved), 1e-300))
     own: Array | None = None
     plain, out = 0.0, []
@@ -138,7 +141,7 @@ def _spanned(families: list[Shapes], data: DriverData, solved: FittedDriver) -> 
     return out
 
 
-def _even(solved: FittedDriver) -> float:
+def _even(solved: FittedModel[M]) -> float:
     scored = solved.fitted.scored
     return float(scored.e @ scored.e) / max(scored.free, 1)
 
@@ -152,7 +155,7 @@ def _unsteady(data: DriverData, solved: FittedDriver) -> Family:
     return Family("unsteady", says, found.p, found.score, 1, _share(found.gain, data, solved))
 
 
-def _share(gain: float, data: DriverData, solved: FittedDriver) -> float:
+def _share(gain: float, data: Columns, solved: FittedModel[M]) -> float:
     """Share of the residual's variance that a gain in twice the log likelihood is worth.
 
     What a slow structure with variance s explains of a noise with spectrum S is T·s/S (DESIGN, measured fact 9).

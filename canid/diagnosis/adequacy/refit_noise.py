@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import qr
 
-from canid.diagnosis.driver.driver_data import DriverData
-from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.fitting.fitted_model import problem
-from canid.diagnosis.fitting.least_squares import jacobian
-from canid.diagnosis.fitting.likelihood import Noise, fit_noise, score, whitened
+from canid.diagnosis.fitting.fitted_model import FittedModel, M, problem
+from canid.diagnosis.fitting.least_squares import derivatives
+from canid.diagnosis.fitting.likelihood import fit_noise, score, whitened
+from canid.diagnosis.fitting.model import Columns
 from canid.types import Array
 
 # of "coefficients given the noise model, noise model given the coefficients"
@@ -27,19 +25,17 @@ MEMORY_SAMPLES = 30
 RANK_TOLERANCE = 1e-10
 
 
-def directions(data: DriverData, solved: FittedDriver) -> Array:
+def directions(data: Columns, solved: FittedModel[M]) -> Array:
     """Derivatives of the output by the model's free parameters, (n, k), not whitened."""
-    n = solved.rows.size
-    plain = Noise(np.array([1.0]), 1.0, np.ones(n), np.empty(0))
-    of = problem(data, solved.model, plain, np.ones(n, dtype=bool), solved.fitted.free)
-    J = jacobian(of, solved.q, solved.fitted.model, np.ones(n))
+    of = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
+    J = derivatives(of, solved.q, solved.fitted.model)
     length = np.linalg.norm(J, axis=0)
     out: Array = J[:, length > 0] / length[length > 0]
     return out
 
 
-def noise_memory(solved: FittedDriver) -> Array:
-    """Past innovations as orthonormal columns (n, MEMORY_SAMPLES): noise of a higher order.
+def noise_memory(solved: FittedModel[M]) -> Array:
+    """Past innovations as orthonormal columns (n, at most MEMORY_SAMPLES): noise of a higher order.
 
     The noise moves the car, and the car what is seen: inputs of long ago hold the noise of long ago. Where the noise
     remembers longer than its model, as a resonance under a sensor's noise does, they seem to be answered.
@@ -49,7 +45,9 @@ def noise_memory(solved: FittedDriver) -> Array:
         np.column_stack([np.r_[np.zeros(k), e[:-k]] for k in range(1, MEMORY_SAMPLES + 1)])
         * solved.rows[:, None]
     )
-    out: Array = qr(past, mode="economic")[0]
+    square, turn = np.linalg.eigh(past.T @ past)
+    kept = square > RANK_TOLERANCE * square[-1]
+    out: Array = past @ (turn[:, kept] / np.sqrt(square[kept]))
     return out
 
 
@@ -60,7 +58,7 @@ class Refit(NamedTuple):
     change: Array  # (n,) what the columns do to the output
 
 
-def refit(data: DriverData, solved: FittedDriver, columns: Array, memory: Array) -> Refit:
+def refit(data: Columns, solved: FittedModel[M], columns: Array, memory: Array) -> Refit:
     """Fit extra columns (n, k) to what a model leaves, with a noise model of the same order.
 
     Samples at the floor are treated as in the model's own fit.

@@ -1,14 +1,15 @@
 """Does the fitted baseline describe the drive at all? Where it does not, no cause may be named on top of it.
 
-A baseline is refused for four reasons: its simulation fits worse than the mean of the output; a parameter stands at a
-bound of its box; a gain is negative beyond its interval; the closed loop that it describes is unstable. Every cause is
-then judged by a model of another drive, and what it "explains" is the baseline's own error.
+A baseline is refused for four reasons: its simulation fits worse than the mean of the output, and worse than on replicates
+of its own driver; a parameter stands at a bound of its box; a gain is negative beyond its interval; the closed loop that it
+describes is unstable. Every cause is then judged by a model of another drive, and what it "explains" is the baseline's own
+error.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -52,25 +53,34 @@ def fit_percent(data: DriverData, solved: FittedDriver) -> float:
     return 100 * (1 - left / variation) if variation > 0 else math.nan
 
 
-def refusal(data: DriverData, solved: FittedDriver, car: FittedVehicle | None) -> str:
+def refusal(
+    data: DriverData,
+    solved: FittedDriver,
+    car: FittedVehicle | None,
+    usual: Callable[[], bool] = lambda: False,
+) -> str:
     """Why the baseline does not describe the drive, and what would help; "": it may be judged.
 
     Args:
         data: the driver's columns.
         solved: the baseline.
         car: the fitted car behind a pedal; None: not known.
+        usual: does so poor a fit come from the driver's own noise in the loop? Asked only where it is poor.
     """
-    fit = fit_percent(data, solved)
-    if fit <= 0.0:
-        return (
-            f"its simulation fits worse than the mean of the output (fit {fit:.0f} %): something else than the lead moves "
-            "the output. What would help: 10 min in one stretch behind a lead whose speed changes, without cruise control"
-        )
     at = _bounds(solved)
     if at:
         return f"{at} at the bound of what is searched: check units and signs of the signals (canid check)"
     channels = driver_intervals.channels(solved, data.output.dt)
-    return _wrong_sign(channels) or _bounded_delay(solved, channels) or _loop(data, solved, channels, car)
+    why = _wrong_sign(channels) or _bounded_delay(solved, channels) or _loop(data, solved, channels, car)
+    if why:
+        return why
+    fit = fit_percent(data, solved)
+    if fit <= 0.0 and not usual():
+        return (
+            f"its simulation fits worse than the mean of the output (fit {fit:.0f} %): something else than the lead moves "
+            "the output. What would help: 10 min in one stretch behind a lead whose speed changes, without cruise control"
+        )
+    return ""
 
 
 def _near(solved: FittedDriver, k: int, limit: float) -> bool:

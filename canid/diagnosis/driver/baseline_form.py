@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.driver import closed_loop, driver_candidates
+from canid.diagnosis.driver import closed_loop, delay_grid, driver_candidates
 from canid.diagnosis.driver.driver_candidates import EVIDENCE_PER_PARAMETER
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
@@ -138,7 +138,7 @@ def _fitted(trace: Trace, data: DriverData, fitted: FittedDriver, form: Form) ->
 def of_form(data: DriverData, fitted: FittedDriver, form: Form) -> FittedDriver | None:
     """Fit a baseline of another form, from its best initial guesses."""
     model = with_effects((), form, fitted.model.begins, fitted.model.tied)
-    guesses = [driver_candidates.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
+    guesses = [delay_grid.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
     guesses.sort(key=lambda guess: -guess.explains)
     # another wanted gap leaves another noise: with the baseline's, the fit ends far from the optimum
     found = [

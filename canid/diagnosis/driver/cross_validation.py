@@ -63,7 +63,8 @@ def worse(gain: Interval, data: DriverData, search: Search, folds: tuple[Fold, .
 
     A small loss of the simulation does not count where the one-step predictions gain.
     """
-    if not gain.value < 0:
+    # a pedal that stands still at times is simulated by the same mean law: the next sample shows whether it helps
+    if not gain.value < 0 or not (search.solved.model.effects or search.random_walk):
         return False
     if gain.value <= -MAX_SLOW_LOSS or gain.high < 0:
         return True

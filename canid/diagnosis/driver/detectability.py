@@ -33,6 +33,12 @@ class Shown(NamedTuple):
     direction: Array  # (n,) whitened, baseline's own directions taken out
 
 
+def strength(effect: Effect) -> Parameter | None:
+    """The one parameter that says how strong an effect is."""
+    own = [parameter for parameter in effect.parameters if parameter.typical]
+    return own[0] if len(own) == 1 else None
+
+
 def typical(parameter: Parameter, data: DriverData) -> float:
     """A parameter's typical strength; those in the output's unit are stated for a pedal, and scaled for another output."""
     if data.pedal or not parameter.unit.startswith(("%", "output")):

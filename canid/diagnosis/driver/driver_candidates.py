@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from canid.diagnosis.driver import change_point
+from canid.diagnosis.driver import change_point, delay_grid
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import (
@@ -15,16 +15,12 @@ from canid.diagnosis.driver.driver_model import (
     K1,
     K2,
     OFFSET,
-    TAU1,
-    TAU2,
-    THETA2,
     DriverModel,
-    lagged,
-    parts,
 )
+from canid.diagnosis.driver.recent_values import RecentValues
 from canid.diagnosis.fitting.candidates import MIN_EXPLAINED, Candidate, Guess, best_fit, price, screened
-from canid.diagnosis.fitting.fitted_model import extended, polished
-from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.fitted_model import FittedModel, M, extended, polished
+from canid.diagnosis.fitting.model import Columns
 from canid.diagnosis.fitting.search import RIVAL
 from canid.effects.effect import DriveFeatures, Effect, Kind, Screening
 from canid.types import Array
@@ -40,8 +36,6 @@ MAX_STARTS = 2
 POLISH_EVIDENCE = 8.0
 # of the best one's evidence, from which on another candidate is polished as well
 POLISH_SHARE = 0.4
-# s by which a dead time may have come out too short, each an initial guess
-DEAD_TIME_OFFSETS_S = (0.15, 0.35, 0.7)
 # evidence per parameter: of two candidates, the one with more of them must explain more by so much
 EVIDENCE_PER_PARAMETER = 6.0
 # of the evidence of a dependence on time, that one on the operating point may not reach: neither has the exact form of
@@ -77,11 +71,16 @@ def starts(effect: Effect, data: DriverData, without: FittedDriver) -> Iterator[
         yield q
 
 
-def with_longer_dead_time(without: FittedDriver, by: float) -> Array:
-    """Initial guess with a dead time `by` s longer, which an effect with one gain compensates."""
-    q: Array = np.r_[without.q, by * without.q[K2]]
-    q[THETA2] += by
-    return q
+def with_longer_delays(effect: Effect, data: DriverData, without: FittedDriver) -> Array:
+    """Initial guess for an effect that looks like a shorter delay to the model without it.
+
+    That model has found the short delay, and from there the likelihood falls on the way to the true one.
+    """
+    q = np.r_[without.q, 0.5 * without.q[K2]]
+    best: Array = min(
+        delay_grid.minima(extended(without.model, effect), data, without, q), key=lambda one: one.deviance
+    ).q
+    return best
 
 
 def screen(effect: Effect, data: DriverData, without: FittedDriver) -> list[Guess]:
@@ -93,32 +92,21 @@ def screen(effect: Effect, data: DriverData, without: FittedDriver) -> list[Gues
     out = screened(effect, data, without, starts(effect, data, without))
     if all(each.pedal is None for each in model.effects):
         # every guess, and what its gains explain, one after the other
-        out = [one for guess in out for one in (guess, regained(model, data, without, guess.q))]
+        recent = RecentValues()
+        out = [
+            one
+            for guess in out
+            for one in (guess, delay_grid.regained(model, data, without, guess.q, recent))
+        ]
+
     return sorted(out, key=lambda guess: -guess.explains)
-
-
-def regained(model: DriverModel, data: DriverData, without: FittedDriver, q: Array) -> Guess:
-    """Fit both gains, and the offset where it is free, by linear least squares, everything else fixed."""
-    dt, noise = data.output.dt, without.noise
-    of = parts(model, data, q)
-    first = lagged(of.gain * of.e, float(q[TAU1]), dt)
-    second = lagged(of.gain * of.w, float(q[TAU2]), dt)
-    extra = lagged(of.extra + np.zeros_like(first), float(q[TAU2]), dt)
-    rows = without.fitted.scored.slope == -1.0
-    ones = np.ones_like(first) if OFFSET in model.free() else np.zeros_like(first)
-    X = whitened(noise, np.stack([ones, first, second], axis=1))[rows]
-    y = whitened(noise, data.output.y - extra)[rows]
-    gains = np.linalg.lstsq(X, y, rcond=None)[0]
-    left, before = y - X @ gains, without.fitted.scored.e[rows]
-    q = q.copy()
-    q[[OFFSET, K1, K2]] = np.clip(gains, model.low[[OFFSET, K1, K2]], model.high[[OFFSET, K1, K2]])
-    return Guess(q, max(float(before @ before - left @ left), 0.0))
 
 
 def tried(effect: Effect, data: DriverData, without: FittedDriver, guesses: list[Guess]) -> DriverCandidate:
     """Fit a candidate in full, from its best initial guesses."""
     some = [guess.q for guess in guesses[: MAX_STARTS if effect.shows_desired_headway else 1]]
-    some += [with_longer_dead_time(without, by) for by in DEAD_TIME_OFFSETS_S if effect.shortens_dead_time]
+    if effect.shortens_dead_time:
+        some.append(with_longer_delays(effect, data, without))
     best = best_fit(effect, data, without, some)
     return price(effect, change_point.refined(data, best), without, data.output.dt)
 
@@ -145,30 +133,42 @@ def candidates(effects: tuple[Effect, ...], data: DriverData, without: FittedDri
         else one
         for one in found
     ]
+    others: dict[str, DriverCandidate] = {}
     return [
         one
         for one in refined
-        if not simulates_worse(data, one.solved, without) and not is_operating_point(one, data, without)
+        if not simulates_worse(data, one.solved, without)
+        and not is_operating_point(one, data, without, others)
     ]
 
 
-def is_operating_point(one: DriverCandidate, data: DriverData, without: FittedDriver) -> bool:
+def is_operating_point(
+    one: DriverCandidate, data: DriverData, without: FittedDriver, others: dict[str, DriverCandidate]
+) -> bool:
     """Does the same freedom, given to the operating point, explain as much as this dependence on time?
 
     A time-invariant driver behind a lead that changes its speed changes with the operating point alone.
+
+    Args:
+        one: the dependence on time.
+        data: what is explained.
+        without: the model without it.
+        others: what was tried in its place before; is added to.
     """
     if one.evidence < POLISH_EVIDENCE:
         return False
     won = without.deviance - one.solved.deviance
     for effect in one.effect.timeless:
-        other = tried(effect, data, without, screen(effect, data, without))
+        if effect.id not in others:
+            others[effect.id] = tried(effect, data, without, screen(effect, data, without))
+        other = others[effect.id]
         handicap = EVIDENCE_PER_PARAMETER * max(other.parameters - one.parameters, 0)
         if without.deviance - other.solved.deviance - handicap > min(won - RIVAL, TIMELESS_SHARE * won):
             return True
     return False
 
 
-def simulates_worse(data: DriverData, one: FittedDriver, without: FittedDriver) -> bool:
+def simulates_worse(data: Columns, one: FittedModel[M], without: FittedModel[M]) -> bool:
     """Does a model that predicts the next sample better simulate the drive worse than the model without the cause?
 
     Then it has traded the slow part of the response for the noise model, which explains any slow part: on measured

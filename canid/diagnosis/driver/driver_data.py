@@ -52,13 +52,19 @@ def braking(trace: Trace) -> Flags:
     return out
 
 
-def prepare(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> DriverData:
+def prepare(
+    trace: Trace,
+    usable: Flags,
+    begins: tuple[float, ...] = (),
+    jerks: tuple[float, float] | None = None,
+) -> DriverData:
     """Lay out the columns.
 
     Args:
         trace: of a drive.
         usable: (n,) samples that no mask has taken.
         begins: s, of each further drive on the trace.
+        jerks: how lively the motions are that the driver follows; None: estimated.
     """
     signals, n = trace.signals, trace.t.size
     speed, gap = signals.get("speed", np.full(n, np.nan)), signals.get("gap", np.full(n, np.nan))
@@ -83,7 +89,8 @@ def prepare(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Driv
         if role in signals and np.isfinite(signals[role]).mean() > 0.5 * np.isfinite(reports[k]).mean():
             reports[k] = signals[role]
     new = np.r_[True, np.diff(trace.segment) != 0] if n else np.zeros(0, dtype=bool)
-    known_then = lagged(reports[0], reports[1], filled_speed, new, round(KNOWN_LAGS_S / trace.dt), trace.dt)
+    lags = round(KNOWN_LAGS_S / trace.dt)
+    known_then = lagged(reports[0], reports[1], filled_speed, new, lags, trace.dt, jerks)
     t = trace.t - trace.t[0] if n else trace.t
     seen = Seen(
         t,

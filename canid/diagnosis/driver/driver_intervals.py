@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from canid.diagnosis.driver import change_point, spectral_line
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import HIGH, K1, K2, SCALE, TAU1, TAU2, THETA1, THETA2
+from canid.diagnosis.driver.model_averaging import Alternative, Spread, averaged
 from canid.diagnosis.fitting.profile_likelihood import widened
 from canid.diagnosis.fitting.robust_covariance import sandwich
 from canid.effects.effect import Kind
@@ -58,44 +59,50 @@ def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, In
     return estimates
 
 
-def channels(solved: FittedDriver, dt: float, data: DriverData | None = None) -> Mapping[str, Channel]:
+def channels(
+    solved: FittedDriver, dt: float, data: DriverData | None = None, others: Sequence[Alternative] = ()
+) -> Mapping[str, Channel]:
     """The driver's two answers, and which of their parameters may be quoted.
 
     Args:
         solved: a fit.
         dt: s.
         data: what was fitted; given, the intervals follow the likelihood instead of its curvature.
+        others: models with one more effect, that widen the intervals.
     """
     of = sandwich(solved.fitted, dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
 
     def sd(*these: int) -> float:
         index = [place[k] for k in these]
-        wider = GAINS_WIDER if these[0] in (K1, K2) else DELAYS_WIDER
-        return wider * float(np.sqrt(of.C[np.ix_(index, index)].sum()))
+        return wider(these[0]) * float(np.sqrt(of.C[np.ix_(index, index)].sum()))
 
-    def estimate(k: int, *, quoted: bool = True) -> Interval:
-        low, high = (0.0, HIGH[k]) if k in (TAU1, TAU2, THETA1, THETA2) else (-np.inf, np.inf)
-        narrow = interval(q[k], sd(k), low, high)
+    def spread(*these: int, quoted: bool = False) -> Spread:
+        gain = these[0] in (K1, K2)
+        low, high = (-np.inf, np.inf) if gain else (0.0, sum(HIGH[k] for k in these))
+        narrow = interval(sum(q[k] for k in these), sd(*these), low, high)
         # a profile interval takes several fits: only of what is quoted
-        return (
-            narrow
-            if data is None or not quoted
-            else widened(data, solved, k, narrow, float(of.variance_inflation[place[k]]))
-        )
+        if quoted and data is not None:
+            narrow = widened(data, solved, these[0], narrow, float(of.variance_inflation[place[these[0]]]))
+        return averaged(narrow, sd(*these), others, these, wider(these[0]), low, high)
 
     q = solved.q
     out = {}
     for name, gain, tau, theta in (("headway_error", K1, TAU1, THETA1), ("range_rate", K2, TAU2, THETA2)):
-        K = estimate(gain)
+        K, total = spread(gain, quoted=True), spread(tau, theta)
         free = all(q[k] < HIGH[k] - BOUND_SCALE_SHARE * SCALE[k] for k in (tau, theta))
-        status = identifiability.judge(K, sd(gain), sd(tau), sd(theta), sd(tau, theta), free)
+        status = identifiability.judge(K.interval, K.sd, spread(tau).sd, spread(theta).sd, total.sd, free)
         each = "tau" in identifiability.QUOTABLE[status]
         out[name] = identifiability.channel(
             status,
-            K,
-            tau=estimate(tau, quoted=each),
-            dead_time=estimate(theta, quoted=each),
-            total=interval(q[tau] + q[theta], sd(tau, theta), 0.0, HIGH[tau] + HIGH[theta]),
+            K.interval,
+            tau=spread(tau, quoted=each).interval,
+            dead_time=spread(theta, quoted=each).interval,
+            total=total.interval,
         )
     return out
+
+
+def wider(k: int) -> float:
+    """By how much the sandwich of a parameter is too narrow."""
+    return GAINS_WIDER if k in (K1, K2) else DELAYS_WIDER

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.recent_values import RecentValues
 from canid.diagnosis.fitting.model import box
 from canid.effects.effect import Effect, Params, Seen, Value
 from canid.effects.wanted_gap import Form, error
@@ -36,8 +37,6 @@ OWN = {
 TIE_SD_S = 0.5
 # m/s; below it a headway means nothing
 MIN_HEADWAY_SPEED = 1.0
-# dead times whose inputs are kept: those of a point, and of the steps around it
-CACHED_DEAD_TIMES = 6
 # of a standard normal (Abramowitz & Stegun 1964, table 25.10, scaled)
 NODES = ((-math.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (math.sqrt(3.0), 1 / 6))
 SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5, 3.0, 10.0)
@@ -92,8 +91,8 @@ class DriverModel(NamedTuple):
 
     def bind(self, data: DriverData) -> Callable[[Array], Array]:
         """Return the simulated output as a function of the parameters alone."""
-        recalled: dict[float, Seen] = {}
-        return lambda q: pedal(self, data, q, recalled)
+        recent = RecentValues()
+        return lambda q: pedal(self, data, q, recent)
 
     def ties(self, data: DriverData) -> Array | None:
         """Both answers share perception, pedal and car, so their lags and dead times are alike."""
@@ -137,6 +136,8 @@ def offset(model: DriverModel, q: Array, t: Value) -> Value:
         [2.0, 2.5]
     """
     out: Value = q[OFFSET]
+    if not model.begins:
+        return out
     for k, (begin, end) in enumerate(itertools.pairwise((*model.begins, math.inf))):
         out = out + np.where((t >= begin) & (t < end), q[len(BASE) + k], 0.0)
     return out
@@ -170,17 +171,6 @@ def seen_late(data: DriverData, delay: float | Array) -> Seen:
         speed = np.interp(seen.t - delay, seen.t, seen.speed)
     headway = gap / np.maximum(speed, MIN_HEADWAY_SPEED)
     return seen._replace(headway=headway, range_rate=rate, gap=gap, speed=speed, lead_accel=accel)
-
-
-def _once(data: DriverData, delay: float | Array, recalled: dict[float, Seen] | None) -> Seen:
-    """Recall at a dead time, or take it from what was recalled."""
-    if recalled is None or not isinstance(delay, float):
-        return seen_late(data, delay)
-    if delay not in recalled:
-        if len(recalled) >= CACHED_DEAD_TIMES:
-            recalled.pop(next(iter(recalled)))
-        recalled[delay] = seen_late(data, delay)
-    return recalled[delay]
 
 
 def _doubt(sd: Array, delay: float | Array, dt: float) -> float:
@@ -226,15 +216,6 @@ def lagged(x: Array, tau: float, dt: float) -> Array:
     return out
 
 
-class Parts(NamedTuple):
-    """The demand before the lag, (n,) each."""
-
-    e: Array  # s, acted upon
-    w: Array  # m/s, acted upon
-    gain: Array | float
-    extra: Array | float
-
-
 def blurred(bend: Bend, p: Params, x: Array, seen: Seen, sd: Array | float) -> Array:
     """Return the mean of a bend over what the input may have been, (n,).
 
@@ -250,61 +231,155 @@ def blurred(bend: Bend, p: Params, x: Array, seen: Seen, sd: Array | float) -> A
     return out
 
 
-def parts(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, Seen] | None = None) -> Parts:
-    """What enters the lag.
+class Parts(NamedTuple):
+    """The demand before the lag, (n,) each."""
 
-    Args:
-        model: which causes.
-        data: what he saw.
-        q: (k,) parameters.
-        recalled: what was recalled at a dead time before; a derivative by another parameter needs it again.
-    """
+    e: Array  # s, acted upon
+    w: Array  # m/s, acted upon
+    gain: Array | float
+    extra: Array | float
+
+
+class Responses(NamedTuple):
+    """Behind the lags, (n,) each, and what is added; the answers for gains of 1."""
+
+    first: Array  # to headway
+    second: Array  # to relative speed
+    extra: Array | float
+
+
+# of what depends on the model alone
+NO_PARAMETERS = np.empty(0)
+
+
+class _Inputs(NamedTuple):
+    """Parameters that each part depends on, as indices into q."""
+
+    e: list[int]
+    w: list[int]
+    gain: list[int]
+    extra: list[int]
+
+
+def _inputs(model: DriverModel) -> _Inputs:
+    e, w, gain, extra = [THETA1, DESIRED, STANDSTILL, FREE_SPEED], [THETA2], list[int](), list[int]()
+    for effect, where in zip(model.effects, model.where, strict=True):
+        own = range(where.start, where.stop)
+        if effect.headway is not None or effect.dead_time is not None:
+            e += own
+        if effect.range_rate is not None or effect.dead_time is not None:
+            w += own
+        if effect.gain is not None:
+            gain += own
+        if effect.extra is not None:
+            extra += own
+    # both act on what is seen after the second dead time
+    late = [k for effect, k in zip(model.effects, model.where, strict=True) if effect.dead_time is not None]
+    seen = [THETA2, *(k for where in late for k in range(where.start, where.stop))]
+    return _Inputs(e, w, gain + seen if gain else [], extra + seen if extra else [])
+
+
+def _dead_times(model: DriverModel, data: DriverData, q: Array) -> tuple[float | Array, float | Array]:
     theta1: float | Array = float(q[THETA1])
     theta2: float | Array = float(q[THETA2])
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.dead_time is not None:
             added = effect.dead_time(q[where], data.seen)
             theta1, theta2 = np.maximum(theta1 + added, 0.0), np.maximum(theta2 + added, 0.0)
-    first, second = (_once(data, theta, recalled) for theta in (theta1, theta2))
-    e = error(model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
-    w = second.range_rate
-    gain: Array | float = 1.0
-    extra: Array | float = 0.0
-    for effect, where in zip(model.effects, model.where, strict=True):
-        p = q[where]
-        if effect.headway is not None:
-            sd = _doubt(data.known.gap_sd, theta1, data.output.dt) / np.maximum(
-                first.speed, MIN_HEADWAY_SPEED
-            )
-            e = blurred(effect.headway, p, e, first, sd)
-        if effect.range_rate is not None:
-            sd = _doubt(data.known.range_rate_sd, theta2, data.output.dt)
-            w = blurred(effect.range_rate, p, w, second, sd)
-        if effect.gain is not None:
-            gain = gain * effect.gain(p, second)
-        if effect.extra is not None:
-            extra = extra + effect.extra(p, second)
-    return Parts(e, w, gain, extra)
+    return theta1, theta2
 
 
-def pedal(model: DriverModel, data: DriverData, q: Array, recalled: dict[float, Seen] | None = None) -> Array:
+def parts(model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None) -> Parts:
+    """What enters the lag.
+
+    Args:
+        model: which causes.
+        data: what he saw.
+        q: (k,) parameters.
+        recent: parts computed before; a derivative by another parameter needs them again.
+    """
+    kept = recent or RecentValues()
+    theta1, theta2 = _dead_times(model, data, q)
+    of = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
+    acting = [(effect, q[where]) for effect, where in zip(model.effects, model.where, strict=True)]
+
+    def seen(delay: float | Array) -> Seen:
+        if isinstance(delay, float):
+            return kept.value("seen", np.array([delay]), lambda: seen_late(data, delay))
+        return seen_late(data, delay)
+
+    def e() -> Array:
+        first = seen(theta1)
+        out: Array = error(model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
+        for effect, p in acting:
+            if effect.headway is not None:
+                sd = _doubt(data.known.gap_sd, theta1, data.output.dt)
+                out = blurred(effect.headway, p, out, first, sd / np.maximum(first.speed, MIN_HEADWAY_SPEED))
+        return out
+
+    def w() -> Array:
+        second = seen(theta2)
+        out: Array = second.range_rate
+        for effect, p in acting:
+            if effect.range_rate is not None:
+                sd = _doubt(data.known.range_rate_sd, theta2, data.output.dt)
+                out = blurred(effect.range_rate, p, out, second, sd)
+        return out
+
+    def gain() -> Array | float:
+        out: Array | float = 1.0
+        for effect, p in acting:
+            if effect.gain is not None:
+                out = out * effect.gain(p, seen(theta2))
+        return out
+
+    def extra() -> Array | float:
+        out: Array | float = 0.0
+        for effect, p in acting:
+            if effect.extra is not None:
+                out = out + effect.extra(p, seen(theta2))
+        return out
+
+    return Parts(
+        kept.value("e", q[of.e], e),
+        kept.value("w", q[of.w], w),
+        kept.value("gain", q[of.gain], gain),
+        kept.value("extra", q[of.extra], extra),
+    )
+
+
+def responses(
+    model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None
+) -> Responses:
+    """Answers behind the lags; arguments as in `parts`."""
+    kept, dt = recent or RecentValues(), data.output.dt
+    used = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
+    of, zeros = parts(model, data, q, kept), np.zeros(data.seen.t.size)
+
+    def behind(name: str, x: Callable[[], Array | float], tau: int, inputs: list[int]) -> Array:
+        return kept.value(name, q[[tau, *inputs]], lambda: lagged(x() + zeros, float(q[tau]), dt))
+
+    return Responses(
+        behind("first", lambda: of.gain * of.e, TAU1, used.e + used.gain),
+        behind("second", lambda: of.gain * of.w, TAU2, used.w + used.gain),
+        behind("behind", lambda: of.extra, TAU2, used.extra) if used.extra else 0.0,
+    )
+
+
+def pedal(model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None) -> Array:
     """Return the output that the driver would give, without noise and before its limits.
 
     Args:
         model: which causes.
         data: what he saw.
         q: (k,) parameters, in the order of `BASE` and then the causes'.
-        recalled: as in `parts`.
+        recent: as in `parts`.
 
     Returns:
         (n,) output unit.
     """
-    dt = data.output.dt
-    of = parts(model, data, q, recalled)
-    first = lagged(of.gain * q[K1] * of.e, float(q[TAU1]), dt)
-    out: Array = (
-        offset(model, q, data.seen.t) + first + lagged(of.gain * q[K2] * of.w + of.extra, float(q[TAU2]), dt)
-    )
+    dt, of = data.output.dt, responses(model, data, q, recent)
+    out: Array = offset(model, q, data.seen.t) + q[K1] * of.first + q[K2] * of.second + of.extra
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.pedal is None:
             continue

@@ -19,11 +19,11 @@ from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1
 from canid.diagnosis.driver.random_walk import RandomWalk
 from canid.diagnosis.fitting import likelihood
-from canid.diagnosis.fitting.candidates import needed_still
+from canid.diagnosis.fitting.candidates import needed_still, still_named, with_rivals
 from canid.diagnosis.fitting.fitted_model import dropped, scaled_by_state, solve
 from canid.diagnosis.fitting.model import place
 from canid.diagnosis.fitting.robust_covariance import needed
-from canid.diagnosis.fitting.search import RIVAL, Named, Option, Step, forward_selection
+from canid.diagnosis.fitting.search import Named, Option, Step, forward_selection
 from canid.effects.effect import Detector, Effect, Kind
 from canid.types import Interval
 
@@ -69,6 +69,8 @@ class Search(NamedTuple):
     steps: tuple[Step, ...] = ()
     random_walk: RandomWalk | None = None
     holds: tuple[pedal_holds.Holds, ...] = ()
+    among: tuple[Effect, ...] = ()  # all that were candidates
+    candidates: tuple[DriverCandidate, ...] = ()  # of the last step, fitted in full
 
     def has(self, effect: str) -> bool:
         """Is it named already?"""
@@ -92,13 +94,9 @@ def search_causes(data: DriverData, effects: tuple[Effect, ...], fitted: FittedD
     def accept(state: Search, option: Option[Found]) -> tuple[Search, bool]:
         return _accept(state, option, measured)
 
-    found, steps = forward_selection(Search(fitted, data, fitted), propose, accept)
+    found, steps = forward_selection(Search(fitted, data, fitted, among=effects), propose, accept)
     kept = needed_still(found.data, found.solved, len(effects), least=1)
-    named = [
-        one._replace(evidence=kept.evidence.get(one.effect.id, one.evidence))
-        for one in found.named
-        if one.effect.id not in kept.evidence or one.effect in kept.solved.model.effects
-    ]
+    named = still_named(found.named, kept)
     found = found._replace(solved=kept.solved, steps=steps)
     return found._replace(named=tuple(_with_rivals(one, found, kept.without, curves) for one in named))
 
@@ -117,7 +115,8 @@ def _propose(
     form = FORM_EVIDENCE_SHARE * sum(one.evidence for one in state.named)
     solved, tried = _tried(curves, state.data, state.solved)
     # another minimum of the baseline itself is the baseline: both models begin with the same one
-    state = state._replace(solved=solved, baseline=state.baseline if state.named else solved)
+    baseline = state.baseline if state.named else solved
+    state = state._replace(solved=solved, baseline=baseline, candidates=tuple(tried))
     data, options = state.data, list[Option[Found]]()
     capped = bool(np.isfinite(pedal_holds.ceiling(state.holds)))
     for candidate in tried:
@@ -297,11 +296,4 @@ def _with_rivals(
     # only candidates that explained a part of it at an earlier step
     worth = {step.effect.id for step in found.steps if step.evidence > RIVAL_SHARE * one.evidence} - have
     swaps = driver_candidates.candidates(tuple(e for e in curves if e.id in worth), data, left)
-    bound = {step.effect.id: step.needed for step in found.steps}
-    # a cause with more to choose must explain as much more as that finds by chance
-    close = [
-        c.effect.id
-        for c in swaps
-        if c.solved.deviance - solved.deviance < RIVAL + max(one.needed - bound[c.effect.id], 0.0)
-    ]
-    return one._replace(rivals=tuple(dict.fromkeys([*fixed, *close])))
+    return with_rivals(one, swaps, solved, found.steps)

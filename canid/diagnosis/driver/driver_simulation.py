@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.diagnosis.driver.driver_model import (
     DESIRED,
@@ -68,20 +69,32 @@ class State(NamedTuple):
 Step = Callable[[State, Late, int], tuple[State, Array]]
 
 
-def recalled(x: Array, k: int, delay: Array, dt: float) -> Array:
-    """Return x(t_k − delay) of each column, straight between samples.
+class Between(NamedTuple):
+    """An instant between two samples, of each column."""
 
-    Example:
-        >>> x = np.stack([np.arange(5.0), 10 * np.arange(5.0)], axis=1)
-        >>> recalled(x, 4, np.array([0.15, 0.2]), 0.1).tolist()
-        [2.5, 20.0]
-    """
+    before: npt.NDArray[np.int64]  # (m,) rows
+    after: npt.NDArray[np.int64]
+    part: Array  # (m,) of the earlier one
+
+
+def earlier(k: int, delay: Array, dt: float) -> Between:
+    """The instant t_k − delay (m,)."""
     # a delay of whole samples must not fall between two by rounding
     at = np.round(k - delay / dt, 9)
     whole = np.floor(at).astype(np.int64)
-    part = at - whole
+    return Between(whole, np.minimum(whole + 1, k), 1 - (at - whole))
+
+
+def recalled(x: Array, at: Between) -> Array:
+    """Return each column of x at an instant, straight between samples.
+
+    Example:
+        >>> x = np.stack([np.arange(5.0), 10 * np.arange(5.0)], axis=1)
+        >>> recalled(x, earlier(4, np.array([0.15, 0.2]), 0.1)).tolist()
+        [2.5, 20.0]
+    """
     columns = np.arange(x.shape[1])
-    out: Array = (1 - part) * x[whole, columns] + part * x[np.minimum(whole + 1, k), columns]
+    out: Array = at.part * x[at.before, columns] + (1 - at.part) * x[at.after, columns]
     return out
 
 
@@ -93,7 +106,8 @@ def _own_parameters(of: SimulatedDriver) -> list[tuple[Array, Effect]]:
 def _seen(of: SimulatedDriver, late: Late, k: int, delay: Array, dt: float) -> Seen:
     """Inputs at sample k, `delay` (m,) s earlier."""
     columns = (late.gap, late.range_rate, late.speed, late.lead_accel)
-    gap, rate, speed, accel = (recalled(x, k, delay, dt) for x in columns)
+    at = earlier(k, delay, dt)
+    gap, rate, speed, accel = (recalled(x, at) for x in columns)
     return Seen(late.t[k], of.duration, gap / np.maximum(speed, MIN_HEADWAY_SPEED), rate, gap, speed, accel)
 
 

@@ -18,8 +18,10 @@ from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.random_walk import RandomWalk
 from canid.diagnosis.fitting import held_out_gain
-from canid.diagnosis.fitting.fitted_model import dropped, solve
-from canid.diagnosis.fitting.likelihood import score, whitened
+from canid.diagnosis.fitting.fitted_model import FittedModel, M, dropped, solve
+from canid.diagnosis.fitting.least_squares import ROUGH_TOLERANCE
+from canid.diagnosis.fitting.likelihood import Scored, score, whitened
+from canid.diagnosis.fitting.model import Columns
 from canid.effects.effect import Effect
 from canid.findings import Flags
 from canid.types import Array, Interval
@@ -68,9 +70,9 @@ def folds(original: DriverData, found: Search) -> tuple[Fold, ...]:
     return tuple(out)
 
 
-def dealt(data: DriverData) -> npt.NDArray[np.int64]:
+def dealt(data: Columns) -> npt.NDArray[np.int64]:
     """Fold of each sample, (n,)."""
-    return (np.arange(data.seen.t.size) // round(FOLD_BLOCK_S / data.output.dt)) % FOLDS
+    return (np.arange(data.output.y.size) // round(FOLD_BLOCK_S / data.output.dt)) % FOLDS
 
 
 def errors(
@@ -110,20 +112,29 @@ def carried(of: Search, effect: Effect) -> float:
     fold = dealt(data)
     won = 0.0
     for k in range(FOLDS):
-        base = refitted(data, without, fold != k)
+        rows = without.rows & (fold != k)
+        # each with a noise model of its own: that of the model without the cause takes up a part of it
+        base = solve(data, without.model, without.q, without.noise, rows, turns=2)
         found = driver_candidates.tried(
             effect, data, base, driver_candidates.screen(effect, data, base)
         ).solved
         here = without.rows & (fold == k)
-        lost = [score(data.output, here, base.noise, one.fitted.model).cost for one in (base, found)]
+        lost = [
+            _deviance(score(data.output, here, one.noise, one.fitted.model), one.noise.sd)
+            for one in (base, found)
+        ]
         won += lost[0] - lost[1]
     return won
 
 
-def refitted(data: DriverData, solved: FittedDriver, train: Flags) -> FittedDriver:
+def _deviance(scored: Scored, sd: float) -> float:
+    return scored.cost + 2.0 * scored.free * float(np.log(sd))
+
+
+def refitted(data: Columns, solved: FittedModel[M], train: Flags) -> FittedModel[M]:
     """Fit a model again, to some samples only."""
     rows = solved.rows & train
-    return solve(data, solved.model, solved.q, solved.noise, rows, turns=1)
+    return solve(data, solved.model, solved.q, solved.noise, rows, turns=1, tolerance=ROUGH_TOLERANCE)
 
 
 def gain(before: Array, after: Array, where: Flags, dt: float) -> Interval:

@@ -15,6 +15,8 @@ import numpy as np
 
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.fitting.fitted_model import FittedModel, M
+from canid.diagnosis.fitting.likelihood import Output
 from canid.effects.effect import Detector
 from canid.findings import Flags
 from canid.runs import runs
@@ -39,6 +41,8 @@ RHYTHM_SIGMAS = 8.0
 # 1/s, frequencies of a rhythm: decisions every 0.3 to 4 s, as far apart as half a minute distinguishes
 RHYTHM_STEP_HZ = 0.01
 RHYTHM_HZ = np.arange(0.25, 3.2, RHYTHM_STEP_HZ)
+# of its refinement; and of an overtone's evidence that the fundamental must have: it has all of it but for the grid's errors
+RHYTHM_FINE_STEPS, FUNDAMENTAL_SHARE = 21, 0.7
 # s; movements keep step with a rhythm for so long
 RHYTHM_WINDOW_S = 30.0
 # movements; with fewer no rhythm is distinguished from chance
@@ -108,19 +112,10 @@ def detect(data: DriverData, solved: FittedDriver, before: tuple[Holds, ...] = (
     """
     if not data.pedal or any(one.pattern is not Detector.PEDAL_CEILING for one in before):
         return NONE  # an acceleration never stands still
-    y, noise = data.output.y, solved.noise
+    y = data.output.y
     step = step_size(y[data.output.usable])
-    held_sd = max(TREMBLE_STEPS * step, 1e-3)
     free = data.output.usable & ~data.output.hidden
-    # innovations also where rows do not count after a masked stretch: there the noise is as wide as it can be
-    sd = noise.sd * noise.size
-    e = np.where(solved.rows, solved.fitted.scored.e, 0.0)
-    driving = -0.5 * e * e - np.log(np.maximum(sd, 0.5 * held_sd))
-    moved = np.r_[np.inf, np.diff(y)]
-    holding = -0.5 * np.minimum((moved / held_sd) ** 2, MAX_SQUARED_JUMP) - np.log(held_sd)
-    # a pedal that moves slowly repeats a level of the sensor now and then; a continuous density does not allow for that
-    resting = -np.log(rests(moved, free, step, data.output.dt)) + 0.5 * (e * e - 1.0)
-    gain = np.where(free & solved.rows, np.minimum(holding - driving, resting), NEVER_LOG_LIKELIHOOD)
+    gain = holding(data.output, solved, step)
     top = NONE if before else _ceiling(data, y, step)
     if top.pattern is not None:
         return top
@@ -140,6 +135,28 @@ def detect(data: DriverData, solved: FittedDriver, before: tuple[Holds, ...] = (
     ):
         return Holds(Detector.PEDAL_CEILING, spans, evidence, level)
     return Holds(Detector.PEDAL_HOLDS, spans, evidence, np.nan)
+
+
+def holding(output: Output, solved: FittedModel[M], step: float) -> Array:
+    """Log likelihood (n,) that the output is held, over that it is driven.
+
+    Args:
+        output: as measured.
+        solved: the model of the driving.
+        step: of the sensor.
+    """
+    held_sd = max(TREMBLE_STEPS * step, 1e-3)
+    free = output.usable & ~output.hidden
+    # innovations also where rows do not count after a masked stretch: there the noise is as wide as it can be
+    sd = solved.noise.sd * solved.noise.size
+    e = np.where(solved.rows, solved.fitted.scored.e, 0.0)
+    driving = -0.5 * e * e - np.log(np.maximum(sd, 0.5 * held_sd))
+    moved = np.r_[np.inf, np.diff(output.y)]
+    still = -0.5 * np.minimum((moved / held_sd) ** 2, MAX_SQUARED_JUMP) - np.log(held_sd)
+    # a pedal that moves slowly repeats a level of the sensor now and then; a continuous density does not allow for that
+    resting = -np.log(rests(moved, free, step, output.dt)) + 0.5 * (e * e - 1.0)
+    out: Array = np.where(free & solved.rows, np.minimum(still - driving, resting), NEVER_LOG_LIKELIHOOD)
+    return out
 
 
 def rests(moved: Array, free: Flags, step: float, dt: float) -> float:
@@ -244,10 +261,24 @@ def _rhythm(y: Array, free: Flags, step: float, dt: float) -> tuple[float, float
     if moves.size < MIN_MOVES or share > 1 - MIN_RHYTHM_SHARE:
         return 0.0, 0.0, np.inf
     window = moves // round(RHYTHM_WINDOW_S / dt)
-    power = np.zeros(RHYTHM_HZ.size)
-    for w in np.unique(window):
-        t = moves[window == w] * dt
-        power += 2 * np.abs(np.exp(2j * np.pi * np.outer(RHYTHM_HZ, t)).sum(axis=1)) ** 2 / t.size
-    by_chance = 2.0 * np.unique(window).size
+    times = [moves[window == w] * dt for w in np.unique(window)]
+    by_chance = 2.0 * len(times)
+    found, power = _strongest(RHYTHM_HZ, times)
+    # movements in a rhythm are in that of its overtones too; those of an overtone cancel at the fundamental
+    for part in range(int(found / RHYTHM_HZ[0]), 1, -1):
+        near = found / part + RHYTHM_STEP_HZ * np.linspace(-1, 1, RHYTHM_FINE_STEPS)
+        slower, as_strong = _strongest(near, times)
+        if as_strong > FUNDAMENTAL_SHARE * power:
+            found, power = slower, as_strong
+            break
+    found, power = _strongest(found + RHYTHM_STEP_HZ * np.linspace(-1, 1, RHYTHM_FINE_STEPS), times)
+    return 1 / found, power, by_chance + RHYTHM_SIGMAS * float(np.sqrt(2 * by_chance))
+
+
+def _strongest(hz: Array, times: list[Array]) -> tuple[float, float]:
+    """The frequency (Hz) at which the times in each window agree most, and its evidence."""
+    power = np.zeros(hz.size)
+    for t in times:
+        power += 2 * np.abs(np.exp(2j * np.pi * np.outer(hz, t)).sum(axis=1)) ** 2 / t.size
     k = int(np.argmax(power))
-    return float(1 / RHYTHM_HZ[k]), float(power[k]), by_chance + RHYTHM_SIGMAS * float(np.sqrt(2 * by_chance))
+    return float(hz[k]), float(power[k])

@@ -17,7 +17,7 @@ from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1, TAU1, THETA1, delayed, lagged
 from canid.diagnosis.fitting.fitted_model import problem
-from canid.diagnosis.fitting.least_squares import jacobian
+from canid.diagnosis.fitting.least_squares import derivatives
 from canid.diagnosis.fitting.likelihood import Noise, fit_noise, score, whitened
 from canid.effects.effect import KNOT_SPACING_S
 from canid.findings import Flags
@@ -74,20 +74,24 @@ def detect(data: DriverData, solved: FittedDriver) -> RandomWalk | None:
     ridge = float(np.var(left[solved.rows])) / BRISK_STEP_S**2 * np.eye(knots - 1)
     away = shape @ np.linalg.solve(within.T @ within + ridge, within.T @ left)
     p = solved.noise.A.size - 1
+    of = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
+    own = derivatives(of, solved.q, solved.fitted.model)
     quicker = fit_noise(data.output, data.output.y - solved.fitted.model - away, p, solved.noise.size)
     return max(
-        (_found(data, solved, shape, walk, noise) for noise in (solved.noise, quicker)),
+        (_found(data, solved, own, shape, walk, noise) for noise in (solved.noise, quicker)),
         key=lambda found: found.evidence,
     )
 
 
-def _found(data: DriverData, solved: FittedDriver, shape: Array, walk: Array, noise: Noise) -> RandomWalk:
+def _found(
+    data: DriverData, solved: FittedDriver, own: Array, shape: Array, walk: Array, noise: Noise
+) -> RandomWalk:
     """Estimate from one initial noise model."""
-    plain = _explained(data, solved, shape, solved.noise).without
+    plain = _explained(data, solved, own, shape, solved.noise).without
     best: RandomWalk | None = None
     profile = np.empty(STEP_SIZES_S.size)
     for _ in range(WALK_ALTERNATIONS):
-        gram, b, without = _explained(data, solved, shape, noise)
+        gram, b, without = _explained(data, solved, own, shape, noise)
         for k, q in enumerate(STEP_SIZES_S):
             factor = cho_factor(np.eye(len(b)) + q * q * gram)
             won = q * q * float(b @ cho_solve(factor, b))
@@ -152,14 +156,13 @@ def scores_of_walk(data: DriverData, solved: FittedDriver, found: RandomWalk, ro
     return out
 
 
-def _explained(data: DriverData, solved: FittedDriver, shape: Array, noise: Noise) -> Explained:
-    """Normal equations under a noise model."""
+def _explained(data: DriverData, solved: FittedDriver, own: Array, shape: Array, noise: Noise) -> Explained:
+    """Normal equations under a noise model; `own` (n, k) are the model's own derivatives."""
     scored = score(data.output, solved.rows, noise, solved.fitted.model)
     rows = scored.slope == -1.0
     X = np.where(rows[:, None], whitened(noise, shape), 0.0)
     # the model's directions as this noise model weighs them
-    of = problem(data, solved.model, noise, rows, solved.fitted.free)
-    J = jacobian(of, solved.q, solved.fitted.model, scored.slope)
+    J = np.where(rows[:, None], whitened(noise, own) * scored.slope[:, None], 0.0)
     Q = qr(J, mode="economic")[0]
     e = np.where(rows, scored.e, 0.0)
     e = e - Q @ (Q.T @ e)

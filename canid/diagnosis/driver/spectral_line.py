@@ -60,15 +60,17 @@ def above(power: Array, index: npt.NDArray[np.int64]) -> Array:
         >>> above(np.r_[np.ones(30), 5.0, np.ones(30)], np.array([30])).round(1)
         array([6.9])
     """
-    over = np.empty(index.size)
-    for k, at in enumerate(index.tolist()):
-        near = np.r_[
-            power[max(at - NEIGHBOUR_BINS, 1) : max(at - GUARD_BINS, 1)],
-            power[at + GUARD_BINS + 1 : at + NEIGHBOUR_BINS + 1],
-        ]
-        # the median of an exponential is ln 2 of its mean
-        over[k] = 2 * power[at] / (np.median(near) / np.log(2)) if near.size else 0.0
-    return over
+    apart = np.arange(GUARD_BINS + 1, NEIGHBOUR_BINS + 1)
+    near = index[:, None] + np.r_[-apart[::-1], apart]
+    # bin 0 is the mean
+    known = (near >= 1) & (near < power.size)
+    count = known.sum(axis=1)
+    sizes = np.sort(np.where(known, power[np.clip(near, 0, power.size - 1)], np.inf), axis=1)
+    middle = np.stack([np.maximum(count - 1, 0) // 2, np.minimum(count // 2, sizes.shape[1] - 1)], axis=1)
+    median = np.take_along_axis(sizes, middle, axis=1).mean(axis=1)
+    # the median of an exponential is ln 2 of its mean
+    out: Array = np.where(count > 0, 2 * power[index] / (median / np.log(2)), 0.0)
+    return out
 
 
 def detect(

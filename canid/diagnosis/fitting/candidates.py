@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Generic, NamedTuple
 
 from scipy.linalg import qr
@@ -11,6 +11,7 @@ from canid.diagnosis.fitting.fitted_model import FIT_TURNS, FittedModel, M, drop
 from canid.diagnosis.fitting.likelihood import whitened
 from canid.diagnosis.fitting.model import Columns, place
 from canid.diagnosis.fitting.robust_covariance import inflation, needed
+from canid.diagnosis.fitting.search import RIVAL, Named, Step
 from canid.effects.effect import Effect
 from canid.types import Array
 
@@ -118,3 +119,33 @@ def needed_still(data: Columns, solved: FittedModel[M], tried: int, least: int) 
             return Kept(solved, evidence, without)
         solved = without[weakest.effect.id]
     return Kept(solved, evidence, {})
+
+
+def still_named(named: Sequence[Named], kept: Kept[M]) -> list[Named]:
+    """Names whose effects are still needed, with the evidence next to the others."""
+    return [
+        one._replace(evidence=kept.evidence.get(one.effect.id, one.evidence))
+        for one in named
+        if one.effect.id not in kept.evidence or one.effect in kept.solved.model.effects
+    ]
+
+
+def with_rivals(
+    one: Named, swaps: Sequence[Candidate[M]], solved: FittedModel[M], steps: Sequence[Step]
+) -> Named:
+    """Name the causes that explain as much in place of one of them.
+
+    Args:
+        one: the cause.
+        swaps: the others, each fitted without it.
+        solved: the model with it.
+        steps: of the search.
+    """
+    bound = {step.effect.id: step.needed for step in steps}
+    # a cause with more to choose must explain as much more as that finds by chance
+    close = [
+        c.effect.id
+        for c in swaps
+        if c.solved.deviance - solved.deviance < RIVAL + max(one.needed - bound[c.effect.id], 0.0)
+    ]
+    return one._replace(rivals=tuple(dict.fromkeys([*one.effect.rivals, *close])))

@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from canid.diagnosis.fitting import likelihood
-from canid.diagnosis.fitting.least_squares import ITERATIONS, Fitted, Problem, fit
+from canid.diagnosis.fitting.least_squares import ITERATIONS, ROUGH_TOLERANCE, TOLERANCE, Fitted, Problem, fit
 from canid.diagnosis.fitting.likelihood import Noise
 from canid.diagnosis.fitting.model import Columns, Model
 from canid.effects.effect import Effect
@@ -69,6 +69,7 @@ def solve(
     turns: int = FIT_TURNS,
     free: tuple[int, ...] | None = None,
     iterations: int = ITERATIONS,
+    tolerance: float = TOLERANCE,
 ) -> FittedModel[M]:
     """Fit parameters and noise by turns; rows, order and scale of the noise are held.
 
@@ -81,19 +82,28 @@ def solve(
         turns: how often.
         free: parameters that move; None: all of the model's.
         iterations: of the first turn, at most: few where many initial guesses are compared.
+        tolerance: of the last turn.
     """
-    fitted, noise = _by_turns(data, problem(data, model, noise, rows, free), q, turns, iterations)
+    fitted, noise = _by_turns(data, problem(data, model, noise, rows, free), q, turns, iterations, tolerance)
     noise, fitted = _rescaled(fitted, noise)
     return FittedModel(model, fitted, noise, rows, _deviance(fitted, noise))
 
 
 def _by_turns(
-    data: Columns, of: Problem, q: Array, turns: int, iterations: int = ITERATIONS
+    data: Columns,
+    of: Problem,
+    q: Array,
+    turns: int,
+    iterations: int = ITERATIONS,
+    tolerance: float = TOLERANCE,
 ) -> tuple[Fitted, Noise]:
-    fitted = fit(of, q, iterations)
-    for _ in range(turns - 1):
+    def ends(turn: int) -> float:
+        return tolerance if turn == turns - 1 else ROUGH_TOLERANCE
+
+    fitted = fit(of, q, iterations, ends(0))
+    for turn in range(1, turns):
         of = of._replace(noise=refitted(data, fitted, of.noise))
-        fitted = fit(of, fitted.q)
+        fitted = fit(of, fitted.q, tolerance=ends(turn))
     return fitted, of.noise
 
 

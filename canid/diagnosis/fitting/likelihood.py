@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve
-from scipy.signal import lfilter
 
+from canid.diagnosis.fitting.fir_filter import filtered
 from canid.findings import Flags
 from canid.identification import censoring
 from canid.identification.autoregression import preceded
@@ -79,9 +79,8 @@ def whitened(noise: Noise, x: Array) -> Array:
         >>> whitened(noise, np.array([2.0, 2.0, 2.0]))
         array([1. , 0.5, 0.5])
     """
-    filtered: Array = lfilter(noise.A, [1.0], x, axis=0)
-    scale = noise.sd * noise.size
-    return filtered / (scale if x.ndim == 1 else scale[:, None])
+    out: Array = filtered(noise.A, np.atleast_2d(x.T)) / (noise.sd * noise.size)
+    return out[0] if x.ndim == 1 else out.T
 
 
 def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
@@ -173,7 +172,7 @@ def order(output: Output, residual: Array) -> int:
         if n < 20 * p:
             break
         noise = fit_noise(output, residual, p, ones)
-        e = lfilter(noise.A, [1.0], residual)[rows]
+        e = filtered(noise.A, residual[None, :])[0, rows]
         aic = n * np.log(np.var(e)) + 2 * p
         if aic < best:
             best, chosen = aic, p

@@ -29,9 +29,11 @@ class ScoreTest(NamedTuple):
 
 def independent(X: Array) -> Array:
     """Return the matrix (m, k) that turns columns X (n, m) into orthonormal directions, small ones left out."""
-    _, S, Vt = np.linalg.svd(X, full_matrices=False)
-    kept = INDEPENDENT * S[0] < S if S.size and S[0] > ROUNDING else np.zeros(S.size, dtype=bool)
-    turn: Array = Vt[kept].T / S[kept]
+    # singular values and right vectors; the squares keep six digits of what is kept
+    square, V = np.linalg.eigh(X.T @ X)
+    S = np.sqrt(np.maximum(square, 0.0))
+    kept = INDEPENDENT * S[-1] < S if S.size and S[-1] > ROUNDING else np.zeros(S.size, dtype=bool)
+    turn: Array = V[:, kept] / S[kept]
     return turn
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,16 +12,11 @@ from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import MIN_ROWS, Search
 from canid.diagnosis.fitting import likelihood
 from canid.diagnosis.fitting.fitted_model import scaled_by_state, solve
+from canid.diagnosis.fitting.least_squares import ROUGH_TOLERANCE
 from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.null.names import Statistics
 from canid.diagnosis.null.replicates import Replicate
 from canid.effects.effect import Detector, Effect
-
-
-class Statistics(NamedTuple):
-    """What one replicate gives."""
-
-    evidence: Mapping[str, float]  # effect id -> 2 Δ log likelihood over the model without it
-    gain: float  # relative reduction of the simulation's error variance on held-out data, of all effects together
 
 
 def refitted(replicate: Replicate, null: FittedDriver) -> tuple[DriverData, FittedDriver] | None:
@@ -32,11 +26,11 @@ def refitted(replicate: Replicate, null: FittedDriver) -> tuple[DriverData, Fitt
         replicate: a drive of the null.
         null: its driver.
     """
-    data = prepare(replicate.trace, replicate.usable)
+    data = prepare(replicate.trace, replicate.usable, jerks=replicate.jerks)
     rows = likelihood.counted(data.output, null.noise.A.size - 1)
     if int(rows.sum()) < MIN_ROWS // 2:
         return None
-    first = solve(data, null.model, null.q, null.noise, rows, turns=1)
+    first = solve(data, null.model, null.q, null.noise, rows, turns=1, tolerance=ROUGH_TOLERANCE)
     noise = scaled_by_state(data, null.model, first.fitted, null.noise, rows)
     return data, solve(data, null.model, first.q, noise, rows, turns=2)
 

@@ -7,17 +7,15 @@ loop carries the driver's own noise back into the inputs, and an open-loop simul
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
-
-import numpy as np
 
 from canid.diagnosis.driver import cross_validation
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.held_out import Fold
-from canid.diagnosis.fitting.search import Named
-from canid.diagnosis.null import bootstrap, predictive_score, replicates, sequential
+from canid.diagnosis.null import bootstrap, names, predictive_score, replicates, sequential
+from canid.diagnosis.null.names import Gone, Statistics
 from canid.diagnosis.null.noise_source import Source
 from canid.diagnosis.null.replicates import Drive
 from canid.diagnosis.null.sequential import Answer
@@ -25,10 +23,8 @@ from canid.effects.effect import Effect
 from canid.findings import NullGain
 from canid.types import Interval
 
-# replicates that are simulated side by side
-BATCH = 5
-# that a gain which decides no name is compared with: none of 19 at or above it is p = 0.05
-GAIN_REPLICATES = 19
+# that a gain which decides no name is compared with; its 95 % point is that of Student's prediction interval
+GAIN_REPLICATES = 9
 
 
 class Confirmed(NamedTuple):
@@ -73,27 +69,15 @@ def search_causes(
         source = source or noise()
         whole = predictive_score.of_whole(data, search, source.scale)
         each = predictive_score.of_each(data, search, source.scale, whole)
-        gone = _unpredictive(search, each)
+        gone = names.unpredictive(search.named, each)
         if gone is None:
-            gone, null_gain = _within_null(drive, search, gain, source, seed, progress)
+            gone, of_null = _within_null(drive, search, gain, source, seed, progress)
         if gone is None:
-            return Confirmed(search, tuple(refused), folds, gain, null_gain, whole, each)
+            return Confirmed(search, tuple(refused), folds, gain, of_null, whole, each)
         one, why = gone
         refused.append(f"{one.effect.id} withdrawn: {why}")
         # a rival is another law of the same data: it is named and judged by itself
         effects = tuple(effect for effect in effects if effect.id != one.effect.id)
-
-
-def _unpredictive(search: Search, each: dict[str, Interval]) -> tuple[Named, str] | None:
-    """The name that predicts least, where that is not surely more than nothing."""
-    one = min(search.named, key=lambda one: each[one.effect.id].low)
-    score = each[one.effect.id]
-    if score.low > 0 or not np.isfinite(score.low):
-        return None
-    return (
-        one,
-        f"one-step predictions of held-out data gain {score.value:.2g} [{score.low:.2g}, {score.high:.2g}] nats/min",
-    )
 
 
 def _within_null(
@@ -103,38 +87,22 @@ def _within_null(
     source: Source,
     seed: int,
     progress: Callable[[float], None],
-) -> tuple[tuple[Named, str] | None, NullGain]:
+) -> tuple[Gone | None, NullGain]:
     """The name whose evidence the null reaches, if any; and the null's gain of the simulation."""
     tested = [one for one in search.named if bootstrap.testable(one.effect)]
     if not tested:
         return None, NullGain()
-    evidence: dict[str, list[float]] = {one.effect.id: [] for one in tested}
-    gains: list[float] = []
-    for batch in range(-(-sequential.MOST // BATCH)):
-        for one in replicates.simulated(drive, search.baseline, source, BATCH, [seed, 0, batch]):
-            found = bootstrap.statistics(one, search.baseline, tested)
-            if found is None:
-                continue
-            for effect, value in found.evidence.items():
-                evidence[effect].append(value)
-            gains.append(found.gain)
-            progress(len(gains) / sequential.MOST)
-            answers = [sequential.answer(name.evidence, evidence[name.effect.id]) for name in tested]
-            for name, answer in zip(tested, answers, strict=True):
-                if answer is Answer.NULL:
-                    above = sum(value >= name.evidence for value in evidence[name.effect.id])
-                    return (
-                        name,
-                        f"the driver's own noise, in closed loop behind this lead, gives its evidence too "
-                        f"({above} of {len(gains)} replicates without it)",
-                    ), NullGain()
-            settled = sequential.answer(gain.value, gains) is not Answer.OPEN or len(gains) >= GAIN_REPLICATES
-            if Answer.OPEN not in answers and settled:
-                return None, _null_gain(gains)
-    return None, _null_gain(gains)
 
+    def made() -> Iterator[Statistics]:
+        for batch in range(sequential.BATCHES):
+            for one in replicates.simulated(
+                drive, search.baseline, source, sequential.BATCH, [seed, 0, batch]
+            ):
+                found = bootstrap.statistics(one, search.baseline, tested)
+                if found is not None:
+                    yield found
 
-def _null_gain(gains: list[float]) -> NullGain:
-    if len(gains) < sequential.LEAST:
-        return NullGain()
-    return NullGain(float(np.median(gains)), sequential.point(gains), len(gains))
+    def settled(gains: list[float]) -> bool:
+        return sequential.answer(gain.value, gains) is not Answer.OPEN or len(gains) >= GAIN_REPLICATES
+
+    return names.within_null(tested, made(), settled, "behind this lead", progress)

@@ -1,23 +1,32 @@
 """One-step predictive log score of a driver's effects on held-out data (Dawid 1984; Gneiting & Raftery 2007).
 
 The density of the next sample given all before it does not profit from the driver's own noise that the loop carries back
-into the inputs, as an open-loop simulation does. Both models are those of `held_out`: fitted to the other folds. A random
-walk is scored as it would be filtered, knot by knot; a pedal that stands still by the chance that it stays.
+into the inputs, as an open-loop simulation does. Both models are those of `held_out`: fitted to the other folds.
+
+The baseline is the model without the effect. Where the effect is not there, the larger model predicts worse, by the error
+of its extra parameters, and where it is there, the plain difference of two scores spreads twice as widely as it need:
+Clark & West (2007) take half the slope of the baseline's score along the change of the prediction. It has the expectation
+of the gain with the effect's parameters known, 0 without the effect, and to first order no spread from what both models
+leave. Where the plain difference is not positive, it stands: such an extension predicts nothing better.
+
+A random walk is scored as it would be filtered, knot by knot; a pedal that stands still by the chance that it stays.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis.driver import held_out, pedal_holds
 from canid.diagnosis.driver.driver_data import DriverData
-from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.driver.random_walk import scores_of_walk
-from canid.diagnosis.fitting.fitted_model import dropped
-from canid.diagnosis.fitting.likelihood import Output, fit_noise, score
+from canid.diagnosis.fitting.fitted_model import FittedModel, M, dropped
+from canid.diagnosis.fitting.likelihood import Output, fit_noise, score, whitened
 from canid.diagnosis.fitting.log_score_gain import gain
+from canid.diagnosis.fitting.model import Columns
 from canid.diagnosis.remnant import law_fit
 from canid.effects.effect import Detector
 from canid.findings import Flags
@@ -33,8 +42,16 @@ RHYTHM_BIN_SHARE, RHYTHM_BINS = 0.125, 12
 PRIOR_COUNT = 1.0
 
 
-def log_scores(output: Output, rows: Flags, fit: FittedDriver, train: Flags, size: Array) -> Array:
-    """Log density (n,) of each sample given those before it; of one at the floor, log probability. 0 where no row.
+class Predicted(NamedTuple):
+    """One-step predictions of one model."""
+
+    log: Array  # (n,) log density; of a sample at the floor log probability
+    slope: Array  # (n,) its derivative by the prediction, per output unit
+    left: Array  # (n,) output less prediction
+
+
+def predictions(output: Output, rows: Flags, fit: FittedModel[M], train: Flags, size: Array) -> Predicted:
+    """Predict each sample from those before it. Scores are 0 where no row is.
 
     Innovations are Student's t: a Gaussian score of people is that of a few outliers. The noise is fitted to other rows,
     with the same relative scale for all models that are compared.
@@ -46,16 +63,27 @@ def log_scores(output: Output, rows: Flags, fit: FittedDriver, train: Flags, siz
         train: (n,) samples that its noise is fitted to.
         size: (n,) relative scale of the noise.
     """
-    left = output.y - fit.fitted.model
-    noise = fit_noise(output._replace(usable=output.usable & train), left, fit.noise.A.size - 1, size)
+    rest = output.y - fit.fitted.model
+    noise = fit_noise(output._replace(usable=output.usable & train), rest, fit.noise.A.size - 1, size)
     scored = score(output, rows | train, noise, fit.fitted.model)
-    known = ~output.hidden
+    known, unit = ~output.hidden, noise.sd * noise.size
     law = law_fit.fit(scored.e[train & known], np.zeros((0, int((train & known).sum()))), heavy=True).law
     free = rows & known
-    out = np.where(rows, -0.5 * scored.e * scored.e, 0.0)
-    density = law_fit.log_density(law, scored.e[free], np.zeros((0, int(free.sum()))))
-    out[free] = density - np.log(noise.sd * noise.size[free])
-    return np.asarray(out)
+    log = np.where(rows, -0.5 * scored.e * scored.e, 0.0)
+    log[free] = law_fit.log_density(law, scored.e[free], np.zeros((0, int(free.sum())))) - np.log(unit[free])
+    slope = np.where(rows, -scored.e * scored.slope, 0.0) / unit
+    slope[free] = law_fit.slope(law, scored.e[free]) / unit[free]
+    left = whitened(noise, np.where(output.above, output.ceiling, output.y) - fit.fitted.model) * unit
+    return Predicted(log, slope, left)
+
+
+def difference(without: Predicted, extended: Predicted, rows: Flags) -> Array:
+    """Gain (n,) of each prediction, nats (Clark & West 2007); the plain difference where that is not positive in sum."""
+    plain = extended.log - without.log
+    if float(plain[rows].sum()) <= 0:
+        return plain
+    out: Array = 0.5 * without.slope * (without.left - extended.left)
+    return out
 
 
 def of_whole(original: DriverData, found: Search, size: Array) -> Interval:
@@ -67,12 +95,12 @@ def of_whole(original: DriverData, found: Search, size: Array) -> Interval:
         size: (n,) relative scale of the noise, by the law of the baseline's innovations: the same for both.
     """
     rows = found.baseline.rows & found.solved.rows
-    base = _by_fold(original, found.baseline, rows, size)
     if found.random_walk is None:
-        extended = _by_fold(found.data, found.solved, rows, size)
+        base = by_fold(original, found.baseline, rows, size)
+        won = difference(base, by_fold(found.data, found.solved, rows, size), rows)
     else:
-        extended = base + _walk(original, found, rows)
-    return gain(*_with_holds(original, found, extended - base), original.output.dt)
+        won = _walk(original, found, rows)
+    return gain(*_with_holds(original, found, won), original.output.dt)
 
 
 def of_each(original: DriverData, found: Search, size: Array, whole: Interval) -> dict[str, Interval]:
@@ -90,13 +118,13 @@ def of_each(original: DriverData, found: Search, size: Array, whole: Interval) -
     fitted = {effect.id for effect in found.solved.model.effects}
     dt = original.output.dt
     rows = found.solved.rows
-    with_all = _by_fold(found.data, found.solved, rows, size)
+    with_all = by_fold(found.data, found.solved, rows, size)
     zero = np.zeros(rows.size)
     for one in found.named:
         if one.effect.id in fitted:
             left = dropped(found.data, found.solved, one.effect.id)
-            without = _by_fold(found.data, left, rows, size)
-            out[one.effect.id] = gain(with_all - without, rows, dt)
+            without = by_fold(found.data, left, rows, size)
+            out[one.effect.id] = gain(difference(without, with_all, rows), rows, dt)
         elif found.random_walk is not None and Detector.RANDOM_WALK in one.effect.detectors:
             out[one.effect.id] = gain(_walk(original, found, rows), rows, dt)
         else:
@@ -106,15 +134,16 @@ def of_each(original: DriverData, found: Search, size: Array, whole: Interval) -
     return out
 
 
-def _by_fold(data: DriverData, solved: FittedDriver, rows: Flags, size: Array) -> Array:
-    """Log scores (n,), each fold by the model as fitted to the others with noise of that scale."""
-    fold, out = held_out.dealt(data), np.zeros(rows.size)
+def by_fold(data: Columns, solved: FittedModel[M], rows: Flags, size: Array) -> Predicted:
+    """Predictions of each fold by the model as fitted to the others, with noise of that scale."""
+    fold, out = held_out.dealt(data), Predicted(*np.zeros((3, rows.size)))
     left = data.output.y - solved.fitted.model
     weighted = solved._replace(noise=fit_noise(data.output, left, solved.noise.A.size - 1, size))
     for k in range(held_out.FOLDS):
         here, train = rows & (fold == k), fold != k
         fit = held_out.refitted(data, weighted, train)
-        out[here] = log_scores(data.output, here, fit, rows & train, size)[here]
+        for whole, part in zip(out, predictions(data.output, here, fit, rows & train, size), strict=True):
+            whole[here] = part[here]
     return out
 
 
@@ -125,22 +154,20 @@ def _walk(original: DriverData, found: Search, rows: Flags) -> Array:
     return scores_of_walk(whole, found.solved, found.random_walk, rows)
 
 
-def _with_holds(
-    original: DriverData, found: Search, difference: Array, only: bool = False
-) -> tuple[Array, Flags]:
+def _with_holds(original: DriverData, found: Search, won: Array, only: bool = False) -> tuple[Array, Flags]:
     """Add what the standstills of the pedal are worth, and the rows in them.
 
     A standing pedal is predicted by the chance that it stays, as long as it has stood by then, or at the top, counted on the
     other folds; compared with chances that do not know of holds: of a rest among movements, of a movement after a rest.
     """
-    none = np.zeros(difference.size, dtype=bool)
+    none = np.zeros(won.size, dtype=bool)
     rows = none if only else found.baseline.rows & found.solved.rows & ~found.data.output.above
     if not found.holds:
-        return difference, rows
+        return won, rows
     y, free = original.output.y, original.output.usable & ~original.output.below
     step = pedal_holds.step_size(y[original.output.usable])
     still = np.abs(np.diff(y, prepend=np.nan)) < 0.5 * step
-    stood = _run_length(still)
+    stood = run_length(still)
     level, patterns = pedal_holds.ceiling(found.holds), {one.pattern for one in found.holds}
     # at the top a ceiling keeps the pedal
     top = np.r_[False, y[:-1] >= level - pedal_holds.TOP_STEPS * step].astype(np.int64)
@@ -153,22 +180,35 @@ def _with_holds(
         plain = np.digitize(stood, RESTS)
     elif Detector.PEDAL_HOLDS in patterns:
         fine = 2 * np.digitize(stood, RESTS) + top
-    fold = held_out.dealt(original)
-    out, counted = difference.copy(), free & np.r_[False, free[:-1]]
+    out, counted = won.copy(), free & np.r_[False, free[:-1]]
     out[~rows] = 0.0
+    return out + of_standstills(still, plain, fine, counted, held_out.dealt(original)), rows | counted
+
+
+def of_standstills(still: Flags, plain: Counts, fine: Counts, counted: Flags, fold: Counts) -> Array:
+    """Gain in log score (n,) of chances to stand still that are counted by `fine` cells, over those by `plain` ones.
+
+    Args:
+        still: (n,) the output repeats itself.
+        plain: (n,) number of the cell of each sample.
+        fine: (n,) the same of the other chances.
+        counted: (n,) samples that are scored.
+        fold: (n,) each is predicted by what was counted on the others.
+    """
+    out = np.zeros(still.size)
     for k in range(held_out.FOLDS):
         here, train = counted & (fold == k), counted & (fold != k)
         chances = [_stays(cell, still, train)[cell] for cell in (plain, fine)]
         log = [np.where(still, np.log(chance), np.log1p(-chance)) for chance in chances]
         out[here] += (log[1] - log[0])[here]
-    return out, rows | counted
+    return out
 
 
-def _run_length(still: Flags) -> Counts:
+def run_length(still: Flags) -> Counts:
     """Samples that the pedal had stood still before each sample.
 
     Example:
-        >>> _run_length(np.array([False, True, True, False, True])).tolist()
+        >>> run_length(np.array([False, True, True, False, True])).tolist()
         [0, 0, 1, 2, 0]
     """
     index = np.arange(still.size)

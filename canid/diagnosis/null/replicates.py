@@ -51,6 +51,7 @@ class Replicate(NamedTuple):
 
     trace: Trace
     usable: Flags  # (n,)
+    jerks: tuple[float, float]  # of the recorded drive: its lead, and a driver like its own
 
 
 def simulated(
@@ -114,7 +115,7 @@ def _stretches(drive: Drive) -> tuple[Stretch, ...]:
     out = []
     for segment in np.unique(trace.segment[known]):
         for first, stop in runs(known & (trace.segment == segment)):
-            parts = max(round((stop - first) / size), 1)
+            parts = -(-(stop - first) // size)
             edges = np.linspace(first, stop, parts + 1).astype(int)
             out += [Stretch(int(a), int(b), 0) for a, b in pairwise(edges) if b - a >= least]
     return tuple(out)
@@ -165,4 +166,4 @@ def _replicate(
         noisy = x + (rng.normal(0.0, sd, n) if sd > least else 0.0)
         signals[f"{role}_reported"] = np.where(np.isfinite(of), noisy, np.nan)
     made = trace._replace(output=y, signals=signals, gate=tuple(gate), segment=segment)
-    return Replicate(made, usable & drive.usable)
+    return Replicate(made, usable & drive.usable, drive.data.known.jerks)

@@ -17,6 +17,9 @@ from scipy.stats import t as student
 
 # replicates at most; p-values are multiples of 1/40
 MOST = 39
+# replicates that are simulated side by side, and how often at most
+BATCH = 5
+BATCHES = -(-MOST // BATCH)
 # at or above the observed value, from which on p > 0.05
 EXCEEDANCES = 2
 # replicates before which nothing is clear, and chance that the next one would reach the observed value

@@ -20,8 +20,6 @@ from canid.diagnosis.null.sequential import Answer
 
 # least probability that a logarithm is taken of
 LEAST_P = 1e-300
-# replicates that are simulated side by side
-BATCH = 5
 
 
 class Judged(NamedTuple):
@@ -57,7 +55,7 @@ def judge(
     null: list[float] = []
     batch = 0
     while (answer := sequential.answer(observed, null)) is Answer.OPEN:
-        made = replicates.simulated(drive, found.solved, noise, BATCH, [seed, 1, batch])
+        made = replicates.simulated(drive, found.solved, noise, sequential.BATCH, [seed, 1, batch])
         for one in made:
             size = _failure(one, found, explained)
             if size is not None:
@@ -67,7 +65,7 @@ def judge(
                 break
         batch += 1
         # a driver who does not follow in closed loop has no null
-        if batch > sequential.MOST // BATCH and len(null) < sequential.LEAST:
+        if batch > sequential.MOST // sequential.BATCH and len(null) < sequential.LEAST:
             return Judged(held, "")
     if answer is Answer.NULL:
         says = f"residual not adequate, but no more than with the driver's own noise in the loop ({len(null)} replicates)"

@@ -99,6 +99,17 @@ def scores(z2: Array, inverse: float) -> Array:
     return np.asarray((1.0 + inverse) * z2 / (1.0 + inverse * z2) - 1.0)
 
 
+def slope(law: Law, x: Array) -> Array:
+    """Derivative of the log density by the mean (n,), of innovations (n,) at relative scale 1.
+
+    Example:
+        >>> slope(Law(math.inf, 2.0, np.zeros(0)), np.array([3.0]))
+        array([0.75])
+    """
+    z = x / law.sd
+    return np.asarray((1.0 + 1.0 / law.freedom) * z / (1.0 + z * z / law.freedom) / law.sd)
+
+
 def log_density(law: Law, x: Array, F: Array) -> Array:
     """Log density of innovations (n,), with features (k, n).
 

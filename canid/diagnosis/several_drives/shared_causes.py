@@ -19,9 +19,10 @@ from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import BASE, K1, K2, TAU1, TAU2, THETA1, THETA2
 from canid.diagnosis.driver.driver_search import Search
 from canid.diagnosis.fitting import likelihood
-from canid.diagnosis.fitting.fitted_model import dropped, solve
+from canid.diagnosis.fitting.fitted_model import FittedModel, M, dropped, solve
 from canid.diagnosis.fitting.likelihood import whitened
 from canid.diagnosis.fitting.log_score_gain import gain
+from canid.diagnosis.fitting.model import Columns
 from canid.diagnosis.fitting.robust_covariance import inflation
 from canid.diagnosis.null import predictive_score
 from canid.findings import DriveShare, Flags
@@ -55,13 +56,10 @@ def shared(
     """
     t, rows = data.seen.t, found.solved.rows
     inside = [rows & (t >= begin) & (t < end) for begin, end in spans]
-    without = {
-        effect.id: dropped(found.data, found.solved, effect.id) for effect in found.solved.model.effects
-    }
+    without = left_out(found.data, found.solved, [effect.id for effect in found.solved.model.effects])
     shares, own = [], list[FittedDriver | None]()
     for name, here in zip(names, inside, strict=True):
-        others = rows & ~here
-        gains = _gains(found.data, found.solved, without, here, others)
+        gains = gains_by_the_others(found.data, found.solved, without, here)
         alone = _alone(found.data, found.solved, here)
         own.append(alone)
         channels = {} if alone is None else driver_intervals.channels(alone, data.output.dt)
@@ -69,31 +67,50 @@ def shared(
     return Shared(tuple(shares), _differences(found, [one for one in own if one is not None], data.output.dt))
 
 
-def _gains(
-    data: DriverData, model: FittedDriver, without: Mapping[str, FittedDriver], here: Flags, others: Flags
+def left_out(data: Columns, solved: FittedModel[M], effects: Sequence[str]) -> dict[str, FittedModel[M]]:
+    """The model without each of some of its effects, by the effect's id, refitted to all drives."""
+    return {effect: dropped(data, solved, effect) for effect in effects}
+
+
+def gains_by_the_others(
+    data: Columns, model: FittedModel[M], without: Mapping[str, FittedModel[M]], here: Flags
 ) -> dict[str, Interval]:
-    """Gain of each cause on a drive, nats/min; all models as the other drives give them."""
+    """Gain of each cause on a drive in one-step log score, nats/min, by fits to the other drives: effect id -> gain.
+
+    Args:
+        data: of all drives.
+        model: fitted to all of them.
+        without: the model without each of its effects.
+        here: (n,) rows of the drive.
+    """
+    others = model.rows & ~here
     if not without:
         return {}
     if not others.any() or not here.any():
         return dict.fromkeys(without, Interval())
     size = model.noise.size
-    with_it = _scores(data, model, here, others, size)
+    with_it = _predicted(data, model, here, others, size)
     return {
-        effect: gain(with_it - _scores(data, left, here, others, size), here, data.output.dt)
+        effect: gain(
+            predictive_score.difference(_predicted(data, left, here, others, size), with_it, here),
+            here,
+            data.output.dt,
+        )
         for effect, left in without.items()
     }
 
 
-def _scores(data: DriverData, of: FittedDriver, here: Flags, others: Flags, size: Array) -> Array:
-    """One-step log scores (n,) on a drive by a fit to the others, after the drive's own offset."""
+def _predicted(
+    data: Columns, of: FittedModel[M], here: Flags, others: Flags, size: Array
+) -> predictive_score.Predicted:
+    """One-step predictions on a drive by a fit to the others, after the drive's own offset."""
     fit = solve(data, of.model, of.q, of.noise, of.rows & others, turns=1)
     free = here & ~data.output.hidden
     level = np.where(free, whitened(fit.noise, np.ones(here.size)), 0.0)
     error = likelihood.score(data.output, free, fit.noise, fit.fitted.model).e
     offset = float(level @ error) / max(float(level @ level), 1e-12)
     output = data.output._replace(y=np.where(here, data.output.y - offset, data.output.y))
-    return predictive_score.log_scores(output, here, fit, of.rows & others, size)
+    return predictive_score.predictions(output, here, fit, of.rows & others, size)
 
 
 def _alone(data: DriverData, solved: FittedDriver, here: Flags) -> FittedDriver | None:

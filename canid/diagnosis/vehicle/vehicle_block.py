@@ -33,6 +33,8 @@ VEHICLE_MATERIAL_SHARE, VEHICLE_LEFT_BEHIND_SHARE = 0.02, 0.1
 # of the error's variance on held-out data, that the interval of a named cause's gain must exceed: a cause with an
 # approximate form leaves some per cent to a neighbour
 MIN_HELD_OUT_GAIN = 0.02
+# of the acceleration's variance; a car that explains less is none
+LEAST_EXPLAINED = 0.1
 # probability that a car with the right model fails the adequacy test
 VEHICLE_FALSE_ALARM = 0.005
 # s after which scores are independent
@@ -312,8 +314,17 @@ def _line(findings: tuple[Finding, ...], found: VehicleSearch, adequate: Check, 
         return Blocked("vehicle", "unexplained", adequate.says + usual)
     if findings:
         return Blocked("vehicle", "wrong", " ".join(finding.says for finding in findings) + usual)
-    left = found.solved.fitted.model - data.output.y
-    sd = float(np.std(left[data.output.usable]))
+    use = data.output.usable
+    left = (found.solved.fitted.model - data.output.y)[use]
+    sd, explained = (
+        float(np.std(left)),
+        1 - float(np.var(left)) / max(float(np.var(data.output.y[use])), 1e-12),
+    )
+    if explained < LEAST_EXPLAINED:
+        says = f"Pedal and speed explain {100 * explained:.0f} % of the acceleration ({data.signal}): no car is identified."
+        return Blocked(
+            "vehicle", "not_testable", f"{says} Check the pedal's signal, and who drove (canid check)."
+        )
     return Blocked("vehicle", "adequate", f"The car does what its pedal asks for, to {sd:.2g} m/s².{usual}")
 
 

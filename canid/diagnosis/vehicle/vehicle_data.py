@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ AFTER_BRAKE_S, LAG_SETTLING_S = 1.0, 1.5
 SLOPE_AVERAGING_M = 40.0
 # m of road between whose ends a slope is taken from the altitude: its noise of 0.4 m becomes 0.4 %
 ALTITUDE_BASE_M = 150.0
+# s without a speed, after which the road is another one
+NEW_ROAD_S = 10.0
 # s; a shorter log does not identify a car
 MIN_DRIVE_S = 40.0
 # m/s² and %; less than sensors' steps: nothing is asked for, or nothing answers
@@ -94,7 +97,16 @@ def graded(trace: Trace, speed: Array) -> Array:
         >>> bool(0.2 < np.std(graded(trace, trace.signals["speed"])) < 2.0)
         True
     """
-    signals, dt = trace.signals, trace.dt
+    known = np.flatnonzero(np.isfinite(trace.signals.get("speed", speed)))
+    # drives that were joined, or a log that was interrupted: between them the road is another one
+    cuts = known[1:][np.diff(known) * trace.dt > NEW_ROAD_S] if known.size else known
+    edges = [0, *cuts.tolist(), speed.size]
+    return np.concatenate([_graded(trace, speed, slice(a, b)) for a, b in pairwise(edges)])
+
+
+def _graded(trace: Trace, whole: Array, here: slice) -> Array:
+    """Slope along one road."""
+    signals, dt, speed = {role: x[here] for role, x in trace.signals.items()}, trace.dt, whole[here]
     way = np.cumsum(np.maximum(speed, 0.0)) * dt
     if "grade" in signals and np.isfinite(signals["grade"]).any():
         grade = filled(signals["grade"])

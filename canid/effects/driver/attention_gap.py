@@ -69,3 +69,10 @@ EFFECT = Effect(
     found_at=((1.0, 3.0), (1.5, 4.0)),
     silent_at=((0.5, 0.3),),
 )
+
+# the same of a driver who keeps the lane
+LANE = EFFECT._replace(
+    says="The driver holds the wheel for {duration} s at a time, {per_minute} times per minute: attention is elsewhere.",
+    decides="10 min on a road on which wind or the surface moves the car",
+    found_at=((2.0, 2.0), (1.5, 2.5)),
+)

@@ -30,3 +30,23 @@ EFFECT = Effect(
     found_in=10.0,
     silent_at=((0.02,),),
 )
+
+
+def grow(p: Params, seen: Seen) -> Value:
+    """Return what is added to the dead time, s: 0 at the begin of the drive, as a wheel is turned within 0.1 s.
+
+    Example:
+        >>> grow((0.4,), Seen(300.0, 600.0, 2.0, -1.0, 60.0, 30.0, 0.0))
+        0.2
+    """
+    return p[0] * (seen.t / seen.duration)
+
+
+# the same of a driver who keeps the lane
+LANE = EFFECT._replace(
+    rivals=(),
+    decides="a longer drive on a road on which wind or the surface moves the car",
+    dead_time=grow,
+    parameters=(Parameter("rate", "s", -1.0, 1.0, (0.2, -0.2), 0.2),),
+    found_at=((0.25,), (0.3,)),
+)

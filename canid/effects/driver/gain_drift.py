@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from canid.effects.effect import Effect, Kind, Parameter, Params, Seen, Value
-from canid.effects.operating_point import GAINS
+from canid.effects.operating_point import GAINS, LANE_GAINS
 
 
 def act(p: Params, seen: Seen) -> Value:
@@ -30,4 +30,11 @@ EFFECT = Effect(
     gain=act,
     found_at=((-0.6,), (0.6,)),
     silent_at=((0.03,),),
+)
+
+# the same of a driver who keeps the lane
+LANE = EFFECT._replace(
+    says="The gain changes steadily, by {rate} of its mean over the drive.",
+    timeless=LANE_GAINS,
+    found_at=((-0.7,), (0.7,)),
 )

@@ -50,3 +50,11 @@ EFFECT = Effect(
     pedal=PedalDynamics(init, step, column),
     silent_at=((0.02,),),
 )
+
+# the same of a driver who keeps the lane: the ARMAX of Chen & Ulsoy 2001 has two lags of its own
+LANE = EFFECT._replace(
+    says="The wheel follows the demand with a further lag of {tau} s.",
+    rivals=(),
+    absorbed="the baseline has two lags and a dead time: below 1 Hz a third lag is the same as more of these",
+    decides="a wheel angle at 50 Hz or more and a road that excites above 1 Hz",
+)

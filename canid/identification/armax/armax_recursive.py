@@ -14,10 +14,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.identification import innovation_law
 from canid.identification.armax import forgetting_mixture, polynomial, square_root_covariance
 from canid.identification.armax.armax_batch import ArmaxFit, Orders
 from canid.identification.armax.rates import STATED_S, rates
-from canid.state_constraints import NOT_NEGATIVE, POSITIVE
+from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
 from canid.types import Array
 
 # Per tenth of a second, ascending: memories of 5, 10, 20 and 50 s, and one that keeps everything.
@@ -25,6 +26,10 @@ FORGETTING = (0.98, 0.99, 0.995, 0.998, 1.0)
 
 # Blocks over which the autocorrelation of the innovations is judged: 100 s.
 WHITENESS_BLOCKS = 50
+
+# Blocks after which the law of the innovations is fitted anew: 40 s; and those whose innovations it is fitted to: 60 s.
+LAW_BLOCKS = 20
+LAW_FITTED_BLOCKS = 30
 
 # An innovation of more than three standard deviations (squared: 9) counts as three in the noise's variance: a
 # jerk is no noise.
@@ -54,9 +59,10 @@ class Noise(NamedTuple):
 class BlockSample(NamedTuple):
     """One sample of the present block."""
 
-    psi: Array  # (k, 1, n)
-    e: tuple[float, ...]  # (k,) innovations
-    square: float  # of the innovation, in the mean the variance of the noise
+    psi: Array  # (k, 1, n), times the root of the sample's weight
+    e: tuple[float, ...]  # (k,) innovations, likewise
+    square: float  # of the innovation, weighted, in the mean the squared scale of the noise
+    innovation: float  # as it is, of the mean of the memories
 
 
 class State(NamedTuple):
@@ -77,6 +83,9 @@ class State(NamedTuple):
     anchor: Array  # (n, n) root of the longest memory when it began
     anchored: float  # samples that it knew then
     restarts: int  # times that the longest memory was refuted
+    law: innovation_law.Law  # of the innovations
+    innovations: Annotated[Array, FINITE]  # (n,) the last ones
+    blocks: Annotated[int, NOT_NEGATIVE]
 
 
 def begin(
@@ -106,10 +115,10 @@ def begin(
     >>> estimate(state)[0].round(1)
     array([-0.8,  0.5, -0. ,  0.3])
     """
-    k, n, variance = len(forgetting), len(fit.theta), max(fit.sigma**2, 1e-12)
-    plain = fit.covariance / (fit.variance_inflation * variance)
-    root = square_root_covariance.factor(plain).astype(dtype)
-    information = np.diag(np.linalg.inv(plain)) * variance
+    k, n, variance = len(forgetting), len(fit.theta), max(fit.law.sd**2, 1e-12)
+    root = square_root_covariance.factor(fit.inverse_information).astype(dtype)
+    information = np.diag(np.linalg.inv(fit.inverse_information)) * (variance / fit.law.inflation)
+    innovations = fit.residual[np.isfinite(fit.residual)][-LAW_FITTED_BLOCKS * rates(dt).block :]
     lags = fit.lags
     return State(
         np.array(forgetting, dtype),
@@ -126,6 +135,9 @@ def begin(
         np.array([fit.variance_inflation * information, information]),
         root,
         float(fit.used),
+        0,
+        fit.law,
+        innovations,
         0,
     )
 
@@ -187,7 +199,12 @@ def step(
     if not learn:
         return state._replace(y=y_next, u=u_next, e=_newest(e, state.e, o.nc), psi=psi_next), innovation
 
-    of = rates(dt)
+    of, law = rates(dt), state.law
+    weight = innovation_law.mixture(law, innovation)
+    counted = errors
+    if weight != 1.0:
+        root = weight**0.5
+        psi, e, counted = root * psi, root * e, [root * x for x in errors]
     done = square_root_covariance.update(state.root, psi)
     new = theta + e @ done.gain
     if o.nc:
@@ -197,8 +214,8 @@ def step(
     noise = state.noise
     worst = max(noise.variance, noise.recent)
     # the shortest memory follows every change, so that its errors are noise alone; their product has the noise's
-    # variance in the mean
-    square = min(errors[0] * after.item(0), MAX_SQUARED_INNOVATION * worst)
+    # variance in the mean; after an outlier the second may have the other sign
+    square = min(max(weight * errors[0] * after.item(0), 0.0), MAX_SQUARED_INNOVATION * worst)
     moved = State(
         state.forgetting,
         new,
@@ -207,14 +224,17 @@ def step(
         u_next,
         _newest(after, state.e, o.nc),
         psi_next,
-        forgetting_mixture.step(state.trust, errors, done.spread.ravel().tolist(), worst),
+        forgetting_mixture.step(state.trust, errors, done.spread.ravel().tolist(), worst, law.freedom),
         Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / of.recent),
-        (*state.block, BlockSample(psi, tuple(errors), square)),
+        (*state.block, BlockSample(psi, tuple(counted), square, innovation)),
         state.weights,
         state.score,
         state.anchor,
         state.anchored,
         state.restarts,
+        law,
+        state.innovations,
+        state.blocks,
     )
     if len(moved.block) == of.block:
         moved = _closed(moved)
@@ -253,15 +273,30 @@ def _closed(state: State) -> State:
         power=noise.power + float(leverage @ [one.square for one in state.block]),
         leverage=noise.leverage + float(leverage.sum()),
     )
-    score = np.array([(e @ own) ** 2, (own * own).sum(axis=0) * noise.variance])
+    # Fisher's information of one innovation
+    variance = noise.variance / state.law.inflation
+    score = np.array([(e @ own) ** 2, (own * own).sum(axis=0) * variance])
     fade = state.forgetting.astype(np.float64) ** count
+    last = np.array([one.innovation for one in state.block])
+    innovations = np.concatenate([state.innovations, last])[-LAW_FITTED_BLOCKS * count :]
+    blocks = state.blocks + 1
     return state._replace(
+        law=_law(state.law, innovations) if blocks % LAW_BLOCKS == 0 else state.law,
+        innovations=innovations,
+        blocks=blocks,
         root=square_root_covariance.forget(state.root, psi, state.forgetting),
         noise=noise,
         block=(),
         weights=state.weights * [fade, fade * fade] + count,
         score=state.score * (1.0 - 1.0 / WHITENESS_BLOCKS) + score,
     )
+
+
+def _law(before: innovation_law.Law, e: Array) -> innovation_law.Law:
+    """Fit the law to the last innovations."""
+    if len(e) < innovation_law.MIN_ROWS:
+        return before
+    return innovation_law.fit(e, np.full(len(e), True), np.zeros((0, len(e))), before=before).law
 
 
 def _renewed(state: State, best: int) -> State:
@@ -323,7 +358,7 @@ def longest(state: State) -> tuple[Array, Array, Array]:
 
 
 def _variance(state: State) -> float:
-    """Of the innovations, inflated by their autocorrelation."""
+    """Of the innovations, inflated by their autocorrelation and by what their law asks."""
     moving = state.score[1] > 0.0
     ratio = float(np.mean(state.score[0][moving] / state.score[1][moving])) if moving.any() else 1.0
-    return state.noise.variance * max(1.0, ratio)
+    return state.noise.variance * state.law.inflation * max(1.0, ratio)

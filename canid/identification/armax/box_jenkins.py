@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import band, residual_tests
+from canid.identification import band, innovation_law, residual_tests
 from canid.identification.armax import polynomial
 from canid.identification.armax.rates import STATED_S
 from canid.identification.armax.simulated_fit import FORGOTTEN_S, fit_percent, since
@@ -33,6 +33,10 @@ START_LAGS_S = (0.3, 1.0)
 MAX_LAG_S = 3.0
 # s; dead times that are tried: two coefficients of B span the tenth of a second from one to the next
 DEAD_TIMES_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
+
+
+# rounds of the law of the innovations and of the parameters under it
+LAW_ROUNDS = 2
 
 
 class BoxJenkinsOrders(NamedTuple):
@@ -68,7 +72,9 @@ class BoxJenkinsFit(NamedTuple):
     stride: (
         int  # samples per step of C and D: more than one where the noise has no content above some frequency
     )
-    cost: float  # sum of squared innovations over the stride
+    cost: float  # sum of squared innovations, weighted, over the stride
+    law: innovation_law.Law  # of the innovations
+    root: Array | None  # (N,) of the weight of each squared innovation, by phase; None: one
     fit_percent: float = NAN  # of the simulated answers, see simulated_fit.py
 
     @property
@@ -118,6 +124,7 @@ class Rows(NamedTuple):
     delays: tuple[int, ...]
     stride: int  # samples per step of the noise model
     phased: npt.NDArray[np.int64]  # (N,) samples in the order of the phases of the stride
+    root: Array | None = None  # (N,) of the weight of each squared innovation, by phase; None: one
 
 
 def fit_box_jenkins(
@@ -179,7 +186,27 @@ def fit_rows(rows: Rows, dt: float, output_filter: OutputFilter | None = None) -
     if found is None:
         return None
     data, found = _delayed(data, found, dt)
-    return _finished(found, data, np.full(len(found.theta), True), dt)
+    data, found, law = _under_law(data, found, dt)
+    return _finished(found, data, law, np.full(len(found.theta), True), dt)
+
+
+def _under_law(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point, innovation_law.Law]:
+    """Fit the law of the innovations, and the parameters under it."""
+    law, known = innovation_law.equal(0).law, data.age >= data.orders.nd
+    if np.count_nonzero(known) < innovation_law.MIN_ROWS * data.stride:
+        return data, found, law
+    change = innovation_law.changes(data.y, data.age >= 0)
+    for _ in range(LAW_ROUNDS):
+        of = innovation_law.features(found.e, known, change, 1.0 / (dt * data.stride))
+        weights = innovation_law.fit(found.e, known, of, 1.0 / data.stride, law)
+        if weights.law.is_plain:
+            break
+        tried = data._replace(root=np.where(known, np.sqrt(weights.weight), 0.0))
+        better = _descend(found.theta, tried, dt, np.full(len(found.theta), True))
+        if better is None:
+            break
+        data, found, law = tried, better, weights.law
+    return data, found, law
 
 
 def _delayed(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point]:
@@ -211,7 +238,7 @@ def refit(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, lag: float) -> BoxJ
         i: the input.
         lag: s, of its pole.
     """
-    o, data = fit.orders, at_stride(rows._replace(delays=fit.delays), fit.stride)
+    o, data = fit.orders, at_stride(rows._replace(delays=fit.delays), fit.stride)._replace(root=fit.root)
     at = i * (o.nb + o.nf) + o.nb
     theta, free = fit.theta.copy(), np.full(len(fit.theta), True)
     # the gain stays about where it was
@@ -219,7 +246,7 @@ def refit(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, lag: float) -> BoxJ
     theta[at - o.nb : at] *= (1.0 + pole) / (1.0 + theta[at])
     theta[at], free[at] = pole, False
     found = _descend(theta, data, dt, free)
-    return None if found is None else _finished(found, data, free, dt)
+    return None if found is None else _finished(found, data, fit.law, free, dt)
 
 
 def ready_rows(
@@ -252,7 +279,7 @@ def at_stride(rows: Rows, stride: int) -> Rows:
     phased = np.concatenate([np.arange(phase, N, stride) for phase in range(stride)])
     # a step back is `stride` samples back: the same run, so many steps from its start
     age = np.where(rows.age >= 0, rows.age // stride, -1)
-    return rows._replace(y=rows.y[phased], age=age[phased], stride=stride, phased=phased)
+    return rows._replace(y=rows.y[phased], age=age[phased], stride=stride, phased=phased, root=None)
 
 
 def _search(data: Rows, dt: float) -> _Point | None:
@@ -268,23 +295,31 @@ def _search(data: Rows, dt: float) -> _Point | None:
     return _descend(nearest.theta, data, dt, np.full(n, True))
 
 
-def _finished(best: _Point, data: Rows, free: npt.NDArray[np.bool_], dt: float) -> BoxJenkinsFit | None:
+def _finished(
+    best: _Point, data: Rows, law: innovation_law.Law, free: npt.NDArray[np.bool_], dt: float
+) -> BoxJenkinsFit | None:
     inside = data.age >= 0
     count, n = int(inside.sum()), int(free.sum())
-    psi = _gradient(best, data)[free]
-    sigma2 = best.cost / max(count - n * data.stride, 1)
+    psi, e = _gradient(best, data)[free], best.e
+    freedom = max(count - n * data.stride, 1)
+    sigma2 = float(e @ e) / freedom
+    law = law._replace(sd=(best.cost / freedom) ** 0.5)
+    if data.root is not None:
+        psi, e = data.root * psi, data.root * e
     try:
         inverse = np.linalg.inv(psi @ psi.T)
     except np.linalg.LinAlgError:
         return None
     inflation = residual_tests.long_run_inflation(
-        psi[:, inside] * best.e[inside],
-        psi[:, inside] * sigma2**0.5,
+        psi[:, inside] * e[inside],
+        psi[:, inside] * (law.sd / law.inflation**0.5),
         max(round(residual_tests.HAC_LAG_S / dt / data.stride), 1),
     )
     # the phases of a stride know together about as much as one of them
     covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = 0.5 * (inverse + inverse.T) * (sigma2 * inflation * data.stride)
+    covariance[np.ix_(free, free)] = (
+        0.5 * (inverse + inverse.T) * (law.sd**2 * law.inflation * inflation * data.stride)
+    )
     if not np.isfinite(covariance).all() or not (np.diag(covariance)[free] > 0.0).all():
         return None
     residual = np.empty(len(best.e))
@@ -300,6 +335,8 @@ def _finished(best: _Point, data: Rows, free: npt.NDArray[np.bool_], dt: float) 
         count,
         data.stride,
         best.cost / data.stride,
+        law,
+        data.root,
         fit_percent(data.y, best.v, inside),
     )
 
@@ -383,7 +420,8 @@ def _at(theta: Array, data: Rows) -> _Point:
     begun = _whitened(v, c, d, data.age)
     # the first innovations of a run lack what was before
     e = np.where(data.age < o.nd, 0.0, begun)
-    return _Point(theta, e, begun, filtered, answers, v, float(e @ e))
+    own = e if data.root is None else data.root * e
+    return _Point(theta, e, begun, filtered, answers, v, float(own @ own))
 
 
 def _gradient(at: _Point, data: Rows) -> Array:
@@ -465,7 +503,9 @@ def _descend(
         )
 
     def local(at: _Point) -> Local[_Point] | None:
-        psi = _gradient(at, data)[free]
+        psi, e = _gradient(at, data)[free], at.e
+        if data.root is not None:
+            psi, e = data.root * psi, data.root * e
         H = psi @ psi.T
         size = np.diag(H)
         if not (np.isfinite(size).all() and (size > 0.0).all()):
@@ -476,7 +516,7 @@ def _descend(
             trial[free] += step
             return _at(trial, data) if allowed(trial) else None
 
-        return Local(-(psi @ at.e), H, size, move)
+        return Local(-(psi @ e), H, size, move)
 
     try:
         return minimise(_at(theta, data), lambda at: at.cost, local, damping).point

@@ -52,7 +52,8 @@ def _averaged(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, otherwise: Chan
     cost = np.array([one.cost for one in parts])
     best = parts[int(cost.argmin())]
     spacing = np.gradient(np.array(LAGS_S))
-    weight = spacing * np.exp(-0.5 * (cost - cost.min()) / (best.sigma**2 * best.variance_inflation))
+    variance = best.law.sd**2 * best.law.inflation * best.variance_inflation
+    weight = spacing * np.exp(-0.5 * (cost - cost.min()) / variance)
     weight /= weight.sum()
     moments = np.array([_moments(one, i, dt) for one in parts])
     K, K_sd = _mixture(weight, moments[:, 0], moments[:, 1])

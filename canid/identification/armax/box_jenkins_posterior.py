@@ -36,12 +36,15 @@ def _moments(layout: rows.Layout, state: State, k: int) -> fopdt_posterior.Momen
 
 
 def variance_inflation(layout: rows.Layout, state: State) -> float:
-    """Long-run over plain variance of the block scores, at least 1 (Newey & West 1987), see residual_tests.py."""
+    """Long-run over plain variance of the block scores, at least 1 (Newey & West 1987), see residual_tests.py.
+
+    Times what the law of the innovations asks.
+    """
     # the first blocks say little: a mean of squares over n blocks is off by sqrt(2 / n)
     moving = state.score[1] > 0.0
     if not moving.any() or state.blocks * HAC_LAG_S < MIN_SCORED_S:
-        return 1.0
-    return max(1.0, float(np.mean(state.score[0][moving] / state.score[1][moving])))
+        return state.law.inflation
+    return max(1.0, float(np.mean(state.score[0][moving] / state.score[1][moving]))) * state.law.inflation
 
 
 def _posterior(
@@ -106,7 +109,7 @@ def _small_sample(state: State, k: int) -> float:
     """Inflate variances by Student's t with as many degrees of freedom as a memory holds independent noise samples."""
     w1, w2 = state.weights[:, k].tolist()
     # the noise's variance over its spectrum at zero frequency
-    long_run = state.recent / (1.0 - float(state.ar.sum())) ** 2
+    long_run = state.law.variance * state.recent / (1.0 - float(state.ar.sum())) ** 2
     return student_factor(w1 * w1 / w2 / state.stride * state.quality.power[1] / max(long_run, 1e-300)) ** 2
 
 

@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from canid.identification import innovation_law
 from canid.identification.armax import forgetting_mixture
 from canid.identification.armax.armax_recursive import (
     MAX_SQUARED_INNOVATION,
@@ -97,7 +99,8 @@ def begin(
         forgetting_mixture.begin(forgetting, rates(stride * layout.step).stated),
         fit.sigma**2,
         np.zeros((2, 3 * m)),
-        np.zeros((0, 1 + m)),
+        np.zeros((0, 2 + m)),
+        fit.law if fit.law is not None else innovation_law.equal(0).law,
         Quality((0.0, 0.0), (0.0, 0.0), 0),
         0,
         0,
@@ -122,7 +125,7 @@ def step(
     """Take in a block of samples; arguments as of `begin`."""
     making, made = rows.put(layout, state.making, samples, settle)
     state = _taken(layout, state._replace(making=making), made, forgetting, output_filter, weighing=True)
-    return located(layout, state) if state.blocks % LOCATE_BLOCKS == 0 else state
+    return located(layout, _with_law(layout, state)) if state.blocks % LOCATE_BLOCKS == 0 else state
 
 
 def _taken(
@@ -144,21 +147,23 @@ def _taken(
     kept = state.tail[stop - before :]
     state = state._replace(tail=kept, ready=before, blocks=state.blocks + 1)
     count, size = int(new.used.sum()), layout.inputs * layout.basis.size
-    tested = np.column_stack([np.full(len(new.used), NAN), new.inputs])
+    fresh = np.column_stack([np.full(len(new.used), NAN), np.where(new.known, new.output, NAN), new.inputs])
+    longest = round(TESTED_S / layout.step)
     if count:
         predicted = _predicted(layout, state, new)
         if not weighing:
             # the first memories know nothing yet: these rows' innovations are the residuals of the batch fit
             of_fit = new.white[size] - state.point[0] @ (state.nodes[0] @ new.white[:size])
             predicted = predicted._replace(lead=of_fit, variance=state.recent)
-        tested[new.used, 0] = predicted.lead[new.used]
-        state = _judged(layout, state, new, predicted) if weighing else state
-        state = _learnt(layout, state, new, predicted, forgetting)
+        fresh[new.used, 0] = predicted.lead[new.used]
+    state = state._replace(tested=np.concatenate([state.tested, fresh])[-longest:])
+    if count:
+        weights = _weights(layout, state, predicted.lead)
+        state = _judged(layout, state, new, predicted, weights) if weighing else state
+        state = _learnt(layout, state, *_weighed(new, predicted, weights), forgetting)
         best = forgetting_mixture.refuted(state.trust) if weighing else None
         state = state if best is None else _renewed(state, best)
-    longest = round(TESTED_S / layout.step)
     state = state._replace(
-        tested=np.concatenate([state.tested, tested])[-longest:],
         quality=_compared(state.quality, new, layout.step / FIT_MEMORY_S),
         phase=(state.phase + stop - first) % state.stride,
     )
@@ -193,17 +198,75 @@ def _predicted(layout: rows.Layout, state: State, new: Columns) -> _Predicted:
     return _Predicted(errors, spreads, errors[first], variance, held, brought)
 
 
-def _judged(layout: rows.Layout, state: State, new: Columns, predicted: _Predicted) -> State:
+class _Innovations(NamedTuple):
+    """The last innovations, one phase of the stride after the other."""
+
+    e: Array  # (n,)
+    known: npt.NDArray[np.bool_]  # (n,)
+    features: Array  # (2, n) that the scale may follow
+
+
+def _innovations(layout: rows.Layout, state: State) -> _Innovations:
+    n = len(state.tested) // state.stride * state.stride
+    kept = state.tested[len(state.tested) - n :, :2]
+    e, y = kept.reshape(-1, state.stride, 2).transpose(2, 1, 0).reshape(2, n)
+    known, seen = np.isfinite(e), np.isfinite(y)
+    e = np.where(known, e, 0.0)
+    change = innovation_law.changes(np.where(seen, y, 0.0), seen)
+    per_second = 1.0 / (layout.step * state.stride)
+    return _Innovations(e, known, innovation_law.features(e, known, change, per_second))
+
+
+def _with_law(layout: rows.Layout, state: State) -> State:
+    """Fit the law to the innovations that are kept."""
+    last = _innovations(layout, state)
+    if np.count_nonzero(last.known) < innovation_law.MIN_ROWS:
+        return state
+    found = innovation_law.fit(last.e, last.known, last.features, 1.0 / state.stride, state.law)
+    return state._replace(law=found.law)
+
+
+def _weights(layout: rows.Layout, state: State, e: Array) -> innovation_law.Weights:
+    """Weigh the last rows by their innovations (q,), which are the last of those that are kept."""
+    law, q = state.law, len(e)
+    if not len(law.slopes):
+        return innovation_law.applied(e, law, np.zeros((0, q)))
+    last = _innovations(layout, state)
+    every = innovation_law.applied(last.e, law, last.features)
+    # back from phases to the order of time; what is not kept counts as one
+    both = np.array([every.size, every.mixture]).reshape(2, state.stride, -1).transpose(0, 2, 1)
+    both = np.concatenate([np.ones((2, q)), both.reshape(2, -1)], axis=1)[:, -q:]
+    return innovation_law.Weights(law, both[0], both[1])
+
+
+def _weighed(
+    new: Columns, predicted: _Predicted, weights: innovation_law.Weights
+) -> tuple[Columns, _Predicted]:
+    """Let each row count as its innovation does."""
+    if weights.law.is_plain:
+        return new, predicted
+    root = np.sqrt(weights.weight)
+    return new._replace(white=new.white * root), predicted._replace(lead=predicted.lead * root)
+
+
+def _judged(
+    layout: rows.Layout,
+    state: State,
+    new: Columns,
+    predicted: _Predicted,
+    weights: innovation_law.Weights,
+) -> State:
     """Weigh the memories by their predictions, one phase of the stride; and follow the noise's variance."""
     trust, recent, w = state.trust, state.recent, 1.0 / rates(layout.step).recent
-    errors, spreads = predicted.errors.T.tolist(), predicted.spreads.T.tolist()
+    errors, spreads = (predicted.errors / weights.size).T.tolist(), predicted.spreads.T.tolist()
+    mixture, freedom = weights.mixture.tolist(), weights.law.freedom
     for i in np.flatnonzero(new.used).tolist():
         worst = max(predicted.variance, recent)
         # the shortest memory follows every change, so that its errors are noise alone
-        square = min(errors[i][0] ** 2 / spreads[i][0], MAX_SQUARED_INNOVATION * worst)
+        square = min(mixture[i] * errors[i][0] ** 2 / spreads[i][0], MAX_SQUARED_INNOVATION * worst)
         recent += w * (square - recent)
         if (state.phase + i) % state.stride == 0:
-            trust = forgetting_mixture.step(trust, errors[i], spreads[i], worst)
+            trust = forgetting_mixture.step(trust, errors[i], spreads[i], worst, freedom)
     return state._replace(trust=trust, recent=recent)
 
 
@@ -218,8 +281,11 @@ def _learnt(
     fade = 1.0 - np.minimum(1.0 - np.array(forgetting) ** count, RENEWAL * share)
     slopes = np.concatenate([nodes[0], *(state.point[0][:, None] * x for x in nodes[1:])])
     psi = slopes @ new.white[:size]
-    psi -= np.where(new.used, psi.sum(axis=1, keepdims=True) / count, 0.0)
-    score = np.array([(psi @ predicted.lead) ** 2, (psi**2).sum(axis=1) * predicted.variance * state.stride])
+    one = new.white[size + 1]
+    psi -= np.outer(psi @ one / (one @ one), one)
+    # Fisher's information of one innovation
+    variance = predicted.variance / state.law.inflation
+    score = np.array([(psi @ predicted.lead) ** 2, (psi**2).sum(axis=1) * variance * state.stride])
     known = float(fade[-1] * state.weights[0, -1])
     return state._replace(
         mean_ar=(known * state.mean_ar + count * state.ar) / (known + count),

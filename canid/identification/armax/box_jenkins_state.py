@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from canid.identification import innovation_law
 from canid.identification.armax import forgetting_mixture
 from canid.identification.fopdt import fopdt_posterior, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
@@ -47,7 +48,8 @@ class State(NamedTuple):
     trust: forgetting_mixture.Trust
     recent: Annotated[float, NOT_NEGATIVE]  # variance of the innovations over the last RECENT_S seconds
     score: Annotated[Array, NOT_NEGATIVE]  # (2, 3 m) as of armax_recursive.State
-    tested: Array  # (n, 1 + m) the last innovations and inputs
+    tested: Array  # (n, 2 + m) the last innovations, outputs and inputs
+    law: innovation_law.Law  # of the innovations
     quality: Annotated[Quality, FINITE]
     blocks: Annotated[int, NOT_NEGATIVE]
     phase: Annotated[int, NOT_NEGATIVE]  # of the next row within the stride

@@ -64,14 +64,21 @@ def begin(forgetting: Sequence[float], stated: float = 1.0) -> Trust:
     )
 
 
-def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], variance: float) -> Trust:
+def step(
+    trust: Trust,
+    errors: Sequence[float],
+    spreads: Sequence[float],
+    variance: float,
+    freedom: float = math.inf,
+) -> Trust:
     """Weigh one sample's predictions.
 
     Args:
         trust: as left by the sample before.
         errors: one prediction error per memory.
         spreads: variance of each error over that of the noise, at least 1.
-        variance: of the noise, positive.
+        variance: of the noise, positive; of Student's t its squared scale.
+        freedom: degrees of freedom of Student's t; infinite: the noise is Gaussian.
 
     >>> step(Trust((0.5, 0.5), (1e-5,)), (0.0, 3.0), (1.0, 1.0), 1.0).weights[0] > 0.98
     True
@@ -79,7 +86,10 @@ def step(trust: Trust, errors: Sequence[float], spreads: Sequence[float], varian
     if len(trust.weights) == 1:
         return trust
     exp, log = math.exp, math.log
-    likelihood = [-0.5 * (e * e / (variance * s) + log(s)) for e, s in zip(errors, spreads, strict=True)]
+    square = [e * e / (variance * s) for e, s in zip(errors, spreads, strict=True)]
+    if freedom < math.inf:
+        square = [(freedom + 1.0) * math.log1p(x / freedom) for x in square]
+    likelihood = [-0.5 * (x + log(s)) for x, s in zip(square, spreads, strict=True)]
     top = max(likelihood)
     joint = [w * exp(x - top) for w, x in zip(trust.weights, likelihood, strict=True)]
     total = sum(joint)

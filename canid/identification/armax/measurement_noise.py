@@ -56,9 +56,7 @@ def without_bias(fit: ArmaxFit, output_variance: float, input_variances: Sequenc
         gradient += [-variance * along(o.nk + j, inverse, in_error) for j in range(o.nb)]
         more = [variance * along(i, polynomial.divide(in_error, c), in_error) for i in range(1, o.nc + 1)]
         by_c = [x + y for x, y in zip(by_c, more, strict=True)]
-    # the information of the samples, whose inverse the covariance is
-    inverse_information = fit.covariance / (fit.sigma**2 * fit.variance_inflation)
-    bias = inverse_information @ np.array([*gradient, 0.0, *by_c]) * fit.used
+    bias = fit.inverse_information @ np.array([*gradient, 0.0, *by_c]) * fit.used
     theta = fit.theta - bias
     if not (np.isfinite(theta).all() and polynomial.is_stable(theta[len(theta) - o.nc :].tolist())):
         return fit

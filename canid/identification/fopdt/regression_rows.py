@@ -143,8 +143,8 @@ def _answer(
         inputs = np.column_stack([np.interp(np.arange(n), at, column[at]) for column in inputs.T])
     parts = raw[:, 2]
     parts = parts[np.maximum.accumulate(np.where(np.isfinite(parts), np.arange(n), 0))]
-    changes = np.flatnonzero((np.diff(parts) != 0.0) & np.isfinite(parts[:-1])) + 1
-    gaps = at[1:][np.diff(at) > longest + 1]
+    changes = np.flatnonzero((parts[1:] != parts[:-1]) & np.isfinite(parts[:-1])) + 1
+    gaps = at[1:][at[1:] - at[:-1] > longest + 1]
     # a history begins at a known input
     later = np.searchsorted(at, changes)
     begins = sorted({*gaps.tolist(), *at[later[later < len(at)]].tolist(), *(() if done else (int(at[0]),))})
@@ -175,17 +175,18 @@ def _advance(
         still = np.repeat(u[:1], reach, axis=0)
         history = History(still, np.repeat(still[:, :, None], b, axis=2), -1)
     all_u = np.concatenate([history.u, u])
-    before, change = all_u[reach - 1 : -1], np.diff(all_u[reach - 1 :], axis=0)
+    before = all_u[reach - 1 : -1]
+    change = u - before
     drive = (1.0 - layout.alpha) * before[:, :, None] + layout.g * change[:, :, None]
     all_x = np.concatenate([history.x, drive])
     if k <= _MAX_LOOP_SAMPLES:
-        for i in range(reach, reach + k):
-            all_x[i] += layout.alpha * all_x[i - 1]
+        for last, x in pairwise(all_x[reach - 1 :]):
+            x += layout.alpha * last
     else:
         drive[0] += layout.alpha * history.x[-1]
         all_x[reach:] = np.moveaxis(first_order.scan(np.moveaxis(drive, 0, -1), layout.alpha[:, None]), -1, 0)
     late = np.arange(reach, reach + k)[:, None] - layout.whole  # (k, b)
-    u1, u0 = all_u[late - 1], all_u[late]  # (k, b, m)
+    u1, u0 = np.take(all_u, late - 1, axis=0), np.take(all_u, late, axis=0)  # (k, b, m)
     x1 = all_x[late - 1, :, np.arange(b)]
     columns = (x1 - u1) * layout.beta[:, None] + u1 + layout.h[:, None] * (u0 - u1)
     age = history.age + 1 + np.arange(k)

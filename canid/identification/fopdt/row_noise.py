@@ -147,10 +147,7 @@ def _phased(data: Data, stride: int) -> Phases:
     if stride > 1:
         usable, bounded = _phases(np.vstack([data.usable, data.bounded]), stride)
         data = Data(_phases(data.both, stride), usable, bounded, data.y_mean, data.X_mean)
-    change, known = np.zeros(len(data.y)), np.zeros(len(data.y), bool)
-    change[2:] = np.abs(data.y[1:-1] - data.y[:-2])
-    known[2:] = data.usable[1:-1] & data.usable[:-2]
-    change[~known] = float(change[known].mean()) if known.any() else 1.0
+    change = innovation_law.changes(data.y, data.usable)
     return Phases(data, autoregression.run_lengths(data.usable), change)
 
 
@@ -216,7 +213,7 @@ def estimate(
     if weighed.root is not None:
         slopes *= weighed.root
     score = slopes[:, inside]
-    score = score - score.mean(axis=1, keepdims=True)
+    score = score - (score.sum(axis=1) / max(score.shape[1], 1))[:, None]
     psi = weighed.psi[inside]
     sd = (power(psi) / max(len(psi), 1)) ** 0.5
     variance_inflation = weighed.law.inflation * residual_tests.long_run_inflation(
@@ -265,7 +262,7 @@ def _weigh(
     count = float(np.count_nonzero(free))
     e = autoregression.whiten(r, ar)
     e -= float(e @ free) / max(count, 1.0)
-    if gaussian or count < MIN_ROWS_OF_LAW:
+    if gaussian or count < innovation_law.MIN_ROWS:
         law = innovation_law.equal(len(e), (power(e[free]) / max(count, 1.0)) ** 0.5)
     else:
         law = _law(phases, e, free, step, stride, before, fit)
@@ -312,8 +309,6 @@ def _law(
     return innovation_law.fit(e, free, of, 1.0 / stride, before)
 
 
-# innovations below which a law is not looked for
-MIN_ROWS_OF_LAW = 100
 # of the innovations' mean and the pseudo-values, which depend on it
 MIDDLE_ROUNDS = 3
 
@@ -381,4 +376,5 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
         white[-1] += weighed.shift[piece][new]
     if weighed.root is not None:
         used *= weighed.root[piece][new]
-    return fopdt_posterior.products(white * used, nuisance[:, new] * used)
+    white *= used
+    return fopdt_posterior.products(white, nuisance[:, new] * used)

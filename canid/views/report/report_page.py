@@ -17,6 +17,7 @@ from canid.views.diagnosis_text import (
     form,
     gains,
     known_parameters,
+    recommendation,
     sentence,
     used_time,
 )
@@ -83,6 +84,7 @@ def page(report: Report) -> str:
         used_time=used_time(report),
         extends=extends,
         closed_loop_models=closed_loop_models,
+        recommendation=recommendation,
         form=form,
         gains=gains,
         figures={figure.name: figure for figure in figures},

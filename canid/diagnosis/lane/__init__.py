@@ -1,0 +1,1 @@
+"""Diagnosis of lane keeping: the driver steers by the lateral offset."""

@@ -1,0 +1,103 @@
+"""A drive that can be diagnosed: the driver's columns at the rate at which the output has content, and the baseline."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver.driver_data import DriverData, prepare
+from canid.diagnosis.driver.driver_fit import FittedDriver, baseline
+from canid.findings import (
+    Flags,
+    Masked,
+    masked_for,
+)
+from canid.signal_checks.drive_time import behind_a_lead
+from canid.types import NAN, Trace
+
+# m/s and output units; a lead whose speed varies less excites nothing, an output that varies less answers nothing
+STILL_RATE, STILL_OUTPUT = 0.05, 1e-3
+# innovation over residual below which the output's noise has no content at this rate (a smoothed acceleration):
+# whitening it would amplify rounding, so every second sample is left out until it has
+MIN_INNOVATION_SHARE = 0.04
+MAX_SAMPLE_TIME_S = 0.8
+
+
+class Prepared(NamedTuple):
+    """A drive that can be diagnosed."""
+
+    trace: Trace
+    data: DriverData
+    fitted: FittedDriver
+
+
+def ready(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Prepared | None:
+    """Fit the baseline at the rate at which the output has content.
+
+    Args:
+        trace: of a drive, or of several.
+        usable: (n,) samples that no mask has taken.
+        begins: s, of each further drive.
+    """
+    while True:
+        data = prepare(trace, usable, begins)
+        fitted = baseline(data)
+        if fitted is None:
+            return None
+        left = (data.output.y - fitted.fitted.model)[data.output.usable & ~data.output.below]
+        if (
+            fitted.noise.sd >= MIN_INNOVATION_SHARE * float(np.std(left))
+            or 2 * trace.dt > MAX_SAMPLE_TIME_S + 1e-9
+        ):
+            return Prepared(trace, data, fitted)
+        trace, usable = thinned(trace), usable[::2]
+
+
+def thinned(trace: Trace) -> Trace:
+    """Every second sample."""
+    return trace._replace(
+        dt=2 * trace.dt,
+        t=trace.t[::2],
+        output=trace.output[::2],
+        inputs=trace.inputs[::2],
+        gate=trace.gate[::2],
+        learn=trace.learn[::2],
+        segment=trace.segment[::2],
+        signals={role: x[::2] for role, x in trace.signals.items()},
+    )
+
+
+def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: float) -> str:
+    """Say what is missing for a diagnosis, and what to do; "": nothing."""
+    need = f"drive {minimum / 60:.2g} min or more behind a lead whose speed changes"
+    if trace.input_names != ("headway_error", "range_rate"):
+        return (
+            "several drives are diagnosed together in car following only: this vehicle's task is another one"
+        )
+    n = trace.t.size
+    if n * trace.dt < minimum:
+        return f"the log lasts {n * trace.dt:.0f} s{_rest(masked)}; {need}"
+    for role in ("speed", "gap", "range_rate"):
+        known = np.isfinite(trace.signals.get(role, np.full(n, NAN)))
+        if known.sum() * trace.dt < minimum:
+            what = "no speed" if role == "speed" else "no lead"
+            return f"{what}: `{role}` is there for {known.sum() * trace.dt:.0f} s only; {need}"
+    if np.isfinite(trace.output).sum() * trace.dt < minimum:
+        return "the driver's output is not in the log; map it in the vehicle file ([driver] output)"
+    follows = behind_a_lead(trace.gate)
+    seconds = float((usable & follows).sum() * trace.dt)
+    if seconds < minimum:
+        return f"a person follows a lead for {seconds:.0f} s only{_rest(masked)}; {need}"
+    here = usable & follows & np.isfinite(trace.output) & np.isfinite(trace.signals["range_rate"])
+    if float(np.std(trace.output[here])) < STILL_OUTPUT:
+        return "the driver's output never moves: is it the right signal, and does a person drive?"
+    if float(np.std(trace.signals["range_rate"][here])) < STILL_RATE:
+        return f"the lead's speed never changes, so nothing is answered; {need}"
+    return ""
+
+
+def _rest(masked: tuple[Masked, ...]) -> str:
+    """Masked times, for a sentence."""
+    spans = [f"{effect} for {seconds:.0f} s" for effect, seconds in masked_for(masked).items()]
+    return f" ({', '.join(spans)} masked)" if spans else ""

@@ -1,0 +1,72 @@
+"""What a drive is said to be able to show, it shows; and what was too weak bends K by as much as is said."""
+
+from __future__ import annotations
+
+import math
+
+from canid.diagnosis import masks
+from canid.diagnosis.driver import driver_candidates, power
+from canid.diagnosis.driver.driver_model import K2
+from canid.diagnosis.fitting.robust_covariance import needed
+from canid.diagnosis.prepared_drive import Prepared, ready
+from canid.effects import CATALOGUE
+from tests import seeds
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
+
+DRIVERS = {effect.id: effect for effect in CATALOGUE if effect.where == "driver"}
+STRENGTH = {"relative_speed_dead_zone": "width", "asymmetric_gain": "share"}
+# of the strength that is said to show: surely seen, and hardly ever
+STRONG, WEAK = 1.5, 0.3
+# of K, and of what is said: by which a bias of K may differ from it
+FIRST_ORDER, FIRST_ORDER_SHARE = 0.12, 0.3
+
+
+def driven(effects: dict[str, dict[str, float]], seed: int, k: int) -> Prepared:
+    plant, profile = ((plant_one, "mixed"), (plant_two, "urban"))[k]
+    seen = trace(plant.plant(effects, seed=seed, minutes=8, noise="ar1", profile=profile))
+    prepared = ready(seen, masks.recognise(seen, CATALOGUE)[0])
+    assert prepared is not None
+    return prepared
+
+
+def evidence(name: str, prepared: Prepared) -> float:
+    data, fitted = prepared.data, prepared.fitted
+    effect = DRIVERS[name]
+    return driver_candidates.tried(
+        effect, data, fitted, driver_candidates.screen(effect, data, fitted)
+    ).evidence
+
+
+def test_a_strength_that_would_show_is_seen_and_a_weak_one_is_not() -> None:
+    bound = needed(1, len(DRIVERS))
+    missed, seen_weak, bends = [], [], []
+    seed = seeds.seed("power")
+    k = seed % 2
+    clean = driven({}, seed, k)
+    visible = {one.effect: one for one in power.visible(tuple(DRIVERS.values()), clean.data, clean.fitted)}
+    for name, parameter in STRENGTH.items():
+        of = visible[name]
+        assert math.isfinite(of.strength), (name, of)
+        strong, weak = (driven({name: {parameter: share * of.strength}}, seed, k) for share in (STRONG, WEAK))
+        # by construction nine of ten are seen at the strength itself; nearly all at 1.5 times it
+        if evidence(name, strong) < bound:
+            missed.append((name, of, seed))
+        if evidence(name, weak) > bound:
+            seen_weak.append((name, of, seed))
+        moved = float(strong.fitted.q[K2] / clean.fitted.q[K2]) - 1.0
+        bends.append((moved, STRONG * of.bends))
+    assert len(missed) <= 1, missed
+    assert len(seen_weak) <= 1, seen_weak
+    # to first order, and the loop carries the noise differently: on 12 pairs they differed by 0.026 (rms)
+    assert all(abs(moved - said) < FIRST_ORDER + FIRST_ORDER_SHARE * abs(said) for moved, said in bends), (
+        bends
+    )
+
+
+def test_what_bends_the_gain_most_comes_first_and_what_is_in_the_model_is_not_listed() -> None:
+    clean = driven({}, seeds.seed("power order"), 0)
+    all_of = power.visible(tuple(DRIVERS.values()), clean.data, clean.fitted)
+    bends = [abs(one.bends) for one in all_of]
+    assert bends == sorted(bends, reverse=True)
+    assert {"attention_gap", "cruise_control", "periodic_task"}.isdisjoint(one.effect for one in all_of)
