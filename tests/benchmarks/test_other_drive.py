@@ -10,6 +10,7 @@ from canid.diagnosis.rivals.rival_models import MODELS
 from canid.types import Trace
 from tests.plants import plant_one
 from tests.plants.measurement import trace
+from tests.seeds import two_of_three
 
 
 def accelerating(seed: int, profile: str) -> Trace:
@@ -19,6 +20,7 @@ def accelerating(seed: int, profile: str) -> Trace:
     return seen._replace(output=seen.signals["accel"], signals=signals)
 
 
+@two_of_three
 def test_models_are_carried_to_another_drive(seed: int) -> None:
     here, there = accelerating(seed, "motorway"), accelerating(seed + 1, "mixed")
     one, other = prepared(here), prepared(there)

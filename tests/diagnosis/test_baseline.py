@@ -18,6 +18,7 @@ from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 from tests.plants.time_invariant import Follower, drawn, drive, lead_speed
+from tests.seeds import two_of_three
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 DRIVERS = tuple(effect for effect in CATALOGUE if effect.where == "driver")
@@ -158,9 +159,9 @@ def test_the_form_of_the_baseline_is_the_drivers(law: str, form: Form) -> None:
 
 
 @pytest.mark.parametrize("simulator", [*PLANTS, "acceleration"])
-def test_a_time_headway_driver_keeps_the_form(simulator: str) -> None:
+@two_of_three
+def test_a_time_headway_driver_keeps_the_form(simulator: str, seed: int) -> None:
     """And where nothing is found, both models are the same one."""
-    seed = seeds.seed(f"form {simulator}")
     if simulator == "acceleration":
         _, seen = follow("headway", seed)
     else:

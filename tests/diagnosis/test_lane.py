@@ -19,6 +19,7 @@ from canid.findings import Report, Verdict
 from canid.simulation import Steering, simulate
 from canid.types import Array, LearnGate, Trace
 from tests.plants.lane_drives import CLEAN, EFFECTS, LaneDrive, make
+from tests.seeds import two_of_three
 
 BY_ID = {effect.id: effect for effect in LANE_CATALOGUE}
 # Table 1 of Chen & Ulsoy 2001 in the model's parameters: offset, K, Kd, τ, π, θ, wanted position
@@ -89,6 +90,7 @@ def test_without_noise_the_model_is_the_simulated_driver(effect: str) -> None:
         assert np.std(plain - data.output.y) > 4 * np.std((angle - data.output.y)[30:-20])
 
 
+@two_of_three
 def test_the_fit_finds_the_driver(seed: int) -> None:
     """On 10 min the simulated driver is within what the likelihood allows: at most 6 standard deviations of any."""
     made = make(LaneDrive("one", CLEAN, seed))
@@ -102,6 +104,7 @@ def test_the_fit_finds_the_driver(seed: int) -> None:
 # --- the null ----------------------------------------------------------------------------------------------
 
 
+@two_of_three
 def test_a_replicate_is_the_same_driver_on_the_same_road(seed: int) -> None:
     """The recorded angles give the recorded offsets; with noise drawn again, the fit finds the driver again."""
     drive = make(LaneDrive("two", CLEAN, seed, 6.0)).trace

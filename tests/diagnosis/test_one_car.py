@@ -16,6 +16,7 @@ from canid.simulation import simulate
 from canid.types import Trace
 from tests.diagnosis.test_several_drives import SHORT, drawn
 from tests.hidden_effects.planted_by_canid import by_columns
+from tests.seeds import two_of_three
 
 DRIVERS = 4
 
@@ -28,6 +29,7 @@ def drives(rng: np.random.Generator, minutes: float, **hide: tuple[float, ...]) 
     ]
 
 
+@two_of_three
 def test_evidence_of_a_late_turbocharger_adds_up_over_drivers(seed: int) -> None:
     rng = np.random.default_rng(seed)
     traces = drives(rng, SHORT, turbo_lag=(0.8,))
@@ -51,6 +53,7 @@ def test_evidence_of_a_late_turbocharger_adds_up_over_drivers(seed: int) -> None
     assert len(set(K)) == DRIVERS
 
 
+@two_of_three
 def test_a_clean_car_stays_clean_whoever_drives(seed: int) -> None:
     reports = diagnose_car(drives(np.random.default_rng(seed), SHORT), "abcd")
     for report in reports:

@@ -9,6 +9,7 @@ from canid.diagnosis.diagnose import diagnose
 from canid.diagnosis.driver.pedal_holds import RHYTHM_HZ, _rhythm
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
+from tests.seeds import two_of_three
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 # s; slower decisions are too few in six minutes. Of 24 drives 23 were named: four without a name in a row are chance once
@@ -17,6 +18,7 @@ INTERVALS, DRIVES = (0.8, 1.3), 4
 
 
 @pytest.mark.parametrize("moved", [1.0, 0.7])
+@two_of_three
 def test_the_interval_is_the_fundamental(moved: float, seed: int) -> None:
     """Of intervals drawn at random, with decisions that change nothing, on a grid of 0.1 s."""
     rng = np.random.default_rng(seed)
@@ -30,6 +32,7 @@ def test_the_interval_is_the_fundamental(moved: float, seed: int) -> None:
         assert found == pytest.approx(interval, rel=0.01)
 
 
+@two_of_three
 def test_movements_by_chance_have_no_rhythm(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(20):
@@ -39,6 +42,7 @@ def test_movements_by_chance_have_no_rhythm(seed: int) -> None:
 
 
 @pytest.mark.parametrize("simulator", PLANTS)
+@two_of_three
 def test_the_stated_interval_holds_the_drivers(simulator: str, seed: int) -> None:
     """On a drive whose rhythm is drawn, or on one of `DRIVES` at most, it is named, and then with the interval."""
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from canid.findings import Verdict
 from canid.types import Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
+from tests.seeds import two_of_three
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 BY = {effect.id: effect for effect in CATALOGUE}
@@ -146,6 +147,7 @@ def test_a_drive_without_pedal_says_what_to_map() -> None:
     assert vehicle.cars is None
 
 
+@two_of_three
 def test_a_pedal_that_moves_no_car_leaves_the_vehicle_untested(seed: int) -> None:
     """The pedal of another time, as where cruise control drove: nothing is called adequate."""
     seen = drive("one", {}, seed)

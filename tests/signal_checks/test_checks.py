@@ -8,6 +8,7 @@ import pytest
 from canid.signal_checks import own_motion, signal_checks
 from canid.signal_checks.check import UNIT_FACTORS, unit_of
 from canid.types import Driver
+from tests.seeds import two_of_three
 from tests.signal_checks.synthetic import Array, Columns, changed, findings, following, samples
 
 OTHERS = ("gnss_speed", "wheel_speed", "accel")
@@ -49,6 +50,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
+@two_of_three
 def test_each_fault_is_found_by_its_name(fault: str, seed: int) -> None:
     """A planted fault is found, with a sentence, a time and a remedy, and withholds the estimates."""
     name, plant, without = FAULTS[fault]
@@ -62,11 +64,13 @@ def test_each_fault_is_found_by_its_name(fault: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("output", ["pedal", "accel"])
+@two_of_three
 def test_sound_signals_are_left_alone(output: str, seed: int) -> None:
     """Nothing is found on a drive without a fault, whichever output is identified."""
     assert findings(following(seed), Driver(output=output)) == ()
 
 
+@two_of_three
 def test_a_coarse_radar_is_no_held_one(seed: int) -> None:
     """Steps of 0.5 m and 0.25 m/s repeat values, and are no fault."""
     columns = following(seed)
@@ -76,6 +80,7 @@ def test_a_coarse_radar_is_no_held_one(seed: int) -> None:
     assert findings(columns) == ()
 
 
+@two_of_three
 def test_a_brief_fault_ends(seed: int) -> None:
     """A range rate that stands still for 20 s is found, and the finding ends."""
     columns = following(seed, 6.0)
@@ -86,6 +91,7 @@ def test_a_brief_fault_ends(seed: int) -> None:
     assert found[0].until - 80.0 >= signal_checks.HOLD_S - 2.0
 
 
+@two_of_three
 def test_the_interval_of_the_reports_age_holds(seed: int) -> None:
     """Reports that are 0.5 s old: the interval holds that on most drives where it is stated, and 0 s is no finding."""
     held = []

@@ -20,6 +20,7 @@ from canid.simulation import START_UTC, Car, DriverTruth, Simulation, frames, mo
 from canid.simulation.model_drive import Lead
 from canid.types import Interval
 from canid.vehicle import read_vehicle
+from tests.seeds import two_of_three
 
 # what a round trip may hide: causes that are functions of the inputs, at strengths that ten minutes show
 HIDDEN = ("lead_acceleration", "asymmetric_gain", "gain_change", "looming_gain", "standstill_gap")
@@ -77,6 +78,7 @@ def test_an_acceleration_is_what_the_driver_asks_for(seed: int) -> None:
 
 
 @pytest.mark.parametrize("coefficients", [(0.9,), (1.2, -0.35), ()], ids=str)
+@two_of_three
 def test_simulated_noise_has_the_law_that_was_identified(coefficients: tuple[float, ...], seed: int) -> None:
     """At the law's own steps: its coefficients and the size of its innovations, each within five standard deviations."""
     step, n = 0.1, 400_000
@@ -102,6 +104,7 @@ def report_of(simulation: Simulation, folder: Path) -> Report:
     return report
 
 
+@two_of_three
 def test_a_model_is_found_again_on_its_own_drive(tmp_path: Path, seed: int) -> None:
     """Hidden, found, simulated behind another lead, found: the same causes and the same driver."""
     rng = np.random.default_rng(seed)
