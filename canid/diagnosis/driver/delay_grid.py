@@ -12,6 +12,7 @@ import numpy as np
 
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_model import (
+    BASE,
     K1,
     K2,
     OFFSET,
@@ -32,8 +33,12 @@ from canid.types import Array
 # s, delays of the grid, and steps from each
 GRID_THETA_S, GRID_TAU_S = (0.3, 0.7, 1.1, 1.5), (0.2, 0.8)
 GRID_ITERATIONS = 6
-# −2 log likelihood within which two fits have reached the same minimum, and minima that are compared
-SAME_MINIMUM, MAX_MINIMA = 1.0, 3
+# s of lag and dead time of the response to range rate, and share of its gain by which other gains differ, within which two
+# fits are in one minimum. Their likelihoods say less: on one measured drive the lowest minimum was 15 above the others by
+# the noise model without the effect, and 33 below them by its own
+SAME_DELAY_S, SAME_GAIN = 0.2, 0.25
+# minima that are compared
+MAX_MINIMA = 3
 # of the largest eigenvalue; a direction below it is rounding
 RANK_TOLERANCE = 1e-12
 # of a whitened column; a shorter one is 0
@@ -61,10 +66,34 @@ def minima(
         )
         short.append(few)
     short.sort(key=lambda one: one.deviance)
-    apart = [
-        one for k, one in enumerate(short) if not k or one.deviance > short[k - 1].deviance + SAME_MINIMUM
-    ]
+    apart: list[FittedModel[DriverModel]] = []
+    for one in short:
+        if not any(same_minimum(one.q, other.q) for other in apart):
+            apart.append(one)
     return [solve(data, model, one.q, without.noise, without.rows, turns=2) for one in apart[:MAX_MINIMA]]
+
+
+def same_minimum(one: Array, other: Array) -> bool:
+    """Whether two fits differ little in the delay of the response to range rate and in what is added to it.
+
+    Args:
+        one: (p,) parameters of a model.
+        other: (p,) of the same model.
+
+    Example:
+        >>> q = np.zeros(11)
+        >>> q[[K2, TAU2, THETA2, 10]] = 0.4, 0.2, 0.9, 0.3
+        >>> p = q.copy()
+        >>> p[[TAU2, THETA2]] = 0.5, 0.62
+        >>> same_minimum(q, p)
+        True
+        >>> p[10] = 0.0
+        >>> same_minimum(q, p)
+        False
+    """
+    delay = abs(one[TAU2] + one[THETA2] - other[TAU2] - other[THETA2])
+    added = np.abs(one[len(BASE) :] - other[len(BASE) :])
+    return bool(delay < SAME_DELAY_S and (added <= SAME_GAIN * max(abs(one[K2]), abs(other[K2]))).all())
 
 
 def regained(
