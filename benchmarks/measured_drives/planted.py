@@ -9,6 +9,7 @@ with an effect; `diagnose` gets what the sensors would have had. One draw of the
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from canid.diagnosis.null import replicates
 from canid.diagnosis.prepared_drive import ready
 from canid.effects import CATALOGUE
 from canid.findings import Report
-from canid.types import LearnGate, Trace
+from canid.types import Interval, LearnGate, Trace
 
 LOGS = ("asta_p10_f2_Audi_A6", "asta_p10_f4_Mercedes_AClass", "asta_p3_f2_Tesla_Model3", "asta_p3_f4_Audi_A6")
 NOTHING = "nothing"
@@ -79,6 +80,11 @@ def said(report: Report) -> str:
     )
 
 
+def shown(of: Interval) -> str:
+    """A value with its interval; a dash where there is none."""
+    return "–" if math.isnan(of.value) else f"{of.value:.2g} [{of.low:.2g}, {of.high:.2g}]"
+
+
 def halves(data: Path) -> Iterator[tuple[str, Trace]]:
     """Each half of each drive."""
     for log in LOGS:
@@ -122,9 +128,10 @@ def main() -> None:
             )
             evidence = "–" if seen is None else f"{seen.evidence:.0f}, {seen.needed:.0f}"
             score, gain = report.log_score_gain, report.gain
+            null = report.null_gain.high
             print(
-                f"| {effect} | {name} | {said(report)} | {evidence} | {score.value:.2g} [{score.low:.2g}, {score.high:.2g}] "
-                f"| {gain.value:.2g} [{gain.low:.2g}, {gain.high:.2g}] | {report.null_gain.high:.2g} |",
+                f"| {effect} | {name} | {said(report)} | {evidence} | {shown(score)} | {shown(gain)} "
+                f"| {'–' if math.isnan(null) else f'{null:.2g}'} |",
                 flush=True,
             )
     print("\n" + "\n".join(f"{effect}: right in {n} of {len(drives)}" for effect, n in right.items()))
