@@ -1,0 +1,161 @@
+"""Logs for a study: read, or simulated through DBC and .blf, in several processes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from canid.cli import reading
+from canid.cli.output.progress import Progress
+from canid.errors import DONE, ConfigError, LogError
+
+if TYPE_CHECKING:
+    from canid.drive_reader import Health
+    from canid.simulation import Simulation
+    from canid.study.artifact import Skipped, Study
+    from canid.types import Trace
+    from canid.vehicle import Vehicle
+
+
+def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], int]:
+    """Study recorded logs; also the exit code that the damaged ones among them deserve.
+
+    A log that cannot be read is skipped and reported, where there are others. Raises LogError where none can be read.
+    """
+    from canid.study.artifact import Skipped
+
+    drives: dict[str, Trace] = {}
+    skipped: list[Skipped] = []
+    damaged = DONE
+    errors = []
+    for path in args.logs:
+        try:
+            drive = reading.read_drive(path, vehicle, args, estimating=False)
+        except LogError as error:
+            errors.append(error)
+            skipped.append(Skipped(path, "the whole log", str(error).removeprefix(f"{path}: ")))
+            continue
+        damaged = _worse(damaged, drive.health)
+        drives[path] = drive.trace
+    if not drives:
+        raise errors[0]
+    with _mapped(args.jobs) as run, Progress(f"studying {len(drives)} logs") as bar:
+        study = _study(args, drives, run, lambda done, total: bar.to(done / max(total, 1)))
+    return [study._replace(skipped=(*skipped, *study.skipped))], damaged
+
+
+def _worse(code: int, health: Health) -> int:
+    return reading.report_health(health) or code
+
+
+def _study(
+    args: argparse.Namespace,
+    drives: dict[str, Trace],
+    run: Callable[..., Iterator[Any]],
+    progress: Callable[[int, int], None],
+) -> Study:
+    """Study logs that have been read."""
+    if args.what == "grover":
+        from canid.study.grover import grover
+
+        return grover.study(drives, _settings(args), progress, run=run)
+    from canid.study.chen_ulsoy import chen_ulsoy
+
+    drivers: dict[str, list[tuple[str, Trace]]] = {}
+    for path, trace in drives.items():
+        of = Path(path)
+        name = str(of.parent) if args.by == "folder" else of.stem
+        drivers.setdefault(name, []).append((path, trace))
+    return chen_ulsoy.study(drivers, _settings(args), progress, run=run)
+
+
+def _settings(args: argparse.Namespace) -> Any:
+    """The settings of a study: its defaults, and what the command line says."""
+    if args.what == "grover":
+        from canid.study.grover.grover import GroverSettings as Settings
+
+        names = ("min_episode", "gate_fit")
+    else:
+        from canid.study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings as Settings
+
+        names = ("segment", "bootstraps")
+    stated = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    return Settings(**stated)
+
+
+def minutes_of(text: str) -> tuple[float, ...]:
+    """Lengths of drives.
+
+    Raises:
+        ConfigError: they are no numbers above 0.
+
+    Example:
+        >>> minutes_of("1,10")
+        (1.0, 10.0)
+    """
+    try:
+        out = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        out = ()
+    if not out or min(out) <= 0:
+        raise ConfigError(f"study: --minutes {text}: not a list of numbers above 0, such as 1,10")
+    return out
+
+
+@contextmanager
+def _mapped(jobs: int | None) -> Iterator[Callable[..., Iterator[Any]]]:
+    """A `map` over processes, in the order of what is given; with one process the ordinary one."""
+    workers = jobs or os.cpu_count() or 1
+    if workers == 1:
+        yield map
+        return
+    pool: Executor = ProcessPoolExecutor(workers)
+    try:
+        yield pool.map
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def reproduced(args: argparse.Namespace, vehicle: Vehicle) -> Study:
+    """Simulate the printed drivers, each through frames and a .blf, and study what is read back."""
+    minutes = minutes_of(args.minutes)
+    with _mapped(args.jobs) as run, tempfile.TemporaryDirectory() as folder:
+        simulations, study = _reproduction(args, minutes)
+        with Progress("simulating the printed drivers") as bar:
+            drives = {}
+            for name, simulation in simulations:
+                drives[name] = _through_log(simulation, vehicle, Path(folder) / "drive.blf")
+                bar.to(min(len(drives) / _expected(args, minutes), 1.0))
+        with Progress(f"studying {len(drives)} drives") as bar:
+            return study(drives, lambda done, total: bar.to(done / max(total, 1)), run)
+
+
+def _through_log(simulation: Simulation, vehicle: Vehicle, path: Path) -> tuple[Trace, dict[str, Any]]:
+    """Encode, write, read: what a recording of the drive would hold, and its truth."""
+    from canid.drive_reader import read_trace
+    from canid.logs import write_log
+    from canid.simulation import START_UTC, frames
+
+    write_log(path, frames(simulation, vehicle), START_UTC)
+    trace = read_trace(path, vehicle)
+    path.unlink()
+    return trace, simulation.truth
+
+
+def _expected(args: argparse.Namespace, minutes: Iterable[float]) -> int:
+    """Drives that will be simulated."""
+    of_drivers = 4 * (args.seeds or 6) if args.what == "grover" else (args.drivers or 12)
+    return max(of_drivers * len(tuple(minutes)), 1)
+
+
+def _reproduction(
+    args: argparse.Namespace, minutes: tuple[float, ...]
+) -> tuple[Iterator[tuple[str, Simulation]], Any]:
+    """The simulated drives of a paper, and the function that studies them."""
+    raise NotImplementedError
