@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from canid.runs import runs
 from canid.signal_checks.drive_time import usable
 from canid.study.artifact import Skipped
-from canid.study.grover.settings import GroverSettings
+from canid.study.grover.settings import DEFAULTS, GroverSettings
 from canid.types import NAN, Array, LearnGate, Trace
 
 # share of the input's power below the stated frequency
@@ -57,7 +58,7 @@ class Route(NamedTuple):
     north: Array
 
 
-def episodes_of(trace: Trace, settings: GroverSettings = GroverSettings()) -> Found:
+def episodes_of(trace: Trace, settings: GroverSettings = DEFAULTS) -> Found:
     """Find the episodes of a drive.
 
     Args:
@@ -84,15 +85,15 @@ def episodes_of(trace: Trace, settings: GroverSettings = GroverSettings()) -> Fo
         cuts = 1 + first + np.flatnonzero(np.diff(trace.segment[first:stop]))
         stretches += list(zip([first, *cuts.tolist()], [*cuts.tolist(), stop], strict=True))
     lengths = [(stop - first) * trace.dt for first, stop in stretches]
-    long = [
-        s for s, length in zip(stretches, lengths, strict=True) if length >= settings.min_episode - 1e-9
-    ]
+    long = [s for s, length in zip(stretches, lengths, strict=True) if length >= settings.min_episode - 1e-9]
     position = route(trace)
     episodes: list[Episode] = []
     skipped: list[tuple[str, str]] = []
     for first, stop in [piece for s in long for piece in _pieces(*s, trace.dt, settings)]:
         episode = _episode(trace, position, len(episodes) + 1, first, stop)
-        constant = [name for name, sd in zip((*INPUTS, "output"), episode.sd, strict=True) if sd <= CONSTANT_SD]
+        constant = [
+            name for name, sd in zip((*INPUTS, "output"), episode.sd, strict=True) if sd <= CONSTANT_SD
+        ]
         if constant:
             what = f"{episode.t:.0f} to {episode.t + episode.length:.0f} s"
             names = ", ".join(name.replace("_", " ") for name in constant)
@@ -134,7 +135,7 @@ def _pieces(first: int, stop: int, dt: float, settings: GroverSettings) -> list[
     if (stop - first) * dt / count < settings.min_episode:
         count = max(int((stop - first) * dt / settings.min_episode), 1)
     edges = np.linspace(first, stop, count + 1).round().astype(int).tolist()
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def _episode(trace: Trace, position: Route | None, number: int, first: int, stop: int) -> Episode:
@@ -150,7 +151,7 @@ def _episode(trace: Trace, position: Route | None, number: int, first: int, stop
         (stop - first) * trace.dt,
         _mean(trace, "headway", part),
         _mean(trace, "speed", part),
-        float(np.corrcoef(inputs.T)[0, 1]) if both else NAN,
+        correlation(inputs[:, 0], inputs[:, 1]) if both else NAN,
         (band(inputs[:, 0], trace.dt), band(inputs[:, 1], trace.dt)),
         sd,
         NAN if position is None else float(position.east[first]),
@@ -162,6 +163,17 @@ def _mean(trace: Trace, role: str, part: slice) -> float:
     column = trace.signals.get(role)
     known = np.zeros(0) if column is None else column[part][np.isfinite(column[part])]
     return float(known.mean()) if known.size else NAN
+
+
+def correlation(x: Array, y: Array) -> float:
+    """Pearson's correlation; NaN where one is constant.
+
+    >>> round(correlation(np.array([1.0, 2.0, 3.0]), np.array([2.0, 4.0, 6.0])), 9)
+    1.0
+    """
+    a, b = x - x.mean(), y - y.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / size if size > 0.0 else NAN
 
 
 def band(x: Array, dt: float) -> float:

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from canid.identification import autoregression
 from canid.identification.confidence import QUANTILES
 from canid.study.grover import joint, reduction
-from canid.study.grover.episodes import Episode, detrended
+from canid.study.grover.episodes import Episode, correlation, detrended
 from canid.study.grover.joint import Joint
 from canid.study.grover.reduction import FirstOrder
 from canid.study.grover.settings import GroverSettings
@@ -50,7 +50,9 @@ class Cost(NamedTuple):
     K2: float
     noise_sd: float  # output unit
     cases: tuple[Case, ...]  # that of the recorded inputs first
-    gate_rejects: float  # %: how often the true model's simulation fits less than the gate on the recorded inputs
+    gate_rejects: (
+        float  # %: how often the true model's simulation fits less than the gate on the recorded inputs
+    )
     true_fit: Interval  # %: percentage of fit of the true model's simulation
 
     @property
@@ -88,11 +90,16 @@ def of_drive(
     truth = found.models
     own = _case(records, noise, truth, trace.dt, loop=True)
     turned = [
-        _case([with_correlation(u, wanted) for u in records], noise, truth, trace.dt) for wanted in CORRELATIONS
+        _case([with_correlation(u, wanted) for u in records], noise, truth, trace.dt)
+        for wanted in CORRELATIONS
     ]
     fits = np.concatenate(
         [
-            100.0 * (1.0 - np.linalg.norm(n, axis=0) / np.linalg.norm(_signal(u, truth, trace.dt)[:, None] + n, axis=0))
+            100.0
+            * (
+                1.0
+                - np.linalg.norm(n, axis=0) / np.linalg.norm(_signal(u, truth, trace.dt)[:, None] + n, axis=0)
+            )
             for u, n in zip(records, noise, strict=True)
         ]
     )
@@ -204,13 +211,19 @@ def omitted_variable(inputs: Array, truth: Sequence[FirstOrder], dt: float) -> f
 
 def _signal(inputs: Array, truth: Sequence[FirstOrder], dt: float) -> Array:
     responses = [
-        one.K * reduction.response(u, one.tau, one.dead_time, dt) for u, one in zip(inputs.T, truth, strict=True)
+        one.K * reduction.response(u, one.tau, one.dead_time, dt)
+        for u, one in zip(inputs.T, truth, strict=True)
     ]
     return detrended(responses[0] + responses[1])
 
 
 def _case(
-    records: Sequence[Array], noise: Sequence[Array], truth: Sequence[FirstOrder], dt: float, *, loop: bool = False
+    records: Sequence[Array],
+    noise: Sequence[Array],
+    truth: Sequence[FirstOrder],
+    dt: float,
+    *,
+    loop: bool = False,
 ) -> Case:
     alone, both, expected, correlations = [], [], [], []
     for u, n in zip(records, noise, strict=True):
@@ -218,7 +231,7 @@ def _case(
         alone.append(per_input_gain(y, u[:, 0], dt, LAGS, truth[0].dead_time))
         both.append(joint_gain(y, u, dt, LAGS, [one.dead_time for one in truth]))
         expected.append(omitted_variable(u, truth, dt))
-        correlations.append(float(np.corrcoef(detrended(u).T)[0, 1]))
+        correlations.append(correlation(*detrended(u).T))
     return Case(
         float(np.mean(correlations)),
         _range(np.concatenate(alone)),
@@ -247,5 +260,5 @@ def _noise(residuals: Sequence[Array], draws: int, dt: float, rng: np.random.Gen
     for r in residuals:
         shocks = rng.standard_normal((warm + len(r), draws))
         n = detrended(lfilter([1.0], np.concatenate([[1.0], -coefficients]), shocks, axis=0)[warm:])
-        out.append(n * float(np.sqrt(np.mean(r**2) / max(np.mean(n**2), 1e-300))))
+        out.append(n * float(np.sqrt(float(np.mean(r**2)) / max(float(np.mean(n**2)), 1e-300))))
     return out

@@ -13,11 +13,9 @@ import numpy as np
 
 from canid.study.grover import output_error, reduction
 from canid.study.grover.output_error import OutputError, fit_percent
-from canid.study.grover.reduction import LAGS, FirstOrder
+from canid.study.grover.reduction import FirstOrder
+from canid.study.prints import miso_bound
 from canid.types import Array
-
-# s; a coarser grid than that of one input: two lags are searched together
-PAIR_LAGS = LAGS[::3]
 
 
 class Miso(NamedTuple):
@@ -32,22 +30,6 @@ class Miso(NamedTuple):
     high_weighed: Array  # (n,) weighed anew
     low: Array  # (n,) simulated by the sum of the reduced
     low_weighed: Array  # (n,)
-
-
-def fit_bound(first: float, second: float) -> tuple[float, float]:
-    """Least and largest percentage of fit of the sum of two simulations of one output.
-
-    |y - s1 - s2| = |(y - s1) + (y - s2) - y| lies between |y| - |y - s1| - |y - s2| and |y| + their sum.
-
-    Args:
-        first: percentage of fit of the one alone.
-        second: of the other.
-
-    >>> [round(x, 2) for x in fit_bound(95.39, 91.06)]  # the published ones; 96.36 is published of the sum
-    [-13.55, 13.55]
-    """
-    off = (100.0 - first) + (100.0 - second)
-    return -off, min(off, 100.0)
 
 
 def together(
@@ -75,7 +57,7 @@ def together(
         fit_percent(output, weighed),
         fit_percent(output, first.sum(axis=1)),
         fit_percent(output, first_weighed),
-        fit_bound(high[0].fit_percent, high[1].fit_percent),
+        miso_bound.bound(high[0].fit_percent, high[1].fit_percent),
         simulated.sum(axis=1),
         weighed,
         first.sum(axis=1),

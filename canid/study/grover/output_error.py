@@ -1,7 +1,7 @@
 """Output-error transfer functions by separable least squares (Ljung 1999, sec. 10.2; Golub & Pereyra 1973).
 
-y(k) = (B(q) u(k) + C(q) delta(k)) / F(q) + e(k), with n + 1 coefficients in B, n in F, and n in C: the free initial state. At
-given F the model is linear in B and C, which are projected out; F is found by Levenberg-Marquardt on the simulation error
+y(k) = (B(q) u(k) + C(q) delta(k)) / F(q) + e(k), with n + 1 coefficients in B, n in F, and n in C: the free initial state.
+At given F the model is linear in B and C, which are projected out; F is found by Levenberg-Marquardt on the simulation error
 (Kaufman 1975), begun from the Steiglitz-McBride iteration (1965) after ARX, and from the model of the order below with one
 more pole. The percentage of fit is that of the simulation, not of the one-step prediction. This is what Grover (2021,
 sec. 4.2) has of a toolbox; poles may grow, as those of his eq. 2.5 do, and then the model says so.
@@ -16,7 +16,8 @@ import numpy.typing as npt
 from scipy.signal import lfilter
 
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
-from canid.study.grover.settings import PUBLISHED_GATE, GroverSettings
+from canid.study.grover.settings import GroverSettings
+from canid.study.prints.printed_numbers import SELECTION_PERCENT
 from canid.types import NAN, Array
 
 Complex = npt.NDArray[np.complex128]
@@ -94,7 +95,9 @@ def fit_percent(output: Array, simulated: Array) -> float:
     return max(100.0 * (1.0 - error / power), -1000.0) if np.isfinite(error) else -1000.0
 
 
-def fit(output: Array, inp: Array, dt: float, order: int, below: OutputError | None = None) -> OutputError | None:
+def fit(
+    output: Array, inp: Array, dt: float, order: int, below: OutputError | None = None
+) -> OutputError | None:
     """Fit one order.
 
     Args:
@@ -150,7 +153,7 @@ def orders(output: Array, inp: Array, dt: float, settings: GroverSettings) -> tu
         if model is None:
             break
         out.append(model)
-        if model.fit_percent >= PUBLISHED_GATE:
+        if model.fit_percent >= SELECTION_PERCENT:
             break
     return tuple(out)
 
@@ -161,7 +164,7 @@ def selected(models: tuple[OutputError, ...]) -> OutputError | None:
     >>> selected(()) is None
     True
     """
-    reached = [m for m in models if m.fit_percent >= PUBLISHED_GATE]
+    reached = [m for m in models if m.fit_percent >= SELECTION_PERCENT]
     return reached[0] if reached else max(models, key=lambda m: m.fit_percent, default=None)
 
 
@@ -189,7 +192,7 @@ def _impulse(n: int) -> Array:
 
 
 def _shifted(x: Array, count: int, first: int = 0) -> Array:
-    """x and its copies up to `count` samples later, as columns (n, count)."""
+    """X and its copies up to `count` samples later, as columns (n, count)."""
     out = np.zeros((len(x), count))
     for k in range(count):
         late = k + first

@@ -92,9 +92,7 @@ def of_model(model: OutputError, inp: Array, *, dead_time: bool) -> FirstOrder:
     weight = np.abs(np.fft.rfft(inp * np.hanning(len(inp))))[1:] ** 2
     z = np.exp(-1j * omega * model.dt)
     values = np.polyval(model.num[::-1], z) / np.polyval(model.den[::-1], z)
-    return FirstOrder(
-        *first_order_reduction(omega, np.asarray(values), weight, dead_time=dead_time)
-    )
+    return FirstOrder(*first_order_reduction(omega, np.asarray(values), weight, dead_time=dead_time))
 
 
 def of_record(output: Array, inp: Array, dt: float, *, dead_time: bool) -> FirstOrder:
@@ -118,7 +116,9 @@ def of_record(output: Array, inp: Array, dt: float, *, dead_time: bool) -> First
         for theta in delays:
             delayed = response(inp, 0.0, float(theta), dt)
             for tau in taus:
-                columns = np.column_stack([response(delayed, float(tau), 0.0, dt), decay(len(inp), float(tau), dt)])
+                columns = np.column_stack(
+                    [response(delayed, float(tau), 0.0, dt), decay(len(inp), float(tau), dt)]
+                )
                 weights = np.linalg.lstsq(columns, output, rcond=None)[0]
                 fit = fit_percent(output, columns @ weights)
                 if fit > best.fit_percent:

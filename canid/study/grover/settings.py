@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-# %; sec. 4.2 rejects transfer functions that fit less
-PUBLISHED_GATE = 90.0
-
 
 class GroverSettings(NamedTuple):
     """What may be chosen; the defaults are the paper's where it states them.
@@ -24,6 +21,11 @@ class GroverSettings(NamedTuple):
     # nothing of most drives, so it is counted instead
     gate_fit: float = 0.0
     max_order: int = 11  # the order of eq. 2.5
-    max_fitted: int = 16  # episodes a drive that his method is applied to, the longest ones; the others are listed
+    max_fitted: int = (
+        12  # episodes a drive that his method is applied to, the longest ones; the others are listed
+    )
     draws: int = 40  # noise realizations of each simulated case
     seed: int = 1  # of the noise
+
+
+DEFAULTS = GroverSettings()

@@ -65,7 +65,9 @@ def of_drive(trace: Trace, episodes: Sequence[Episode]) -> SecondOpinion:
     except (np.linalg.LinAlgError, ValueError):
         return SecondOpinion(nothing, 0, "its covariance lost positive definiteness")
     sd = np.sqrt(np.maximum(np.diag(P), 0.0))
-    gains = [Interval(float(v), float(v - h), float(v + h)) for v, h in zip(x, NORMAL_QUANTILE * sd, strict=True)]
+    gains = [
+        Interval(float(v), float(v - h), float(v + h)) for v, h in zip(x, NORMAL_QUANTILE * sd, strict=True)
+    ]
     if not np.isfinite(x).all() or updates < MIN_UPDATES:
         return SecondOpinion(nothing, updates, "it diverged")
     return SecondOpinion((gains[2], gains[3]), updates)
@@ -91,7 +93,9 @@ def _static(trace: Trace, at: Array, step: float) -> _Static:
     correlation = float(np.clip(before @ after / power if power > 0.0 else 0.0, 0.0, 0.99))
     sd = max(float(residual.std()), 1e-9)
     spread = np.maximum(columns[:, :2].std(axis=0), 1e-9)
-    return _Static(weights[:2], float(weights[2]), sd, correlation, WIDE * float(trace.output[at].std()) / spread)
+    return _Static(
+        weights[:2], float(weights[2]), sd, correlation, WIDE * float(trace.output[at].std()) / spread
+    )
 
 
 def _filtered(
