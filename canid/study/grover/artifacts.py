@@ -10,7 +10,7 @@ from canid.study.artifact import Artifact, ClaimVerdict
 from canid.study.grover import tables
 from canid.study.grover.drive_analysis import DriveAnalysis, unit_of
 from canid.study.grover.episode_analysis import Analysis
-from canid.study.grover.episodes import INPUTS
+from canid.study.grover.episodes import INPUTS, correlation
 from canid.study.grover.output_error import OutputError
 from canid.study.grover.tables import median
 from canid.study.prints.printed_numbers import GROVER_DRIVERS, SELECTION_PERCENT
@@ -486,7 +486,7 @@ def _rank_correlation(x: Sequence[float], y: Sequence[float]) -> float:
     ranks = [np.argsort(np.argsort(np.asarray(v))) for v in (x, y)]
     if len(x) < 3 or len(set(x)) < 2 or len(set(y)) < 2:
         return float("nan")
-    return float(np.corrcoef(np.array(ranks, np.float64))[0, 1])
+    return correlation(ranks[0].astype(np.float64), ranks[1].astype(np.float64))
 
 
 def _fleet(drives: Sequence[DriveAnalysis]) -> Artifact:

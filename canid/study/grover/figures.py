@@ -71,7 +71,7 @@ def throttle(drive: DriveAnalysis, a: Analysis) -> list[Figure]:
 def responses(drive: DriveAnalysis, a: Analysis, dt: float) -> list[Figure]:
     """Fig. 12 to 16: what the models simulate."""
     of = f"Episode {a.episode.number} of {drive.log}."
-    t = a.episode.t + np.arange(len(a.output)) * dt
+    t = _times(a, dt)
     data = Curve(t, a.output, "recorded", role="measured")
     out = []
     for number, one, what in ((12, a.inputs[0], "headway error"), (13, a.inputs[1], "range rate")):
@@ -101,7 +101,7 @@ def further(cases: Sequence[tuple[DriveAnalysis, Analysis]], dts: Sequence[float
     """Fig. 18 to 20: up to three further episodes."""
     out = []
     for number, (drive, a), dt in zip((18, 19, 20), cases, dts, strict=False):
-        t = a.episode.t + np.arange(len(a.output)) * dt
+        t = _times(a, dt)
         b = a.together
         curves = (
             Curve(t, a.output, "recorded", role="measured"),
@@ -234,3 +234,9 @@ def _response(
 ) -> Figure:
     label = f"{drive.output} less its line ({unit_of(drive.output)})"
     return Figure(f"fig_{number}", f"Fig. {number}: {what}", (Panel("t (s)", label, curves),), caption)
+
+
+def _times(a: Analysis, dt: float) -> Array:
+    """Times of an episode's samples, s of the drive."""
+    out: Array = np.asarray(a.episode.t + np.arange(len(a.output)) * dt, np.float64)
+    return out

@@ -118,10 +118,12 @@ def _figures(
 def _says(drives: list[DriveAnalysis]) -> tuple[str, ...]:
     every = [a for d in drives for a in d.analyses]
     count = sum(len(d.episodes) for d in drives)
+    growing = sum(p.model.growing > 0 for a in every for p in a.inputs)
+    sums = median([a.together.high_sum for a in every])
     out = [
         f"{count} episodes of car following in {_count(len(drives), 'drive')}; of the transfer functions of the "
-        f"{len(every)} longest {sum(p.model.growing > 0 for a in every for p in a.inputs)} of {2 * len(every)} have unstable "
-        f"poles, and the sum of both inputs' models fits {median([a.together.high_sum for a in every]):.0f} % (median)."
+        f"{len(every)} longest {growing} of {2 * len(every)} have unstable poles, and the sum of both inputs' models fits "
+        f"{sums:.0f} % (median)."
     ]
     for drive in drives:
         if drive.cost is not None and drive.cost.K1:

@@ -87,9 +87,9 @@ def of_model(model: OutputError, inp: Array, *, dead_time: bool) -> FirstOrder:
     >>> np.round(of_model(one, response(u, 1.0, 0.0, 0.1), dead_time=True).K, 1)
     np.float64(5.0)
     """
-    omega = 2.0 * np.pi * np.fft.rfftfreq(len(inp), model.dt)[1:]
-    # a line at a sixth of a decade below the record's own lowest is none
-    weight = np.abs(np.fft.rfft(inp * np.hanning(len(inp))))[1:] ** 2
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(len(inp), model.dt)[1:], np.float64)
+    # tapered: the ends of a record differ, and their step would be part of the spectrum
+    weight = np.asarray(np.abs(np.fft.rfft(inp * np.hanning(len(inp))))[1:] ** 2, np.float64)
     z = np.exp(-1j * omega * model.dt)
     values = np.polyval(model.num[::-1], z) / np.polyval(model.den[::-1], z)
     return FirstOrder(*first_order_reduction(omega, np.asarray(values), weight, dead_time=dead_time))
@@ -112,7 +112,7 @@ def of_record(output: Array, inp: Array, dt: float, *, dead_time: bool) -> First
     best = FirstOrder(NAN, NAN, NAN, -np.inf)
     delays = DEAD_TIMES if dead_time else DEAD_TIMES[:1]
     taus = LAGS
-    for _ in range(2):
+    for width in (0.25, 0.04, 0.006, 0.0):
         for theta in delays:
             delayed = response(inp, 0.0, float(theta), dt)
             for tau in taus:
@@ -123,9 +123,14 @@ def of_record(output: Array, inp: Array, dt: float, *, dead_time: bool) -> First
                 fit = fit_percent(output, columns @ weights)
                 if fit > best.fit_percent:
                     best = FirstOrder(float(weights[0]), float(tau), float(theta), fit)
-        # once more about the best, between its neighbours
-        taus = np.linspace(best.tau / 1.25, best.tau * 1.25 + 0.02, 13)
-        delays = np.clip(best.dead_time + np.linspace(-0.08, 0.08, 5), 0.0, None) if dead_time else delays
+        # again about the best, between its neighbours
+        taus = best.tau + (width * best.tau + 0.02 * width / 0.25) * np.linspace(-1.0, 1.0, 11)
+        taus = np.clip(taus, 0.0, None)
+        delays = (
+            np.clip(best.dead_time + width / 0.25 * np.linspace(-0.08, 0.08, 5), 0.0, None)
+            if dead_time
+            else delays
+        )
     return best
 
 

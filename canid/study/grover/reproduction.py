@@ -152,7 +152,8 @@ def acceptance(every: Sequence[Recovered]) -> tuple[AcceptanceFigure, ...]:
             AcceptanceFigure(
                 "coverage",
                 share >= COVERAGE,
-                f"joint gains: {sum(held)} of {len(held)} 95 % intervals hold the truth ({share:.0%}; to reach {COVERAGE:.0%})",
+                f"joint gains: {sum(held)} of {len(held)} 95 % intervals hold the truth ({share:.0%}; to reach "
+                f"{COVERAGE:.0%})",
             )
         )
     else:

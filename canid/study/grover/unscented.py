@@ -12,10 +12,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.study.grover.episodes import Episode
 from canid.types import NAN, Array, Interval, Trace
+
+Rows = npt.NDArray[np.int64]
 
 # s from one update to the next: half of the least total delay of a driver, which this filter does not know
 STEP_S = 0.5
@@ -53,8 +56,8 @@ def of_drive(trace: Trace, episodes: Sequence[Episode]) -> SecondOpinion:
         return SecondOpinion(nothing, 0, "gap, range rate or speed is not recorded")
     gap, rate, speed = (np.asarray(column) for column in signals)
     every = max(round(STEP_S / trace.dt), 1)
-    rows = [np.arange(e.first, e.stop, every) for e in episodes]
-    at = np.concatenate(rows) if rows else np.zeros(0, int)
+    rows = [np.arange(e.first, e.stop, every, dtype=np.int64) for e in episodes]
+    at = np.concatenate(rows) if rows else np.zeros(0, np.int64)
     known = np.isfinite(gap[at] + rate[at] + speed[at])
     if known.sum() < MIN_UPDATES:
         return SecondOpinion(nothing, int(known.sum()), "too few samples with gap, range rate and speed")
@@ -83,7 +86,7 @@ class _Static(NamedTuple):
     wide: Array  # (2,) sd of the gains before any data
 
 
-def _static(trace: Trace, at: Array, step: float) -> _Static:
+def _static(trace: Trace, at: Rows, step: float) -> _Static:
     columns = np.column_stack([trace.inputs[at], np.ones(len(at))])
     weights = np.linalg.lstsq(columns, trace.output[at], rcond=None)[0]
     residual = trace.output[at] - columns @ weights
@@ -92,14 +95,15 @@ def _static(trace: Trace, at: Array, step: float) -> _Static:
     power = float(before @ before)
     correlation = float(np.clip(before @ after / power if power > 0.0 else 0.0, 0.0, 0.99))
     sd = max(float(residual.std()), 1e-9)
-    spread = np.maximum(columns[:, :2].std(axis=0), 1e-9)
+    spread = np.maximum(np.asarray(columns[:, :2].std(axis=0), np.float64), 1e-9)
+    weights = np.asarray(weights, np.float64)
     return _Static(
         weights[:2], float(weights[2]), sd, correlation, WIDE * float(trace.output[at].std()) / spread
     )
 
 
 def _filtered(
-    trace: Trace, signals: tuple[Array, Array, Array], rows: Sequence[Array], wanted: float, static: _Static
+    trace: Trace, signals: tuple[Array, Array, Array], rows: Sequence[Rows], wanted: float, static: _Static
 ) -> tuple[Array, Array, int]:
     """Run through all episodes; the state of six, its covariance, and the number of updates."""
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
