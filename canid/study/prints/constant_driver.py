@@ -107,6 +107,19 @@ def drive(table: SteeringTable, c1: float, samples: int, seed: int) -> tuple[Arr
     return steering, offset
 
 
+def closed_loop_stable(table: SteeringTable) -> bool:
+    """Whether the driver of the means keeps the car at `SPEED`.
+
+    >>> from canid.study.prints.printed_numbers import STEERING_TABLES
+    >>> closed_loop_stable(STEERING_TABLES[0])
+    True
+    """
+    a1, a2, b1, b2 = table.mean
+    N, D = _car_polynomials(OneTrackCar(), SPEED)
+    closed = np.polyadd(np.polymul([1.0, a1, a2], D), np.polymul([0.0, b1, b2], N))
+    return bool(np.abs(np.roots(closed)).max() < 1.0)
+
+
 def _car_polynomials(car: OneTrackCar, speed: float) -> tuple[Array, Array]:
     """Numerator and denominator in q^-1 from the wheel angle in degrees to the lateral position in m."""
     A, B = matrices(car, speed)
