@@ -40,7 +40,7 @@ class Results(NamedTuple):
     needed: tuple[steering_tables.Correlation, ...]
     estimation: tuple[SteeringTable, ...]  # Tables 1 and 2, odd segments
     parameters: tuple[steering_distribution.Parameters, ...]  # fitted to each of `estimation`
-    fitted: tuple[steering_distribution.Moments, ...]
+    fitted: tuple[steering_distribution.Statistics, ...]
     models: tuple[Array, ...]  # (4, 2**14) of each
     crossovers: tuple[crossover.Crossover, ...]
     ratios: tuple[uncertainty_bound.BoundRatio, ...]  # of each of `estimation`
@@ -65,7 +65,7 @@ def results() -> Results:
         tuple(steering_tables.correlation_needed(t) for t in STEERING_TABLES),
         estimation,
         parameters,
-        tuple(steering_distribution.moments(p, normals) for p in parameters),
+        tuple(steering_distribution.statistics(p, normals) for p in parameters),
         tuple(steering_distribution.from_normals(p, normals) for p in parameters),
         crossover.crossovers(),
         tuple(uncertainty_bound.bound_ratio(t) for t in estimation),

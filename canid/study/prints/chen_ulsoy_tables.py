@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from canid.study.artifact import Table
+from collections.abc import Sequence
+
+from canid.study.artifact import Cell, Table
 from canid.study.prints.chen_ulsoy_results import Results
 from canid.study.prints.odd_even import PARAMETERS
 from canid.study.prints.printed_numbers import STEERING_TABLES
@@ -15,7 +17,7 @@ def tables(r: Results) -> tuple[Table, ...]:
     Args:
         r: recomputed.
     """
-    means = [
+    means: list[Sequence[Cell]] = [
         (
             t.name,
             *t.mean,
@@ -32,7 +34,7 @@ def tables(r: Results) -> tuple[Table, ...]:
         )
         for t, m, d, c in zip(STEERING_TABLES, r.means, r.draws, r.needed, strict=True)
     ]
-    correlations = [
+    correlations: list[Sequence[Cell]] = [
         (t.name, name, *(float(x) for x in f.corr[k]), t.mean[k], float(f.mean[k]), t.sd[k], float(f.sd[k]))
         for t, f in zip(r.estimation, r.fitted, strict=True)
         for k, name in enumerate(PARAMETERS)

@@ -24,8 +24,9 @@ LAG, DEAD_TIME = "lag", "dead time"
 
 
 class Car(NamedTuple):
-    """From pedal to speed: strength / ((1 + lag s) (s + drag)). The paper prints no car; this is one of the "
-    "middle class.
+    """From pedal to speed: strength / ((1 + lag s) (s + drag)).
+
+    The paper prints no car; this is one of the middle class.
     """
 
     strength: float = 0.04  # m/s² per % of pedal

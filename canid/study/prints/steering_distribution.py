@@ -23,9 +23,9 @@ from canid.study.prints.printed_numbers import (
 )
 from canid.types import Array
 
-# points of the normal space in the fit: the moments of 2,048 Sobol points are within 0.2 % of those of a million draws
+# points of the normal space in the fit: the means and standard deviations of 2,048 Sobol points are within 0.2 % of those of a million draws
 FIT_POINTS = 2048
-# relative errors in the fit: moments are printed to 4 digits, but 59 segments know them to some per cent
+# relative errors in the fit: both are printed to 4 digits, but 59 segments know them to some per cent
 _MEAN_SCALE, _SD_SCALE = 0.02, 0.02  # of the standard deviation
 # "between 0.2 and 2" is read from a scatter plot: its ends as the 5 and 95 % points within a factor of 1.35
 _RANGE_SCALE = 0.3
@@ -46,7 +46,7 @@ class Parameters(NamedTuple):
     atanh_rb: float = 0.3
 
 
-class Moments(NamedTuple):
+class Statistics(NamedTuple):
     """What a distribution says of the printed quantities."""
 
     mean: Array  # (4,)
@@ -87,14 +87,14 @@ def draw(parameters: Parameters, rng: np.random.Generator, n: int) -> Array:
     return from_normals(parameters, rng.standard_normal((4, n)))
 
 
-def moments(parameters: Parameters, x: Array) -> Moments:
-    """Moments and percentiles over given standard normals x (4, n)."""
+def statistics(parameters: Parameters, x: Array) -> Statistics:
+    """Means, standard deviations, correlations and percentiles over given standard normals x (4, n)."""
     p1, p2, b1, zero = _factors(parameters, x)
     theta = np.stack([-(p1 + p2), p1 * p2, b1, -zero * b1])
     dc = b1 * (1.0 - zero) / ((1.0 - p1) * (1.0 - p2))
     slow, fast = np.maximum(p1, p2), np.minimum(p1, p2)
     share = float(((dc > DC_GAIN_RANGE[0]) & (dc < DC_GAIN_RANGE[1])).mean())
-    return Moments(
+    return Statistics(
         theta.mean(axis=1),
         theta.std(axis=1),
         np.corrcoef(theta),
@@ -112,7 +112,7 @@ def fit(table: SteeringTable) -> Parameters:
 
     Example:
         >>> from canid.study.prints.printed_numbers import STEERING_TABLES
-        >>> m = moments(fit(STEERING_TABLES[0]), sobol_normals(FIT_POINTS))
+        >>> m = statistics(fit(STEERING_TABLES[0]), sobol_normals(FIT_POINTS))
         >>> bool(np.all(np.abs(m.sd / STEERING_TABLES[0].sd - 1.0) < 0.05))
         True
     """
@@ -123,7 +123,7 @@ def fit(table: SteeringTable) -> Parameters:
 
     def residual(p: Array) -> Array:
         parameters = Parameters(*p)
-        found = moments(parameters, x)
+        found = statistics(parameters, x)
         low, _, high = found.dc_5_50_95
         start = np.array(Parameters())
         return np.concatenate(
