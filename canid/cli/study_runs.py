@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,7 +134,7 @@ def reproduced(args: argparse.Namespace, vehicle: Vehicle) -> Study:
                 drives[name] = _through_log(simulation, vehicle, Path(folder) / "drive.blf")
                 bar.to(min(len(drives) / _expected(args, minutes), 1.0))
         with Progress(f"studying {len(drives)} drives") as bar:
-            return study(drives, lambda done, total: bar.to(done / max(total, 1)), run)
+            return study(drives, progress=lambda done, total: bar.to(done / max(total, 1)), run=run)
 
 
 def _through_log(simulation: Simulation, vehicle: Vehicle, path: Path) -> tuple[Trace, dict[str, Any]]:
@@ -158,4 +159,10 @@ def _reproduction(
     args: argparse.Namespace, minutes: tuple[float, ...]
 ) -> tuple[Iterator[tuple[str, Simulation]], Any]:
     """The simulated drives of a paper, and the function that studies them."""
+    if args.what == "grover":
+        from canid.study.grover import printed_drivers, reproduction
+
+        seeds = {} if args.seeds is None else {"seeds": args.seeds}
+        drives = printed_drivers.drives(args.seed, minutes, **seeds)
+        return drives, partial(reproduction.study, settings=_settings(args))
     raise NotImplementedError
