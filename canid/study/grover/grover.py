@@ -147,9 +147,10 @@ def _nothing(
 ) -> tuple[str, ...]:
     if any(d.episodes for d in found):
         return ("No episode could be analysed: see what was skipped and why.",)
-    reasons = "; ".join(dict.fromkeys(one.why for one in skipped))
+    reasons = list(dict.fromkeys(one.why for one in skipped if one.what == "the whole log"))
+    why = reasons[0] if len(reasons) == 1 else "each for its own reason, see what was skipped"
     return (
-        f"No episode of {settings.min_episode:g} s and more in {_count(len(found), 'drive')}: {reasons}",
+        f"No episode of {settings.min_episode:g} s and more in {_count(len(found), 'drive')}: {why}",
         "Record a drive of several minutes behind another vehicle, with the pedal, or lower --min-episode.",
     )
 

@@ -3,7 +3,7 @@
 The jointly identified driver is simulated on the recorded inputs of the episodes, with noise of the spectrum that the joint
 fit leaves, and with the range rate turned towards or away from the headway error until their correlation is as wanted. A fit
 of the headway error alone then gives K1 + K2 <x1, x2> / <x1, x1>, the bias of an omitted variable (Theil 1957), x being the
-inputs behind lag and dead time; the joint fit gives K1 with the spread of its noise.
+inputs behind lag and dead time; the joint fit, whitened as FOPDT is, gives K1 with the spread of its noise.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ WARM_UP_S = 30.0
 
 
 class Case(NamedTuple):
-    """Estimates of K1 over noise realizations and episodes: median, and the range of 95 % of them."""
+    """Estimates of K1 over noise realizations: median, and the range of 95 % of them."""
 
     correlation: float  # of headway error and range rate, mean over the episodes
-    per_input: Interval  # headway error alone
-    joint: Interval  # both inputs
-    expected: float  # per input, without noise: the bias of the omitted variable added to the truth
+    per_record: Interval  # headway error alone, each episode on its own as the paper does
+    per_input: Interval  # headway error alone, all episodes in one fit
+    joint: Interval  # both inputs, all episodes in one fit
+    expected: float  # per input without noise and at the true lag: the bias of the omitted variable added to the truth
     loop: bool = False  # the recorded inputs themselves
 
 
@@ -86,11 +87,12 @@ def of_drive(
         y, u = detrended(y), detrended(u)
         residuals.append(y - joint.simulated(found, y, u, trace.dt))
     rng = np.random.default_rng(settings.seed)
-    noise = _noise(residuals, settings.draws, trace.dt, rng)
+    coefficients = _autoregression(residuals)
+    noise = _noise(residuals, coefficients, settings.draws, trace.dt, rng)
     truth = found.models
-    own = _case(records, noise, truth, trace.dt, loop=True)
+    own = _case(records, noise, coefficients, truth, trace.dt, loop=True)
     turned = [
-        _case([with_correlation(u, wanted) for u in records], noise, truth, trace.dt)
+        _case([with_correlation(u, wanted) for u in records], noise, coefficients, truth, trace.dt)
         for wanted in CORRELATIONS
     ]
     fits = np.concatenate(
@@ -133,24 +135,26 @@ def with_correlation(inputs: Array, wanted: float) -> Array:
     return np.column_stack([first, turned])
 
 
-def per_input_gain(output: Array, inp: Array, dt: float, taus: Sequence[float], dead_time: float) -> Array:
+def per_input_gain(
+    outputs: Sequence[Array], inputs: Sequence[Array], dt: float, taus: Sequence[float], dead_time: float
+) -> Array:
     """Gain of a first-order model of one input, by least squares at the lag that fits best: (r,).
 
     Args:
-        output: (n, r) records of the same input, detrended.
-        inp: (n,) the input.
+        outputs: (n, r) each, r noise realizations of a record, detrended.
+        inputs: (n,) each, of these records.
         dt: s.
         taus: s, lags to choose from.
         dead_time: s.
     """
-    delayed = reduction.response(inp, 0.0, dead_time, dt)
-    best, gain = np.full(output.shape[1], -np.inf), np.full(output.shape[1], NAN)
+    count = outputs[0].shape[1]
+    best, gain = np.full(count, -np.inf), np.full(count, NAN)
     for tau in taus:
-        x = detrended(reduction.response(delayed, tau, 0.0, dt))
-        power = float(x @ x)
+        x = [detrended(reduction.response(u, tau, dead_time, dt)) for u in inputs]
+        power = sum(float(a @ a) for a in x)
         if power <= 0.0:
             continue
-        product = x @ output
+        product = np.sum([a @ y for a, y in zip(x, outputs, strict=True)], axis=0)
         explained = product * product / power
         gain = np.where(explained > best, product / power, gain)
         best = np.maximum(best, explained)
@@ -158,55 +162,75 @@ def per_input_gain(output: Array, inp: Array, dt: float, taus: Sequence[float], 
 
 
 def joint_gain(
-    output: Array, inputs: Array, dt: float, taus: Sequence[float], dead_times: Sequence[float]
+    outputs: Sequence[Array],
+    inputs: Sequence[Array],
+    dt: float,
+    taus: Sequence[float],
+    dead_times: Sequence[float],
+    noise: Array,
 ) -> Array:
-    """Gain of the first input of a first-order model of both, by least squares at the lags that fit best: (r,).
+    """Gain of the first input of a first-order model of both, whitened, at the lags that fit best: (r,).
 
     Args:
-        output: (n, r) records of the same inputs, detrended.
-        inputs: (n, 2).
+        outputs: (n, r) each, r noise realizations of a record, detrended.
+        inputs: (n, 2) each, of these records.
         dt: s.
         taus: s, lags to choose from, of each input.
         dead_times: (2,) s.
+        noise: (p,) autoregression of the noise.
     """
-    delayed = [reduction.response(u, 0.0, theta, dt) for u, theta in zip(inputs.T, dead_times, strict=True)]
-    x1, x2 = (
-        [detrended(reduction.response(of, tau, 0.0, dt)) for tau in taus] for of in (delayed[0], delayed[1])
-    )
-    p1, p2 = [a @ output for a in x1], [b @ output for b in x2]
-    best, gain = np.full(output.shape[1], -np.inf), np.full(output.shape[1], NAN)
-    for a, ya in zip(x1, p1, strict=True):
-        for b, yb in zip(x2, p2, strict=True):
-            aa, ab, bb = float(a @ a), float(a @ b), float(b @ b)
+    white = [_whitened(y, noise) for y in outputs]
+    columns = [
+        [[_whitened(reduction.response(u[:, i], tau, theta, dt), noise) for u in inputs] for tau in taus]
+        for i, theta in enumerate(dead_times)
+    ]
+    products = [
+        [np.sum([a @ y for a, y in zip(x, white, strict=True)], axis=0) for x in of] for of in columns
+    ]
+    count = white[0].shape[1]
+    best, gain = np.full(count, -np.inf), np.full(count, NAN)
+    for x1, y1 in zip(columns[0], products[0], strict=True):
+        for x2, y2 in zip(columns[1], products[1], strict=True):
+            aa, ab, bb = _sum(x1, x1), _sum(x1, x2), _sum(x2, x2)
             determinant = aa * bb - ab * ab
             # inputs that are one to eight digits have no two gains
             if determinant <= 1e-8 * aa * bb:
                 continue
-            first, second = (bb * ya - ab * yb) / determinant, (aa * yb - ab * ya) / determinant
-            explained = first * ya + second * yb
+            first, second = (bb * y1 - ab * y2) / determinant, (aa * y2 - ab * y1) / determinant
+            explained = first * y1 + second * y2
             gain = np.where(explained > best, first, gain)
             best = np.maximum(best, explained)
     return gain
 
 
-def omitted_variable(inputs: Array, truth: Sequence[FirstOrder], dt: float) -> float:
+def _sum(x: Sequence[Array], y: Sequence[Array]) -> float:
+    return sum(float(a @ b) for a, b in zip(x, y, strict=True))
+
+
+def _whitened(x: Array, noise: Array) -> Array:
+    """Prediction errors of the autoregression along the first axis, less their line."""
+    errors = lfilter(np.concatenate([[1.0], -noise]), [1.0], x, axis=0)
+    return detrended(np.asarray(errors[len(noise) :], np.float64))
+
+
+def omitted_variable(inputs: Sequence[Array], truth: Sequence[FirstOrder], dt: float) -> float:
     """K1 + K2 <x1, x2> / <x1, x1>: what a fit of the first input alone tends to (Theil 1957).
 
     Args:
-        inputs: (n, 2).
+        inputs: (n, 2) each, records that are fitted together.
         truth: of both inputs.
         dt: s.
 
     >>> u = np.random.default_rng(0).standard_normal(500)
     >>> truth = FirstOrder(5.0, 0.3, 0.2, 0.0), FirstOrder(6.0, 0.3, 0.2, 0.0)
-    >>> round(omitted_variable(np.column_stack([u, 2.0 * u]), truth, 0.1), 9)  # all of the second input is the first
+    >>> round(omitted_variable([np.column_stack([u, 2.0 * u])], truth, 0.1), 9)  # the second input is twice the first
     17.0
     """
     x1, x2 = (
-        detrended(reduction.response(u, one.tau, one.dead_time, dt))
-        for u, one in zip(inputs.T, truth, strict=True)
+        [detrended(reduction.response(u[:, i], one.tau, one.dead_time, dt)) for u in inputs]
+        for i, one in enumerate(truth)
     )
-    return truth[0].K + truth[1].K * float(x1 @ x2) / max(float(x1 @ x1), 1e-300)
+    return truth[0].K + truth[1].K * _sum(x1, x2) / max(_sum(x1, x1), 1e-300)
 
 
 def _signal(inputs: Array, truth: Sequence[FirstOrder], dt: float) -> Array:
@@ -220,23 +244,21 @@ def _signal(inputs: Array, truth: Sequence[FirstOrder], dt: float) -> Array:
 def _case(
     records: Sequence[Array],
     noise: Sequence[Array],
+    coefficients: Array,
     truth: Sequence[FirstOrder],
     dt: float,
     *,
     loop: bool = False,
 ) -> Case:
-    alone, both, expected, correlations = [], [], [], []
-    for u, n in zip(records, noise, strict=True):
-        y = _signal(u, truth, dt)[:, None] + n
-        alone.append(per_input_gain(y, u[:, 0], dt, LAGS, truth[0].dead_time))
-        both.append(joint_gain(y, u, dt, LAGS, [one.dead_time for one in truth]))
-        expected.append(omitted_variable(u, truth, dt))
-        correlations.append(correlation(*detrended(u).T))
+    outputs = [_signal(u, truth, dt)[:, None] + n for u, n in zip(records, noise, strict=True)]
+    first, delays = [u[:, 0] for u in records], [one.dead_time for one in truth]
+    alone = [per_input_gain([y], [u], dt, LAGS, delays[0]) for y, u in zip(outputs, first, strict=True)]
     return Case(
-        float(np.mean(correlations)),
+        float(np.mean([correlation(*detrended(u).T) for u in records])),
         _range(np.concatenate(alone)),
-        _range(np.concatenate(both)),
-        float(np.median(expected)),
+        _range(per_input_gain(outputs, first, dt, LAGS, delays[0])),
+        _range(joint_gain(outputs, records, dt, LAGS, delays, coefficients)),
+        omitted_variable(records, truth, dt),
         loop,
     )
 
@@ -249,12 +271,18 @@ def _range(x: Array) -> Interval:
     return Interval(float(middle), float(low), float(high))
 
 
-def _noise(residuals: Sequence[Array], draws: int, dt: float, rng: np.random.Generator) -> list[Array]:
-    """Draw noise of the residuals' autoregression and power for each record, detrended as they are: (n, draws) each."""
+def _autoregression(residuals: Sequence[Array]) -> Array:
+    """Coefficients (p,) of the noise model of all records together."""
     gap = 8  # samples between two records, above the largest order
     joined = np.concatenate([np.concatenate([r, np.full(gap, NAN)]) for r in residuals])
     usable = np.isfinite(joined)
-    coefficients = autoregression.fit(np.where(usable, joined, 0.0), usable)
+    return autoregression.fit(np.where(usable, joined, 0.0), usable)
+
+
+def _noise(
+    residuals: Sequence[Array], coefficients: Array, draws: int, dt: float, rng: np.random.Generator
+) -> list[Array]:
+    """Draw noise of the residuals' autoregression and power for each record, detrended as they are: (n, draws) each."""
     warm = round(WARM_UP_S / dt)
     out = []
     for r in residuals:

@@ -37,7 +37,7 @@ def drives(
     """Simulate the printed drivers behind a mixed lead, with autocorrelated noise.
 
     Args:
-        seed: of the first drive; each drive has its own.
+        seed: of the first drive of each driver; the next ones follow. The drivers are so behind the same leads.
         minutes: lengths.
         seeds: drives of each driver and length.
 
@@ -49,14 +49,11 @@ def drives(
         >>> name, drive.truth["channels"]["range_rate"]["K"]
         ('Table 1, 0.5 min, drive 1', 6.654)
     """
-    count = 0
     for length in minutes:
         for driver in GROVER_DRIVERS:
             for number in range(1, seeds + 1):
-                # a thousand apart, so that the drives of neighbouring seeds differ
                 made = simulate(
-                    length, 1000 * seed + count, profile="mixed", noise="ar1", driver=truth_of(driver)
+                    length, seed + number - 1, profile="mixed", noise="ar1", driver=truth_of(driver)
                 )
-                count += 1
                 name = f"{driver.name}, {length:g} min, drive {number}"
                 yield name, made._replace(truth={**made.truth, "printed_driver": driver.name})

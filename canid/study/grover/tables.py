@@ -203,7 +203,8 @@ def input_correlation(drives: Sequence[DriveAnalysis]) -> Table:
     """What one fit per input costs."""
     columns = (
         "log", "inputs", "correlation", "K1 per input", "K1 per input_low", "K1 per input_high",
-        "K1 per input without noise", "K1 joint", "K1 joint_low", "K1 joint_high", "true K1",
+        "K1 per input without noise", "K1 per record", "K1 per record_low", "K1 per record_high", "K1 joint",
+        "K1 joint_low", "K1 joint_high", "true K1",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for drive in drives:
@@ -211,15 +212,16 @@ def input_correlation(drives: Sequence[DriveAnalysis]) -> Table:
             rows += [
                 (
                     drive.log, "recorded" if c.loop else "turned", c.correlation, *interval(c.per_input), c.expected,
-                    *interval(c.joint), drive.cost.K1,
+                    *interval(c.per_record), *interval(c.joint), drive.cost.K1,
                 )
                 for c in drive.cost.cases
             ]  # fmt: skip
     note = (
-        "Simulation: the jointly identified driver (true K1) on the inputs of the drive's longest episodes, range rate "
-        "turned to each correlation, with noise of the joint fit's residual. Median and the range of 95 % of the estimates "
-        "over episodes and noise. Without noise: the bias of an omitted variable added to the truth. These numbers belong "
-        "to this drive's loop and to no other."
+        "Simulation: the jointly identified driver (true K1) on the inputs of the drive's longest episodes, the range rate "
+        "turned to each correlation, with noise of the joint fit's residual; median and range of 95 % over the noise. Per "
+        "input: headway error alone, all episodes in one fit; without noise: the bias of an omitted variable added to the "
+        "truth. Per record: each episode on its own, range over the episodes as well. Joint: both inputs, all episodes in "
+        "one fit. These numbers belong to this drive's loop and to no other."
     )
     return Table(
         "input_correlation", "K1 per input and joint by the correlation of the inputs", columns, rows, note

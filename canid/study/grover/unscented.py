@@ -96,10 +96,9 @@ def _static(trace: Trace, at: Rows, step: float) -> _Static:
     correlation = float(np.clip(before @ after / power if power > 0.0 else 0.0, 0.0, 0.99))
     sd = max(float(residual.std()), 1e-9)
     spread = np.maximum(np.asarray(columns[:, :2].std(axis=0), np.float64), 1e-9)
-    weights = np.asarray(weights, np.float64)
-    return _Static(
-        weights[:2], float(weights[2]), sd, correlation, WIDE * float(trace.output[at].std()) / spread
-    )
+    gains = np.asarray(weights[:2], np.float64)
+    wide = np.asarray(WIDE * float(trace.output[at].std()) / spread, np.float64)
+    return _Static(gains, float(weights[2]), sd, correlation, wide)
 
 
 def _filtered(
