@@ -10,7 +10,7 @@ from canid.study.artifact import Curve, Figure, Panel
 from canid.study.grover.drive_analysis import MAP_EVERY, DriveAnalysis, unit_of
 from canid.study.grover.episode_analysis import Analysis
 from canid.study.prints.printed_numbers import SELECTION_PERCENT
-from canid.types import Array
+from canid.types import Array, Interval
 
 
 def route(drives: Sequence[DriveAnalysis]) -> Figure | None:
@@ -188,32 +188,17 @@ def input_correlation(drives: Sequence[DriveAnalysis]) -> Figure | None:
         x = np.array([c.correlation for c in turned])
         unit = unit_of(drive.output)
         curves = (
-            Curve(
-                x,
-                np.array([c.per_input.value for c in turned]),
-                "headway error alone",
-                np.array([c.per_input.low for c in turned]),
-                np.array([c.per_input.high for c in turned]),
-                role="reproduced",
-            ),
+            _band(x, [c.per_record for c in turned], "headway error alone, per record", "other"),
+            _band(x, [c.per_input for c in turned], "headway error alone, all records", "reproduced"),
             Curve(x, np.array([c.expected for c in turned]), "without noise", role="reproduced", dashed=True),
-            Curve(
-                x,
-                np.array([c.joint.value for c in turned]),
-                "both inputs",
-                np.array([c.joint.low for c in turned]),
-                np.array([c.joint.high for c in turned]),
-                role="corrected",
-            ),
+            _band(x, [c.joint for c in turned], "both inputs, all records", "corrected"),
             Curve(x, np.full(len(x), cost.K1), "truth of the simulation", role="measured", dashed=True),
-            Curve(
+            _band(
                 np.array([own.correlation]),
-                np.array([own.per_input.value]),
+                [own.per_input],
                 "headway error alone, recorded inputs",
-                np.array([own.per_input.low]),
-                np.array([own.per_input.high]),
+                "limit",
                 points=True,
-                role="limit",
             ),
         )
         panels.append(
@@ -223,9 +208,7 @@ def input_correlation(drives: Sequence[DriveAnalysis]) -> Figure | None:
         )
     if not panels:
         return None
-    caption = (
-        "Simulated on each drive's own inputs. Bands hold 95 % of the estimates over episodes and noise."
-    )
+    caption = "Simulated on each drive's own inputs. Bands hold 95 % of the estimates."
     return Figure("input_correlation", "What one fit per input costs", tuple(panels), caption)
 
 
@@ -234,6 +217,11 @@ def _response(
 ) -> Figure:
     label = f"{drive.output} less its line ({unit_of(drive.output)})"
     return Figure(f"fig_{number}", f"Fig. {number}: {what}", (Panel("t (s)", label, curves),), caption)
+
+
+def _band(x: Array, y: Sequence[Interval], label: str, role: str, *, points: bool = False) -> Curve:
+    low, middle, high = (np.array([getattr(one, name) for one in y]) for name in ("low", "value", "high"))
+    return Curve(x, middle, label, low, high, points, role)
 
 
 def _times(a: Analysis, dt: float) -> Array:

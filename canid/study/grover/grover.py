@@ -7,12 +7,13 @@ from itertools import repeat
 from typing import Any
 
 from canid.study.artifact import Figure, Skipped, Study
-from canid.study.grover import artifacts, figures, tables
+from canid.study.grover import artifacts, figures, joint, tables
 from canid.study.grover.drive_analysis import DriveAnalysis, drive_of
 from canid.study.grover.episode_analysis import Analysis
+from canid.study.grover.episodes import INPUTS
 from canid.study.grover.settings import DEFAULTS, GroverSettings
 from canid.study.grover.tables import median
-from canid.types import Trace
+from canid.types import Channel, Trace
 
 __all__ = ["GroverSettings", "drive_of", "study"]
 
@@ -126,12 +127,13 @@ def _says(drives: list[DriveAnalysis]) -> tuple[str, ...]:
         f"{sums:.0f} % (median)."
     ]
     for drive in drives:
-        if drive.cost is not None and drive.cost.K1:
-            own = drive.cost.recorded
+        known = joint.known(drive.joint.channels.get(INPUTS[0], Channel()))
+        if drive.cost is not None and known:
+            K, own = drive.cost.K1, drive.cost.recorded
             out.append(
-                f"{drive.log}: one fit per input misses K1 by {own.per_input.value / drive.cost.K1 - 1.0:+.0%} in this loop "
-                f"(correlation of the inputs {own.correlation:.2f}), the joint fit by "
-                f"{own.joint.value / drive.cost.K1 - 1.0:+.0%}, by simulation on the drive's own inputs."
+                f"{drive.log}: one fit per input misses K1 by {own.per_input.value / K - 1.0:+.0%} in this loop (correlation "
+                f"of the inputs {own.correlation:.2f}), the joint fit by {own.joint.value / K - 1.0:+.0%}; by simulation on "
+                "the drive's own inputs."
             )
     held = [a.held for a in every if a.held is not None]
     if held:
