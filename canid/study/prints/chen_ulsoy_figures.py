@@ -19,6 +19,8 @@ from canid.types import Array
 
 # points that a scatter plot can hold
 SHOWN = 600
+# Hz: a decade to each side of the crossovers
+BAND_HZ = (0.01, 2.0)
 # 1/s: fast poles beyond are drawn at the edge
 FASTEST = -30.0
 
@@ -55,6 +57,8 @@ def _fig_10(r: Results) -> Figure:
                 ),
                 log_x=True,
                 log_y=True,
+                x_range=BAND_HZ,
+                y_range=(1e-3, 1e2),
             ),
             Panel(
                 "frequency (Hz)",
@@ -67,7 +71,8 @@ def _fig_10(r: Results) -> Figure:
                     Curve(f[[0, -1]], np.full(2, -180.0), role="limit", dashed=True),
                 ),
                 log_x=True,
-                y_range=(-400.0, -90.0),
+                x_range=BAND_HZ,
+                y_range=(-340.0, -90.0),
             ),
         ),
         "About the crossover the slope is near -20 dB per decade, with b in degrees per meter.",
@@ -117,7 +122,7 @@ def _fig_12(r: Results) -> Figure:
                         role="reproduced",
                     ),
                     Curve(zero, jitter[2], "zero, with correlations", points=True, role="measured"),
-                    Curve(np.zeros(2), np.array([-32.0, 32.0]), role="limit", dashed=True),
+                    Curve(np.zeros(2), np.array([-12.0, 12.0]), role="limit", dashed=True),
                 ),
                 "Poles and zero; the correlated ones are real, spread a little upwards and downwards to be seen",
                 x_range=(FASTEST, 20.0),
