@@ -6,6 +6,7 @@ import json
 import math
 import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from canid.study.prints import (
     reduction,
     reduction_bound,
     reverse_arrangements,
+    single_input,
     steering_distribution,
     steering_tables,
     transfer_functions,
@@ -66,19 +68,39 @@ def checks() -> Any:
 
 
 @pytest.fixture(scope="module")
-def grover() -> grover_results.Results:
-    return grover_results.results()
+def made() -> dict[str, Any]:
+    """The study of both papers, once: its results, its page and the seconds that it took."""
+    out: dict[str, Any] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (grover_results, chen_ulsoy_results):
+            patch.setattr(module, "results", _kept(out, module.__name__, module.results))
+        start = time.process_time()
+        out["study"] = study()
+        out["seconds"] = time.process_time() - start
+    return out
+
+
+def _kept(out: dict[str, Any], name: str, results: Callable[..., Any]) -> Callable[..., Any]:
+    def keep(*args: Any) -> Any:
+        out[name] = results(*args)
+        return out[name]
+
+    return keep
 
 
 @pytest.fixture(scope="module")
-def chen_ulsoy() -> chen_ulsoy_results.Results:
-    return chen_ulsoy_results.results()
+def grover(made) -> grover_results.Results:
+    return made[grover_results.__name__]
 
 
 @pytest.fixture(scope="module")
-def timed() -> tuple[Study, float]:
-    start = time.process_time()
-    return study(), time.process_time() - start
+def chen_ulsoy(made) -> chen_ulsoy_results.Results:
+    return made[chen_ulsoy_results.__name__]
+
+
+@pytest.fixture(scope="module")
+def timed(made) -> tuple[Study, float]:
+    return made["study"], made["seconds"]
 
 
 def _check(checks: Any, paper: str, number: str) -> Any:
@@ -138,11 +160,11 @@ def test_the_printed_numbers_of_chen_and_ulsoy_are_those_of_the_checks(checks):
 
 
 def test_every_verdict_is_that_of_the_checks(checks, timed):
-    """G17 needs records: without a log its verdict stays open."""
+    """All 32 claims."""
     verdicts = {a.name.split("claim ")[1]: a.verdict.value for a in timed[0].artifacts if "claim " in a.name}
     for paper in ("grover2021", "chen_ulsoy2001"):
         for check in checks[paper]["checks"]:
-            expected = "not checkable" if check["id"] == "G17" else check["result"].replace("_", " ")
+            expected = check["result"].replace("_", " ")
             assert verdicts.pop(check["id"]) == expected, check["id"]
     assert not verdicts
 
@@ -330,11 +352,11 @@ def test_the_share_of_drawn_drivers_that_keep_the_car_is_that_of_the_checks(chec
     other = checks["chen_ulsoy2001"]["generative_distribution"]
     for key, expected in zip(ESTIMATION, other["stable_at_25_m_s"], strict=True):
         parameters = steering_distribution.parameters_from(other["fits"][key]["parameters"])
-        drawn = steering_distribution.draw(parameters, np.random.default_rng(4), 1500).T
+        drawn = steering_distribution.draw(parameters, np.random.default_rng(4), 600).T
         stable = np.mean(
             [constant_driver.closed_loop_stable(ESTIMATION[key]._replace(mean=tuple(m))) for m in drawn]
         )
-        assert stable == pytest.approx(expected, abs=5.0 * math.sqrt(expected * (1.0 - expected) / 1000))
+        assert stable == pytest.approx(expected, abs=5.0 * math.sqrt(expected * (1.0 - expected) / 600))
 
 
 def test_a_constant_driver_scatters_as_in_the_checks(checks, chen_ulsoy):
@@ -346,6 +368,8 @@ def test_a_constant_driver_scatters_as_in_the_checks(checks, chen_ulsoy):
         assert np.all((own > 0.8 * shares.min(axis=0)) & (own < 1.2 * shares.max(axis=0))), c.c1
         assert 0.0 < c.mean[2] / c.table.mean[2] - 1.0 < 0.13
         assert c.corr_b < -0.99
+        # no segment of a driver without unmodelled dynamics is above the published bound where it is reliable
+        assert 0.01 < np.median(c.null[:, 0]) < 0.3
         assert 0.85 < c.passing_steering < 0.98
     by_c1 = [float(c.sd[0]) for c in chen_ulsoy.constant]
     assert by_c1 == sorted(by_c1, reverse=True)
@@ -654,7 +678,7 @@ def test_reverse_arrangements_are_kendalls_tau_and_the_test_of_residuals(seed):
 def test_minutes_of_different_drivers_in_any_order_show_no_trend(seed):
     """Why the whole drive passes: exchangeable minutes have the null distribution, however different they are."""
     rng = np.random.default_rng(seed)
-    minutes = np.exp(2.0 * rng.normal(size=(2000, 119)))
+    minutes = np.exp(2.0 * rng.normal(size=(800, 119)))
     assert (np.abs(reverse_arrangements.z_scores(minutes)) < 2.0).mean() == pytest.approx(0.954, abs=0.03)
 
 
@@ -705,6 +729,48 @@ def test_the_small_gain_holds_for_perturbations_within_the_bound(chen_ulsoy, see
         assert distance.min() >= 1.0 - c.small_gain - 1e-9
 
 
+def test_one_input_at_a_time_by_a_simulated_loop(grover):
+    """A drive of the printed driver behind a wave of two frequencies: least squares of the pedal on one input."""
+    x = next(
+        x for x in grover.single if (x.driver.name, x.speed, x.record_s) == ("Table 2, case 2", 8.0, 600.0)
+    )
+    e, w, pedal = single_input.inputs_and_pedal(x.driver, x.speed, loop_margins.Car())
+    dt, n = 0.05, 240_000
+    t = np.arange(n) * dt
+    at = [int(np.argmin(np.abs(reduction.OMEGA - f))) for f in (0.08, 0.3)]
+    lead = sum(np.sin(reduction.OMEGA[k] * t) for k in at)
+    d, car, v, gap, a, p1, p2 = x.driver, loop_margins.Car(), 0.0, 0.0, 0.0, 0.0, 0.0
+    own = np.zeros((3, n))
+    for k in range(n):
+        error, rate = (gap - 2.0 * v) / x.speed, lead[k] - v
+        own[:, k] = error, rate, p1 + p2
+        p1 += (d.K1 * error - p1) * dt / d.tau1
+        # a lag of half a step: exact
+        p2 += (d.K2 * rate - p2) * (1.0 - math.exp(-dt / d.tau2))
+        a += (car.strength * (p1 + p2) - a) * dt / car.lag
+        v += (a - car.drag * v) * dt
+        gap += rate * dt
+    late = own[:, n // 4 :]
+    for i, response in enumerate((e, w, pedal)):
+        power = 0.5 * sum(abs(response[k]) ** 2 for k in at)
+        # Euler's steps of 50 ms
+        assert np.mean(late[i] ** 2) == pytest.approx(power, rel=0.05)
+    weight = np.zeros(len(reduction.OMEGA))
+    weight[at] = 1.0
+    found = float(weight @ (pedal * np.conj(e)).real / (weight @ np.abs(e) ** 2))
+    assert found == pytest.approx(float(late[0] @ late[2] / (late[0] @ late[0])), rel=0.05)
+    # and it is not K1
+    assert abs(found / d.K1 - 1.0) > 0.1
+
+
+def test_headway_alone_never_fits_as_published(grover):
+    """The printed drivers themselves, without noise, fit at most 55 % with one first-order channel of headway."""
+    assert max(x.K1_fit_percent for x in grover.single) < 55.0
+    assert max(abs(x.K1_error) for x in grover.single) > 1.0
+    for x in grover.single:
+        assert not x.lag_at_limit or x.K1_error < -1.0
+
+
 # --- the study -----------------------------------------------------------------------------------------------------
 
 
@@ -746,22 +812,28 @@ def test_every_row_says_why_and_every_file_is_made(timed):
 def test_the_page_begins_with_the_main_results(timed):
     """Three sentences: the count, six unstable poles and -1034 next to 6.654 with 13.55 %, and 30 % unstable drivers."""
     counts, first, second = timed[0].says
-    assert "15 fails" in counts
+    assert "32 claims" in counts and "fails 16" in counts
     for number in ("6 unstable poles", "-1034", "6.654", "13.55 %", "96.36 %"):
         assert number in first
     assert "30 %" in second
 
 
 def test_it_takes_at_most_ten_seconds_of_one_core(timed):
-    """Without the import of python-control, which takes 2.5 s."""
-    assert timed[1] < 7.5
+    """With the import of python-control, where this is the first test that needs it."""
+    assert timed[1] < 10.0
 
 
-def test_one_paper_alone_and_the_deep_scan():
-    """Rows carry the paper's name only where there are two; four misprints at a time repair nothing new."""
-    found = study("grover", deep=True)
+def test_one_paper_alone(grover, monkeypatch):
+    """Rows carry the paper's name only where there are two."""
+    monkeypatch.setattr(grover_results, "results", lambda deep: grover)
+    found = study("grover")
     assert {a.name for a in found.artifacts} >= {"eq. 2.5", "Table 1", "claim G3"}
     assert found.paper == "Grover 2021"
+    assert all(t.name.startswith("grover_") for t in found.tables)
+
+
+def test_the_deep_scan_repairs_nothing_new():
+    """Three and four misprinted exponents: a stable denominator always has those of s^4 and s^1 among them."""
     scans = misprint_scan.scans(EQ_2_5, deep=True)
     assert [s.coefficients for s in scans] == [1, 2, 3, 4]
     assert all({4, 1} <= set(r.powers) for s in scans for r in s.repairs)

@@ -22,6 +22,7 @@ from canid.study.prints.printed_numbers import (
     SteeringTable,
 )
 from canid.study.prints.steering_tables import roots
+from canid.study.prints.uncertainty_bound import printed_bound
 from canid.types import Array
 
 SPEED = 25.0  # m/s
@@ -29,6 +30,8 @@ SPEED = 25.0  # m/s
 C1_VALUES = (-0.3, 0.0, 0.3)
 # degrees of the wheel, and m/s: noise of the driver and what the road's unevenness moves the car by; neither is printed
 NOISE_SD, ROAD_SD = 0.25, 0.1
+# at which the estimated |Delta| of a driver who has none is stated: below the band of steering, and its upper end
+NULL_HZ = np.array([0.05, 0.5])
 _ROAD_S = 0.5  # s, for how long a push of the road lasts
 
 
@@ -42,6 +45,7 @@ class ConstantDriver(NamedTuple):
     corr_b: float
     passing_steering: float  # share of segments that pass the reverse arrangements test
     passing_offset: float
+    null: Array  # (119 or fewer, 2) |Delta| over eq. 5 of each segment, at NULL_HZ
     rejected: int  # segments without a fit, or with unstable or negative poles
 
 
@@ -62,11 +66,14 @@ def constant_driver(table: SteeringTable, c1: float, seed: int) -> ConstantDrive
     steering, offset = drive(table, c1, SEGMENTS * SEGMENT_SAMPLES, seed)
     u, y = steering.reshape(SEGMENTS, -1), offset.reshape(SEGMENTS, -1)
     usable = np.full(SEGMENT_SAMPLES, True)
-    fits = (fit_armax(one, other[:, None], usable, Orders()) for one, other in zip(u, y, strict=True))
+    fits = [fit_armax(one, other[:, None], usable, Orders()) for one, other in zip(u, y, strict=True)]
     found = np.array([fit.theta[:4] for fit in fits if fit is not None])
     poles = roots(found[:, 0], found[:, 1])
     negative = (poles.imag == 0.0).all(axis=1) & (poles.real.min(axis=1) < 0.0)
-    kept = found[(np.abs(poles).max(axis=1) < 1.0) & ~negative]
+    good = (np.abs(poles).max(axis=1) < 1.0) & ~negative
+    kept = found[good]
+    fitted = [k for k, fit in enumerate(fits) if fit is not None]
+    null = np.array([_delta(kept[i], u[k], y[k]) for i, k in enumerate(np.array(fitted)[good])])
     return ConstantDriver(
         table,
         c1,
@@ -75,6 +82,7 @@ def constant_driver(table: SteeringTable, c1: float, seed: int) -> ConstantDrive
         float(np.corrcoef(kept[:, 2], kept[:, 3])[0, 1]),
         float(reverse_arrangements.passes(u - u.mean(axis=1, keepdims=True)).mean()),
         float(reverse_arrangements.passes(y - y.mean(axis=1, keepdims=True)).mean()),
+        null / printed_bound(2.0 * np.pi * NULL_HZ),
         SEGMENTS - len(kept),
     )
 
@@ -105,6 +113,18 @@ def drive(table: SteeringTable, c1: float, samples: int, seed: int) -> tuple[Arr
     steering: Array = lfilter(D, closed, e) - lfilter(B, closed, road)
     offset: Array = -(lfilter(N, closed, e) + lfilter(A, closed, road))
     return steering, offset
+
+
+def _delta(model: Array, u: Array, y: Array) -> Array:
+    """|Delta| at `NULL_HZ` as the paper estimates it: ARX of order 2 from y to u - (B/A) y (sec. 3)."""
+    a1, a2, b1, b2 = model
+    y = y - y.mean()
+    n = u - u.mean() - lfilter([0.0, b1, b2], [1.0, a1, a2], y)
+    rows = np.stack([-n[1:-1], -n[:-2], y[1:-1], y[:-2]], axis=1)
+    d1, d2, c1, c2 = np.linalg.lstsq(rows, n[2:], rcond=None)[0]
+    q = np.exp(-2j * np.pi * NULL_HZ * STEERING_INTERVAL_S)
+    out: Array = np.abs((c1 + c2 * q) * q / (1.0 + d1 * q + d2 * q * q))
+    return out
 
 
 def closed_loop_stable(table: SteeringTable) -> bool:

@@ -13,6 +13,7 @@ from canid.study.prints import (
     misprint_scan,
     reduction,
     reduction_bound,
+    single_input,
     transfer_functions,
     truncation,
 )
@@ -48,6 +49,7 @@ class Results(NamedTuple):
     by_control: BalancedTruncation | Missing
     miso: tuple[float, float]
     loops: tuple[loop_margins.Loop, ...]
+    single: tuple[single_input.SingleInput, ...]
 
 
 def results(deep: bool = False) -> Results:
@@ -80,6 +82,7 @@ def results(deep: bool = False) -> Results:
         control_systems.balanced_truncation(transfer_functions.system(EQ_2_4), 1),
         miso_bound.bound(EQ_2_4.fit_percent, EQ_2_5.fit_percent),
         loop_margins.loops(),
+        single_input.single_inputs(),
     )
 
 

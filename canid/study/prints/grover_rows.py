@@ -17,7 +17,9 @@ from canid.study.prints.printed_numbers import (
     REDUCED_FIT_PERCENT,
     THW_DESIRED_S,
 )
+from canid.study.prints.reduction import LARGEST_S
 from canid.study.prints.sentences import sentences
+from canid.study.prints.single_input import LEAD_BANDS_HZ
 from canid.systems.control_systems import Complex, Missing
 
 HOLDS, FAILS, IMPOSSIBLE = ClaimVerdict.HOLDS, ClaimVerdict.FAILS, ClaimVerdict.IMPOSSIBLE
@@ -302,6 +304,8 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
         for s in sentences()
     )
     peaks = [x.string_peak for x in r.loops]
+    off = [100.0 * x.K1_error for x in r.single]
+    alone = [x.K1_fit_percent for x in r.single]
     last = (
         Artifact(
             "claim G16",
@@ -319,12 +323,18 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "claim G17",
             "one fit per input determines K1",
             "his method",
-            "",
-            "",
-            NOT_CHECKABLE,
-            "needs records: canid study grover --reproduce simulates the printed drivers, whose K1 is known, "
-            "and measures "
-            "the error of a fit per input next to that of the joint fit",
+            "the printed drivers behind a lead, without any noise: K1 of the headway alone is off by "
+            f"{min(off):.0f} to "
+            f"{max(off):+.0f} % and fits {min(alone):.0f} to {max(alone):.0f} %",
+            "a joint fit has no such error; canid study grover --reproduce measures both on simulated logs",
+            FAILS,
+            f"both inputs answer to the lead; in {sum(x.lag_at_limit for x in r.single)} of {len(r.single)} "
+            "loops the "
+            f"headway alone has a negative gain with a lag at its limit of {LARGEST_S:g} s. Car and lead are assumed "
+            f"(bands {', '.join(f'{f:g}' for f in LEAD_BANDS_HZ)} Hz, records of 1 and 10 min): the error has "
+            "another sign and "
+            "size in every loop",
+            ("tables/grover_single_input.csv",),
         ),
         Artifact(
             "claim G18",

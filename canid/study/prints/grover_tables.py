@@ -122,4 +122,37 @@ def tables(r: Results) -> tuple[Table, ...]:
             "Car: 0.04 m/s² per % of pedal, lag 0.3 s, drag 0.05 1/s; desired headway 2 s. Disk margins are balanced "
             "(Seiler, Packard & Gahinet 2020).",
         ),
+        Table(
+            "grover_single_input",
+            "One input at a time: what it finds of the printed drivers without noise",
+            (
+                "driver",
+                "speed (m/s)",
+                "band of the lead (Hz)",
+                "record (s)",
+                "error of K1",
+                "fit of headway alone (%)",
+                "lag at its limit",
+                "error of K2",
+                "fit of relative speed alone (%)",
+                "corr(headway error, relative speed)",
+            ),
+            [
+                (
+                    x.driver.name,
+                    x.speed,
+                    x.lead_band_hz,
+                    x.record_s,
+                    x.K1_error,
+                    x.K1_fit_percent,
+                    "yes" if x.lag_at_limit else "no",
+                    x.K2_error,
+                    x.K2_fit_percent,
+                    x.correlation,
+                )
+                for x in r.single
+            ],
+            "Least squares over the lead's motion in closed loop, tau as a lag; errors are relative, -1 is a "
+            "gain of 0.",
+        ),
     )

@@ -38,7 +38,7 @@ def lateral_response(car: OneTrackCar, speed: float, omega: Array) -> Complex:
 
     Example: slow steering moves the car by V^2 / (ratio (L + k V^2)) / omega^2, k the understeer gradient.
         >>> g, k = lateral_response(OneTrackCar(), 25.0, np.array([0.01]))[0], 1500.0 * 39_000.0 / (2.7 * 7.2e9)
-        >>> round(abs(g) * 0.01**2 * 15.0 * (2.7 + k * 25.0**2) / 25.0**2, 3), bool(g.real < 0)
+        >>> round(float(abs(g)) * 0.01**2 * 15.0 * (2.7 + k * 25.0**2) / 25.0**2, 3), bool(g.real < 0)
         (1.0, True)
     """
     A, B = matrices(car, speed)

@@ -58,8 +58,8 @@ def study(which: str = BOTH, deep: bool = False) -> Study:
 
 def _counts(artifacts: tuple[Artifact, ...]) -> str:
     claims = Counter(a.verdict for a in artifacts if a.name.split(", ")[-1].startswith("claim"))
-    listed = ", ".join(f"{claims[v]} {v.value}" for v in ClaimVerdict if claims[v])
-    return f"Of {sum(claims.values())} claims checked by the printed numbers: {listed}."
+    listed = ", ".join(f"{v.value} {claims[v]}" for v in ClaimVerdict if claims[v])
+    return f"{sum(claims.values())} claims checked by the printed numbers: {listed}."
 
 
 def _grover(deep: bool) -> Study:

@@ -126,14 +126,28 @@ def _refined(
     used = spectrum.weight > 1e-9 * spectrum.weight.max()
     omega, g = OMEGA[used], response[used]
     root = np.sqrt(spectrum.weight[used] / power)
+    whole = root * g
 
     def gain(shape: Complex) -> float:
-        return float((root**2) @ (np.conj(shape) * g).real / ((root**2) @ np.abs(shape) ** 2))
+        return float(np.vdot(shape, whole).real / np.vdot(shape, shape).real)
+
+    def at(x: Array) -> Complex:
+        out: Complex = root * _shape(omega, x[0], x[1] if dead_time else 0.0)
+        return out
 
     def residual(x: Array) -> Array:
-        shape = _shape(omega, x[0], x[1] if dead_time else 0.0)
-        e = root * (g - gain(shape) * shape)
-        return np.concatenate([e.real, e.imag])
+        shape = at(x)
+        return _real(whole - gain(shape) * shape)
+
+    def slope(x: Array) -> Array:
+        # of the projected residual, Kaufman's (1975) approximation: its gradient is exact
+        shape = at(x)
+        s = 1j * omega
+        columns = [s / (1.0 + s * x[0]) * shape, s * shape][: len(x)]
+        K, norm = gain(shape), float(np.vdot(shape, shape).real)
+        flat = [_real(K * (c - float(np.vdot(shape, c).real) / norm * shape)) for c in columns]
+        out: Array = np.stack(flat, axis=1)
+        return out
 
     free = 2 if dead_time else 1
     best: tuple[float, Array] | None = None
@@ -145,9 +159,10 @@ def _refined(
         found = least_squares(
             residual,
             start[:free],
+            slope,
             bounds=(0.0, LARGEST_S),
             method="dogbox",
-            xtol=1e-12,
+            xtol=1e-10,
             ftol=1e-14,
             gtol=1e-12,
         )
@@ -155,5 +170,12 @@ def _refined(
             best = float(found.cost), np.asarray(found.x)
     assert best is not None
     tau, theta = float(best[1][0]), float(best[1][1]) if dead_time else 0.0
-    shape = _shape(omega, tau, theta)
-    return Reduction(spectrum, gain(shape), tau, theta, 100.0 * (1.0 - math.sqrt(2.0 * best[0])))
+    return Reduction(
+        spectrum, gain(root * _shape(omega, tau, theta)), tau, theta, 100.0 * (1.0 - math.sqrt(2.0 * best[0]))
+    )
+
+
+def _real(x: Complex) -> Array:
+    """Real and imaginary parts one after the other: least squares of complex numbers as of real ones."""
+    out: Array = np.concatenate([x.real, x.imag])
+    return out
