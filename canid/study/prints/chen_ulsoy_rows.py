@@ -300,8 +300,8 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             AMBIGUOUS,
             "below 1: the printed driver with the printed uncertainty is robustly stable with the assumed "
             "car, just so at "
-            f"{max(c.speed for c in r.crossovers):g} m/s. How much of |Delta| a driver without any shows, "
-            f"{_REPRODUCE} measures",
+            f"{max(c.speed for c in r.crossovers):g} m/s. Part of the bound is sampling: "
+            f"{_REPRODUCE} measures how much",
             ("figures/chen_ulsoy_fig_14.svg", "tables/chen_ulsoy_bound.csv"),
         ),
         Artifact(
