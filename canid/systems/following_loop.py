@@ -83,7 +83,7 @@ def loop_transfer(loop: FollowingLoop, omega: Array) -> Complex:
     Returns:
         (k, n).
     """
-    s: Complex = 1j * np.atleast_2d(omega)
+    s: Complex = (1j * np.atleast_2d(omega)).astype(np.complex128)
     first, second = _responses(loop, s)
     out: Complex = (first * (1.0 + loop.headway * s) + second) / (s * (s + loop.damping[:, None]))
     return out
@@ -91,7 +91,7 @@ def loop_transfer(loop: FollowingLoop, omega: Array) -> Complex:
 
 def string_transfer(loop: FollowingLoop, omega: Array) -> Complex:
     """Follower's speed over the lead's at j omega, (k, n); arguments as of `loop_transfer`."""
-    s: Complex = 1j * np.atleast_2d(omega)
+    s: Complex = (1j * np.atleast_2d(omega)).astype(np.complex128)
     first, second = _responses(loop, s)
     both = first * (1.0 + loop.headway * s) + second
     out: Complex = (first + second) / (s * (s + loop.damping[:, None]) + both)
