@@ -445,15 +445,16 @@ def _cost(drives: Sequence[DriveAnalysis]) -> list[Artifact]:
                 name,
                 "one fit per input determines K1",
                 "K1 from the headway error alone",
-                f"K1 {_show(own.per_input)}, each record on its own {_show(own.per_record)}, of a driver with {cost.K1:.3g}: "
-                f"error {bias / cost.K1:+.0%} in this loop, correlation of the inputs {own.correlation:.2f}",
+                f"K1 {_show(own.per_input)}, each record on its own {_show(own.per_record)}, of a driver with "
+                f"{cost.K1:.3g}: error {bias / cost.K1:+.0%} in this loop, correlation of the inputs {own.correlation:.2f}",
                 f"K1 {_show(own.joint)}: error {own.joint.value / cost.K1 - 1.0:+.0%}",
                 ClaimVerdict.NOT_CHECKABLE
                 if not known
                 else ClaimVerdict.FAILS
                 if abs(bias) > TOLERATED_BIAS * abs(cost.K1)
                 else ClaimVerdict.HOLDS,
-                f"simulated on this drive's inputs; without noise {factors[0]:+.0%}, with uncorrelated inputs {factors[1]:+.0%}"
+                f"simulated on this drive's inputs; without noise {factors[0]:+.0%}, with uncorrelated inputs "
+                f"{factors[1]:+.0%}"
                 if known
                 else "this drive's K1 may not be quoted: percentages of it mean nothing",
                 ("tables/input_correlation.csv", "figures/input_correlation.svg"),

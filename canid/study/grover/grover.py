@@ -131,9 +131,9 @@ def _says(drives: list[DriveAnalysis]) -> tuple[str, ...]:
         if drive.cost is not None and known:
             K, own = drive.cost.K1, drive.cost.recorded
             out.append(
-                f"{drive.log}: one fit per input misses K1 by {own.per_input.value / K - 1.0:+.0%} in this loop (correlation "
-                f"of the inputs {own.correlation:.2f}), the joint fit by {own.joint.value / K - 1.0:+.0%}; by simulation on "
-                "the drive's own inputs."
+                f"{drive.log}: one fit per input misses K1 by {own.per_input.value / K - 1.0:+.0%} in this loop "
+                f"(correlation of the inputs {own.correlation:.2f}), the joint fit by {own.joint.value / K - 1.0:+.0%}; by "
+                "simulation on the drive's own inputs."
             )
     held = [a.held for a in every if a.held is not None]
     if held:

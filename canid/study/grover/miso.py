@@ -17,6 +17,9 @@ from canid.study.grover.reduction import FirstOrder
 from canid.study.prints import miso_bound
 from canid.types import Array
 
+# output units; no pedal and no acceleration is as large, and a response that is has lost all digits of the output
+MAX_SIMULATED = 1e12
+
 
 class Miso(NamedTuple):
     """Percentages of fit of two inputs together on one record, and what they simulate."""
@@ -77,9 +80,12 @@ def on_another(output: Array, inputs: Array, high: Sequence[OutputError]) -> Arr
         (n,), which overflows where a model is unstable.
     """
     n = len(output)
-    raw = np.sum([output_error.simulate(m, u) for m, u in zip(high, inputs.T, strict=True)], axis=0)
-    states = np.hstack([output_error.initial_responses(m, n) for m in high])
-    if not (np.isfinite(raw).all() and np.isfinite(states).all()):
+    with np.errstate(over="ignore", invalid="ignore"):
+        raw = np.sum([output_error.simulate(m, u) for m, u in zip(high, inputs.T, strict=True)], axis=0)
+        states = np.hstack([output_error.initial_responses(m, n) for m in high])
+        largest = float(np.abs(raw).max()) + float(np.abs(states).max())
+    # beyond, squares overflow, and the initial states have no digits left to correct with
+    if not largest < MAX_SIMULATED:
         return np.full(n, np.inf)
     size = np.maximum(np.linalg.norm(states, axis=0), 1e-300)
     error = output - raw

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from canid.simulation.driver import lag
-from canid.study.grover.output_error import OutputError, fit_percent
+from canid.study.grover.output_error import OutputError
 from canid.systems import control_systems
 from canid.systems.first_order_reduction import first_order_reduction
 from canid.types import NAN, Array
@@ -109,29 +109,33 @@ def of_record(output: Array, inp: Array, dt: float, *, dead_time: bool) -> First
     >>> round(one.K, 2), round(one.tau, 2)
     (4.0, 0.6)
     """
-    best = FirstOrder(NAN, NAN, NAN, -np.inf)
+    best, error = (NAN, NAN, NAN), np.inf
     delays = DEAD_TIMES if dead_time else DEAD_TIMES[:1]
     taus = LAGS
     for width in (0.25, 0.04, 0.006, 0.0):
+        # the initial state projected out of the output
+        states = [decay(len(inp), float(tau), dt) for tau in taus]
+        states = [state / float(np.linalg.norm(state)) for state in states]
+        outputs = [output - state * float(state @ output) for state in states]
         for theta in delays:
             delayed = response(inp, 0.0, float(theta), dt)
-            for tau in taus:
-                columns = np.column_stack(
-                    [response(delayed, float(tau), 0.0, dt), decay(len(inp), float(tau), dt)]
-                )
-                weights = np.linalg.lstsq(columns, output, rcond=None)[0]
-                fit = fit_percent(output, columns @ weights)
-                if fit > best.fit_percent:
-                    best = FirstOrder(float(weights[0]), float(tau), float(theta), fit)
+            for tau, state, y in zip(taus, states, outputs, strict=True):
+                x = response(delayed, float(tau), 0.0, dt)
+                x = x - state * float(state @ x)
+                power, product = float(x @ x), float(x @ y)
+                left = float(y @ y) - product * product / power if power > 0.0 else np.inf
+                if left < error:
+                    best, error = (product / power, float(tau), float(theta)), left
         # again about the best, between its neighbours
-        taus = best.tau + (width * best.tau + 0.02 * width / 0.25) * np.linspace(-1.0, 1.0, 11)
+        _, middle, delay = best
+        taus = middle + (width * middle + 0.02 * width / 0.25) * np.linspace(-1.0, 1.0, 11)
         taus = np.clip(taus, 0.0, None)
         delays = (
-            np.clip(best.dead_time + width / 0.25 * np.linspace(-0.08, 0.08, 5), 0.0, None)
-            if dead_time
-            else delays
+            np.clip(delay + width / 0.25 * np.linspace(-0.08, 0.08, 5), 0.0, None) if dead_time else delays
         )
-    return best
+    power = float(np.linalg.norm(output - output.mean()))
+    fit = 100.0 * (1.0 - max(error, 0.0) ** 0.5 / power) if power > 0.0 else NAN
+    return FirstOrder(*best, fit)
 
 
 def decay(n: int, tau: float, dt: float) -> Array:
@@ -180,6 +184,6 @@ def _bilinear(coefficients: Array, dt: float) -> Array:
         term = np.array([c])
         for factor, power in ((minus, k), (plus, n - k)):
             for _ in range(power):
-                term = np.polymul(term, factor)
+                term = np.convolve(term, factor)
         out += term
     return out
