@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -80,7 +82,7 @@ def test_the_fit_rises_with_the_order(seed: int) -> None:
         for m in output_error.orders(detrended(y), detrended(u), DT, GroverSettings(max_order=8))
     ]
     assert len(fits) == 8
-    assert all(after >= before - 0.05 for before, after in zip(fits[:-1], fits[1:], strict=True))
+    assert all(after >= before - 0.05 for before, after in pairwise(fits))
 
 
 def test_the_first_order_at_the_gate_is_selected(seed: int) -> None:
