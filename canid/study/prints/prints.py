@@ -26,7 +26,7 @@ def study(which: str = BOTH, deep: bool = False) -> Study:
 
     Args:
         which: "grover", "chen-ulsoy" or "both".
-        deep: scan eq. 2.5 for three and four misprinted exponents too (1 s more).
+        deep: scan eq. 2.5 for three and four misprinted exponents too (0.3 s more).
 
     Raises:
         ValueError: another paper.

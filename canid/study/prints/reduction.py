@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import minimize
 
 from canid.study.prints.printed_numbers import FirstOrder
 from canid.systems.control_systems import Complex
@@ -121,61 +121,51 @@ def _fit(response: Complex, model: Complex, weight: Array) -> float:
 def _refined(
     response: Complex, spectrum: Spectrum, starts: Array, power: float, dead_time: bool
 ) -> Reduction:
-    """Gauss-Newton from the best points of the grid, K by projection (Golub & Pereyra 1973)."""
+    """Quasi-Newton from the best points of the grid, K by projection (Golub & Pereyra 1973)."""
     # past the weight's last thousandth of a millionth nothing changes a digit
     used = spectrum.weight > 1e-9 * spectrum.weight.max()
-    omega, g = OMEGA[used], response[used]
-    root = np.sqrt(spectrum.weight[used] / power)
-    whole = root * g
-
-    def gain(shape: Complex) -> float:
-        return float(np.vdot(shape, whole).real / np.vdot(shape, shape).real)
+    s, root = 1j * OMEGA[used], np.sqrt(spectrum.weight[used] / power)
+    whole = root * response[used]
 
     def at(x: Array) -> Complex:
-        out: Complex = root * _shape(omega, x[0], x[1] if dead_time else 0.0)
+        out: Complex = root * _shape(OMEGA[used], x[0], x[1] if dead_time else 0.0)
         return out
 
-    def residual(x: Array) -> Array:
+    def missed(x: Array) -> tuple[float, Array]:
+        """Share of the output's power that is missed, and its slope."""
         shape = at(x)
-        return _real(whole - gain(shape) * shape)
-
-    def slope(x: Array) -> Array:
-        # of the projected residual, Kaufman's (1975) approximation: its gradient is exact
-        shape = at(x)
-        s = 1j * omega
-        columns = [s / (1.0 + s * x[0]) * shape, s * shape][: len(x)]
-        K, norm = gain(shape), float(np.vdot(shape, shape).real)
-        flat = [_real(K * (c - float(np.vdot(shape, c).real) / norm * shape)) for c in columns]
-        out: Array = np.stack(flat, axis=1)
-        return out
+        slopes = [-s / (1.0 + s * x[0]) * shape, -s * shape][: len(x)]
+        inner, norm = _inner(shape, whole), _inner(shape, shape)
+        K = inner / norm
+        slope = np.array([2.0 * K * (K * _inner(d, shape) - _inner(d, whole)) for d in slopes])
+        return 1.0 - K * inner, slope
 
     free = 2 if dead_time else 1
-    best: tuple[float, Array] | None = None
     # the two best that are apart: neighbours on the grid lead to one minimum
-    for start in (
-        starts[0],
-        next((s for s in starts if abs(s[0] - starts[0][0]) > 0.5 * starts[0][0]), starts[1]),
-    ):
-        found = least_squares(
-            residual,
-            start[:free],
-            slope,
-            bounds=(0.0, LARGEST_S),
-            method="dogbox",
-            xtol=1e-10,
-            ftol=1e-14,
-            gtol=1e-12,
-        )
-        if best is None or found.cost < best[0]:
-            best = float(found.cost), np.asarray(found.x)
-    assert best is not None
-    tau, theta = float(best[1][0]), float(best[1][1]) if dead_time else 0.0
+    apart = next((x for x in starts if abs(x[0] - starts[0][0]) > 0.5 * starts[0][0]), starts[1])
+    found = min(
+        (
+            minimize(
+                missed,
+                start[:free],
+                jac=True,
+                method="L-BFGS-B",
+                bounds=[(0.0, LARGEST_S)] * free,
+                options={"ftol": 1e-15, "gtol": 1e-10, "maxcor": 4},
+            )
+            for start in (starts[0], apart)
+        ),
+        key=lambda result: float(result.fun),
+    )
+    shape = at(found.x)
     return Reduction(
-        spectrum, gain(root * _shape(omega, tau, theta)), tau, theta, 100.0 * (1.0 - math.sqrt(2.0 * best[0]))
+        spectrum,
+        _inner(shape, whole) / _inner(shape, shape),
+        float(found.x[0]),
+        float(found.x[1]) if dead_time else 0.0,
+        100.0 * (1.0 - math.sqrt(max(float(found.fun), 0.0))),
     )
 
 
-def _real(x: Complex) -> Array:
-    """Real and imaginary parts one after the other: least squares of complex numbers as of real ones."""
-    out: Array = np.concatenate([x.real, x.imag])
-    return out
+def _inner(x: Complex, y: Complex) -> float:
+    return float(np.vdot(x, y).real)
