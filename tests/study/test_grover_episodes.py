@@ -7,6 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.signal import periodogram
 
 from canid.study.artifact import ClaimVerdict, Study
 from canid.study.grover import drive_analysis, episodes, grover
@@ -81,8 +82,10 @@ def test_what_is_said_of_an_episode_is_so() -> None:
     assert one.headway == pytest.approx(float(trace.signals["headway"].mean()))
     assert one.correlation == pytest.approx(float(np.corrcoef(trace.inputs.T)[0, 1]))
     assert one.sd[2] == pytest.approx(float(trace.output.std()))
-    # a moving average of 3 s has 90 % of its power below its first zero, 1/3 Hz, and 95 % below the second
-    assert all(0.1 < b < 2.0 / 3.0 for b in one.band)
+    # second route: scipy's periodogram, and where its sum passes 95 %
+    for u, band in zip(trace.inputs.T, one.band, strict=True):
+        f, power = periodogram(u, 1.0 / DT, detrend="linear", scaling="spectrum")
+        assert band == pytest.approx(float(f[np.cumsum(power) < 0.95 * power.sum()].max()), abs=1.5 / 60.0)
 
 
 def test_the_route_comes_from_either_kind_of_position() -> None:
