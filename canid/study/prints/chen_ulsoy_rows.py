@@ -53,9 +53,8 @@ def _equations(r: Results) -> tuple[Artifact, ...]:
             "",
             "",
             AMBIGUOUS,
-            "c1, the standard deviation of e and the units of delta and y are not printed: a simulation has "
-            "to assume them "
-            "(b in degrees per meter, claim C7)",
+            "c1, the standard deviation of e and the units of delta and y are not printed: a simulation has to "
+            "assume them (b in degrees per meter, claim C7)",
         ),
         Artifact(
             "eq. 2",
@@ -110,15 +109,13 @@ def _tables(r: Results) -> tuple[Artifact, ...]:
                 "mean and standard deviation of a1, a2, b1, b2, "
                 f"{'one driver' if t.drivers == 1 else 'twelve drivers'}",
                 f"b1 {t.mean[2]:g} ± {t.sd[2]:g}",
-                f"of the means: poles {m.poles_s[0]:.3f}, {m.poles_s[1]:.3f}, zero {m.zero_s:.4f} 1/s, DC "
-                f"gain {m.dc_gain:.3f}",
-                f"a distribution with these standard deviations (within {100 * miss:.1f} %) and stable "
-                "drivers has corr(a1, a2) "
-                f"{fitted.corr[0, 1]:.3f}, corr(b1, b2) {fitted.corr[2, 3]:.4f}",
+                f"of the means: poles {m.poles_s[0]:.3f}, {m.poles_s[1]:.3f}, zero {m.zero_s:.4f} 1/s, DC gain "
+                f"{m.dc_gain:.3f}",
+                f"a distribution with these standard deviations (within {100 * miss:.1f} %) and stable drivers has "
+                f"corr(a1, a2) {fitted.corr[0, 1]:.3f}, corr(b1, b2) {fitted.corr[2, 3]:.4f}",
                 AMBIGUOUS,
-                "means and standard deviations without correlations, minima, maxima and numbers of segments "
-                "do not describe "
-                "the drivers (claim C2)",
+                "means and standard deviations without correlations, minima, maxima and numbers of segments do not "
+                "describe the drivers (claim C2)",
                 ("tables/chen_ulsoy_means.csv", "tables/chen_ulsoy_correlations.csv"),
             )
         )
@@ -158,8 +155,8 @@ def _figures(r: Results) -> tuple[Artifact, ...]:
             "Fig. 12",
             "poles, zero and DC gain of the segments",
             f"DC gain {DC_GAIN_RANGE[0]:g} to {DC_GAIN_RANGE[1]:g}, zero {ZERO_RANGE[0]:g} to {ZERO_RANGE[1]:g} 1/s",
-            "with independent standard deviations the DC gain is "
-            f"{r.draws[0].kept_dc_percentiles[0]:.0f} to {r.draws[0].kept_dc_percentiles[2]:.0f} (5 to 95 %)",
+            f"with independent standard deviations the DC gain is {r.draws[0].kept_dc_percentiles[0]:.0f} to "
+            f"{r.draws[0].kept_dc_percentiles[2]:.0f} (5 to 95 %)",
             f"with the correlations fitted: {low:.2f} to {high:.2f}",
             HOLDS,
             "the means agree with it, the printed standard deviations alone do not (claims C1, C2)",
@@ -198,17 +195,14 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "claim C1",
             "poles, zero and DC gain of Fig. 12",
             f"zero between {ZERO_RANGE[0]:g} and {ZERO_RANGE[1]:g} 1/s, DC gain {DC_GAIN_RANGE[0]:g} to "
-            f"{DC_GAIN_RANGE[1]:g}, one "
-            "pole close to the origin",
-            f"means of Table 1: poles {first.poles_s[0]:.3f}, {first.poles_s[1]:.3f}, zero {first.zero_s:.4f} "
-            "1/s, DC gain "
-            f"{first.dc_gain:.3f} ({_half_range(first.dc_gain_rounding)} by rounding). Table 2: "
+            f"{DC_GAIN_RANGE[1]:g}, one pole close to the origin",
+            f"means of Table 1: poles {first.poles_s[0]:.3f}, {first.poles_s[1]:.3f}, zero {first.zero_s:.4f} 1/s, DC "
+            f"gain {first.dc_gain:.3f} ({_half_range(first.dc_gain_rounding)} by rounding). Table 2: "
             f"{second.poles_s[0]:.3f}, {second.poles_s[1]:.3f}, {second.zero_s:.4f}, {second.dc_gain:.3f}",
             "",
             HOLDS,
-            "zero and DC gain lie in the stated ranges; a pole at -1.7 to -2.2 1/s is close to the origin "
-            "only next to the "
-            "other one",
+            "zero and DC gain lie in the stated ranges; a pole at -1.7 to -2.2 1/s is close to the origin only next "
+            "to the other one",
             ("tables/chen_ulsoy_means.csv", "figures/chen_ulsoy_fig_12.svg"),
         ),
         Artifact(
@@ -216,15 +210,13 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "mean and standard deviation describe the structured uncertainty",
             "Tables 1 and 2",
             f"drawn independently from Table 1: {100 * draws.complex_poles:.0f} % complex poles, "
-            f"{100 * draws.unstable:.0f} % "
-            f"unstable, DC gain {low:.0f} to {high:.0f} (5 to 95 %), {100 * draws.kept_dc_share:.0f} % of the "
-            "stable within Fig. 12",
-            f"corr(b1, b2) {max(needed):.5f} or nearer to -1 where A is at its mean; a joint distribution "
-            "that agrees with all "
-            f"prints has {r.fitted[0].corr[2, 3]:.4f} and corr(a1, a2) {r.fitted[0].corr[0, 1]:.3f}",
+            f"{100 * draws.unstable:.0f} % unstable, DC gain {low:.0f} to {high:.0f} (5 to 95 %), "
+            f"{100 * draws.kept_dc_share:.0f} % of the stable within Fig. 12",
+            f"corr(b1, b2) {max(needed):.5f} or nearer to -1 where A is at its mean; a joint distribution that agrees "
+            f"with all prints has {r.fitted[0].corr[2, 3]:.4f} and corr(a1, a2) {r.fitted[0].corr[0, 1]:.3f}",
             FAILS,
-            "the correlations carry the information, and none is printed; those of a with b are not fixed by "
-            "the prints",
+            "the correlations carry the information, and none is printed; those of a with b are not fixed by the "
+            "prints",
             ("figures/chen_ulsoy_fig_12.svg", "tables/chen_ulsoy_correlations.csv"),
         ),
         Artifact(
@@ -232,12 +224,12 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "the scatter is the driver changing with time (sec. 4.1)",
             "std of Table 1",
             f"a constant driver at the means, {SEGMENTS} minutes simulated and fitted, has "
-            f"{_range(100 * shares[:, 0])} % of the "
-            f"printed std of a1 and {_range(100 * shares[:, 2])} % of that of b1 (c1 {c1s})",
+            f"{_range(100 * shares[:, 0])} % of the printed std of a1 and {_range(100 * shares[:, 2])} % of that of "
+            f"b1 (c1 {c1s})",
             "",
             FAILS,
-            "sampling alone makes a large part of it, and how much depends on c1, which is not printed; "
-            f"{_REPRODUCE} splits it for all drivers",
+            f"sampling alone makes a large part of it, and how much depends on c1, which is not printed; {_REPRODUCE} "
+            "splits it for all drivers",
             ("tables/chen_ulsoy_constant_driver.csv",),
         ),
         Artifact(
@@ -246,13 +238,11 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             f"about {100 * STATIONARY_SHARE:.0f} %",
             f"the constant driver passes in {_range(100 * np.array(passing))} % of the segments (steering), "
             f"{_range(100 * np.array(offsets))} % (offset); a driver who is another one each minute has |z| "
-            f"{abs(r.changing_z):.2f} "
-            "over 2 h",
+            f"{abs(r.changing_z):.2f} over 2 h",
             "",
             FAILS,
-            "95 % is what a test of that level passes where nothing changes, and the test finds trends, not "
-            "changes: it "
-            f"supports neither reading. {_REPRODUCE} repeats it",
+            "95 % is what a test of that level passes where nothing changes, and the test finds trends, not changes: "
+            f"it supports neither reading. {_REPRODUCE} repeats it",
             ("tables/chen_ulsoy_constant_driver.csv",),
         ),
         Artifact(
@@ -292,16 +282,13 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "eq. 5 bounds the model error",
             f"reliable to {RELIABLE_HZ:g} Hz",
             _ratios(r),
-            f"small gain max |Delta P / (1 + L)| {min(small_gain):.2f} to {max(small_gain):.2f}; simulated, a "
-            "driver without any "
-            f"unmodelled dynamics shows {100 * min(typical):.0f} to {100 * max(typical):.0f} % of eq. 5 at "
-            f"{NULL_HZ[0]:g} Hz "
-            f"(median of the segments), {100 * max(largest):.0f} % at most",
+            f"small gain max |Delta P / (1 + L)| {min(small_gain):.2f} to {max(small_gain):.2f}; simulated, a driver "
+            f"without any unmodelled dynamics shows {100 * min(typical):.0f} to {100 * max(typical):.0f} % of eq. 5 "
+            f"at {NULL_HZ[0]:g} Hz (median of the segments), {100 * max(largest):.0f} % at most",
             AMBIGUOUS,
-            "below 1: the printed driver with the printed uncertainty is robustly stable with the assumed "
-            "car, just so at "
-            f"{max(c.speed for c in r.crossovers):g} m/s. Part of the bound is sampling: "
-            f"{_REPRODUCE} measures how much",
+            "below 1: the printed driver with the printed uncertainty is robustly stable with the assumed car, just "
+            f"so at {max(c.speed for c in r.crossovers):g} m/s. Part of the bound is sampling: {_REPRODUCE} measures "
+            "how much",
             ("figures/chen_ulsoy_fig_14.svg", "tables/chen_ulsoy_bound.csv"),
         ),
         Artifact(
@@ -311,8 +298,7 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             f"the paper's own C/A falls {r.falls_db[0]:.0f} to {r.falls_db[1]:.0f} dB",
             "",
             FAILS,
-            "of the printed means, c1 from -0.5 to 0.3; a signal 200 dB down is below the resolution of any "
-            "recording",
+            "of the printed means, c1 from -0.5 to 0.3; a signal 200 dB down is below the resolution of any recording",
         ),
         Artifact(
             "claim C10",
@@ -330,8 +316,8 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             f"{SEGMENTS // 2} and {SEGMENTS - SEGMENTS // 2}",
             "",
             AMBIGUOUS,
-            "which ones depends on whether they are numbered before the first one is left out; rejected "
-            "segments are not counted",
+            "which ones depends on whether they are numbered before the first one is left out; rejected segments are "
+            "not counted",
         ),
         Artifact(
             "claim C12",
@@ -350,8 +336,7 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "",
             FAILS,
             f"fits of one minute are biased in a closed loop, and the mean of many is as biased; {_REPRODUCE} "
-            "measures it over "
-            "more settings",
+            "measures it over more settings",
             ("tables/chen_ulsoy_constant_driver.csv",),
         ),
         Artifact(
@@ -391,8 +376,7 @@ def _crossover(r: Results, unit: str) -> str:
     gm = np.array([c.margins.gain_margin for c in chosen])
     slope = float(np.mean([c.slope_db for c in chosen]))
     return (
-        f"crossover {wc.min():.2f} to {wc.max():.2f} rad/s, {slope:.0f} dB per decade, phase margin "
-        f"{pm.min():.0f} to "
+        f"crossover {wc.min():.2f} to {wc.max():.2f} rad/s, {slope:.0f} dB per decade, phase margin {pm.min():.0f} to "
         f"{pm.max():.0f}°, gain margin {gm.min():.1f} to {gm.max():.1f}"
     )
 

@@ -100,9 +100,8 @@ def tables(r: Results) -> tuple[Table, ...]:
                 "corr(b1, b2) needed",
             ),
             means,
-            "Drawn: 200,000 models with the printed standard deviations, normal and independent; the DC gain "
-            "of those that are "
-            "stable.",
+            "Drawn: 200,000 models with the printed standard deviations, normal and independent; the DC gain of "
+            "those that are stable.",
         ),
         Table(
             "chen_ulsoy_correlations",
@@ -117,9 +116,8 @@ def tables(r: Results) -> tuple[Table, ...]:
                 "sd, fitted",
             ),
             correlations,
-            "Fitted to means, standard deviations and the range of the DC gain. corr(a1, a2) and corr(b1, "
-            "b2) are fixed by the "
-            "prints; those of a with b are not: other values agree as well.",
+            "Fitted to means, standard deviations and the range of the DC gain. corr(a1, a2) and corr(b1, b2) are "
+            "fixed by the prints; those of a with b are not: other values agree as well.",
         ),
         Table(
             "chen_ulsoy_crossover",
@@ -137,9 +135,8 @@ def tables(r: Results) -> tuple[Table, ...]:
                 "max |Delta P/(1+L)|",
             ),
             crossovers,
-            "Car assumed: 1500 kg, 2500 kg m², axles 1.2 and 1.5 m from the center of gravity, 80 and 90 "
-            "kN/rad, steering ratio "
-            "15. Small gain: below 1 the uncertainty of eq. 5 cannot destabilise the loop.",
+            "Car assumed: 1500 kg, 2500 kg m², axles 1.2 and 1.5 m from the center of gravity, 80 and 90 kN/rad, "
+            "steering ratio 15. Small gain: below 1 the uncertainty of eq. 5 cannot destabilise the loop.",
         ),
         Table(
             "chen_ulsoy_bound",
@@ -172,7 +169,7 @@ def tables(r: Results) -> tuple[Table, ...]:
                 "rejected segments",
             ),
             constant,
-            "119 minutes at 25 m/s, noise 0.25°, a road that moves the car by 0.1 m/s; ARMAX(2, 2, 1) with "
-            "one sample of delay.",
+            "119 minutes at 25 m/s, noise 0.25°, a road that moves the car by 0.1 m/s; ARMAX(2, 2, 1) with one "
+            "sample of delay.",
         ),
     )

@@ -170,9 +170,8 @@ def _string_stability(r: Results) -> Figure:
         "grover_string_stability",
         "String stability of the printed drivers with an assumed car",
         panels,
-        "Above 1 a wave of the lead's speed grows from car to car. tau as a lag; as a dead time the curves "
-        "are the same "
-        "within 0.0001 at the peak.",
+        "Above 1 a wave of the lead's speed grows from car to car. tau as a lag; as a dead time the curves are the "
+        "same within 0.0001 at the peak.",
     )
 
 

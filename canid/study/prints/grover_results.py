@@ -45,6 +45,7 @@ class Results(NamedTuple):
     first_bound: reduction_bound.ReductionBound  # of 2.8
     second_bound: reduction_bound.ReductionBound  # of 2.9
     flipped_bound: reduction_bound.ReductionBound  # of 2.9 with the other sign
+    wide_bounds: tuple[float, float]  # fits of 2.8 and 2.9 over reduction.OMEGA
     truncation: truncation.Truncation
     by_control: BalancedTruncation | Missing
     miso: tuple[float, float]
@@ -78,6 +79,10 @@ def results(deep: bool = False) -> Results:
         reduction_bound.best_fit(coarse_first, EQ_2_8),
         reduction_bound.best_fit(coarse_second, EQ_2_9),
         reduction_bound.best_fit(coarse_second, flipped),
+        (
+            reduction_bound.best_fit(first, EQ_2_8, reduction.OMEGA).fit_percent,
+            reduction_bound.best_fit(second, EQ_2_9, reduction.OMEGA).fit_percent,
+        ),
         truncation.first_order(EQ_2_4),
         control_systems.balanced_truncation(transfer_functions.system(EQ_2_4), 1),
         miso_bound.bound(EQ_2_4.fit_percent, EQ_2_5.fit_percent),

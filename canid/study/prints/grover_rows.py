@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 
 from canid.study.artifact import Artifact, ClaimVerdict
+from canid.study.prints import reduction, reduction_bound
 from canid.study.prints.grover_results import GROWTH_S, Results
 from canid.study.prints.printed_numbers import (
     EQ_2_4,
@@ -17,7 +19,6 @@ from canid.study.prints.printed_numbers import (
     REDUCED_FIT_PERCENT,
     THW_DESIRED_S,
 )
-from canid.study.prints.reduction import LARGEST_S
 from canid.study.prints.sentences import sentences
 from canid.study.prints.single_input import LEAD_BANDS_HZ
 from canid.systems.control_systems import Complex, Missing
@@ -28,6 +29,11 @@ AMBIGUOUS, NOT_CHECKABLE, SHOWN = ClaimVerdict.AMBIGUOUS, ClaimVerdict.NOT_CHECK
 _MEASURED_BY = "canid study grover LOG makes it anew from any log"
 _DRAWING = "a drawing or a photograph without a number"
 _NO_DATA = "his data are not public, and the text holds no curve"
+# of the linear programmes
+_BAND, _WIDE = (
+    f"{omega[0] / (2.0 * math.pi):.1g} to {omega[-1] / (2.0 * math.pi):.2g}"
+    for omega in (reduction_bound.OMEGA, reduction.OMEGA)
+)
 # of an input that reaches 1 Hz: pedal movements do
 REACHES_HZ = 1.0
 
@@ -51,9 +57,8 @@ def _equations(r: Results) -> tuple[Artifact, ...]:
             "",
             "",
             AMBIGUOUS,
-            "K1 is multiplied by the speed here and not in eq. 2.2: its unit, % per s or % per m, is not "
-            "stated, and at one "
-            "speed the two differ by the factor v",
+            "K1 is multiplied by the speed here and not in eq. 2.2: its unit, % per s or % per m, is not stated, and "
+            "at one speed the two differ by the factor v",
         ),
         Artifact(
             "eq. 2.2, 2.3",
@@ -128,8 +133,8 @@ def _tables(r: Results) -> tuple[Artifact, ...]:
             "those of eq. 2.8 and 2.9" if same else "not those of eq. 2.8 and 2.9",
             "",
             HOLDS if same else FAILS,
-            "it repeats the equations, which do not follow from eq. 2.4 and 2.5; with a car the driver is "
-            "stable (claim G16)",
+            "it repeats the equations, which do not follow from eq. 2.4 and 2.5; with a car the driver is stable "
+            "(claim G16)",
             margins,
         ),
         Artifact(
@@ -225,9 +230,8 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             + f" rad/s; DC gain {r.first.dc_gain:.4f} % per s",
             "",
             HOLDS,
-            "usable in a simulation; resonances of that damping are not known of people, and the zero in the "
-            "right half "
-            "plane makes the first answer go the wrong way",
+            "usable in a simulation; resonances of that damping are not known of people, and the zero in the right "
+            "half plane makes the first answer go the wrong way",
             ("figures/grover_eq_2_4.svg", "tables/grover_poles.csv"),
         ),
         Artifact(
@@ -238,12 +242,10 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             f"{max(lags):.3f} s; eq. 2.8 fits eq. 2.4 by {min(r.printed_fits):.0f} to {max(r.printed_fits):.0f} %",
             f"DC gain {r.first.dc_gain:.3f}; balanced: K {r.truncation.K:.1f}, tau {r.truncation.tau:.2f} s",
             FAILS,
-            f"the best first-order model fits {max(reaching):.1f} % at most where the input reaches "
-            f"{REACHES_HZ:g} Hz. Over all "
-            f"input spectra eq. 2.8 is a least-squares point with a fit of {r.first_bound.fit_percent:.1f} % "
-            "at most, for an "
-            f"input of lines at {_lines(r.first_bound.lines)} Hz alone. Hankel singular values {hankel}: no "
-            "model of first "
+            f"the best first-order model fits {max(reaching):.1f} % at most where the input reaches {REACHES_HZ:g} "
+            f"Hz. Over all input spectra from {_BAND} Hz eq. 2.8 is a least-squares point with a fit of "
+            f"{r.first_bound.fit_percent:.1f} % at most ({r.wide_bounds[0]:.1f} % over {_WIDE} Hz), for an input of "
+            f"lines at {_lines(r.first_bound.lines)} Hz alone. Hankel singular values {hankel}: no model of first "
             f"order is near (error bound {r.truncation.error_bound:.1f} % per s){slycot}",
             reductions,
         ),
@@ -268,9 +270,9 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             f"DC gain {r.second.dc_gain:.1f}, {abs(r.second.dc_gain / EQ_2_9.K):.0f} times and of the opposite sign",
             "",
             FAILS,
-            "over all input spectra eq. 2.9 is a least-squares point with a fit of "
-            f"{r.second_bound.fit_percent:.1f} % at "
-            f"most; with the opposite sign {r.flipped_bound.fit_percent:.1f} %",
+            f"over all input spectra from {_BAND} Hz eq. 2.9 is a least-squares point with a fit of "
+            f"{r.second_bound.fit_percent:.1f} % at most ({r.wide_bounds[1]:.1f} % over {_WIDE} Hz); with the "
+            f"opposite sign {r.flipped_bound.fit_percent:.1f} %",
             ("tables/grover_reductions.csv",),
         ),
         Artifact(
@@ -280,11 +282,9 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             f"between {r.miso[0]:.2f} and {r.miso[1]:.2f} %",
             "",
             IMPOSSIBLE,
-            f"each alone answers with nearly the whole output ({EQ_2_4.fit_percent:g} and "
-            f"{EQ_2_5.fit_percent:g} %), so that "
-            "their sum is nearly twice the output. The printed fit is that of a model estimated anew; the "
-            "gains of one "
-            "input at a time count the output twice",
+            f"each alone answers with nearly the whole output ({EQ_2_4.fit_percent:g} and {EQ_2_5.fit_percent:g} %), "
+            "so that their sum is nearly twice the output. The printed fit is that of a model estimated anew; the "
+            "gains of one input at a time count the output twice",
             ("figures/grover_miso_bound.svg",),
         ),
         Artifact(
@@ -294,8 +294,8 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             "dead time in eq. 2.2 and 2.3, lag in eq. 2.6 to 2.9",
             "canid estimates both",
             AMBIGUOUS,
-            "the printed tau is a lag by its equation and a dead time by its name; the margins hardly differ "
-            "(claim G16)",
+            "the printed tau is a lag by its equation and a dead time by its name; the margins hardly differ (claim "
+            "G16)",
             ("tables/grover_margins.csv",),
         ),
     )
@@ -314,26 +314,22 @@ def _claims(r: Results) -> tuple[Artifact, ...]:
             _margins(r),
             "",
             HOLDS,
-            "car assumed: 0.04 m/s² per %, lag 0.3 s, desired headway 2 s, at 8, 15 and 25 m/s. |v / v_lead| "
-            "is at most "
-            f"{min(peaks):.3f} to {max(peaks):.3f}: those above 1 amplify the slowest waves of a platoon",
+            "car assumed: 0.04 m/s² per %, lag 0.3 s, desired headway 2 s, at 8, 15 and 25 m/s. |v / v_lead| is at "
+            f"most {min(peaks):.3f} to {max(peaks):.3f}: those above 1 amplify the slowest waves of a platoon",
             ("figures/grover_string_stability.svg", "tables/grover_margins.csv"),
         ),
         Artifact(
             "claim G17",
             "one fit per input determines K1",
             "his method",
-            "the printed drivers behind a lead, without any noise: K1 of the headway alone is off by "
-            f"{min(off):.0f} to "
-            f"{max(off):+.0f} % and fits {min(alone):.0f} to {max(alone):.0f} %",
+            f"the printed drivers behind a lead, without any noise: K1 of the headway alone is off by {min(off):.0f} "
+            f"to {max(off):+.0f} % and fits {min(alone):.0f} to {max(alone):.0f} %",
             "a joint fit has no such error; canid study grover --reproduce measures both on simulated logs",
             FAILS,
-            f"both inputs answer to the lead; in {sum(x.lag_at_limit for x in r.single)} of {len(r.single)} "
-            "loops the "
-            f"headway alone has a negative gain with a lag at its limit of {LARGEST_S:g} s. Car and lead are assumed "
-            f"(bands {', '.join(f'{f:g}' for f in LEAD_BANDS_HZ)} Hz, records of 1 and 10 min): the error has "
-            "another sign and "
-            "size in every loop",
+            f"both inputs answer to the lead; in {sum(x.lag_at_limit for x in r.single)} of {len(r.single)} loops the "
+            f"headway alone has a negative gain with a lag at its limit of {reduction.LARGEST_S:g} s. Car and lead "
+            f"are assumed (bands {', '.join(f'{f:g}' for f in LEAD_BANDS_HZ)} Hz, records of 1 and 10 min): the error "
+            "has another sign and size in every loop",
             ("tables/grover_single_input.csv",),
         ),
         Artifact(
@@ -355,9 +351,8 @@ def _margins(r: Results) -> str:
     peaks = [x.string_peak for x in r.loops]
     disks = [x.disk.disk for x in r.loops]
     return (
-        f"phase margin {min(phases):.0f} to {max(phases):.0f}°, delay margin {min(delays):.1f} to "
-        f"{max(delays):.1f} s, "
-        f"disk margin {min(disks):.2f} to {max(disks):.2f}, |v / v_lead| {min(peaks):.3f} to {max(peaks):.3f}"
+        f"phase margin {min(phases):.0f} to {max(phases):.0f}°, delay margin {min(delays):.1f} to {max(delays):.1f} "
+        f"s, disk margin {min(disks):.2f} to {max(disks):.2f}, |v / v_lead| {min(peaks):.3f} to {max(peaks):.3f}"
     )
 
 

@@ -96,9 +96,8 @@ def tables(r: Results) -> tuple[Table, ...]:
                 "fit of eq. 2.8 (%)",
             ),
             reductions,
-            "Least squares of the output, weighted by the input's spectrum; P1D has a dead time. Of eq. 2.5, "
-            "which is "
-            "unstable, the frequency response is reduced.",
+            "Least squares of the output, weighted by the input's spectrum; P1D has a dead time. Of eq. 2.5, which "
+            "is unstable, the frequency response is reduced.",
         ),
         Table(
             "grover_margins",
@@ -152,7 +151,7 @@ def tables(r: Results) -> tuple[Table, ...]:
                 )
                 for x in r.single
             ],
-            "Least squares over the lead's motion in closed loop, tau as a lag; errors are relative, -1 is a "
-            "gain of 0.",
+            "Least squares over the lead's motion in closed loop, tau as a lag; errors are relative, -1 is a gain of "
+            "0.",
         ),
     )

@@ -6,8 +6,8 @@ import math
 
 from canid.study.prints.printed_numbers import SteeringTable
 
-# c1 is not printed: below -0.5 sampling alone would make the printed scatter of a1, above 0.3 the noise is slower than
-# any that canid's simulated drivers have
+# c1 is not printed: at -0.5 sampling alone would make the whole printed scatter of a1 (claim C3), 0.3 is that of canid's
+# own simulated driver
 C1_RANGE = (-0.5, 0.3)
 
 

@@ -68,9 +68,8 @@ def _grover(deep: bool) -> Study:
         PAPERS[GROVER],
         "",
         (
-            f"Grover's eq. 2.5 has {r.second.unstable} unstable poles and a DC gain of "
-            f"{r.second.dc_gain:.0f}, next to a "
-            f"published reduction with a gain of {EQ_2_9.K:g}; the sum of the two published models can fit "
+            f"Grover's eq. 2.5 has {r.second.unstable} unstable poles and a DC gain of {r.second.dc_gain:.0f}, next "
+            f"to a published reduction with a gain of {EQ_2_9.K:g}; the sum of the two published models can fit "
             f"{r.miso[1]:.2f} % at most, next to a published {MISO_FIT_PERCENT:g} %.",
         ),
         grover_rows.rows(r),
@@ -91,10 +90,9 @@ def _chen_ulsoy(deep: bool) -> Study:
         PAPERS[CHEN_ULSOY],
         "",
         (
-            f"Drawn with the standard deviations of Chen & Ulsoy's Table 1 and no correlation, "
-            f"{100 * first.unstable:.0f} % of the drivers are unstable and the DC gain of the others reaches "
-            f"from {low:.0f} "
-            f"to {high:.0f} (5 to 95 %): the unprinted correlations, {r.fitted[0].corr[2, 3]:.4f} of b1 and "
+            "Drawn with the standard deviations of Chen & Ulsoy's Table 1 and no correlation, "
+            f"{100 * first.unstable:.0f} % of the drivers are unstable and the DC gain of the others reaches from "
+            f"{low:.0f} to {high:.0f} (5 to 95 %): the unprinted correlations, {r.fitted[0].corr[2, 3]:.4f} of b1 and "
             "b2, are needed.",
         ),
         chen_ulsoy_rows.rows(r),

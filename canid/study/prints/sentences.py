@@ -91,8 +91,8 @@ def sentences() -> tuple[Sentence, ...]:
             f"the shortest are {shortest * GROVER_RATE_HZ:.1f} and "
             f"{sorted(d.tau2 for d in rows)[1] * GROVER_RATE_HZ:.1f} samples",
             _verdict(shortest > FALSE_START_S),
-            f"a sprinter who answers the gun within {FALSE_START_S:g} s has a false start; a lag that short "
-            "cannot be separated from 0 in a record that moves below 0.5 Hz",
+            f"a sprinter who answers the gun within {FALSE_START_S:g} s has a false start; a lag that short cannot be "
+            "separated from 0 in a record that moves below 0.5 Hz",
         ),
         Sentence(
             "G11",
@@ -100,9 +100,8 @@ def sentences() -> tuple[Sentence, ...]:
             "K2 " + ", ".join(f"{d.K2:g}" for d in GROVER_DRIVERS),
             f"DC gain of eq. 2.5: {dc:.0f}",
             _verdict(dc > 0.0),
-            "the text on Fig. 11 says that the pedal falls as V_rel rises: K2 is negative in that "
-            "convention. canid's "
-            "range rate is V_L - V_F",
+            "the text on Fig. 11 says that the pedal falls as V_rel rises: K2 is negative in that convention. "
+            "canid's range rate is V_L - V_F",
         ),
         Sentence(
             "G12",
@@ -110,9 +109,8 @@ def sentences() -> tuple[Sentence, ...]:
             "K1 " + ", ".join(f"{d.K1:g}" for d in GROVER_DRIVERS),
             f"the headway error falls {FIG_10_ERROR_S[0]:g} -> {FIG_10_ERROR_S[1]:g} s, the pedal rises",
             _verdict(not (falls and rises)),
-            "in the record as described the pedal goes on rising while the error goes to 0; the second input "
-            "may explain it, "
-            "the plot does not show a positive K1",
+            "in the record as described the pedal goes on rising while the error goes to 0; the second input may "
+            "explain it, the plot does not show a positive K1",
         ),
         Sentence(
             "G13",
@@ -120,9 +118,8 @@ def sentences() -> tuple[Sentence, ...]:
             f"{SELECTION_PERCENT:g} %",
             f"the reduced model of sec. 4.5 fits {REDUCED_FIT_PERCENT:g} %",
             _verdict(REDUCED_FIT_PERCENT >= SELECTION_PERCENT),
-            "the limit is stated for the models of high order; the reduced one, from which all printed "
-            "parameters come, "
-            "does not reach it",
+            "the limit is stated for the models of high order; the reduced one, from which all printed parameters "
+            "come, does not reach it",
         ),
         Sentence(
             "G14",
@@ -135,8 +132,8 @@ def sentences() -> tuple[Sentence, ...]:
         Sentence(
             "G15",
             "numbering and names",
-            "Fig. 11 and 12 for the plots of sec. 4.1; PID and PIUZ for model types; 2 s or 3 s for the "
-            "two-second rule",
+            "Fig. 11 and 12 for the plots of sec. 4.1; PID and PIUZ for model types; 2 s or 3 s for the two-second "
+            "rule",
             "the plots are Fig. 10 and 11; the types are P1D and P2UZ",
             ClaimVerdict.FAILS,
             "misprints; the rule of thumb is given two values in one sentence",
