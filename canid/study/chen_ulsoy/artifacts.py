@@ -275,7 +275,7 @@ def _structured(pooled: Sequence[between.Split]) -> Artifact:
 
 def _bias(drivers: Sequence[Driver]) -> Artifact | None:
     found = [
-        (d.joint.model[2], d.constant.bias[2]) for d in drivers if d.joint is not None and d.constant is not None
+        (d.model[:, 2].mean(), d.repeated.bias[2]) for d in drivers if d.repeated is not None
     ]
     if not found:
         return None

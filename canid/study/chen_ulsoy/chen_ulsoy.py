@@ -72,7 +72,7 @@ def made(found: Sequence[Driver], settings: ChenUlsoySettings) -> Study:
         why = "; ".join(f"{d.name}: {d.why}" for d in found[:3]) or "no logs"
         says = (f"Nothing can be analysed: {why}. Lane keeping with lateral_offset and steering_angle is needed.",)
         return Study(PAPER, TITLE, says, (), (tables.segments(found),), (), skipped, stated)
-    pooled = between.split(NAMES, [(d.model, d.covariance) for d in good])
+    pooled = between.split(NAMES, [d.group for d in good])
     limits = bounds.bounds(good)
     robust = bounds.robust(good, limits, settings.speed)
     all_tables = (

@@ -16,7 +16,7 @@ from canid.study.chen_ulsoy.closed_loop import fit_car
 from canid.study.chen_ulsoy.driver_drift import Drift, drift_of
 from canid.study.chen_ulsoy.model_structures import ResidualPlot
 from canid.study.chen_ulsoy.nonlinearity import DeadZone
-from canid.study.chen_ulsoy.repetitions import ConstantDriver
+from canid.study.chen_ulsoy.repetitions import ConstantDriver, Sampling
 from canid.study.chen_ulsoy.segment_fits import NAMES, Fits, Joint, fit_joint, fit_segments, reasonable
 from canid.study.chen_ulsoy.segments import MIN_SEGMENTS, Segments, segments_of
 from canid.study.chen_ulsoy.settings import ChenUlsoySettings
@@ -81,10 +81,12 @@ class Driver(NamedTuple):
     rejected: int  # of those that were fitted, with unreasonable poles
     number: npt.NDArray[np.int64]  # (S,) segments used
     theta: Array  # (S, 6) a1, a2, b1, b2, c0, c1
-    covariance: Array  # (S, 4, 4) of a1 to b2, calibrated
+    covariance: Array  # (S, 4, 4) of a1 to b2 of each minute's fit, calibrated
+    sampling: Array  # (4, 4) that sampling adds to the covariance of the fits
     dt: float
     joint: Joint | None
     constant: ConstantDriver | None
+    repeated: Sampling | None
     drift: Drift | None
     stationary: Stationary | None
     spectra: Spectra | None
@@ -103,6 +105,11 @@ class Driver(NamedTuple):
     def model(self) -> Array:
         """(S, 4) a1, a2, b1, b2."""
         return self.theta[:, :4]
+
+    @property
+    def group(self) -> tuple[Array, Array]:
+        """Models (S, 4) and what sampling adds to each (S, 4, 4), for `between`."""
+        return self.model, np.broadcast_to(self.sampling, (len(self.theta), 4, 4))
 
 
 def driver_of(job: tuple[str, Sequence[tuple[str, Trace]], ChenUlsoySettings]) -> Driver:
@@ -138,20 +145,23 @@ def driver_of(job: tuple[str, Sequence[tuple[str, Trace]], ChenUlsoySettings]) -
             joint, car, used.angle, used.error, settings.constant_repetitions, settings.seed
         )
     R = repetitions.calibrated(fits.model_covariance, constant)
-    logs_p = _equal_logs(used, fits, R)
+    sampling = None
+    if constant is not None and joint is not None and car is not None:
+        sampling = repetitions.sampling_of(
+            fits, joint, constant, car, used.angle, used.error, settings.constant_repetitions, settings.seed
+        )
+    added = R.mean(axis=0) if sampling is None else sampling.covariance
+    logs_p = _equal_logs(used, fits, added)
     if logs_p < DIFFERENT_LOGS:
         why = f"its logs are not of one driver (p = {logs_p:.1g}): sort them into a folder per driver, or use --by file"
         return _nothing(name, why, skipped, found.counted, settings)._replace(equal_logs=logs_p)
     n = unstructured.left(used.angle, used.error, fits.theta)
     delta = unstructured.delta(n, used.error, used.dt)
     band = excess = None
-    if settings.bootstraps >= _MIN_BOOTSTRAPS and constant is not None and joint is not None and car is not None:
-        changing = any(s.minutes.low > 0.0 for s in between.split(NAMES, [(fits.model, R)]))
-        models = repetitions.drawn_models(
-            fits, joint, constant, changing, used.angle, used.error, settings.bootstraps, settings.seed
-        )
+    if settings.bootstraps >= _MIN_BOOTSTRAPS and sampling is not None and joint is not None and car is not None:
+        offset = repetitions.offsets(sampling, joint, used.angle, used.error)
         band = unstructured.null_band(
-            *models, fits, car, used.angle, used.error, used.dt, settings.bootstraps, settings.seed
+            sampling.models, offset, sampling.c1, fits, car, used.angle, used.error, used.dt, settings.bootstraps, settings.seed
         )
         excess = unstructured.excess(delta, band)
     return Driver(
@@ -163,9 +173,11 @@ def driver_of(job: tuple[str, Sequence[tuple[str, Trace]], ChenUlsoySettings]) -
         used.number,
         fits.theta,
         R,
+        added,
         used.dt,
         joint,
         constant,
+        sampling,
         drift_of(used.number, fits.model, R, settings.seed),
         Stationary(
             float(stationarity.passes(whole.error).mean()),
@@ -196,11 +208,12 @@ def _rows(fits: Fits, rows: npt.NDArray[np.bool_]) -> Fits:
     )
 
 
-def _equal_logs(used: Segments, fits: Fits, R: Array) -> float:
+def _equal_logs(used: Segments, fits: Fits, sampling: Array) -> float:
     which = np.unique(used.log)
     if len(which) < 2:
         return NAN
-    return between.equal_means([(fits.model[used.log == k], R[used.log == k]) for k in which])
+    groups = [fits.model[used.log == k] for k in which]
+    return between.equal_means([(x, np.broadcast_to(sampling, (len(x), 4, 4))) for x in groups])
 
 
 def _structures(used: Segments) -> Structures:
@@ -260,7 +273,9 @@ def _nothing(name: str, why: str, skipped: list[Skipped], counted: int, settings
         np.zeros(0, np.int64),
         np.zeros((0, 6)),
         np.zeros((0, 4, 4)),
+        np.full((4, 4), NAN),
         settings.dt,
+        None,
         None,
         None,
         None,

@@ -86,8 +86,8 @@ def statistics(name: str, title: str, groups: Sequence[tuple[str, str, Array]]) 
 def correlations(drivers: Sequence[Driver]) -> Table:
     """4 x 4 correlations: of the fits as printed tables would have them, of sampling alone, and between minutes."""
     everything = np.concatenate([d.model for d in drivers])
-    sampling = np.concatenate([d.covariance for d in drivers]).mean(axis=0)
-    found = between.covariance([(d.model, d.covariance) for d in drivers])
+    sampling = np.mean([d.sampling for d in drivers], axis=0)
+    found = between.covariance([d.group for d in drivers])
     rows: list[list[Cell]] = []
     for what, C in (
         ("of the fits", np.cov(everything.T)),
@@ -109,7 +109,7 @@ def structured(drivers: Sequence[Driver], pooled: Sequence[between.Split]) -> Ta
     """What each standard deviation consists of, per driver and over all."""
     rows: list[list[Cell]] = []
     for d in drivers:
-        for s in between.split(NAMES, [(d.model, d.covariance)]):
+        for s in between.split(NAMES, [d.group]):
             rows.append(_split_row(d.name, s))
     if len(drivers) > 1:
         rows += [_split_row("all", s) for s in pooled]
@@ -138,13 +138,13 @@ def bias(drivers: Sequence[Driver]) -> Table:
             continue
         for j, p in enumerate(NAMES):
             value, sd = float(d.joint.theta[j]), float(d.joint.covariance[j, j]) ** 0.5
-            constant = d.constant
+            made = d.repeated
             rows.append(
                 [
                     d.name, p, float(d.model[:, j].mean()), float(d.model[:, j].std(ddof=1)) / len(d.model) ** 0.5,
                     value, value - NORMAL_QUANTILE * sd, value + NORMAL_QUANTILE * sd,
-                    None if constant is None else float(constant.bias[j]),
-                    None if constant is None else float(constant.bias_sd[j]),
+                    *((None, None) if made is None else (float(made.bias[j]), float(made.bias_sd[j]))),
+                    "" if made is None else "yes" if made.changing else "no",
                 ]
             )  # fmt: skip
     return Table(
@@ -152,11 +152,11 @@ def bias(drivers: Sequence[Driver]) -> Table:
         "Averages of minute fits are biased; one fit over all minutes is not",
         (
             "driver", "parameter", "mean of minute fits", "mean_se", "joint fit", "joint fit_low", "joint fit_high",
-            "bias of a minute's fit, simulated", "bias_se",
+            "bias of a minute's fit, simulated", "bias_se", "changes between minutes",
         ),
         rows,
-        "Bias: of repetitions of the driver's own loop in which nothing changes. The interval of the joint fit is that of a "
-        "constant driver.",
+        "Bias: mean of the fits of repetitions of the driver's own loop minus the models that were simulated. The joint fit is "
+        "the driver where the driver does not change; of one who does it weighs the minutes by what they say.",
     )  # fmt: skip
 
 

@@ -130,14 +130,14 @@ def model_response(model: Array, dt: float, frequencies: Array = FREQUENCIES, na
 
 
 def null_band(
-    model: Array, offset: Array, c: Array, fits: Fits, car: Car, angle: Array, error: Array, dt: float, repetitions: int, seed: int = 0
+    model: Array, offset: Array, c1: float, fits: Fits, car: Car, angle: Array, error: Array, dt: float, repetitions: int, seed: int = 0
 ) -> NullBand:
     """Repeat every segment's loop with a driver of ARMAX(2,2,1), fit it again, and take Delta of that.
 
     Args:
-        model: (repetitions, S, 4) a1, a2, b1, b2 of each repetition.
-        offset: (repetitions, S) c0.
-        c: (repetitions, S) c1.
+        model: (S, 4) a1, a2, b1, b2 of the repetitions.
+        offset: (S,) c0.
+        c1: of C.
         fits: ARMAX(2,2,1) of the measured segments.
         car: of the same segments.
         angle: (S, N).
@@ -155,9 +155,8 @@ def null_band(
         k = part.stop - first
         rows = np.tile(np.arange(S), k)
         own = car._replace(constant=car.constant[rows], sd=car.sd[rows])
-        d, y = repeat(
-            model[part].reshape(-1, 4), offset[part].ravel(), c[part].ravel(), fits.sigma[rows], own, angle[rows], error[rows], rng
-        )
+        c = np.full(len(rows), c1)
+        d, y = repeat(model[rows], offset[rows], c, fits.sigma[rows], own, angle[rows], error[rows], rng)
         lost = ~np.isfinite(d).all(axis=1)
         d[lost], y[lost] = angle[rows[lost]], error[rows[lost]]
         again = fit_segments(d, y, start=fits.theta[rows])
