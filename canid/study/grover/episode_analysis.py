@@ -31,8 +31,8 @@ class PerInput(NamedTuple):
 class Held(NamedTuple):
     """Percentages of fit on the next episode, in %."""
 
-    high: float  # sum of the high-order models
-    reduced: float  # sum of the reduced
+    high: float  # high-order models, weighed as fits the episode best
+    reduced: float  # the reduced, weighed alike
     joint: float  # joint fit of this episode
     joint_drive: float  # of the whole drive, which has seen that episode
 
@@ -74,13 +74,17 @@ def analyse(
             return "too short, or without movement, for a transfer function of first order"
         found.append(one)
     high, low = [one.model for one in found], [one.p1 for one in found]
+    together = miso.together(output, inputs, trace.dt, high, low)
     own = joint.of_episode(trace, episode)
     held = None
     if following is not None:
         y, u = detrended(trace.output[following.part]), detrended(trace.inputs[following.part])
+        weighed = [
+            one._replace(K=w * one.K) for one, w in zip(low, together.weights[1].tolist(), strict=True)
+        ]
         held = Held(
-            fit_percent(y, miso.on_another(y, u, high)),
-            fit_percent(y, miso.first_order_on(y, u, trace.dt, low)),
+            fit_percent(y, miso.on_another(y, u, high, together.weights[0])),
+            fit_percent(y, miso.first_order_on(y, u, trace.dt, weighed)),
             joint.fit_on(own, trace, following),
             joint.fit_on(drive, trace, following),
         )
@@ -88,7 +92,7 @@ def analyse(
     return Analysis(
         episode,
         (found[0], found[1]),
-        miso.together(output, inputs, trace.dt, high, low),
+        together,
         own,
         fit_percent(output, simulated) if drive.models else NAN,
         simulated,

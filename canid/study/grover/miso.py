@@ -33,6 +33,9 @@ class Miso(NamedTuple):
     high_weighed: Array  # (n,) weighed anew
     low: Array  # (n,) simulated by the sum of the reduced
     low_weighed: Array  # (n,)
+    weights: tuple[
+        Array, Array
+    ]  # (2,) of the high-order models and of the reduced, with which they are weighed anew
 
 
 def together(
@@ -54,7 +57,8 @@ def together(
             for one, u in zip(low, inputs.T, strict=True)
         ]
     )
-    weighed, first_weighed = _weighed(output, simulated), _weighed(output, first)
+    weights = _weights(output, simulated), _weights(output, first)
+    weighed, first_weighed = simulated @ weights[0], first @ weights[1]
     return Miso(
         fit_percent(output, simulated.sum(axis=1)),
         fit_percent(output, weighed),
@@ -65,23 +69,28 @@ def together(
         weighed,
         first.sum(axis=1),
         first_weighed,
+        weights,
     )
 
 
-def on_another(output: Array, inputs: Array, high: Sequence[OutputError]) -> Array:
+def on_another(
+    output: Array, inputs: Array, high: Sequence[OutputError], weights: Array | None = None
+) -> Array:
     """Simulate the sum of high-order models on another record, each from the initial state that fits best.
 
     Args:
         output: (n,) detrended.
         inputs: (n, 2) detrended.
         high: one per input.
+        weights: (2,) of each; None: one.
 
     Returns:
-        (n,), which overflows where a model is unstable.
+        (n,), infinite where an unstable model diverges.
     """
     n = len(output)
     with np.errstate(over="ignore", invalid="ignore"):
-        raw = np.sum([output_error.simulate(m, u) for m, u in zip(high, inputs.T, strict=True)], axis=0)
+        responses = [output_error.simulate(m, u) for m, u in zip(high, inputs.T, strict=True)]
+        raw = np.column_stack(responses) @ (np.ones(len(high)) if weights is None else weights)
         states = np.hstack([output_error.initial_responses(m, n) for m in high])
         largest = float(np.abs(raw).max()) + float(np.abs(states).max())
     # beyond, squares overflow, and the initial states have no digits left to correct with
@@ -126,6 +135,6 @@ def _with_state(output: Array, raw: Array, taus: Sequence[float], dt: float, *, 
     return out
 
 
-def _weighed(output: Array, simulated: Array) -> Array:
-    out: Array = simulated @ np.linalg.lstsq(simulated, output, rcond=None)[0]
-    return out
+def _weights(output: Array, simulated: Array) -> Array:
+    """Least-squares factor of each column."""
+    return np.asarray(np.linalg.lstsq(simulated, output, rcond=None)[0], np.float64)
