@@ -140,8 +140,7 @@ def _studied(args: argparse.Namespace) -> tuple[Sequence[Study], int]:
     if args.what == "prints":
         from canid.study.prints import prints
 
-        papers = (args.paper,) if args.paper else PAPERS
-        return [prints.study(paper, deep=args.deep) for paper in papers], DONE
+        return [prints.study(args.paper or "both", deep=args.deep)], DONE
     if bool(args.logs) == args.reproduce:
         raise ConfigError(
             f"study {args.what}: name logs, or use --reproduce, which simulates the paper's drivers"
@@ -216,20 +215,20 @@ def _write(folder: Path, made: Sequence[Study], of: Provenance) -> None:
     from canid.views.study import figure_svg, study_files, study_page
 
     objects = [study_files.to_json(study, of.command) for study in made]
+    drawings = {(study.paper, f.name): figure_svg.drawn(f) for study in made for f in study.figures}
     texts = {
         "study.json": (
             json_values.line(objects[0] if len(objects) == 1 else objects) + "\n",
             output_kinds.JSON,
         ),
-        "study.html": (study_page.page(made, of), output_kinds.STUDY_PAGE),
+        "study.html": (study_page.page(made, of, drawings), output_kinds.STUDY_PAGE),
     }
     for study in made:
         for table in study.tables:
             text = study_files.to_csv(table)
             texts[f"tables/{table.name}.csv"] = text, output_kinds.study_table(text.partition("\n")[0])
-        texts |= {
-            f"figures/{f.name}.svg": (figure_svg.svg(f), output_kinds.STUDY_FIGURE) for f in study.figures
-        }
+    for (_, name), drawing in drawings.items():
+        texts[f"figures/{name}.svg"] = figure_svg.svg(drawing), output_kinds.STUDY_FIGURE
     files = [Output("-o", str(folder / name), kind) for name, (_, kind) in texts.items()]
     outputs.check(files, [])
     for file, (text, _) in zip(files, texts.values(), strict=True):

@@ -79,15 +79,17 @@ def _study(
 def _settings(args: argparse.Namespace) -> Any:
     """The settings of a study: its defaults, and what the command line says."""
     if args.what == "grover":
-        from canid.study.grover.grover import GroverSettings as Settings
+        from canid.study.grover.grover import GroverSettings
 
-        names = ("min_episode", "gate_fit")
-    else:
-        from canid.study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings as Settings
+        return GroverSettings(**_stated(args, "min_episode", "gate_fit"))
+    from canid.study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings
 
-        names = ("segment", "bootstraps")
-    stated = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    return Settings(**stated)
+    return ChenUlsoySettings(**_stated(args, "segment", "bootstraps"))
+
+
+def _stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """What the command line says of some settings."""
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
 def minutes_of(text: str) -> tuple[float, ...]:
@@ -134,7 +136,8 @@ def reproduced(args: argparse.Namespace, vehicle: Vehicle) -> Study:
                 drives[name] = _through_log(simulation, vehicle, Path(folder) / "drive.blf")
                 bar.to(min(len(drives) / _expected(args, minutes), 1.0))
         with Progress(f"studying {len(drives)} drives") as bar:
-            return study(drives, progress=lambda done, total: bar.to(done / max(total, 1)), run=run)
+            made: Study = study(drives, progress=lambda done, total: bar.to(done / max(total, 1)), run=run)
+            return made
 
 
 def _through_log(simulation: Simulation, vehicle: Vehicle, path: Path) -> tuple[Trace, dict[str, Any]]:

@@ -15,7 +15,7 @@ MARK = "canid study"
 # inches; a page is as wide as 1080 px
 WIDTH, PANEL_HEIGHT = 8.6, 2.9
 # placeholders in the SVG, and the style sheet's names of the colors (canid/views/report/page.css)
-INK, GRID = "#1b1f24", "#e9ecee"
+INK, GRID, BACKGROUND = "#1b1f24", "#e9ecee", "#fdfdfe"
 COLORS = {
     "published": "#c2510c",
     "reproduced": "#0b62ad",
@@ -40,46 +40,41 @@ MAX_POINTS = 2000
 MANY_POINTS = 60
 
 
-def svg(figure: Figure) -> str:
-    """Draw a figure.
+def svg(drawing: str) -> str:
+    """A drawing as a file: an SVG document with a white background.
+
+    Example:
+        >>> line = Curve(np.arange(3.0), np.arange(3.0), "a")
+        >>> text = svg(drawn(Figure("fig_1", "Title", (Panel("t (s)", "y", (line,)),))))
+        >>> text.startswith("<svg"), "canid study" in text, BACKGROUND in text
+        (True, True, False)
+    """
+    return drawing.replace(BACKGROUND, "white")
+
+
+def inline(drawing: str, name: str) -> str:
+    """A drawing for a page: without background, colors by the page's style sheet, text by the page's font.
 
     Args:
-        figure: panels below each other.
-
-    Returns:
-        An SVG document with a white background. The same figure gives the same text.
+        drawing: from `drawn`.
+        name: of the figure; a page holds many drawings, whose ids are made unique by it.
 
     Example:
         >>> line = Curve(np.arange(3.0), np.arange(3.0), "a")
-        >>> text = svg(Figure("fig_1", "Title", (Panel("t (s)", "y", (line,)),)))
-        >>> text.startswith("<svg"), "canid study" in text
-        (True, True)
-    """
-    return _drawn(figure, background="white")
-
-
-def inline(figure: Figure) -> str:
-    """The same for a page: without background, colors by the page's style sheet, text by the page's font.
-
-    Example:
-        >>> line = Curve(np.arange(3.0), np.arange(3.0), "a")
-        >>> "var(--ink)" in inline(Figure("fig_1", "Title", (Panel("t (s)", "y", (line,)),)))
+        >>> drawing = drawn(Figure("fig_1", "Title", (Panel("t (s)", "y", (line,)),)))
+        >>> "var(--ink)" in inline(drawing, "fig_1")
         True
     """
-    text = _drawn(figure, background="none")
-    for color, name in VARIABLES.items():
-        text = text.replace(color, f"var({name})")
-    text = re.sub(
-        r'(<svg [^>]*?)width="[^"]*pt" height="[^"]*pt"',
-        rf'\1role="img" aria-label="{figure.name}"',
-        text,
-        count=1,
-    )
-    # one document holds many figures: ids are made unique
-    return re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{figure.name}-", text)
+    text = drawing.replace(BACKGROUND, "none")
+    for color, variable in VARIABLES.items():
+        text = text.replace(color, f"var({variable})")
+    size, named = r'(<svg [^>]*?)width="[^"]*pt" height="[^"]*pt"', rf'\1role="img" aria-label="{name}"'
+    text = re.sub(size, named, text, count=1)
+    return re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", text)
 
 
-def _drawn(figure: Figure, background: str) -> str:
+def drawn(figure: Figure) -> str:
+    """Draw a figure by matplotlib, with placeholders for the colors; the same figure gives the same text."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure as Canvas
@@ -102,7 +97,7 @@ def _drawn(figure: Figure, background: str) -> str:
         heights = [1.6 if panel.equal else 1.0 for panel in figure.panels] or [1.0]
         canvas = Canvas(figsize=(WIDTH, PANEL_HEIGHT * sum(heights)), layout="constrained")
         FigureCanvasSVG(canvas)
-        canvas.patch.set_facecolor(background)
+        canvas.patch.set_facecolor(BACKGROUND)
         if figure.panels:
             axes = canvas.subplots(len(figure.panels), 1, squeeze=False, height_ratios=heights)[:, 0]
             for of, panel in zip(axes, figure.panels, strict=True):

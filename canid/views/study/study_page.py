@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup
 
@@ -20,15 +20,16 @@ CLASSES = {
 }
 
 
-def page(studies: Sequence[Study], provenance: Provenance) -> str:
+def page(studies: Sequence[Study], provenance: Provenance, drawings: Mapping[tuple[str, str], str]) -> str:
     """Several studies as one page, one after the other.
 
     Args:
         studies: one or more; each has its own section.
         provenance: of the logs, and the command.
+        drawings: (paper, name of the figure) -> from `figure_svg.drawn`.
 
     Example:
-        >>> "Two claims fail" in page([Study("Grover 2021", "Prints", ("Two claims fail.",), ())], Provenance())
+        >>> "Two claims fail" in page([Study("Grover 2021", "Prints", ("Two claims fail.",), ())], Provenance(), {})
         True
     """
     counts = {
@@ -42,11 +43,7 @@ def page(studies: Sequence[Study], provenance: Provenance) -> str:
         title=", ".join(study.title for study in studies),
         counts={verdict.value: n for verdict, n in counts.items() if n},
         classes=CLASSES,
-        drawn={
-            f"{study.paper} {figure.name}": Markup(inline(figure))
-            for study in studies
-            for figure in study.figures
-        },
+        drawn={f"{paper} {name}": Markup(inline(text, name)) for (paper, name), text in drawings.items()},
         p=provenance,
         style=file_text("report/page.css") + file_text("study/study.css"),
     )
