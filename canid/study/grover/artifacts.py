@@ -416,8 +416,8 @@ def _validation(every: Sequence[Analysis]) -> Artifact:
         else ClaimVerdict.FAILS
         if joint > max(high, low)
         else ClaimVerdict.HOLDS,
-        f"of {len(held)} next episodes the joint model predicts {better[0]} better than the transfer functions and {better[1]} "
-        "better than the reduced"
+        f"of {len(held)} next episodes the joint model predicts {better[0]} better than the transfer functions do, and "
+        f"{better[1]} better than the reduced"
         if held
         else "one episode has no next one: drive longer",
         ("tables/next_episode.csv", "figures/next_episode.svg") if held else (),
@@ -534,8 +534,8 @@ def _fleet(drives: Sequence[DriveAnalysis]) -> Artifact:
         if len(known) > 1:
             values = [K.value for K in known]
             said.append(
-                f"K{number + 1} {min(values):.3g} to {max(values):.3g} in {len(known)} drives, p = {_homogeneity(known):.2g} "
-                "of one common gain"
+                f"K{number + 1} {min(values):.3g} to {max(values):.3g} in {len(known)} drives, p = "
+                f"{_homogeneity(known):.2g} of one common gain"
             )
     mixed = "drives with different outputs are not compared" if len(sets) > 1 else ""
     return Artifact(
