@@ -171,7 +171,7 @@ def log_likelihood_of_vectors(values: Array, covariances: Array, change: Array) 
     """
     n, d = values.shape[-2:]
     g = len(change)
-    missing = ~np.isfinite(values.reshape(-1, n, d)).all(axis=(0, 2))
+    missing = np.asarray(~np.isfinite(values.reshape(-1, n, d)).all(axis=(0, 2)))
     level = np.repeat(values[..., None, 0, :], g, axis=-2)
     P = np.broadcast_to(covariances[0], (g, d, d))
     total = np.zeros(level.shape[:-1])

@@ -54,8 +54,16 @@ def test_gaps_and_standing_signals_are_rejected_by_reason_and_keep_their_place()
     y[3600:4200, 0] = 0.1
     learn[4500] = False
     t = np.delete(t, slice(2500, 2530))
-    cut = {"t": t, "output": np.delete(trace.output, slice(2500, 2530)), "inputs": np.delete(y, slice(2500, 2530), axis=0)}
-    cut |= {"learn": np.delete(learn, slice(2500, 2530)), "segment": trace.segment[30:], "gate": trace.gate[30:]}
+    cut = {
+        "t": t,
+        "output": np.delete(trace.output, slice(2500, 2530)),
+        "inputs": np.delete(y, slice(2500, 2530), axis=0),
+    }
+    cut |= {
+        "learn": np.delete(learn, slice(2500, 2530)),
+        "segment": trace.segment[30:],
+        "gate": trace.gate[30:],
+    }
     found = segments_of([("a", trace._replace(**cut))], QUICK)
     assert found.segments.number.tolist() == [0, 2, 4, 7]
     assert found.counted == 8
@@ -114,7 +122,10 @@ def test_everything_that_is_published_has_its_row_and_files(one):
     made = chen_ulsoy.made([one], QUICK)
     names = " ".join(a.name for a in made.artifacts)
     wanted = [f"eq. {k}" for k in range(1, 6)] + [f"Fig. {k}" for k in range(4, 15)] + ["Table 1", "Table 2"]
-    assert all(w in names for w in [*wanted, "stationary", "anti-aliasing", "coherence", "orders", "structured", "|Delta|"])
+    assert all(
+        w in names
+        for w in [*wanted, "stationary", "anti-aliasing", "coherence", "orders", "structured", "|Delta|"]
+    )
     files = {f"tables/{t.name}.csv" for t in made.tables} | {f"figures/{f.name}.svg" for f in made.figures}
     assert {file for a in made.artifacts for file in a.files} <= files
     for table in made.tables:
@@ -136,10 +147,14 @@ def test_the_order_of_drivers_and_a_process_pool_change_nothing(one):
     """`run` may return in its own way; the result is that of map."""
     logs = {"S1": [("a.blf", lane(7))], "S2": [("b.blf", lane(11))]}
     done = []
-    made = chen_ulsoy.study(logs, QUICK, lambda k, n: done.append((k, n)), run=lambda f, jobs: [f(j) for j in jobs])
+    made = chen_ulsoy.study(
+        logs, QUICK, lambda k, n: done.append((k, n)), run=lambda f, jobs: [f(j) for j in jobs]
+    )
     assert done == [(1, 2), (2, 2)]
     again = chen_ulsoy.study(dict(reversed(logs.items())), QUICK)
-    first, second = ({r[0]: r[3:] for r in next(t for t in s.tables if t.name == "table_1").rows} for s in (made, again))
+    first, second = (
+        {r[0]: r[3:] for r in next(t for t in s.tables if t.name == "table_1").rows} for s in (made, again)
+    )
     assert first["S2"] == pytest.approx(second["S2"])
 
 
@@ -154,7 +169,10 @@ def test_a_finer_trace_is_resampled_and_the_difference_stated():
 
 def test_the_drawn_distribution_gives_the_printed_tables():
     """Means and standard deviations of Tables 1 and 2 within 4 % of a standard deviation: 100,000 draws."""
-    for parameters, table in ((printed_drivers.TABLE_1, STEERING_TABLES[0]), (printed_drivers.TABLE_2, STEERING_TABLES[2])):
+    for parameters, table in (
+        (printed_drivers.TABLE_1, STEERING_TABLES[0]),
+        (printed_drivers.TABLE_2, STEERING_TABLES[2]),
+    ):
         x = steering_distribution.draw(parameters, np.random.default_rng(1), 100_000)
         sd = np.array(table.sd)
         assert x.mean(axis=1) == pytest.approx(table.mean, abs=0.04 * sd.max())
@@ -170,7 +188,9 @@ def test_a_schedule_changes_the_driver_by_the_minute():
     angle = both.columns["steering_angle"]
     assert np.array_equal(angle[:5990], alone[:5990])
     assert not np.allclose(angle[6100:], alone[6100:])
-    assert np.array_equal(keep_lane(2.0, 5, first, Car(), {}, (), schedule=(first,)).columns["steering_angle"], alone)
+    assert np.array_equal(
+        keep_lane(2.0, 5, first, Car(), {}, (), schedule=(first,)).columns["steering_angle"], alone
+    )
     assert both.truth["schedule"][1]["a"] == (-1.5, 0.56)
 
 
@@ -186,14 +206,19 @@ def test_drawn_drivers_come_back(seed):
         assert row[5] > row[4]
     names = [a.name for a in study.artifacts]
     assert names[0] == "reproduction: a1"
-    b1 = next(r for r in next(t for t in study.tables if t.name == "structured").rows if r[:2] == ["all", "b1"])
+    b1 = next(
+        r for r in next(t for t in study.tables if t.name == "structured").rows if r[:2] == ["all", "b1"]
+    )
     assert b1[5] > 0.0
 
 
 @two_of_three
 def test_planted_effects_exceed_their_null(seed):
     """A second lag of 0.6 s in |Delta|, a dead zone of 0.2 m in the test of the innovations: 30 min each."""
-    for hide, word in (({"second_lag": (0.6,)}, "by |Delta|"), ({"lateral_dead_zone": (0.2,)}, "innovations")):
+    for hide, word in (
+        ({"second_lag": (0.6,)}, "by |Delta|"),
+        ({"lateral_dead_zone": (0.2,)}, "innovations"),
+    ):
         drives = printed_drivers.drives(seed % 1000, 1, 30.0, kind="constant", hide=hide)
         made = {name: (trace_of(d), d.truth) for name, d in drives}
         study = reproduction.study(made, QUICK._replace(bootstraps=40))

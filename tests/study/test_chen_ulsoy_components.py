@@ -55,7 +55,9 @@ def test_the_split_finds_what_was_drawn_and_zero_where_nothing_was(seed):
     """12 drivers of 60 minutes: sampling 1, between minutes 2, between drivers 1.5; and none of the two."""
     rng = np.random.default_rng(seed)
     R = np.ones((60, 1, 1))
-    many = [(1.5 * rng.normal() + 2.0 * rng.normal(size=(60, 1)) + rng.normal(size=(60, 1)), R) for _ in range(12)]
+    many = [
+        (1.5 * rng.normal() + 2.0 * rng.normal(size=(60, 1)) + rng.normal(size=(60, 1)), R) for _ in range(12)
+    ]
     found = between.split(("x",), many)[0]
     assert found.minutes.low < 2.0 < found.minutes.high
     assert found.drivers.low < 1.5 < found.drivers.high
@@ -137,7 +139,9 @@ def test_one_parameter_is_the_scalar_local_level(seed):
     rng = np.random.default_rng(seed)
     y, v, q = rng.normal(size=9), rng.uniform(0.1, 1.0, 9), rng.uniform(0.01, 0.3, 8)
     one = local_level.log_likelihood(y, v, q[None])
-    assert local_level.log_likelihood_of_vectors(y[:, None], v[:, None, None], q[None, :, None, None]) == pytest.approx(one)
+    assert local_level.log_likelihood_of_vectors(
+        y[:, None], v[:, None, None], q[None, :, None, None]
+    ) == pytest.approx(one)
 
 
 @two_of_three

@@ -1,4 +1,4 @@
-"""Fits of the segments, structures, |Delta|, bounds and margins of lane keeping against planted systems and second routes."""
+"""Fits of segments, structures, |Delta|, bounds and margins of lane keeping against planted systems and second routes."""
 
 import numpy as np
 import pytest
@@ -156,11 +156,17 @@ def test_a_repeated_loop_moves_as_the_measured_one(seed):
     e, w = 0.25 * rng.normal(size=(S, N)), 0.02 * rng.normal(size=(S, N))
     for t in range(2, N):
         d[:, t] = (
-            -MODEL[0] * d[:, t - 1] - MODEL[1] * d[:, t - 2] + MODEL[2] * y[:, t - 1] + MODEL[3] * y[:, t - 2] + e[:, t]
+            -MODEL[0] * d[:, t - 1]
+            - MODEL[1] * d[:, t - 2]
+            + MODEL[2] * y[:, t - 1]
+            + MODEL[3] * y[:, t - 2]
+            + e[:, t]
         )
         y[:, t] = 1.9 * y[:, t - 1] - 0.905 * y[:, t - 2] - 0.003 * d[:, t - 1] + w[:, t]
     car = closed_loop.fit_car(d, y)
-    again = closed_loop.repeat(np.tile(MODEL, (S, 1)), np.zeros(S), np.zeros(S), np.full(S, 0.25), car, d, y, rng)
+    again = closed_loop.repeat(
+        np.tile(MODEL, (S, 1)), np.zeros(S), np.zeros(S), np.full(S, 0.25), car, d, y, rng
+    )
     for made, measured in zip(again, (d, y), strict=True):
         assert made[:, 50:].std() == pytest.approx(measured[:, 50:].std(), rel=0.2)
 

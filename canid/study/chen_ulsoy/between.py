@@ -1,5 +1,6 @@
-"""Structured uncertainty as variance components: sampling, between minutes, between drivers, by restricted maximum
-likelihood on (theta_k, R_k) (Patterson & Thompson 1971; the random-effects model of DerSimonian & Laird 1986).
+"""Variance components by restricted maximum likelihood (Patterson & Thompson 1971): sampling, minutes, drivers.
+
+The random-effects model of DerSimonian & Laird (1986) on (theta_k, R_k), nested: minutes in drivers.
 
 The standard deviation that Chen & Ulsoy 2001 print (Tables 1, 2) adds the three: R_k, the covariance of each minute's
 fit, is known, so that the rest can be separated from it.
@@ -62,7 +63,7 @@ def component(groups: Sequence[tuple[Array, Array]]) -> Component:
     >>> rng = np.random.default_rng(1)
     >>> v = rng.uniform(0.5, 1.5, 200)
     >>> found = component([(3.0 + 2.0 * rng.normal(size=200) + np.sqrt(v) * rng.normal(size=200), v)])
-    >>> found.sd.low < 2.0 < found.sd.high, abs(found.mean - 3.0) < 4 * found.mean_sd
+    >>> bool(found.sd.low < 2.0 < found.sd.high), bool(abs(found.mean - 3.0) < 4 * found.mean_sd)
     (True, True)
     """
     used = [(np.asarray(x, float), np.asarray(v, float)) for x, v in groups if len(x) > 1]
@@ -77,8 +78,12 @@ def component(groups: Sequence[tuple[Array, Array]]) -> Component:
     found = np.array([value(sd) for sd in grid])
     top = int(np.argmax(found))
     low, high = grid[max(top - 1, 0)], grid[min(top + 1, len(grid) - 1)]
-    best = minimize_scalar(lambda sd: -value(sd), bounds=(low, high), method="bounded", options={"xatol": 1e-4 * unit})
-    sd, peak = (float(best.x), -float(best.fun)) if -best.fun > found[top] else (float(grid[top]), float(found[top]))
+    best = minimize_scalar(
+        lambda sd: -value(sd), bounds=(low, high), method="bounded", options={"xatol": 1e-4 * unit}
+    )
+    sd, peak = (
+        (float(best.x), -float(best.fun)) if -best.fun > found[top] else (float(grid[top]), float(found[top]))
+    )
     inside = 2.0 * (peak - found) <= CHI_SQUARED_QUANTILE
     ends = []
     for side in (-1, 1):
@@ -98,7 +103,11 @@ def component(groups: Sequence[tuple[Array, Array]]) -> Component:
     x, v = used[0]
     weight = 1.0 / (v + sd * sd)
     mean = float(weight @ x / weight.sum()) if len(used) == 1 else NAN
-    return Component(mean, float(weight.sum() ** -0.5) if len(used) == 1 else NAN, Interval(sd, min(ends[0], sd), max(ends[1], sd)))
+    return Component(
+        mean,
+        float(weight.sum() ** -0.5) if len(used) == 1 else NAN,
+        Interval(sd, min(ends[0], sd), max(ends[1], sd)),
+    )
 
 
 def restricted_log_likelihood(x: Array, variance: Array, between: float) -> float:
@@ -140,7 +149,8 @@ def covariance(groups: Sequence[tuple[Array, Array]]) -> Covariance | None:
     scatter = np.cov((everything @ back.T).T)
     values, vectors = np.linalg.eigh(scatter - np.eye(len(L)))
     between = vectors @ np.diag(np.maximum(values, 0.05)) @ vectors.T
-    means, spread = [], []
+    means: list[Array] = []
+    spread: list[Array] = []
     for _ in range(_STEPS):
         total, count = np.zeros_like(between), 0
         means, spread = [], []

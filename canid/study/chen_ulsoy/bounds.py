@@ -1,4 +1,4 @@
-"""Least first-order bounds above |Delta| as eq. 5, their validation, and robust stability with them (sec. 4.1-4.3, Fig. 14)."""
+"""Least first-order bounds above |Delta| as eq. 5 (Fig. 14), their validation, and robust stability with them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,9 @@ def bounds(drivers: Sequence[Driver]) -> list[Bound]:
         )
     if len(drivers) > 1:
         half = (len(drivers) + 1) // 2
-        estimation, validation = (np.abs(np.concatenate([d.delta for d in part])) for part in (drivers[:half], drivers[half:]))
+        estimation, validation = (
+            np.abs(np.concatenate([d.delta for d in part])) for part in (drivers[:half], drivers[half:])
+        )
         found.append(bound(f"{half} drivers", estimation, validation))
     return [b for b in found if b is not None]
 
@@ -107,24 +109,41 @@ def robust_table(made: dict[str, Robustness], speed: float) -> Table:
     for name, r in made.items():
         rows.append(
             [
-                name, "yes" if r.stable else "no", r.margins.crossover, r.margins.phase_margin_deg, r.margins.gain_margin,
-                r.margins.delay_margin_s, r.margins.modulus_margin, None if r.disk is None else r.disk.disk,
-                None if r.disk is None else r.disk.gain_margin, None if r.disk is None else r.disk.phase_margin_deg,
-                r.small_gain, r.small_gain_hz,
+                name,
+                "yes" if r.stable else "no",
+                r.margins.crossover,
+                r.margins.phase_margin_deg,
+                r.margins.gain_margin,
+                r.margins.delay_margin_s,
+                r.margins.modulus_margin,
+                None if r.disk is None else r.disk.disk,
+                None if r.disk is None else r.disk.gain_margin,
+                None if r.disk is None else r.disk.phase_margin_deg,
+                r.small_gain,
+                r.small_gain_hz,
             ]
-        )  # fmt: skip
+        )
     return Table(
         "robustness",
         f"Robust stability with a one-track car at {speed:g} m/s",
         (
-            "driver", "stable", "crossover (rad/s)", "phase margin (deg)", "gain margin", "delay margin (s)",
-            "modulus margin", "disk margin", "disk gain margin", "disk phase margin (deg)",
-            "max |Delta P / (1 + L)|", "at (Hz)",
+            "driver",
+            "stable",
+            "crossover (rad/s)",
+            "phase margin (deg)",
+            "gain margin",
+            "delay margin (s)",
+            "modulus margin",
+            "disk margin",
+            "disk gain margin",
+            "disk phase margin (deg)",
+            "max |Delta P / (1 + L)|",
+            "at (Hz)",
         ),
         rows,
         "The car is an assumption: 1,500 kg, 2,500 kg m², axles at 1.2 and 1.5 m, cornering stiffness 80 and 90 kN/rad, "
         "steering ratio 15. Below 1 in the column before the last: stable for every Delta within the driver's bound.",
-    )  # fmt: skip
+    )
 
 
 def delta_table(drivers: Sequence[Driver]) -> Table:
@@ -134,21 +153,34 @@ def delta_table(drivers: Sequence[Driver]) -> Table:
         e, z = d.excess, d.dead_zone
         rows.append(
             [
-                d.name, float(np.median(np.abs(d.delta))), float(np.abs(d.delta).max()),
-                *((None, None, None, None) if e is None or d.band is None else (e.share, e.frequencies, float(np.max(e.distance)), d.band.limit)),
+                d.name,
+                float(np.median(np.abs(d.delta))),
+                float(np.abs(d.delta).max()),
+                *(
+                    (None, None, None, None)
+                    if e is None or d.band is None
+                    else (e.share, e.frequencies, float(np.max(e.distance)), d.band.limit)
+                ),
                 *((None, None, None) if z is None else (z.statistic, z.p_value, z.half_width)),
             ]
-        )  # fmt: skip
+        )
     return Table(
         "unmodeled",
         "Unmodeled dynamics: |Delta| against its null band, and a dead zone",
         (
-            "driver", "median |Delta| (deg/m)", "largest |Delta| (deg/m)", "share above the band of its segment",
-            "share of frequencies above the simultaneous band", "largest squared distance", "simultaneous limit",
-            "dead zone: z", "dead zone: p", "dead zone: half width (m)",
+            "driver",
+            "median |Delta| (deg/m)",
+            "largest |Delta| (deg/m)",
+            "share above the band of its segment",
+            "share of frequencies above the simultaneous band",
+            "largest squared distance",
+            "simultaneous limit",
+            "dead zone: z",
+            "dead zone: p",
+            "dead zone: half width (m)",
         ),
         rows,
         "Null: repetitions of the same loop without unmodeled dynamics, where about 0.05 of |Delta| lies above the band of "
         "its segment. The mean of Delta over the segments is compared with a simultaneous band. Without --bootstraps the "
         "band is not made.",
-    )  # fmt: skip
+    )

@@ -70,7 +70,9 @@ def made(found: Sequence[Driver], settings: ChenUlsoySettings) -> Study:
     stated = tuple((name.replace("_", " "), f"{value:g}") for name, value in settings._asdict().items())
     if not good:
         why = "; ".join(f"{d.name}: {d.why}" for d in found[:3]) or "no logs"
-        says = (f"Nothing can be analysed: {why}. Lane keeping with lateral_offset and steering_angle is needed.",)
+        says = (
+            f"Nothing can be analysed: {why}. Lane keeping with lateral_offset and steering_angle is needed.",
+        )
         return Study(PAPER, TITLE, says, (), (tables.segments(found),), (), skipped, stated)
     pooled = between.split(NAMES, [d.group for d in good])
     limits = bounds.bounds(good)
@@ -78,7 +80,9 @@ def made(found: Sequence[Driver], settings: ChenUlsoySettings) -> Study:
     all_tables = (
         tables.segments(found),
         tables.statistics(
-            "table_1", "Driver model parameters: each driver", [(d.name, part, x) for d in good for part, x in tables.halves(d).items()]
+            "table_1",
+            "Driver model parameters: each driver",
+            [(d.name, part, x) for d in good for part, x in tables.halves(d).items()],
         ),
         tables.statistics(
             "table_2",
@@ -115,8 +119,8 @@ def _says(good: Sequence[Driver], pooled: Sequence[between.Split]) -> tuple[str,
     b1 = pooled[2]
     minutes = sum(len(d.number) for d in good)
     out = [
-        f"{len(good)} driver{'s' if len(good) > 1 else ''}, {minutes} segments. Of the standard deviation of b1, {b1.naive:.2f} deg/m, "
-        f"the fits' own error is {b1.sampling:.2f}; between minutes are {b1.minutes.value:.2f} "
+        f"{len(good)} driver{'s' if len(good) > 1 else ''}, {minutes} segments. Of the standard deviation of b1, "
+        f"{b1.naive:.2f} deg/m, the fits' own error is {b1.sampling:.2f}; between minutes are {b1.minutes.value:.2f} "
         f"(95 % interval {b1.minutes.low:.2f} to {b1.minutes.high:.2f})."
     ]
     known = [d.drift for d in good if d.drift is not None]

@@ -61,7 +61,14 @@ def fit_car(angle: Array, error: Array) -> Car | None:
 
 
 def repeat(
-    model: Array, offset: Array, c: Array, sigma: Array, car: Car, angle: Array, error: Array, rng: np.random.Generator
+    model: Array,
+    offset: Array,
+    c: Array,
+    sigma: Array,
+    car: Car,
+    angle: Array,
+    error: Array,
+    rng: np.random.Generator,
 ) -> tuple[Array, Array]:
     """Simulate every segment once more.
 
@@ -88,7 +95,9 @@ def repeat(
     back_y, back_d = car.of_error[::-1].copy(), car.of_angle[::-1].copy()
     with np.errstate(over="ignore", invalid="ignore"):
         for t in range(p, N):
-            d[t] = -a1 * d[t - 1] - a2 * d[t - 2] + b1 * y[t - 1] + b2 * y[t - 2] + offset + e[t] + c * e[t - 1]
+            d[t] = (
+                -a1 * d[t - 1] - a2 * d[t - 2] + b1 * y[t - 1] + b2 * y[t - 2] + offset + e[t] + c * e[t - 1]
+            )
             y[t] = back_y @ y[t - p : t] + back_d @ d[t - p : t + 1] + car.constant + w[t]
     limit = _RUNAWAY * np.maximum(np.abs(error).max(axis=1), 1e-12)
     lost = ~(np.abs(y) < limit).all(axis=0) | ~np.isfinite(d).all(axis=0)

@@ -11,13 +11,20 @@ import numpy.typing as npt
 from canid.identification.armax import order_selection
 from canid.identification.armax.armax_batch import Orders
 from canid.study.artifact import Skipped
-from canid.study.chen_ulsoy import between, model_structures, nonlinearity, repetitions, stationarity, unstructured
+from canid.study.chen_ulsoy import (
+    between,
+    model_structures,
+    nonlinearity,
+    repetitions,
+    stationarity,
+    unstructured,
+)
 from canid.study.chen_ulsoy.closed_loop import fit_car
 from canid.study.chen_ulsoy.driver_drift import Drift, drift_of
 from canid.study.chen_ulsoy.model_structures import ResidualPlot
 from canid.study.chen_ulsoy.nonlinearity import DeadZone
 from canid.study.chen_ulsoy.repetitions import ConstantDriver, Sampling
-from canid.study.chen_ulsoy.segment_fits import NAMES, Fits, Joint, fit_joint, fit_segments, reasonable
+from canid.study.chen_ulsoy.segment_fits import Fits, Joint, fit_joint, fit_segments, reasonable
 from canid.study.chen_ulsoy.segments import MIN_SEGMENTS, Segments, segments_of
 from canid.study.chen_ulsoy.settings import ChenUlsoySettings
 from canid.study.chen_ulsoy.signals import Spectra, spectra
@@ -125,18 +132,25 @@ def driver_of(job: tuple[str, Sequence[tuple[str, Trace]], ChenUlsoySettings]) -
     found = segments_of(logs, settings)
     skipped = list(found.skipped)
     if len(found.segments.number) < MIN_SEGMENTS:
-        why = f"{len(found.segments.number)} usable segments, and {MIN_SEGMENTS} are needed: record {MIN_SEGMENTS + 1} minutes and more"
+        why = (
+            f"{len(found.segments.number)} usable segments, and {MIN_SEGMENTS} are needed: "
+            f"record {(MIN_SEGMENTS + 1) * settings.segment / 60.0:g} minutes and more"
+        )
         return _nothing(name, why, skipped, found.counted, settings)
     whole = found.segments
     fits = fit_segments(whole.angle, whole.error)
     good = reasonable(fits.model)
     rejected = int((~good).sum())
     if rejected:
-        skipped.append(Skipped(name, f"{rejected} of {len(good)} segments", "poles that are unstable or negative, or no fit"))
+        skipped.append(
+            Skipped(
+                name, f"{rejected} of {len(good)} segments", "poles that are unstable or negative, or no fit"
+            )
+        )
     if good.sum() < MIN_SEGMENTS:
         why = f"{int(good.sum())} segments with a reasonable model, and {MIN_SEGMENTS} are needed"
         return _nothing(name, why, skipped, found.counted, settings)._replace(rejected=rejected)
-    used, fits = whole.take(good), _rows(fits, good)
+    used, fits = whole.take(good), fits.take(good)
     joint = fit_joint(used.angle, used.error, np.median(fits.theta[:, repetitions.FIVE], axis=0))
     car = fit_car(used.angle, used.error)
     constant = None
@@ -158,10 +172,24 @@ def driver_of(job: tuple[str, Sequence[tuple[str, Trace]], ChenUlsoySettings]) -
     n = unstructured.left(used.angle, used.error, fits.theta)
     delta = unstructured.delta(n, used.error, used.dt)
     band = excess = None
-    if settings.bootstraps >= _MIN_BOOTSTRAPS and sampling is not None and joint is not None and car is not None:
+    if (
+        settings.bootstraps >= _MIN_BOOTSTRAPS
+        and sampling is not None
+        and joint is not None
+        and car is not None
+    ):
         offset = repetitions.offsets(sampling, joint, used.angle, used.error)
         band = unstructured.null_band(
-            sampling.models, offset, sampling.c1, fits, car, used.angle, used.error, used.dt, settings.bootstraps, settings.seed
+            sampling.models,
+            offset,
+            sampling.c1,
+            fits,
+            car,
+            used.angle,
+            used.error,
+            used.dt,
+            settings.bootstraps,
+            settings.seed,
         )
         excess = unstructured.excess(delta, band)
     return Driver(
@@ -190,21 +218,19 @@ def driver_of(job: tuple[str, Sequence[tuple[str, Trace]], ChenUlsoySettings]) -
         Example(int(used.number[0]), used.error[0], used.angle[0]),
         _structures(used),
         tuple(
-            order_selection.compare(used.angle[0], used.error[0][:, None], np.full(used.angle.shape[1], True), _CANDIDATES)
+            order_selection.compare(
+                used.angle[0], used.error[0][:, None], np.full(used.angle.shape[1], True), _CANDIDATES
+            )
         ),
         delta,
         _fourth_order(used),
         band,
         excess,
-        nonlinearity.dead_zone(fits, used.angle, used.error),
+        nonlinearity.dead_zone(
+            fits, used.angle, used.error, None if constant is None else constant.dead_zone
+        ),
         logs_p,
         _aliasing(found.finer, whole, good, fits),
-    )
-
-
-def _rows(fits: Fits, rows: npt.NDArray[np.bool_]) -> Fits:
-    return fits._replace(
-        theta=fits.theta[rows], covariance=fits.covariance[rows], sigma=fits.sigma[rows], residual=fits.residual[rows]
     )
 
 
@@ -243,14 +269,18 @@ def _fourth_order(used: Segments) -> Complex:
     """Delta of ARMAX(4,4,1), Fig. 14."""
     fits = fit_segments(used.angle, used.error, 4, 4)
     out = np.full((len(used.number), len(unstructured.FREQUENCIES)), NAN, np.complex128)
-    stable = np.array([np.isfinite(m).all() and bool((np.abs(np.roots([1.0, *m[:4]])) < 1.0).all()) for m in fits.model])
+    stable = np.array(
+        [np.isfinite(m).all() and bool((np.abs(np.roots([1.0, *m[:4]])) < 1.0).all()) for m in fits.model]
+    )
     if stable.any():
         n = unstructured.left(used.angle[stable], used.error[stable], fits.theta[stable], 4, 4)
         out[stable] = unstructured.delta(n, used.error[stable], used.dt)
     return out
 
 
-def _aliasing(finer: Segments | None, whole: Segments, good: npt.NDArray[np.bool_], fits: Fits) -> Aliasing | None:
+def _aliasing(
+    finer: Segments | None, whole: Segments, good: npt.NDArray[np.bool_], fits: Fits
+) -> Aliasing | None:
     """Pairs of the same minutes, so that the difference has its own, small error."""
     if finer is None or len(finer.number) != len(whole.number):
         return None
@@ -262,7 +292,9 @@ def _aliasing(finer: Segments | None, whole: Segments, good: npt.NDArray[np.bool
     return Aliasing(away.mean(axis=0), away.std(axis=0, ddof=1) / len(away) ** 0.5)
 
 
-def _nothing(name: str, why: str, skipped: list[Skipped], counted: int, settings: ChenUlsoySettings) -> Driver:
+def _nothing(
+    name: str, why: str, skipped: list[Skipped], counted: int, settings: ChenUlsoySettings
+) -> Driver:
     none = np.zeros((0, len(unstructured.FREQUENCIES)), np.complex128)
     return Driver(
         name,

@@ -24,10 +24,20 @@ _ERROR, _ANGLE, _HZ = "lateral error (m)", "steering angle (deg)", "frequency (H
 _CURVES = 60
 
 
-def figures(drivers: Sequence[Driver], bounds: Sequence[Bound], robust: dict[str, Robustness]) -> tuple[Figure, ...]:
+def figures(
+    drivers: Sequence[Driver], bounds: Sequence[Bound], robust: dict[str, Robustness]
+) -> tuple[Figure, ...]:
     """All figures. One driver's are those of the first."""
     one = drivers[0]
-    made = [_signals(one), _spectra(one), _coherence(one), _residuals(one), _bode(robust), _parameters(one), _poles(one)]
+    made = [
+        _signals(one),
+        _spectra(one),
+        _coherence(one),
+        _residuals(one),
+        _bode(robust),
+        _parameters(one),
+        _poles(one),
+    ]
     made += [_delta(one), _bounds(bounds)]
     return tuple(figure for figure in made if figure is not None)
 
@@ -35,7 +45,7 @@ def figures(drivers: Sequence[Driver], bounds: Sequence[Bound], robust: dict[str
 def _signals(d: Driver) -> Figure | None:
     if d.example is None:
         return None
-    t = d.dt * np.arange(len(d.example.error))
+    t: Array = d.dt * np.arange(len(d.example.error), dtype=np.float64)
     return Figure(
         "fig_04",
         f"Lateral error and steering angle, segment {d.example.number + 1} of {d.name}",
@@ -72,7 +82,14 @@ def _coherence(d: Driver) -> Figure | None:
     return Figure(
         "fig_07",
         f"Coherence of lateral error and steering angle, {d.name}",
-        (Panel(_HZ, "coherence", (Curve(f, s.coherence[1:], "coherence", role="measured"), limit), y_range=(0.0, 1.0)),),
+        (
+            Panel(
+                _HZ,
+                "coherence",
+                (Curve(f, s.coherence[1:], "coherence", role="measured"), limit),
+                y_range=(0.0, 1.0),
+            ),
+        ),
     )
 
 
@@ -87,7 +104,9 @@ def _residuals(d: Driver) -> Figure | None:
         ):
             ends = plot.lags[[0, -1]]
             limits = [Curve(ends, np.full(2, s * bound), role="limit", dashed=True) for s in (-1.0, 1.0)]
-            panels.append(Panel("lag (samples)", what, (Curve(plot.lags, y, points=True), *limits), title=name))
+            panels.append(
+                Panel("lag (samples)", what, (Curve(plot.lags, y, points=True), *limits), title=name)
+            )
     return Figure(
         "fig_08",
         f"Residuals of ARX, ARMAX, OE and BJ with 99 % bounds, {d.name}",
@@ -125,12 +144,21 @@ def _parameters(d: Driver) -> Figure:
         if d.drift is not None:
             k = d.drift.number.astype(float) + 1.0
             curves.append(
-                Curve(k, d.drift.level[:, j], "smoothed, 95 %", d.drift.low[:, j], d.drift.high[:, j], role="corrected")
+                Curve(
+                    k,
+                    d.drift.level[:, j],
+                    "smoothed, 95 %",
+                    d.drift.low[:, j],
+                    d.drift.high[:, j],
+                    role="corrected",
+                )
             )
         panels.append(Panel("segment", name, tuple(curves)))
     caption = ""
     if d.drift is not None:
-        caption = f"Likelihood ratio against a constant driver {d.drift.statistic:.1f}, p = {d.drift.p_value:.2g}."
+        caption = (
+            f"Likelihood ratio against a constant driver {d.drift.statistic:.1f}, p = {d.drift.p_value:.2g}."
+        )
     return Figure("fig_11", f"Parameters of {d.name} over the drive", tuple(panels), caption)
 
 
@@ -153,7 +181,14 @@ def _poles(d: Driver) -> Figure:
                 "segment",
                 "DC gain (deg/m)",
                 (
-                    Curve(t, found.gain, "95 %", found.gain - found.gain_half, found.gain + found.gain_half, points=True),
+                    Curve(
+                        t,
+                        found.gain,
+                        "95 %",
+                        found.gain - found.gain_half,
+                        found.gain + found.gain_half,
+                        points=True,
+                    ),
                     *(Curve(t[[0, -1]], np.full(2, g), role="published", dashed=True) for g in DC_GAIN_RANGE),
                 ),
             ),
@@ -163,15 +198,19 @@ def _poles(d: Driver) -> Figure:
 
 
 def _delta(d: Driver) -> Figure:
-    magnitude = np.abs(d.delta)
+    magnitude: Array = np.asarray(np.abs(d.delta), np.float64)
     step = max(len(magnitude) // _CURVES, 1)
     curves = [Curve(FREQUENCIES, row, role="other") for row in magnitude[::step]]
     curves.append(Curve(FREQUENCIES, np.median(magnitude, axis=0), "median"))
     caption = "With --bootstraps the null band is shown."
     if d.band is not None:
         top = _of_segments(d.band.segment)
-        curves.append(Curve(FREQUENCIES, np.abs(d.band.mean), "no unmodeled dynamics: mean", role="corrected"))
-        curves.append(Curve(FREQUENCIES, top, "no unmodeled dynamics: 95 % of a segment", role="limit", dashed=True))
+        curves.append(
+            Curve(FREQUENCIES, np.abs(d.band.mean), "no unmodeled dynamics: mean", role="corrected")
+        )
+        curves.append(
+            Curve(FREQUENCIES, top, "no unmodeled dynamics: 95 % of a segment", role="limit", dashed=True)
+        )
         caption = "A driver who is the model shows as much |Delta| as the lower of the two null curves: it is feedback."
     return Figure(
         "fig_13",

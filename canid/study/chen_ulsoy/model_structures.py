@@ -36,7 +36,7 @@ class StructureFit(NamedTuple):
     parameters: dict[str, Array]  # "A", "B", "C", "D", "F" without the leading one; B whole
     residual: Array  # (N,) NaN where not predicted
     loss: float  # mean square of the residual
-    count: int  # parameters, without the offset
+    parameter_count: int  # without the offset
 
 
 class ResidualPlot(NamedTuple):
@@ -88,7 +88,9 @@ def fit(structure: str, y: Array, u: Array) -> StructureFit | None:
         parameters = {"A": made.A[1:], "B": made.B[0]}
         if orders.nc:
             parameters["C"] = made.C[1:]
-        return StructureFit(structure, parameters, made.residual, float(np.mean(known**2)), NF + NB + orders.nc)
+        return StructureFit(
+            structure, parameters, made.residual, float(np.mean(known**2)), NF + NB + orders.nc
+        )
     nc, nd = (NC, ND) if structure == "BJ" else (0, 0)
     return _prediction_error(structure, y - y.mean(), u - u.mean(), nc, nd)
 
@@ -151,7 +153,9 @@ def _prediction_error(structure: str, y: Array, u: Array, nc: int, nd: int) -> S
         parameters |= {"C": C[1:], "D": D[1:]}
     e = found.e.copy()
     e[: max(NB, NF)] = NAN
-    return StructureFit(structure, parameters, e, float(np.mean(found.e[max(NB, NF) :] ** 2)), len(found.theta))
+    return StructureFit(
+        structure, parameters, e, float(np.mean(found.e[max(NB, NF) :] ** 2)), len(found.theta)
+    )
 
 
 def _lag(x: Array, k: int) -> Array:

@@ -42,4 +42,4 @@ def poles_and_gain(model: Array, covariance: Array, dt: float) -> PolesAndGain:
         gain = (b1 + b2) / below
         slope = np.stack([-gain / below, -gain / below, 1.0 / below, 1.0 / below], axis=1)
         half = NORMAL_QUANTILE * np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", slope, covariance, slope), 0.0))
-    return PolesAndGain(s, zero, gain, half)
+    return PolesAndGain(np.asarray(s, np.complex128), zero, gain, half)

@@ -1,7 +1,7 @@
 """Drivers that agree with all that Chen & Ulsoy 2001 print (Tables 1, 2, Fig. 12), simulated in closed loop.
 
-Drawn from `prints/steering_distribution.py`; neither c1, the noise of the driver nor the disturbance is printed, so that they
-are settings. The paper's input is the lateral error, canid's the offset, of the other sign.
+Drawn from `prints/steering_distribution.py`; neither c1, the noise of the driver nor the disturbance is printed, so
+that they are settings. The paper's input is the lateral error, canid's the offset, of the other sign.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from canid.simulation.lane import Steering, keep_lane
 from canid.simulation.planted_effects import Strength
 from canid.study.chen_ulsoy.segment_fits import reasonable
 from canid.study.prints import steering_distribution
+from canid.study.prints.printed_numbers import STEERING_TABLES
 from canid.study.prints.steering_distribution import Parameters
 from canid.types import Array
 
@@ -68,7 +69,8 @@ def drives(
         minutes: of each; the first is not analysed.
         kind: "minutes": a new model each minute, of Table 2's distribution; "constant": each driver has one, drawn once.
         loop: what is not printed.
-        hide: effects of the lane catalogue to plant, as in `canid.simulate`.
+        hide: effects of the lane catalogue to plant, as in `canid.simulate`; then every driver has the means of Table 1,
+            which keep the lane with a lag or a dead zone as well, and "constant" is meant.
 
     Yields:
         A name and the drive. Its truth holds "models" (minutes, 4), a1, a2, b1, b2 in the paper's sign, "kind" and "loop".
@@ -86,12 +88,28 @@ def drives(
     count = max(int(np.ceil(minutes)), 1)
     for number in range(drivers):
         rng = np.random.default_rng([seed, number])
-        models = draw_stable(TABLE_2, rng, count if kind == "minutes" else 1)
+        models = (
+            np.array([STEERING_TABLES[0].mean])
+            if hide
+            else draw_stable(TABLE_2, rng, count if kind == "minutes" else 1)
+        )
         schedule = tuple(_steering(model, loop) for model in models)
         made = keep_lane(
-            minutes, 1000 * seed + number, schedule[0], Car(), hide or {}, LANE_CATALOGUE, 0.0, schedule, loop.push_sd
+            minutes,
+            1000 * seed + number,
+            schedule[0],
+            Car(),
+            hide or {},
+            LANE_CATALOGUE,
+            0.0,
+            schedule,
+            loop.push_sd,
         )
-        truth = made.truth | {"models": models.tolist(), "kind": kind, "loop": loop._asdict()}
+        truth = made.truth | {
+            "models": models.tolist(),
+            "kind": "constant" if hide else kind,
+            "loop": loop._asdict(),
+        }
         yield f"driver {number + 1}", made._replace(truth=truth)
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.study.chen_ulsoy import stationarity
+from canid.study.chen_ulsoy import nonlinearity, stationarity
 from canid.study.chen_ulsoy.between import component
 from canid.study.chen_ulsoy.closed_loop import Car, repeat
 from canid.study.chen_ulsoy.segment_fits import Fits, Joint, fit_segments, reasonable
@@ -41,10 +41,12 @@ class ConstantDriver(NamedTuple):
     stationary_error: float
     stationary_residual: float
     rejected: float  # share of segments with unreasonable poles
-    segments: int
+    dead_zone: Array  # (3,) mean scores of a dead zone where there is none
 
 
-def constant_driver(joint: Joint, car: Car, angle: Array, error: Array, times: int, seed: int = 0) -> ConstantDriver | None:
+def constant_driver(
+    joint: Joint, car: Car, angle: Array, error: Array, times: int, seed: int = 0
+) -> ConstantDriver | None:
     """Repeat all segments with one and the same model.
 
     Args:
@@ -64,7 +66,14 @@ def constant_driver(joint: Joint, car: Car, angle: Array, error: Array, times: i
     own = car._replace(constant=car.constant[rows], sd=car.sd[rows])
     model = np.tile(joint.model, (len(rows), 1))
     d, y = repeat(
-        model, joint.offset[rows], np.full(len(rows), joint.theta[-1]), joint.sigma[rows], own, angle[rows], error[rows], rng
+        model,
+        joint.offset[rows],
+        np.full(len(rows), joint.theta[-1]),
+        joint.sigma[rows],
+        own,
+        angle[rows],
+        error[rows],
+        rng,
     )
     held = np.isfinite(d).all(axis=1)
     if held.mean() < 0.5:
@@ -89,7 +98,8 @@ def constant_driver(joint: Joint, car: Car, angle: Array, error: Array, times: i
         float(stationarity.passes(y).mean()),
         float(stationarity.passes(fits.residual).mean()),
         float(1.0 - good.mean()),
-        len(d),
+        # of `times` drives together: their mean score is sqrt(times) of one drive's
+        nonlinearity.scores(fits.take(good), d[good], y[good], nonlinearity.half_widths(error)) / times**0.5,
     )
 
 
@@ -116,7 +126,14 @@ class Sampling(NamedTuple):
 
 
 def sampling_of(
-    fits: Fits, joint: Joint, constant: ConstantDriver, car: Car, angle: Array, error: Array, times: int, seed: int = 0
+    fits: Fits,
+    joint: Joint,
+    constant: ConstantDriver,
+    car: Car,
+    angle: Array,
+    error: Array,
+    times: int,
+    seed: int = 0,
 ) -> Sampling:
     """Bias and scatter of the minute fits, at models that scatter as the driver's do.
 
@@ -188,7 +205,9 @@ def _at_least(C: Array, floor: Array) -> Array:
 
 def _offset(models: Array, angle: Array, error: Array) -> Array:
     """c0 with which each model keeps the means of its segment."""
-    out: Array = (1.0 + models[:, 0] + models[:, 1]) * angle.mean(axis=1) - (models[:, 2] + models[:, 3]) * error.mean(axis=1)
+    out: Array = (1.0 + models[:, 0] + models[:, 1]) * angle.mean(axis=1) - (
+        models[:, 2] + models[:, 3]
+    ) * error.mean(axis=1)
     return out
 
 

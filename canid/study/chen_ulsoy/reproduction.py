@@ -62,8 +62,12 @@ def study(
     whole = chen_ulsoy.made(found, settings)
     truths = {name: truth for name, (_, truth) in drives.items()}
     good = [d for d in found if not d.why and d.name in truths]
-    changing = [d for d in good if truths[d.name].get("kind") == "minutes" and not truths[d.name].get("hidden")]
-    constant = [d for d in good if truths[d.name].get("kind") == "constant" and not truths[d.name].get("hidden")]
+    changing = [
+        d for d in good if truths[d.name].get("kind") == "minutes" and not truths[d.name].get("hidden")
+    ]
+    constant = [
+        d for d in good if truths[d.name].get("kind") == "constant" and not truths[d.name].get("hidden")
+    ]
     planted = [d for d in good if truths[d.name].get("hidden")]
     rows: list[Artifact] = []
     tables: list[Table] = []
@@ -75,8 +79,8 @@ def study(
         tables.append(_drawn_correlations(changing, truths))
         if sum(len(d.number) for d in changing) >= _MIN_MINUTES:
             failed += [
-                f"{r.name}: the standard deviation without sampling is {r.split_sd:.3f}, {abs(r.split_sd / r.drawn_sd - 1):.0%} off "
-                f"the drawn {r.drawn_sd:.3f} (at most {SPLIT_TOLERANCE:.0%})"
+                f"{r.name}: the standard deviation without sampling is {r.split_sd:.3f}, "
+                f"{abs(r.split_sd / r.drawn_sd - 1):.0%} off the drawn {r.drawn_sd:.3f} (at most {SPLIT_TOLERANCE:.0%})"
                 for r in made
                 if abs(r.split_sd / r.drawn_sd - 1.0) > SPLIT_TOLERANCE
             ]
@@ -88,7 +92,7 @@ def study(
         row_, missed = _planted(d, truths[d.name])
         rows.append(row_)
         failed += missed
-    loop = next((t["loop"] for t in truths.values() if "loop" in t), {})
+    loop: dict[str, float] = next((t["loop"] for t in truths.values() if "loop" in t), {})
     return whole._replace(
         title="Lane keeping: the printed drivers, simulated and analysed",
         artifacts=(*rows, *whole.artifacts),
@@ -111,9 +115,7 @@ def recovered(drivers: Sequence[Driver], truths: Mapping[str, Mapping[str, Any]]
     drawn = np.concatenate(true)
     split = between.split(NAMES, [d.group for d in drivers])
     naive = np.concatenate([d.model for d in drivers])
-    less = np.concatenate(
-        [d.model - (0.0 if d.repeated is None else d.repeated.bias) for d in drivers]
-    )
+    less = np.concatenate([d.model - (0.0 if d.repeated is None else d.repeated.bias) for d in drivers])
     out = []
     for j, s in enumerate(split):
         among = 0.0 if not np.isfinite(s.drivers.value) else s.drivers.value
@@ -151,11 +153,16 @@ def _recovered_table(made: Sequence[Recovered]) -> Table:
         "recovered",
         "The drawn distribution and what came back",
         (
-            "parameter", "drawn mean", "mean without bias", "mean of minute fits", "drawn std", "std of minute fits",
+            "parameter",
+            "drawn mean",
+            "mean without bias",
+            "mean of minute fits",
+            "drawn std",
+            "std of minute fits",
             "std without sampling",
         ),
         rows,
-    )  # fmt: skip
+    )
 
 
 def _drawn_correlations(drivers: Sequence[Driver], truths: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -163,11 +170,17 @@ def _drawn_correlations(drivers: Sequence[Driver], truths: Mapping[str, Mapping[
     naive = np.concatenate([d.model for d in drivers])
     found = between.covariance([d.group for d in drivers])
     rows: list[list[Cell]] = []
-    for what, C in (("drawn", np.cov(drawn.T)), ("minute fits", np.cov(naive.T)), ("without sampling", None if found is None else found.between)):
+    for what, C in (
+        ("drawn", np.cov(drawn.T)),
+        ("minute fits", np.cov(naive.T)),
+        ("without sampling", None if found is None else found.between),
+    ):
         if C is None:
             continue
         sd = np.sqrt(np.diag(C))
-        rows += [[what, p, *(float(x) for x in row)] for p, row in zip(NAMES, C / np.outer(sd, sd), strict=True)]
+        rows += [
+            [what, p, *(float(x) for x in row)] for p, row in zip(NAMES, C / np.outer(sd, sd), strict=True)
+        ]
     return Table("drawn_correlations", "Correlations, drawn and found", ("of", "parameter", *NAMES), rows)
 
 
@@ -180,33 +193,48 @@ def _constant(drivers: Sequence[Driver]) -> tuple[list[Artifact], list[str]]:
     drift = [d.drift for d in drivers if d.drift is not None]
     rows = [
         Artifact(
-            "reproduction: constant drivers", "between-minute variance 0 inside its interval", "minute fits have a std",
+            "reproduction: constant drivers",
+            "between-minute variance 0 inside its interval",
+            "minute fits have a std",
             f"std of b1 {naive:.2f}",
             f"0 inside the interval in {share:.0%} of {len(holds)}; a driver is said to change (p < 0.01) in "
             f"{sum(x.p_value < 0.01 for x in drift)} of {len(drift)}",
-            ClaimVerdict.HOLDS if share >= CONSTANT_SHARE else ClaimVerdict.FAILS, "sampling alone", ("tables/structured.csv",),
+            ClaimVerdict.HOLDS if share >= CONSTANT_SHARE else ClaimVerdict.FAILS,
+            "sampling alone",
+            ("tables/structured.csv",),
         )
-    ]  # fmt: skip
+    ]
     failed = []
-    slack = _ERRORS * (CONSTANT_SHARE * (1.0 - CONSTANT_SHARE) / len(holds)) ** 0.5 if len(holds) < 4 * _MIN_INTERVALS else 0.0
+    slack = (
+        _ERRORS * (CONSTANT_SHARE * (1.0 - CONSTANT_SHARE) / len(holds)) ** 0.5
+        if len(holds) < 4 * _MIN_INTERVALS
+        else 0.0
+    )
     if len(holds) >= _MIN_INTERVALS and share < CONSTANT_SHARE - slack:
-        failed.append(f"constant drivers: 0 is inside {share:.0%} of the intervals between minutes (at least {CONSTANT_SHARE:.0%})")
+        failed.append(
+            f"constant drivers: 0 is inside {share:.0%} of the intervals between minutes (at least {CONSTANT_SHARE:.0%})"
+        )
     known = [d.excess for d in drivers if d.excess is not None]
     if known:
         above = float(np.mean([e.frequencies for e in known]))
         rows.append(
             Artifact(
-                "reproduction: |Delta| of constant drivers", "frequencies above the null", "",
+                "reproduction: |Delta| of constant drivers",
+                "frequencies above the null",
+                "",
                 f"median |Delta| {np.median([np.median(np.abs(d.delta)) for d in drivers]):.2f} deg/m",
-                f"{above:.1%} of frequencies above the simultaneous band; {np.mean([e.share for e in known]):.1%} of |Delta| "
-                "above the band of its segment",
-                ClaimVerdict.HOLDS if above <= DELTA_SHARE else ClaimVerdict.FAILS, "no unmodeled dynamics were simulated",
+                f"{above:.1%} of frequencies above the simultaneous band; "
+                f"{np.mean([e.share for e in known]):.1%} of |Delta| above the band of its segment",
+                ClaimVerdict.HOLDS if above <= DELTA_SHARE else ClaimVerdict.FAILS,
+                "no unmodeled dynamics were simulated",
                 ("tables/unmodeled.csv",),
             )
-        )  # fmt: skip
+        )
         # a driver exceeds the band at all frequencies or none, so that one of n drivers may
         if above > max(DELTA_SHARE, 1.0 / len(known)):
-            failed.append(f"constant drivers: |Delta| exceeds its null at {above:.1%} of frequencies (at most {DELTA_SHARE:.0%})")
+            failed.append(
+                f"constant drivers: |Delta| exceeds its null at {above:.1%} of frequencies (at most {DELTA_SHARE:.0%})"
+            )
     return rows, failed
 
 
@@ -222,10 +250,18 @@ def _planted(d: Driver, truth: Mapping[str, Any]) -> tuple[Artifact, list[str]]:
     if d.dead_zone is not None:
         says.append(f"dead zone z = {d.dead_zone.statistic:.1f}")
     row = Artifact(
-        f"reproduction: {hidden}", f"planted in {d.name}", "", "", "; ".join(says),
+        f"reproduction: {hidden}",
+        f"planted in {d.name}",
+        "",
+        "",
+        "; ".join(says),
         ClaimVerdict.HOLDS if linear or zone else ClaimVerdict.FAILS,
-        "found by |Delta|" if linear else "found by the test of the innovations, not by |Delta|" if zone else "not found",
+        "found by |Delta|"
+        if linear
+        else "found by the test of the innovations, not by |Delta|"
+        if zone
+        else "not found",
         ("tables/unmodeled.csv",),
-    )  # fmt: skip
+    )
     failed = [] if linear or zone or not known else [f"{hidden} planted in {d.name} exceeds no null"]
     return row, failed

@@ -59,7 +59,12 @@ def of_model(model: Array, magnitude: Array, speed: float, car: OneTrackCar | No
     if stable:
         disk = control_systems.disk_margins(_loop(model, car, speed), OMEGA)
     return Robustness(
-        L, stable, control_systems.margins(OMEGA, L), disk, float(ratio[worst]) if stable else NAN, float(FREQUENCIES[worst])
+        L,
+        stable,
+        control_systems.margins(OMEGA, L),
+        disk,
+        float(ratio[worst]) if stable else NAN,
+        float(FREQUENCIES[worst]),
     )
 
 
@@ -71,7 +76,7 @@ def driver_response(model: Array, omega: Array) -> Complex:
 
 
 def _car_system(car: OneTrackCar, speed: float) -> System:
-    """The sampled car as a transfer function: its denominator by the poles of the one-track model, its numerator by its response.
+    """The sampled car as a transfer function: denominator by the one-track model's poles, numerator by its response.
 
     A strictly proper response of order n has n free numbers; they are solved from as many frequencies and more.
     """
@@ -90,7 +95,9 @@ def _car_system(car: OneTrackCar, speed: float) -> System:
     at = np.exp(1j * omega * _DT)
     wanted = in_radians(lateral_response(car, speed, omega), "deg") * np.polyval(den, at)
     X = np.stack([at**k for k in (3, 2, 1, 0)], axis=1)
-    num = np.linalg.lstsq(np.concatenate([X.real, X.imag]), np.concatenate([wanted.real, wanted.imag]), rcond=None)[0]
+    num = np.linalg.lstsq(
+        np.concatenate([X.real, X.imag]), np.concatenate([wanted.real, wanted.imag]), rcond=None
+    )[0]
     return System(tuple(float(x) for x in num), tuple(float(x) for x in den), _DT)
 
 

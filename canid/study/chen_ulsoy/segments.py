@@ -35,7 +35,9 @@ class Segments(NamedTuple):
     # (S, N) m, the paper's lateral error without the driver's mean: positive to the right, canid's offset to the left
     error: Array
     angle: Array  # (S, N) degrees, steering wheel angle
-    number: npt.NDArray[np.int64]  # (S,) from 0 over all logs; rejected segments keep theirs, so that it is time
+    number: npt.NDArray[
+        np.int64
+    ]  # (S,) from 0 over all logs; rejected segments keep theirs, so that it is time
     log: npt.NDArray[np.int64]  # (S,) which log
     dt: float  # s
     mean_error: float  # m, removed
@@ -53,7 +55,9 @@ class Found(NamedTuple):
     segments: Segments
     skipped: tuple[Skipped, ...]
     counted: int  # segments that the logs hold, without the first of each
-    finer: Segments | None  # the same resampled without an anti-aliasing filter; None: the logs have no finer grid
+    finer: (
+        Segments | None
+    )  # the same resampled without an anti-aliasing filter; None: the logs have no finer grid
 
 
 def segments_of(logs: Sequence[tuple[str, Trace]], settings: ChenUlsoySettings) -> Found:
@@ -99,7 +103,9 @@ def segments_of(logs: Sequence[tuple[str, Trace]], settings: ChenUlsoySettings) 
             if step > 1:
                 plain.append((y[::step], angle[::step], begin + k - 1, index))
         begin += max(last - 1, 0)
-        skipped += [Skipped(name, f"{_listed(ks)} of {settings.segment:g} s", why) for why, ks in reasons.items()]
+        skipped += [
+            Skipped(name, f"{_listed(ks)} of {settings.segment:g} s", why) for why, ks in reasons.items()
+        ]
     return Found(
         _stacked(rows, size, settings.dt),
         tuple(skipped),
@@ -130,9 +136,7 @@ def planar_trace(t: Array, seed: int = 0) -> Trace:
 def _unusable(trace: Trace, settings: ChenUlsoySettings, size: int) -> str:
     """Why a whole log is not used; empty: it is."""
     if trace.input_names != ("lateral_offset",):
-        return (
-            "no lane keeping: the vehicle file has to name lateral_offset and steering_angle, as generic_lane does"
-        )
+        return "no lane keeping: the vehicle file has to name lateral_offset and steering_angle, as generic_lane does"
     if not len(trace.t) or not np.isfinite(trace.inputs).any():
         return "no lateral offset in it: record a lane camera's signal"
     if not np.isfinite(trace.output).any():

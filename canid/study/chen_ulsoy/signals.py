@@ -37,7 +37,7 @@ def spectra(error: Array, angle: Array, dt: float) -> Spectra:
     >>> x, y = np.random.default_rng(0).normal(size=(2, 8, 600))
     >>> found = spectra(x, y, 0.1)
     >>> bool((found.coherence[1:-1] > found.threshold).mean() < 0.2), round(found.threshold, 3)
-    (True, 0.095)
+    (True, 0.122)
     """
     size = min(round(WINDOW_S / dt), error.shape[1])
     options = {"fs": 1.0 / dt, "nperseg": size, "detrend": "linear"}

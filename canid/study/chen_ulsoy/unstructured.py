@@ -1,4 +1,4 @@
-"""Unstructured uncertainty |Delta|: the response from lateral error to what the model leaves (Chen & Ulsoy 2001, sec. 3, 4.1).
+"""Unstructured uncertainty |Delta|: the response from lateral error to what the model leaves (Chen & Ulsoy 2001, sec. 3).
 
 n = angle - (B/A) error, and |Delta| is the frequency response of an ARX(2) model from the error to n. In a closed loop such
 a regression finds a response even where none is left, since the error holds the driver's own noise; so each segment has a
@@ -32,9 +32,13 @@ _AT_ONCE = 3000
 class NullBand(NamedTuple):
     """Delta of repetitions whose driver has no unmodeled dynamics."""
 
-    segment: Array  # (S, F) 95 % quantile of |Delta| of each segment's repetitions; NaN where its loop runs away
+    segment: (
+        Array  # (S, F) 95 % quantile of |Delta| of each segment's repetitions; NaN where its loop runs away
+    )
     mean: Complex  # (F,) mean of Delta over segments, averaged over the repetitions: feedback alone gives it
-    precision: Array  # (F, 2, 2) inverse covariance of that mean's real and imaginary part between repetitions
+    precision: (
+        Array  # (F, 2, 2) inverse covariance of that mean's real and imaginary part between repetitions
+    )
     limit: float  # squared distance that 5 % of repetitions reach at any frequency (a simultaneous band)
     lost: int  # segments without a band
 
@@ -103,10 +107,12 @@ def delta(n: Array, error: Array, dt: float, frequencies: Array = FREQUENCIES) -
     """
     begin = round(_SETTLE_S / dt)
     n, y = n[:, begin:], error[:, begin:]
-    known = np.isfinite(n).all(axis=1) & np.isfinite(y).all(axis=1)
+    known = np.asarray(np.isfinite(n + y).all(axis=1))
     n, y = np.where(known[:, None], n, 0.0), np.where(known[:, None], y, 0.0)
     N = n.shape[1]
-    X = np.stack([-n[:, 1 : N - 1], -n[:, : N - 2], y[:, 1 : N - 1], y[:, : N - 2], np.ones((len(n), N - 2))], axis=1)
+    X = np.stack(
+        [-n[:, 1 : N - 1], -n[:, : N - 2], y[:, 1 : N - 1], y[:, : N - 2], np.ones((len(n), N - 2))], axis=1
+    )
     H = X @ X.swapaxes(1, 2)
     size = np.sqrt(np.einsum("skk->sk", H))
     size = np.where(size > 0.0, size, 1.0)
@@ -130,7 +136,16 @@ def model_response(model: Array, dt: float, frequencies: Array = FREQUENCIES, na
 
 
 def null_band(
-    model: Array, offset: Array, c1: float, fits: Fits, car: Car, angle: Array, error: Array, dt: float, repetitions: int, seed: int = 0
+    model: Array,
+    offset: Array,
+    c1: float,
+    fits: Fits,
+    car: Car,
+    angle: Array,
+    error: Array,
+    dt: float,
+    repetitions: int,
+    seed: int = 0,
 ) -> NullBand:
     """Repeat every segment's loop with a driver of ARMAX(2,2,1), fit it again, and take Delta of that.
 
@@ -196,5 +211,8 @@ def excess(measured: Complex, band: NullBand) -> Excess:
     parts = np.stack([away.real, away.imag], axis=1)
     distance = np.einsum("fi,fij,fj->f", parts, band.precision, parts)
     return Excess(
-        float((np.abs(x) > band.segment[used]).mean()), distance, float((distance > band.limit).mean()), np.abs(away)
+        float((np.abs(x) > band.segment[used]).mean()),
+        distance,
+        float((distance > band.limit).mean()),
+        np.abs(away),
     )
