@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.estimators import ESTIMATORS, agreement, pooling
+from canid.estimators import ESTIMATORS, agreement, plausibility, pooling
 from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
 from canid.estimators.fopdt import FOPDT
 from canid.estimators.windows import reported_estimates
@@ -142,6 +142,9 @@ def _loop(found: WholeDrive | None, trace: Trace, output: str) -> IdentifiedLoop
         return identified_loop(None, {}, trace, output)
     if found.details.get("changes"):
         return IdentifiedLoop("the gains changed during the drive: no one loop holds for all of it")
+    left = plausibility.left_over(found.residual_tests) if found.residual_tests is not None else ""
+    if left:
+        return IdentifiedLoop(f"{left}, nor margins, which depend on them")
     return identified_loop(found.model, found.channels, trace, output)
 
 

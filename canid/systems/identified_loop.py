@@ -58,7 +58,7 @@ def identified_loop(
         output: role of the driver's output; empty: that of which the trace has the same numbers.
     """
     if tuple(trace.input_names) != TASK_INPUTS["car_following"]:
-        return IdentifiedLoop("margins are those of car following: headway and range rate")
+        return IdentifiedLoop("they are computed for car following only, by headway and range rate")
     why = _not_known(fit, channels)
     if why or fit is None or fit.posterior is None:
         return IdentifiedLoop(why)

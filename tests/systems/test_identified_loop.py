@@ -148,3 +148,18 @@ def test_identify_does_not_import_python_control() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_gains_that_change_and_misfits_give_no_loop() -> None:
+    """identify withholds what one linear model of the whole drive does not describe."""
+    from canid import drive_parameters
+
+    trace, found = urban()
+    assert drive_parameters._loop(found, trace, "pedal").says == ""
+    changed = found._replace(details={"changes": (1,)})
+    assert "changed during the drive" in drive_parameters._loop(changed, trace, "pedal").says
+    assert found.residual_tests is not None
+    misfit = found.residual_tests._replace(left_over=("range_rate",), left_over_share={"range_rate": 0.7})
+    says = drive_parameters._loop(found._replace(residual_tests=misfit), trace, "pedal").says
+    assert "residuals still hold a response" in says
+    assert "nor margins" in says
