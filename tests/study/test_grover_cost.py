@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from canid.simulation import DriverTruth, simulate
 from canid.study.artifact import ClaimVerdict
 from canid.study.grover import input_correlation, printed_drivers, reproduction, unscented
+from canid.study.grover.drive_analysis import drive_of
 from canid.study.grover.episodes import detrended, episodes_of
 from canid.study.grover.input_correlation import (
     joint_gain,
@@ -164,6 +165,19 @@ def test_the_printed_drivers_are_those_of_the_tables() -> None:
         assert channels["range_rate"] == {"K": printed.K2, "tau": printed.tau2, "dead_time": 0.0}
     np.testing.assert_array_equal(made[0][1].columns["lead_speed"], made[2][1].columns["lead_speed"])
     assert not np.array_equal(made[0][1].columns["lead_speed"], made[1][1].columns["lead_speed"])
+
+
+@two_of_three
+def test_the_joint_model_predicts_the_next_episode_better(seed: int) -> None:
+    """Of a driver in closed loop: on the next episode the joint model fits better than the transfer functions per input."""
+    driver = printed_drivers.truth_of(GROVER_DRIVERS[0])
+    trace = as_trace(simulate(8.0, seed, profile="motorway", driver=driver).columns)
+    found = drive_of("x", trace, QUICK._replace(max_order=8))
+    held = [a.held for a in found.analyses if a.held is not None]
+    assert len(held) >= 3
+    assert np.median([h.joint for h in held]) > np.median([h.high for h in held])
+    assert found.cost is not None
+    assert found.cost.gate_rejects > 50.0
 
 
 @two_of_three

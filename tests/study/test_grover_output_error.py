@@ -198,3 +198,21 @@ def test_models_predict_another_record_from_any_initial_state(seed: int) -> None
     state = lfilter([1.0], DEN, np.concatenate([[5.0], np.zeros(len(u) - 1)]))
     y = lfilter(NUM, DEN, u[:, 0]) + lfilter(NUM, DEN, u[:, 1]) + state
     assert output_error.fit_percent(y, miso.on_another(y, u, [model, model])) > 99.9
+
+
+def test_initial_states_are_not_fitted_to_what_is_predicted(seed: int) -> None:
+    """Slow modes fit unrelated records by their initial states alone; found from the first third they predict nothing."""
+    rng = np.random.default_rng(seed)
+    turns = np.exp(2j * np.pi * DT * np.array([0.02, 0.05, 0.1]))
+    den = np.real(np.poly([0.999, *(0.999 * turns), *(0.999 * turns.conj())]))
+    model = output_error.OutputError(7, np.zeros(8), den, np.zeros(7), np.zeros(0), 100.0, DT)
+    nothing = np.zeros((600, 2))
+    own, predicted = [], []
+    for _ in range(11):
+        y = detrended(np.cumsum(rng.standard_normal(600)))
+        own.append(output_error.fit_percent(y, miso.on_another(y, nothing, [model, model])))
+        begun = miso.on_another(y, nothing, [model, model], begin=200)
+        predicted.append(output_error.fit_percent(y[200:], begun[200:]))
+        assert not miso.on_another(y, nothing, [model, model], begin=0).any()
+    assert np.median(own) > 10.0
+    assert np.median(predicted) < 0.0

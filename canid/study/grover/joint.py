@@ -15,8 +15,7 @@ from canid.identification.fopdt import fopdt_fit
 from canid.identification.fopdt.fopdt_fit import ProcessFit
 from canid.signal_checks.drive_time import usable
 from canid.study.grover import miso
-from canid.study.grover.episodes import INPUTS, Episode, detrended
-from canid.study.grover.output_error import fit_percent
+from canid.study.grover.episodes import INPUTS, Episode
 from canid.study.grover.reduction import FirstOrder
 from canid.types import NAN, Array, Channel, Identifiable, Trace
 
@@ -111,14 +110,6 @@ def simulated(joint: Joint, output: Array, inputs: Array, dt: float) -> Array:
     if not joint.models:
         return np.full(len(output), NAN)
     return miso.first_order_on(output, inputs, dt, joint.models, line=True)
-
-
-def fit_on(joint: Joint, trace: Trace, episode: Episode) -> float:
-    """Percentage of fit on an episode, in %; NaN: no model."""
-    if not joint.models:
-        return NAN
-    output, inputs = detrended(trace.output[episode.part]), detrended(trace.inputs[episode.part])
-    return fit_percent(output, simulated(joint, output, inputs, trace.dt))
 
 
 def known(channel: Channel) -> bool:

@@ -74,7 +74,11 @@ def together(
 
 
 def on_another(
-    output: Array, inputs: Array, high: Sequence[OutputError], weights: Array | None = None
+    output: Array,
+    inputs: Array,
+    high: Sequence[OutputError],
+    weights: Array | None = None,
+    begin: int | None = None,
 ) -> Array:
     """Simulate the sum of high-order models on another record, each from the initial state that fits best.
 
@@ -83,6 +87,7 @@ def on_another(
         inputs: (n, 2) detrended.
         high: one per input.
         weights: (2,) of each; None: one.
+        begin: samples at the beginning from which the initial states are found; None: all; 0: none, at rest.
 
     Returns:
         (n,), infinite where an unstable model diverges.
@@ -96,15 +101,17 @@ def on_another(
     # beyond, squares overflow, and the initial states have no digits left to correct with
     if not largest < MAX_SIMULATED:
         return np.full(n, np.inf)
-    size = np.maximum(np.linalg.norm(states, axis=0), 1e-300)
-    error = output - raw
-    weights = np.linalg.lstsq(states / size, error, rcond=1e-12)[0]
-    out: Array = raw + states / size @ weights
-    return out
+    return raw + _from_beginning(states, output - raw, begin)
 
 
 def first_order_on(
-    output: Array, inputs: Array, dt: float, models: Sequence[FirstOrder], *, line: bool = False
+    output: Array,
+    inputs: Array,
+    dt: float,
+    models: Sequence[FirstOrder],
+    *,
+    line: bool = False,
+    begin: int | None = None,
 ) -> Array:
     """Simulate the sum of first-order models on a record, from the initial states that fit best.
 
@@ -114,6 +121,7 @@ def first_order_on(
         dt: s.
         models: one per input.
         line: a straight line as well, where the models are not of detrended records.
+        begin: samples at the beginning from which the initial states are found; None: all.
     """
     raw = np.sum(
         [
@@ -122,16 +130,32 @@ def first_order_on(
         ],
         axis=0,
     )
-    return _with_state(output, raw, [one.tau for one in models], dt, line=line)
+    return _with_state(output, raw, [one.tau for one in models], dt, line=line, begin=begin)
 
 
-def _with_state(output: Array, raw: Array, taus: Sequence[float], dt: float, *, line: bool = False) -> Array:
+def _with_state(
+    output: Array,
+    raw: Array,
+    taus: Sequence[float],
+    dt: float,
+    *,
+    line: bool = False,
+    begin: int | None = None,
+) -> Array:
     n = len(output)
     columns = [reduction.decay(n, tau, dt) for tau in taus]
     if line:
         columns += [np.ones(n), np.linspace(-1.0, 1.0, n)]
-    basis = np.column_stack(columns)
-    out: Array = raw + basis @ np.linalg.lstsq(basis, output - raw, rcond=1e-10)[0]
+    return raw + _from_beginning(np.column_stack(columns), output - raw, begin)
+
+
+def _from_beginning(basis: Array, error: Array, begin: int | None) -> Array:
+    """Combination of the columns (n, k) that fits the first samples of the error best, over all samples."""
+    if begin == 0:
+        return np.zeros(len(basis))
+    size = np.maximum(np.linalg.norm(basis[:begin], axis=0), 1e-300)
+    found = np.linalg.lstsq(basis[:begin] / size, error[:begin], rcond=1e-12)[0]
+    out: Array = np.asarray(basis / size @ found, np.float64)
     return out
 
 

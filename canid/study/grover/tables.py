@@ -136,8 +136,9 @@ def next_episode(drives: Sequence[DriveAnalysis]) -> Table:
         if a.held is not None
     ]
     note = (
-        "Each model of an episode on the next one, from the initial state that fits best; -1000: it diverges. The transfer "
-        "functions and the reduced models are weighed as fits their own episode best, without which their sum fits nothing. "
+        "Each model of an episode on the next one: its first third gives the initial states, the rest is simulated and "
+        "compared; -1000: it diverges. The transfer functions begin there or at rest, whichever fits better; they and the "
+        "reduced models are weighed as fits their own episode best, without which their sum fits nothing. "
         "The drive's joint model has seen all episodes."
     )
     return Table("next_episode", "Percentage of fit on the next episode", columns, rows, note)
