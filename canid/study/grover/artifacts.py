@@ -447,9 +447,10 @@ def _cost(drives: Sequence[DriveAnalysis]) -> list[Artifact]:
                 name,
                 "one fit per input determines K1",
                 "K1 from the headway error alone",
-                f"K1 {_show(own.per_input)}, each record on its own {_show(own.per_record)}, of a driver with "
-                f"{cost.K1:.3g}: error {bias / cost.K1:+.0%} in this loop, correlation of the inputs {own.correlation:.2f}",
-                f"K1 {_show(own.joint)}: error {own.joint.value / cost.K1 - 1.0:+.0%}",
+                f"K1 {_show(own.per_input)}, each record on its own {_show(own.per_record)}, of a driver with {cost.K1:.3g}"
+                f"{f': error {bias / cost.K1:+.0%}' if known else ''} in this loop, correlation of the inputs "
+                f"{own.correlation:.2f}",
+                f"K1 {_show(own.joint)}{f': error {own.joint.value / cost.K1 - 1.0:+.0%}' if known else ''}",
                 ClaimVerdict.NOT_CHECKABLE
                 if not known
                 else ClaimVerdict.FAILS
