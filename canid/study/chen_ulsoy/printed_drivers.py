@@ -37,6 +37,10 @@ TABLE_2 = Parameters(
 _SPEED, _RATIO, _WHEELBASE, _YAW_LAG = 25.0, 15.0, 2.7, 0.15
 
 Kind = Literal["minutes", "constant"]
+# of C, not printed: the results are shown over them
+C1 = (-0.3, 0.0, 0.3)
+# what ARMAX does not hold, by name in the lane catalogue: a neuromuscular lag in s, a zone without an answer in m
+PLANTED: dict[str, Strength] = {"second_lag": (0.3,), "lateral_dead_zone": (0.2,)}
 
 
 class Loop(NamedTuple):
@@ -111,6 +115,50 @@ def drives(
             "loop": loop._asdict(),
         }
         yield f"driver {number + 1}", made._replace(truth=truth)
+
+
+def reproduction_drives(
+    seed: int,
+    drivers: int = 12,
+    minutes: float = 120.0,
+    c1: float | None = None,
+    push_sd: float = Loop().push_sd,
+) -> Iterator[tuple[str, Simulation]]:
+    """All drives of `--reproduce`: drivers who change, at each c1; as many who do not; a second lag and a dead zone.
+
+    Args:
+        seed: of all.
+        drivers: of each kind.
+        minutes: of each.
+        c1: the only one; None: each of `C1`.
+        push_sd: m/s².
+
+    Yields:
+        As `drives`, `count(drivers, c1)` of them.
+
+    Example:
+        >>> [name for name, _ in reproduction_drives(1, 1, 0.2, 0.3)]
+        ['c1 0.3, driver 1', 'constant, driver 1', 'second_lag, driver 1', 'lateral_dead_zone, driver 1']
+    """
+    values = C1 if c1 is None else (c1,)
+    for value in values:
+        for name, drive in drives(seed, drivers, minutes, loop=Loop(value, push_sd=push_sd)):
+            yield f"c1 {value:g}, {name}", drive
+    middle = Loop(values[len(values) // 2], push_sd=push_sd)
+    for name, drive in drives(seed + 1, drivers, minutes, kind="constant", loop=middle):
+        yield f"constant, {name}", drive
+    for effect, strength in PLANTED.items():
+        for name, drive in drives(seed + 2, 1, minutes, loop=middle, hide={effect: strength}):
+            yield f"{effect}, {name}", drive
+
+
+def count(drivers: int, c1: float | None = None) -> int:
+    """Drives that `reproduction_drives` makes.
+
+    >>> count(12), count(12, 0.3)
+    (50, 26)
+    """
+    return drivers * ((len(C1) if c1 is None else 1) + 1) + len(PLANTED)
 
 
 def draw_stable(parameters: Parameters, rng: np.random.Generator, n: int) -> Array:

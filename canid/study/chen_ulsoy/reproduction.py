@@ -72,18 +72,21 @@ def study(
     rows: list[Artifact] = []
     tables: list[Table] = []
     failed: list[str] = []
-    if changing:
-        made = recovered(changing, truths)
-        rows += [_recovered_row(r) for r in made]
-        tables.append(_recovered_table(made))
-        tables.append(_drawn_correlations(changing, truths))
-        if sum(len(d.number) for d in changing) >= _MIN_MINUTES:
+    came_back: list[tuple[float, Recovered]] = []
+    for c1 in sorted({_c1(truths[d.name]) for d in changing}):
+        alike = [d for d in changing if _c1(truths[d.name]) == c1]
+        made = recovered(alike, truths)
+        came_back += [(c1, r) for r in made]
+        rows += [_recovered_row(r, c1) for r in made]
+        if sum(len(d.number) for d in alike) >= _MIN_MINUTES:
             failed += [
-                f"{r.name}: the standard deviation without sampling is {r.split_sd:.3f}, "
+                f"{r.name}, c1 {c1:g}: the standard deviation without sampling is {r.split_sd:.3f}, "
                 f"{abs(r.split_sd / r.drawn_sd - 1):.0%} off the drawn {r.drawn_sd:.3f} (at most {SPLIT_TOLERANCE:.0%})"
                 for r in made
                 if abs(r.split_sd / r.drawn_sd - 1.0) > SPLIT_TOLERANCE
             ]
+    if changing:
+        tables += [_recovered_table(came_back), _drawn_correlations(changing, truths)]
     if constant:
         row, missed = _constant(constant)
         rows += row
@@ -133,10 +136,14 @@ def recovered(drivers: Sequence[Driver], truths: Mapping[str, Mapping[str, Any]]
     return out
 
 
-def _recovered_row(r: Recovered) -> Artifact:
+def _c1(truth: Mapping[str, Any]) -> float:
+    return float(truth["loop"]["c1"])
+
+
+def _recovered_row(r: Recovered, c1: float) -> Artifact:
     off = r.split_sd / r.drawn_sd - 1.0
     return Artifact(
-        f"reproduction: {r.name}",
+        f"reproduction: {r.name}, c1 {c1:g}",
         "mean ± std of the drawn drivers",
         f"drawn: {r.drawn_mean:.3f} ± {r.drawn_sd:.3f}",
         f"minute fits: {r.naive_mean:.3f} ± {r.naive_sd:.3f}",
@@ -147,13 +154,14 @@ def _recovered_row(r: Recovered) -> Artifact:
     )
 
 
-def _recovered_table(made: Sequence[Recovered]) -> Table:
-    rows: list[list[Cell]] = [list(r) for r in made]
+def _recovered_table(made: Sequence[tuple[float, Recovered]]) -> Table:
+    rows: list[list[Cell]] = [[r.name, c1, *r[1:]] for c1, r in made]
     return Table(
         "recovered",
         "The drawn distribution and what came back",
         (
             "parameter",
+            "c1",
             "drawn mean",
             "mean without bias",
             "mean of minute fits",
