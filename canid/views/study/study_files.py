@@ -14,6 +14,8 @@ from canid.views.study.figure_svg import MARK
 
 # significant digits of a number in a table of the page; the CSV and JSON have all
 DIGITS = 4
+# smaller numbers are rounding: nothing in a study is measured in such units
+ROUNDING = 1e-9
 
 
 def to_json(study: Study, command: str = "") -> dict[str, Any]:
@@ -55,7 +57,7 @@ def cell(value: Cell) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        text = f"{value:.{DIGITS}g}"
+        text = f"{value:.{DIGITS}g}" if abs(value) > ROUNDING else "0"
         return f"{value:.0f}" if "e+0" in text and abs(value) < 1e6 else text
     return str(value)
 
