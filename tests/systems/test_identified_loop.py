@@ -163,3 +163,19 @@ def test_gains_that_change_and_misfits_give_no_loop() -> None:
     says = drive_parameters._loop(found._replace(residual_tests=misfit), trace, "pedal").says
     assert "residuals still hold a response" in says
     assert "nor margins" in says
+
+
+def test_an_acceleration_needs_no_car_and_a_smoothed_one_has_no_gain_margin() -> None:
+    """The same posterior with gains in m/s², as if the pedal were the acceleration."""
+    trace, found = urban()
+    channels = {
+        name: channel._replace(K=Interval(*(0.04 * x for x in channel.K)))
+        for name, channel in found.channels.items()
+    }
+    for kind, given in (("none", True), ("savitzky_golay", False)):
+        of = trace._replace(output_filter=OutputFilter(kind, 1.1))
+        loop = identified_loop(found.model, channels, of, "accel")
+        assert loop.says == ""
+        assert loop.car is None
+        assert np.isfinite(loop.gain_margin.value) == given
+        assert loop.phase_margin.low < loop.phase_margin.value < loop.phase_margin.high

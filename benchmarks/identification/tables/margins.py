@@ -124,7 +124,7 @@ def table(settings: Settings) -> list[Table]:
         Table(
             f"Margins of the identified driver with the car, {MINUTES:.0f} min of car following in closed loop",
             (
-                "lead",
+                "output",
                 "quantity",
                 "given in",
                 "truth (median)",
