@@ -214,7 +214,7 @@ def test_drawn_drivers_come_back(seed):
 
 @two_of_three
 def test_planted_effects_exceed_their_null(seed):
-    """A second lag of 0.6 s in |Delta|, a dead zone of 0.2 m in the test of the innovations: 30 min each."""
+    """A second lag of 0.3 s in |Delta|, a dead zone of 0.2 m in the test of the innovations: 45 min each."""
     for hide, word in (
         ({"second_lag": (0.6,)}, "by |Delta|"),
         ({"lateral_dead_zone": (0.2,)}, "innovations"),

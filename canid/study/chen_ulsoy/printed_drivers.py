@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from canid.effects import LANE_CATALOGUE
+from canid.effects.driver import lateral_dead_zone, second_lag
 from canid.simulation import Simulation
 from canid.simulation.car import Car
 from canid.simulation.lane import Steering, keep_lane
@@ -40,7 +41,7 @@ Kind = Literal["minutes", "constant"]
 # of C, not printed: the results are shown over them
 C1 = (-0.3, 0.0, 0.3)
 # what ARMAX does not hold, by name in the lane catalogue: a neuromuscular lag in s, a zone without an answer in m
-PLANTED: dict[str, Strength] = {"second_lag": (0.3,), "lateral_dead_zone": (0.2,)}
+PLANTED: dict[str, Strength] = {second_lag.LANE.id: (0.3,), lateral_dead_zone.EFFECT.id: (0.2,)}
 
 
 class Loop(NamedTuple):

@@ -50,7 +50,7 @@ def passes(x: Array) -> npt.NDArray[np.bool_]:
 
 
 def whole(x: Array) -> float:
-    """Statistic of the segments' mean squares in the order of time; beyond 1.96 a trend at 95 %.
+    """Statistic of the segments' mean squares in the order of time; beyond the normal quantile a trend at 95 %.
 
     Args:
         x: (S, N).
