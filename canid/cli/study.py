@@ -27,7 +27,9 @@ SIMULATED = {"grover": "generic", "chen-ulsoy": "generic_lane"}
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    verbs = parser.add_subparsers(dest="what", required=True, metavar="prints|grover|chen-ulsoy")
+    verbs = parser.add_subparsers(
+        dest="what", required=True, metavar="prints|grover|chen-ulsoy", help="what to study"
+    )
     prints = verbs.add_parser("prints", help="what follows from the papers' own numbers; needs no log")
     prints.add_argument("paper", nargs="?", choices=PAPERS, help="one of them; default: both")
     prints.add_argument(
@@ -44,7 +46,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--gate-fit",
         type=float,
         metavar="PERCENT",
-        help="leave out episodes whose models fit less; default: 0, none",
+        help="leave out episodes where a transfer function fits less; default: 0, none",
     )
     _of_logs(grover, "1,10")
     chen = verbs.add_parser(
