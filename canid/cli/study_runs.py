@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from canid.vehicle import Vehicle
 
 
+# of lane keeping that are simulated, as the paper has
+DRIVERS = 12
+
+
 def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], int]:
     """Study recorded logs; also the exit code that the damaged ones among them deserve.
 
@@ -154,8 +158,14 @@ def _through_log(simulation: Simulation, vehicle: Vehicle, path: Path) -> tuple[
 
 def _expected(args: argparse.Namespace, minutes: Iterable[float]) -> int:
     """Drives that will be simulated."""
-    of_drivers = 4 * (args.seeds or 6) if args.what == "grover" else (args.drivers or 12)
-    return max(of_drivers * len(tuple(minutes)), 1)
+    if args.what == "grover":
+        from canid.study.grover.printed_drivers import SEEDS
+        from canid.study.prints.printed_numbers import GROVER_DRIVERS
+
+        return max(len(GROVER_DRIVERS) * (args.seeds or SEEDS) * len(tuple(minutes)), 1)
+    from canid.study.chen_ulsoy.printed_drivers import count
+
+    return count(args.drivers or DRIVERS, args.c1)
 
 
 def _reproduction(
@@ -168,4 +178,13 @@ def _reproduction(
         seeds = {} if args.seeds is None else {"seeds": args.seeds}
         drives = printed_drivers.drives(args.seed, minutes, **seeds)
         return drives, partial(reproduction.study, settings=_settings(args))
-    raise NotImplementedError
+    from canid.study.chen_ulsoy import printed_drivers as steering_drivers
+    from canid.study.chen_ulsoy import reproduction as steering_reproduction
+
+    if len(minutes) > 1:
+        raise ConfigError(f"study: --minutes {args.minutes}: one length for lane keeping")
+    push = {} if args.push is None else {"push_sd": args.push}
+    drives = steering_drivers.reproduction_drives(
+        args.seed, args.drivers or DRIVERS, minutes[0], args.c1, **push
+    )
+    return drives, partial(steering_reproduction.study, settings=_settings(args))
