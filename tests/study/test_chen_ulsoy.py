@@ -215,11 +215,9 @@ def test_drawn_drivers_come_back(seed):
 @two_of_three
 def test_planted_effects_exceed_their_null(seed):
     """A second lag of 0.3 s in |Delta|, a dead zone of 0.2 m in the test of the innovations: 45 min each."""
-    for hide, word in (
-        ({"second_lag": (0.6,)}, "by |Delta|"),
-        ({"lateral_dead_zone": (0.2,)}, "innovations"),
-    ):
-        drives = printed_drivers.drives(seed % 1000, 1, 30.0, kind="constant", hide=hide)
+    planted = printed_drivers.PLANTED.items()
+    for (effect, strength), word in zip(planted, ("by |Delta|", "innovations"), strict=True):
+        drives = printed_drivers.drives(seed % 1000, 1, 45.0, kind="constant", hide={effect: strength})
         made = {name: (trace_of(d), d.truth) for name, d in drives}
         study = reproduction.study(made, QUICK._replace(bootstraps=40))
         row = study.artifacts[0]
