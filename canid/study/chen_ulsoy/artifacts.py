@@ -158,7 +158,9 @@ def _tables(drivers: Sequence[Driver], pooled: Sequence[between.Split]) -> list[
                 f"std of b1 {split.naive:.2f}: sampling {split.sampling:.2f}, between minutes {_interval(split.minutes)}, "
                 f"between drivers {_interval(split.drivers)}"
             )
-            who = drivers[0].name if number == 1 else f"{len(drivers)} drivers"
+            who = (
+                drivers[0].name if number == 1 else f"{len(drivers)} driver{'s' if len(drivers) > 1 else ''}"
+            )
             out.append(
                 Artifact(
                     f"Table {number}, {part}",
@@ -195,6 +197,7 @@ def _figures(
     if one.structures is not None:
         inside = ", ".join(f"{s} {100 * x:.0f} %" for s, x in one.structures.inside.items())
     fourth = [b for b in bounds if b.name.endswith("fourth order")]
+    several = [b for b in bounds[2:] if len(drivers) > 1][-1:]
     return [
         Artifact(
             "Fig. 4",
@@ -233,7 +236,7 @@ def _figures(
             f"lags inside 99 %: {inside}",
             "",
             _SHOWN,
-            "means over 12 segments",
+            f"means over {0 if one.structures is None else one.structures.segments} segments",
             ("figures/fig_08.svg", "tables/structures.csv"),
         ),
         Artifact("Fig. 9", "block diagram of ARMAX", "eq. 1", "", "", _SHOWN, ""),
@@ -281,7 +284,7 @@ def _figures(
             "Fig. 14",
             "bounds of |Delta|",
             "fourth order is little smaller, several drivers larger",
-            "; ".join(f"{b.name}: {_formula(b)}" for b in [*bounds[:1], *fourth[:1], *bounds[-1:]]),
+            "; ".join(f"{b.name}: {_formula(b)}" for b in [*bounds[:1], *fourth[:1], *several]),
             "",
             _SHOWN,
             "",
