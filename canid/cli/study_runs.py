@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # of lane keeping that are simulated, as the paper has
 DRIVERS = 12
+# of each of them, for the null band of |Delta|: below 20 there is none
+REPLICATES = 40
 
 
 def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], int]:
@@ -183,8 +185,11 @@ def _reproduction(
 
     if len(minutes) > 1:
         raise ConfigError(f"study: --minutes {args.minutes}: one length for lane keeping")
+    settings = _settings(args)
+    if args.bootstraps is None:
+        settings = settings._replace(bootstraps=REPLICATES)
     push = {} if args.push is None else {"push_sd": args.push}
     drives = steering_drivers.reproduction_drives(
         args.seed, args.drivers or DRIVERS, minutes[0], args.c1, **push
     )
-    return drives, partial(steering_reproduction.study, settings=_settings(args))
+    return drives, partial(steering_reproduction.study, settings=settings)
