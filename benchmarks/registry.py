@@ -103,6 +103,12 @@ BENCHMARKS = (
         "seven driver models of Eclipse SUMO: identify, diagnose, a second lead, rivals",
     ),
     Benchmark(
+        "papers",
+        "benchmarks.papers",
+        "15 min",
+        "both papers by `canid study`: prints, and the printed drivers simulated and identified again",
+    ),
+    Benchmark(
         "planted",
         "benchmarks.measured_drives.planted",
         "15 min",

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.estimators import ESTIMATORS, agreement, pooling
+from canid.estimators import ESTIMATORS, agreement, plausibility, pooling
 from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
+from canid.estimators.fopdt import FOPDT
 from canid.estimators.windows import reported_estimates
 from canid.identification.armax import order_selection
 from canid.identification.armax.armax_batch import ArmaxFit
@@ -16,6 +17,7 @@ from canid.identification.armax.order_selection import Candidate
 from canid.identification.identifiability import not_quotable
 from canid.signal_checks import signal_checks
 from canid.signal_checks.drive_time import drive_time, usable
+from canid.systems.identified_loop import IdentifiedLoop, identified_loop
 from canid.types import (
     NAN,
     Channel,
@@ -46,6 +48,7 @@ class Identified(NamedTuple):
     orders: tuple[Candidate, ...]  # of ARMAX, compared on this drive, best first
     time: DriveTime = DriveTime(0.0, 0.0, 0.0, 0.0)
     findings: tuple[SignalFinding, ...] = ()  # on the signals
+    loop: IdentifiedLoop = IdentifiedLoop()  # margins and string stability with the car
 
     @property
     def ranked(self) -> list[str]:
@@ -110,17 +113,18 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
     trusted = trace if used.all() or not trace.findings else trace._replace(learn=used, bound=None)
     rows = pooling.pooled(trusted)
     ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)
+    whole = _with_changes(
+        {
+            estimator.name: estimator.identify(trusted, settings_of(estimator, trace, settings))
+            for estimator in ESTIMATORS
+            if estimator.identify is not None
+        }
+    )
     return Identified(
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
         windows=tuple(windows(trace, **settings)),
-        whole=_with_changes(
-            {
-                estimator.name: estimator.identify(trusted, settings_of(estimator, trace, settings))
-                for estimator in ESTIMATORS
-                if estimator.identify is not None
-            }
-        ),
+        whole=whole,
         orders=tuple(
             order_selection.compare(rows.output, rows.inputs, ready, segment=rows.segment, dt=rows.dt)
             if select_orders
@@ -128,7 +132,20 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         ),
         time=time,
         findings=trace.findings,
+        loop=_loop(whole[FOPDT.name], trusted, settings_of(FOPDT, trace, settings).output),
     )
+
+
+def _loop(found: WholeDrive | None, trace: Trace, output: str) -> IdentifiedLoop:
+    """Margins by FOPDT's model, the one that has a joint posterior."""
+    if found is None:
+        return identified_loop(None, {}, trace, output)
+    if found.details.get("changes"):
+        return IdentifiedLoop("the gains changed during the drive: no one loop holds for all of it")
+    left = plausibility.left_over(found.residual_tests) if found.residual_tests is not None else ""
+    if left:
+        return IdentifiedLoop(f"{left}, nor margins, which depend on them")
+    return identified_loop(found.model, found.channels, trace, output)
 
 
 # said of a method that finds no changes itself, where another has found some

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from canid.cli import options
+from canid.cli import driver_options, options
 from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info
 from canid.cli.output.outputs import Output
@@ -72,6 +72,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOG",
         help="with --model: behind the vehicle ahead of this log, its longest stretch; default: one of --profile",
     )
+    driver_options.arguments(parser)
     options.force(parser)
     options.json_file(parser)
 
@@ -100,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
     from canid.simulation import simulate
     from canid.vehicle import read_vehicle
 
+    driver = driver_options.chosen(args)
     json = options.json_output(args)
     log, truth = declared(Path(args.out), force=args.force)
     outputs.check([json, log, truth], options.read_by(args))
@@ -112,6 +114,7 @@ def run(args: argparse.Namespace) -> int:
                 seed=args.seed,
                 profile=args.profile,
                 noise=args.noise,
+                driver=driver,
                 hide=dict(args.hide),
             )
             if args.model is None
@@ -119,6 +122,8 @@ def run(args: argparse.Namespace) -> int:
         )
     except ValueError as error:
         raise ConfigError(f"simulate: {error}") from None
+    if driver is not None and (why := driver_options.loses_it(driver, simulation)):
+        info(why)
     text = write(log, truth, simulation, vehicle)
     with outputs.opened(json) as sink:
         if sink is not None:

@@ -154,6 +154,73 @@ def _smoothed(value: Array, variance: Array, change: Array) -> tuple[Array, Arra
     return np.asarray(smooth, float).reshape(n), np.asarray(P, float).reshape(n)
 
 
+def log_likelihood_of_vectors(values: Array, covariances: Array, change: Array) -> Array:
+    """Log likelihood of local-level models of several parameters at once, the first value given.
+
+    Args:
+        values: (..., n, d) windows, in time; a window that is NaN in all is missing. The first is known.
+        covariances: (n, d, d) of each window's error.
+        change: (g, n - 1, d, d) covariances of the level's change from one window to the next.
+
+    Returns:
+        (..., g).
+
+    >>> R, change = np.ones((2, 1, 1)), np.array([0.0, 2.0])[:, None, None, None]
+    >>> [round(float(x), 4) for x in log_likelihood_of_vectors(np.array([[1.0], [2.0]]), R, change)]
+    [-1.5155, -1.7371]
+    """
+    n, d = values.shape[-2:]
+    g = len(change)
+    missing = np.asarray(~np.isfinite(values.reshape(-1, n, d)).all(axis=(0, 2)))
+    level = np.repeat(values[..., None, 0, :], g, axis=-2)
+    P = np.broadcast_to(covariances[0], (g, d, d))
+    total = np.zeros(level.shape[:-1])
+    for i in range(1, n):
+        P = P + change[:, i - 1]
+        if missing[i]:
+            continue
+        F = P + covariances[i]
+        root = np.linalg.cholesky(F)
+        v = values[..., None, i, :] - level
+        whitener = np.linalg.inv(root)
+        white = np.einsum("gij,...gj->...gi", whitener, v)
+        log_det = 2.0 * np.log(np.einsum("gii->gi", root)).sum(axis=1)
+        total = total - 0.5 * (d * np.log(2.0 * np.pi) + log_det + (white * white).sum(axis=-1))
+        gain = P @ whitener.swapaxes(1, 2)
+        level = level + np.einsum("gij,...gj->...gi", gain, white)
+        P = P - gain @ gain.swapaxes(1, 2)
+    return total
+
+
+def smoothed_vectors(values: Array, covariances: Array, change: Array) -> tuple[Array, Array]:
+    """Mean (n, d) and covariance (n, d, d) of the level of several parameters, by filterpy's filter and RTS smoother.
+
+    Args:
+        values: (n, d) windows, in time; NaN where a window is missing. The first is known.
+        covariances: (n, d, d) of each window's error.
+        change: (n - 1, d, d) of the level's change.
+    """
+    from filterpy.kalman import KalmanFilter
+
+    n, d = values.shape
+    eye = np.eye(d)
+    filtered = KalmanFilter(dim_x=d, dim_z=d)
+    filtered.x, filtered.P, filtered.F, filtered.H = values[0][:, None], covariances[0].copy(), eye, eye
+    means, states = np.empty((n, d, 1)), np.empty((n, d, d))
+    means[0], states[0] = filtered.x, filtered.P
+    for i in range(1, n):
+        filtered.predict(Q=change[i - 1])
+        known = bool(np.isfinite(values[i]).all())
+        filtered.update(values[i][:, None] if known else None, R=covariances[i])
+        means[i], states[i] = filtered.x, 0.5 * (filtered.P + filtered.P.T)
+    if not change.any():
+        # a level that does not change is what all windows together say
+        return np.broadcast_to(means[-1, :, 0], (n, d)).copy(), np.broadcast_to(states[-1], (n, d, d)).copy()
+    Qs = [np.zeros((d, d)), *change]
+    smooth, P, _, _ = filtered.rts_smoother(means, states, Fs=[eye] * n, Qs=Qs)
+    return np.asarray(smooth, float).reshape(n, d), np.asarray(P, float)
+
+
 def nothing() -> LocalLevel:
     """Return the result of a drive that is too short."""
     none = np.zeros(0)

@@ -25,8 +25,9 @@ class DriverTruth(NamedTuple):
 def draw_driver(rng: np.random.Generator, noise_sd: float = 1.5) -> DriverTruth:
     """Draw a plausible driver.
 
-    The ranges are those that Grover's drivers span (gains 4–8, lags 0.3–0.9 s) and human reaction times in
-    car following; the headway is what people keep on European roads.
+    Gains lie within those of Grover's one driver (2021, Tables 1 and 2: K1 4.15 to 11.4, K2 4.34 to 6.65); the table's
+    delays, 0.026 to 0.734 s, are here lags and dead times of human reactions in car following. The headway is what people
+    keep on European roads.
 
     Example:
         >>> driver = draw_driver(np.random.default_rng(1))
@@ -43,6 +44,17 @@ def draw_driver(rng: np.random.Generator, noise_sd: float = 1.5) -> DriverTruth:
         headway_desired=rng.uniform(1.6, 2.2),
         noise_sd=noise_sd,
     )
+
+
+def driver_of_seed(seed: int) -> DriverTruth:
+    """The driver that `simulate` draws by default.
+
+    Example:
+        >>> from canid.simulation import simulate
+        >>> simulate(minutes=0.1, seed=3).truth["channels"]["headway_error"]["K"] == driver_of_seed(3).K1
+        True
+    """
+    return draw_driver(np.random.default_rng([seed, 0]))
 
 
 class Lag(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +36,8 @@ _RATIO, _WHEELBASE = 15.0, 2.7  # steering ratio and m, a middle-class car
 _YAW_LAG = 0.15  # s, how a car's yaw rate follows its wheels at that speed
 # m/s² and s: what wind and road push to the side; moves the car by some 0.4 m
 _PUSH, _PUSH_TIME = 0.25, 0.5
+# s, for which one driver of a schedule steers: the segments of Chen & Ulsoy 2001
+_SCHEDULE_S = 60.0
 
 
 # 1/m, standard deviation of the road's curvature where an effect needs curves: a degree of steering wheel
@@ -51,6 +53,8 @@ def keep_lane(
     hide: Mapping[str, Strength],
     catalogue: tuple[Effect, ...],
     curvature_sd: float = 0.0,
+    schedule: Sequence[Steering] = (),
+    push_sd: float = _PUSH,
 ) -> Simulation:
     """Simulate lane keeping at 25 m/s.
 
@@ -65,6 +69,8 @@ def keep_lane(
         hide: effects of the driver, as in `simulate`.
         catalogue: effects that may be hidden.
         curvature_sd: standard deviation of the road's curvature, 1/m; 0: straight, or as an effect needs it.
+        schedule: drivers of one minute each, the last one to the end; empty: `steering` all along.
+        push_sd: what wind and road push to the side, standard deviation in m/s².
 
     Example:
         >>> drive = keep_lane(1.0, 1, Steering(), Car(), {}, ())
@@ -85,31 +91,38 @@ def keep_lane(
         return bends[min(max(round(t / DT), 0), n - 1)]
 
     pedal, road = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
-    e = (steering.noise_sd * pedal.standard_normal(n // _STEPS + 2)).tolist()
+    drivers = tuple(schedule) or (steering,)
+    per_driver = round(_SCHEDULE_S / (_STEPS * DT))  # decisions
+
+    def driver_at(decision: int) -> Steering:
+        return drivers[min(decision // per_driver, len(drivers) - 1)]
+
+    noise_sd = np.array([driver_at(j).noise_sd for j in range(n // _STEPS + 2)])
+    e = (noise_sd * pedal.standard_normal(n // _STEPS + 2)).tolist()
     decay = math.exp(-DT / _PUSH_TIME)
-    shocks = (_PUSH * math.sqrt(1 - decay * decay) * road.standard_normal(n)).tolist()
+    shocks = (push_sd * math.sqrt(1 - decay * decay) * road.standard_normal(n)).tolist()
     angle, yaw_rate = np.empty(n), np.empty(n)
     y = heading = drift = r = push = 0.0
     offset: list[float] = []
     turned = [0.0, 0.0]  # the last two angles that the driver wanted
     now = next_angle = aimed = 0.0
-    poles = 1.0 + sum(steering.a)
     for k in range(n):
         j, part = divmod(k, _STEPS)
         offset.append(y)
         if part == 0:
             now = next_angle
             turned = [aimed, turned[0]]
+            driver = driver_at(j + 1)
             # nk = 1: the angle at the next decision rests on the offsets of this one and the one before.
             seen, added = see((j + 1) * _STEPS * DT, offset, bend)
             aimed = (
-                -steering.a[0] * turned[0]
-                - steering.a[1] * turned[1]
-                + steering.b[0] * seen[0]
-                + steering.b[1] * seen[1]
+                -driver.a[0] * turned[0]
+                - driver.a[1] * turned[1]
+                + driver.b[0] * seen[0]
+                + driver.b[1] * seen[1]
                 + e[j + 1]
-                + steering.c * e[j]
-                + poles * added
+                + driver.c * e[j]
+                + (1.0 + sum(driver.a)) * added
             )
             next_angle = move(aimed)
         yaw_rate[k] = r
@@ -123,6 +136,8 @@ def keep_lane(
         drift -= drift * DT / _PUSH_TIME
         y += (_SPEED * heading + drift) * DT
     facts = _truth(minutes, seed, steering) | {"hidden": planted.truth or None}
+    if schedule:
+        facts["schedule"] = [one._asdict() for one in drivers]
     columns = _columns(n, np.array(offset), angle, yaw_rate, car) | {"curvature": curvature}
     return Simulation(DT, columns, facts, seed)
 

@@ -23,6 +23,7 @@ def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
         "signals": [json_values.signal_finding(one) for one in drive.findings],
         "windows": [json_values.estimate(e) for e in drive.windows],
         **_results(drive),
+        "loop": json_values.plain(drive.loop),
         "orders": [
             {
                 **c.orders._asdict(),

@@ -6,8 +6,9 @@ from canid.drive_parameters import Identified
 from canid.estimators import step_watch
 from canid.estimators.estimator import WholeDrive
 from canid.identification.armax.order_selection import Candidate
+from canid.systems.identified_loop import IdentifiedLoop
 from canid.views import estimate_text, signal_text
-from canid.views.numbers import number
+from canid.views.numbers import interval, number
 
 # candidates of the order selection that are listed
 ORDERS_SHOWN = 3
@@ -26,7 +27,7 @@ def text(drive: Identified, log: str, vehicle: str) -> list[str]:
     lines += [""] if drive.windows else []
     for name in drive.ranked:
         lines += _whole(name.upper(), drive.whole[name])
-    return lines + _orders(drive.orders)
+    return lines + _loop(drive.loop) + _orders(drive.orders)
 
 
 def _whole(name: str, found: WholeDrive | None) -> list[str]:
@@ -41,6 +42,32 @@ def _whole(name: str, found: WholeDrive | None) -> list[str]:
         f"whole drive, {name}{found.specification}{fit}",
         *(f"  {estimate_text.channel(input_name, ch)}" for input_name, ch in channels.items()),
         *(f"  {line}" for line in (*([missing] if missing else []), *found.lines, *tests)),
+    ]
+
+
+def _loop(loop: IdentifiedLoop) -> list[str]:
+    """Margins and string stability with the car, or why there are none."""
+    if loop.says:
+        return [f"driver and car: no margins: {loop.says}"]
+
+    car = (
+        f", car of {interval(loop.car.strength)} m/s² per %, lag {interval(loop.car.lag, 's')}"
+        if loop.car
+        else ""
+    )
+    if loop.string_peak.low > 1.0:
+        verdict = "motion of the lead is amplified"
+    elif loop.string_peak.high > 1.0:
+        verdict = f"amplified in {loop.amplifying:.0%} of the draws: not decided"
+    else:
+        verdict = "motion of the lead is not amplified"
+    at = f" at {number(loop.string_peak_frequency.value)} Hz" if loop.string_peak.value > 1.0 else ""
+    unstable = f"; {loop.unstable:.1%} of the draws are unstable" if loop.unstable > 0.0 else ""
+    return [
+        f"driver and car at {loop.speed:.1f} m/s and {loop.headway:.1f} s of headway{car}",
+        f"  phase margin {interval(loop.phase_margin, '°')}, gain margin {interval(loop.gain_margin)}, "
+        f"delay margin {interval(loop.delay_margin, 's')}, modulus margin {interval(loop.modulus_margin)}{unstable}",
+        f"  largest |v/v_lead| {interval(loop.string_peak)}{at}: {verdict}",
     ]
 
 

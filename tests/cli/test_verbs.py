@@ -60,10 +60,16 @@ def test_every_option_is_explained(canid: Canid, verb: str) -> None:
     assert (ran.code, ran.err) == (DONE, "")
     parser = argparse.ArgumentParser()
     import_module(f"canid.cli.{verb}").arguments(parser)
-    actions = [action for action in parser._actions if action.dest != "help"]
-    assert actions
-    assert [action.dest for action in actions if not action.help] == []
-    assert any(action.dest == "json" for action in actions)
+    parts = (
+        [one for action in parser._actions for one in dict(action.choices or {}).values()]
+        if verb == "study"
+        else [parser]
+    )
+    for part in parts:
+        actions = [action for action in part._actions if action.dest != "help"]
+        assert actions
+        assert [action.dest for action in actions if not action.help] == []
+        assert any(action.dest == "json" for action in actions)
 
 
 def test_help_lists_the_verbs(canid: Canid) -> None:

@@ -15,6 +15,7 @@ from benchmarks.identification.tables import (
     fopdt,
     gain_steps,
     log_score,
+    margins,
     peers_following,
     poles,
     progress,
@@ -55,5 +56,6 @@ TABLES = (
     ("log_score", log_score.table),
     ("gain_steps", gain_steps.table),
     ("constancy", constancy.table),
+    ("margins", margins.table),
     ("time", speed.table),
 )

@@ -76,6 +76,27 @@ def is_page(head: bytes) -> bool:
     return start.startswith(b"<!doctype html") and b"canid diagnosis" in head
 
 
+def is_study_page(head: bytes) -> bool:
+    """A page of `canid study`."""
+    return head.lstrip()[:15].lower().startswith(b"<!doctype html") and b"canid study" in head
+
+
+def is_study_figure(head: bytes) -> bool:
+    """A figure of `canid study`."""
+    return head.lstrip()[:4] == b"<svg" and b"canid study" in head
+
+
+def study_table(header: str) -> Kind:
+    """A table of `canid study`, which its own columns show.
+
+    Example:
+        >>> study_table("a,b").recognise(b"a,b,c"), study_table("a,b").recognise(b"a,b" + bytes([10]))
+        (False, True)
+    """
+    first = header.encode()
+    return Kind("a table of canid study", (".csv",), lambda head: head.partition(b"\n")[0] == first)
+
+
 def is_plot(head: bytes) -> bool:
     """A plot of `canid identify`."""
     return head.lstrip()[:4] == b"<svg" and b"canid identify" in head
@@ -104,6 +125,8 @@ JSON = Kind("JSON text", (".json", ".jsonl", ".ndjson"), is_json)
 TRUTH = Kind("the truth of a simulated drive", (".truth.json",), is_truth)
 PAGE = Kind("a page of canid diagnose", (".html", ".htm"), is_page)
 PLOT = Kind("a plot of canid identify", (".svg",), is_plot)
+STUDY_PAGE = Kind("a page of canid study", (".html", ".htm"), is_study_page)
+STUDY_FIGURE = Kind("a figure of canid study", (".svg",), is_study_figure)
 CSV = Kind("a table of canid export", (".csv",), is_samples_or_estimates)
 PARQUET = Kind("a Parquet table", (".parquet",), lambda head: head.startswith(b"PAR1"))
 VEHICLE_FILE = Kind("a vehicle file", (".toml",), is_vehicle)

@@ -27,7 +27,7 @@ from canid.diagnosis.fitting.fitted_model import MIN_FIT_IMPROVEMENT, FittedMode
 
 FittedDriver = FittedModel[DriverModel]
 
-# a driver as in the literature: the initial guess of every first fit (Grover 2021, table 4.2; reaction times in following)
+# a driver as in the literature, the initial guess of every first fit (Grover 2021, Tables 1, 2; reaction times in following)
 INITIAL = {K1: 5.0, K2: 5.0, FREE_SPEED: 50.0, TAU1: 0.4, TAU2: 0.4, THETA1: 0.4, THETA2: 0.4}
 # gains of a driver whose output is an acceleration (m/s² per s, and per m/s)
 ACCELERATION_GAINS = {K1: 0.3, K2: 0.4}

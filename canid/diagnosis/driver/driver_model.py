@@ -32,7 +32,7 @@ OWN = {
     Form.FREE_SPEED: (DESIRED, STANDSTILL, FREE_SPEED),
 }
 # s; standard deviation of the difference of both answers' lags, and of their dead times. They share the same perception
-# and the same pedal, and each is a second at most (reaction times in following: Grover 2021, table 4.2; Green 2000). A
+# and the same pedal, and each is a second at most (reaction times in following: Grover 2021, Tables 1 and 2; Green 2000). A
 # steady drive shows little of the headway's, and late there is the same as more of K2: error(t − δ) = error − δ·rate/v
 TIE_SD_S = 0.5
 # m/s; below it a headway means nothing

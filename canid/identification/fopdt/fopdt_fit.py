@@ -69,6 +69,7 @@ class ProcessFit(NamedTuple):
     fit_percent: float  # of the simulated answer
     used: int  # rows
     start: Start | None  # for the next window
+    posterior: fopdt_posterior.Grid | None = None  # of lags, dead times and gains together; None: no estimate
 
 
 def fit_process(
@@ -325,6 +326,7 @@ def _search(
         fit_percent=fit_percent,
         used=count,
         start=known,
+        posterior=grid if credible else None,
     )
 
 

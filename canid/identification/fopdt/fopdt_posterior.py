@@ -71,6 +71,7 @@ class Grid(NamedTuple):
     left: Array  # sum of squares
     variance: float  # of the noise, in shares of `left`
     residual: float  # sum of squares at the most likely cell
+    shared: Array  # cosine of the angle between the two answers, of the shape of `weight`; (1,) of one input: 0
 
     @property
     def K(self) -> tuple[Array, ...]:  # noqa: N802
@@ -194,6 +195,7 @@ def evaluate(
         prior = [np.log(c.weight) for c in cells]
     along: tuple[Array, ...]
     of_size: tuple[Array, ...]
+    shared = np.zeros(1)
     if len(W) == 1:
         along, free = (gain[0],), np.ones(1)
         log, left, of_size = prior[0].copy(), known.yy - gain[0] * gain[0], (size[0],)
@@ -225,6 +227,7 @@ def evaluate(
         left,
         variance_inflation / max(known.freedom, 1),
         float(left[best]),
+        shared,
     )
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from importlib.util import find_spec
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from canid.findings import Report, Verdict, extends
@@ -21,13 +19,14 @@ from canid.views.diagnosis_text import (
     sentence,
     used_time,
 )
-from canid.views.names import either, parameter, readable
-from canid.views.numbers import interval, number, percent, role_unit, time_range
+from canid.views.names import parameter
+from canid.views.numbers import role_unit, time_range
 from canid.views.report.evidence_bars import OUTCOMES, evidence_bars
 from canid.views.report.figure import script
 from canid.views.report.forest_plot import forest_plot, shift
 from canid.views.report.heat_maps import heat_maps
 from canid.views.report.spectra import spectra
+from canid.views.report.templates import environment, file_text
 from canid.views.report.time_series import whole_drive, worst_windows
 from canid.views.report.trajectories import trajectories
 
@@ -72,53 +71,38 @@ def page(report: Report) -> str:
     )
     figures = [figure for figure in drawn if figure is not None]
     plotly = _plotly() if figures else None
-    return _template().render(
-        report=report,
-        title=TITLES[report.verdict],
-        unit=role_unit(report.output),
-        sentence=sentence(report),
-        parameters=known_parameters(report),
-        equation="" if report.model is None else equation(report.model),
-        advice=advice(report),
-        duration=duration(report),
-        used_time=used_time(report),
-        extends=extends,
-        closed_loop_models=closed_loop_models,
-        recommendation=recommendation,
-        form=form,
-        gains=gains,
-        figures={figure.name: figure for figure in figures},
-        map_names=[f"map-{k + 1}" for k in range(len(report.maps))],
-        outcomes={name: label for name, (_, label) in OUTCOMES.items()},
-        parameter=parameter,
-        shift=shift,
-        forest_plot=forest_plot,
-        time_range=time_range,
-        role_unit=role_unit,
-        plotly=plotly,
-        specs=Markup(script(figures)),
-        style=_text("page.css"),
-        script=_text("page.js"),
+    return (
+        environment()
+        .get_template("report/page.html.j2")
+        .render(
+            report=report,
+            title=TITLES[report.verdict],
+            unit=role_unit(report.output),
+            sentence=sentence(report),
+            parameters=known_parameters(report),
+            equation="" if report.model is None else equation(report.model),
+            advice=advice(report),
+            duration=duration(report),
+            used_time=used_time(report),
+            extends=extends,
+            closed_loop_models=closed_loop_models,
+            recommendation=recommendation,
+            form=form,
+            gains=gains,
+            figures={figure.name: figure for figure in figures},
+            map_names=[f"map-{k + 1}" for k in range(len(report.maps))],
+            outcomes={name: label for name, (_, label) in OUTCOMES.items()},
+            parameter=parameter,
+            shift=shift,
+            forest_plot=forest_plot,
+            time_range=time_range,
+            role_unit=role_unit,
+            plotly=plotly,
+            specs=Markup(script(figures)),
+            style=file_text("report/page.css"),
+            script=file_text("report/page.js"),
+        )
     )
-
-
-def _template() -> Template:
-    environment = Environment(
-        loader=PackageLoader("canid.views.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(
-        interval=interval, percent=percent, number=number, readable=readable, either=either
-    )
-    return environment.get_template("page.html.j2")
-
-
-def _text(name: str) -> Markup:
-    """Style sheet or script of the page."""
-    return Markup(files("canid.views.report").joinpath(name).read_text(encoding="utf-8"))
 
 
 def _plotly() -> Markup | None:

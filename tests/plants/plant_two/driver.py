@@ -50,7 +50,7 @@ class Driver(NamedTuple):
 
 
 def draw_driver(offset: float, rng: np.random.Generator) -> Driver:
-    """Draw a driver: gains and times within what Grover's drivers and reaction times in traffic span."""
+    """Draw a driver: gains and times within those of Grover's driver (2021, Tables 1, 2) and reaction times in traffic."""
     return Driver(
         K1=rng.uniform(4.5, 8.5),
         K2=rng.uniform(4.5, 8.0),

@@ -1,0 +1,1 @@
+"""Both papers: what was published, what follows, what canid says instead."""

@@ -1,0 +1,195 @@
+"""Logs for a study: read, or simulated through DBC and .blf, in several processes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from canid.cli import reading
+from canid.cli.output.progress import Progress
+from canid.errors import DONE, ConfigError, LogError
+
+if TYPE_CHECKING:
+    from canid.drive_reader import Health
+    from canid.simulation import Simulation
+    from canid.study.artifact import Skipped, Study
+    from canid.types import Trace
+    from canid.vehicle import Vehicle
+
+
+# of lane keeping that are simulated, as the paper has
+DRIVERS = 12
+# of each of them, for the null band of |Delta|: below 20 there is none
+REPLICATES = 40
+
+
+def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], int]:
+    """Study recorded logs; also the exit code that the damaged ones among them deserve.
+
+    A log that cannot be read is skipped and reported, where there are others. Raises LogError where none can be read.
+    """
+    from canid.study.artifact import Skipped
+
+    drives: dict[str, Trace] = {}
+    skipped: list[Skipped] = []
+    damaged = DONE
+    errors = []
+    for path in args.logs:
+        try:
+            drive = reading.read_drive(path, vehicle, args, estimating=False)
+        except LogError as error:
+            errors.append(error)
+            skipped.append(Skipped(path, "the whole log", str(error).removeprefix(f"{path}: ")))
+            continue
+        damaged = _worse(damaged, drive.health)
+        drives[path] = drive.trace
+    if not drives:
+        raise errors[0]
+    with _mapped(args.jobs) as run, Progress(f"studying {len(drives)} logs") as bar:
+        study = _study(args, drives, run, lambda done, total: bar.to(done / max(total, 1)))
+    return [study._replace(skipped=(*skipped, *study.skipped))], damaged
+
+
+def _worse(code: int, health: Health) -> int:
+    return reading.report_health(health) or code
+
+
+def _study(
+    args: argparse.Namespace,
+    drives: dict[str, Trace],
+    run: Callable[..., Iterator[Any]],
+    progress: Callable[[int, int], None],
+) -> Study:
+    """Study logs that have been read."""
+    if args.what == "grover":
+        from canid.study.grover import grover
+
+        return grover.study(drives, _settings(args), progress, run=run)
+    from canid.study.chen_ulsoy import chen_ulsoy
+
+    drivers: dict[str, list[tuple[str, Trace]]] = {}
+    for path, trace in drives.items():
+        of = Path(path)
+        name = str(of.parent) if args.by == "folder" else of.stem
+        drivers.setdefault(name, []).append((path, trace))
+    return chen_ulsoy.study(drivers, _settings(args), progress, run=run)
+
+
+def _settings(args: argparse.Namespace) -> Any:
+    """The settings of a study: its defaults, and what the command line says."""
+    if args.what == "grover":
+        from canid.study.grover.grover import GroverSettings
+
+        return GroverSettings(**_stated(args, "min_episode", "gate_fit"))
+    from canid.study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings
+
+    return ChenUlsoySettings(**_stated(args, "segment", "bootstraps"))
+
+
+def _stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """What the command line says of some settings."""
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+
+
+def minutes_of(text: str) -> tuple[float, ...]:
+    """Lengths of drives.
+
+    Raises:
+        ConfigError: they are no numbers above 0.
+
+    Example:
+        >>> minutes_of("1,10")
+        (1.0, 10.0)
+    """
+    try:
+        out = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        out = ()
+    if not out or min(out) <= 0:
+        raise ConfigError(f"study: --minutes {text}: not a list of numbers above 0, such as 1,10")
+    return out
+
+
+@contextmanager
+def _mapped(jobs: int | None) -> Iterator[Callable[..., Iterator[Any]]]:
+    """A `map` over processes, in the order of what is given; with one process the ordinary one."""
+    workers = jobs or os.cpu_count() or 1
+    if workers == 1:
+        yield map
+        return
+    pool: Executor = ProcessPoolExecutor(workers)
+    try:
+        yield pool.map
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def reproduced(args: argparse.Namespace, vehicle: Vehicle) -> Study:
+    """Simulate the printed drivers, each through frames and a .blf, and study what is read back."""
+    minutes = minutes_of(args.minutes)
+    with _mapped(args.jobs) as run, tempfile.TemporaryDirectory() as folder:
+        simulations, study = _reproduction(args, minutes)
+        with Progress("simulating the printed drivers") as bar:
+            drives = {}
+            for name, simulation in simulations:
+                drives[name] = _through_log(simulation, vehicle, Path(folder) / "drive.blf")
+                bar.to(min(len(drives) / _expected(args, minutes), 1.0))
+        with Progress(f"studying {len(drives)} drives") as bar:
+            made: Study = study(drives, progress=lambda done, total: bar.to(done / max(total, 1)), run=run)
+            return made
+
+
+def _through_log(simulation: Simulation, vehicle: Vehicle, path: Path) -> tuple[Trace, dict[str, Any]]:
+    """Encode, write, read: what a recording of the drive would hold, and its truth."""
+    from canid.drive_reader import read_trace
+    from canid.logs import write_log
+    from canid.simulation import START_UTC, frames
+
+    write_log(path, frames(simulation, vehicle), START_UTC)
+    trace = read_trace(path, vehicle)
+    path.unlink()
+    return trace, simulation.truth
+
+
+def _expected(args: argparse.Namespace, minutes: Iterable[float]) -> int:
+    """Drives that will be simulated."""
+    if args.what == "grover":
+        from canid.study.grover.printed_drivers import SEEDS
+        from canid.study.prints.printed_numbers import GROVER_DRIVERS
+
+        return max(len(GROVER_DRIVERS) * (args.seeds or SEEDS) * len(tuple(minutes)), 1)
+    from canid.study.chen_ulsoy.printed_drivers import count
+
+    return count(args.drivers or DRIVERS, args.c1)
+
+
+def _reproduction(
+    args: argparse.Namespace, minutes: tuple[float, ...]
+) -> tuple[Iterator[tuple[str, Simulation]], Any]:
+    """The simulated drives of a paper, and the function that studies them."""
+    if args.what == "grover":
+        from canid.study.grover import printed_drivers, reproduction
+
+        seeds = {} if args.seeds is None else {"seeds": args.seeds}
+        drives = printed_drivers.drives(args.seed, minutes, **seeds)
+        return drives, partial(reproduction.study, settings=_settings(args))
+    from canid.study.chen_ulsoy import printed_drivers as steering_drivers
+    from canid.study.chen_ulsoy import reproduction as steering_reproduction
+
+    if len(minutes) > 1:
+        raise ConfigError(f"study: --minutes {args.minutes}: one length for lane keeping")
+    settings = _settings(args)
+    if args.bootstraps is None:
+        settings = settings._replace(bootstraps=REPLICATES)
+    push = {} if args.push is None else {"push_sd": args.push}
+    drives = steering_drivers.reproduction_drives(
+        args.seed, args.drivers or DRIVERS, minutes[0], args.c1, **push
+    )
+    return drives, partial(steering_reproduction.study, settings=settings)

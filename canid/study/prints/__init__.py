@@ -1,0 +1,1 @@
+"""What follows from the printed numbers of the two papers alone; no log needed."""

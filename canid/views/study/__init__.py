@@ -1,0 +1,1 @@
+"""A study as files: page, JSON, CSV tables and SVG figures."""

@@ -1,0 +1,49 @@
+"""A study as one self-contained HTML page: results, artifacts, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from markupsafe import Markup
+
+from canid.findings import Provenance
+from canid.study.artifact import ClaimVerdict, Study
+from canid.views.report.templates import environment, file_text
+from canid.views.study.figure_svg import inline
+from canid.views.study.study_files import cell
+
+# class of the style sheet
+CLASSES = {
+    ClaimVerdict.HOLDS: "passed",
+    ClaimVerdict.FAILS: "failed",
+    ClaimVerdict.IMPOSSIBLE: "failed",
+}
+
+
+def page(studies: Sequence[Study], provenance: Provenance, drawings: Mapping[tuple[str, str], str]) -> str:
+    """Several studies as one page, one after the other.
+
+    Args:
+        studies: one or more; each has its own section.
+        provenance: of the logs, and the command.
+        drawings: (paper, name of the figure) -> from `figure_svg.drawn`.
+
+    Example:
+        >>> "Two claims fail" in page([Study("Grover 2021", "Prints", ("Two claims fail.",), ())], Provenance(), {})
+        True
+    """
+    counts = {
+        verdict: sum(a.verdict is verdict for study in studies for a in study.artifacts)
+        for verdict in ClaimVerdict
+    }
+    of = environment()
+    of.filters["cell"] = cell
+    return of.get_template("study/study.html.j2").render(
+        studies=studies,
+        title=", ".join(study.title for study in studies),
+        counts={verdict.value: n for verdict, n in counts.items() if n},
+        classes=CLASSES,
+        drawn={f"{paper} {name}": Markup(inline(text, name)) for (paper, name), text in drawings.items()},
+        p=provenance,
+        style=file_text("report/page.css") + file_text("study/study.css"),
+    )
