@@ -30,7 +30,9 @@ class Artifact(NamedTuple):
     corrected: str  # canid's answer, with its interval; empty: nothing
     verdict: ClaimVerdict
     why: str
-    files: tuple[str, ...] = ()  # of the study's folder that show it: "tables/table_1.csv", "figures/fig_12.svg"
+    files: tuple[
+        str, ...
+    ] = ()  # of the study's folder that show it: "tables/table_1.csv", "figures/fig_12.svg"
 
 
 Cell = str | float | int | None  # None, or NaN: nothing known

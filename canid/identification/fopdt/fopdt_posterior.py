@@ -71,7 +71,9 @@ class Grid(NamedTuple):
     left: Array  # sum of squares
     variance: float  # of the noise, in shares of `left`
     residual: float  # sum of squares at the most likely cell
-    shared: Array  # cosine of the angle between the two answers, of the shape of `weight`; (1,) of one input: 0
+    shared: (
+        Array  # cosine of the angle between the two answers, of the shape of `weight`; (1,) of one input: 0
+    )
 
     @property
     def K(self) -> tuple[Array, ...]:  # noqa: N802
