@@ -34,6 +34,8 @@ VARIABLES = {
     "#b3261e": "--bad",
     "#a3acb6": "--bar",
 }
+# of lines, the first one solid; dashes are those of `Curve.dashed`
+PATTERNS = ("-", "-.", ":")
 # points of a curve; a panel has some 800 px
 MAX_POINTS = 2000
 # curves with points and not more than this many get a marker each
@@ -111,8 +113,12 @@ def drawn(figure: Figure) -> str:
 
 def _panel(axes: Any, panel: Panel) -> None:
     """One pair of axes."""
+    named: dict[str, int] = {}
     for curve in panel.curves:
-        _curve(axes, curve)
+        # lines of one color that the legend lists differ in their pattern
+        k = named.get(curve.role, 0)
+        named[curve.role] = k + bool(curve.label and not curve.points and not curve.dashed)
+        _curve(axes, curve, PATTERNS[k % len(PATTERNS)])
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     if panel.title:
@@ -135,7 +141,7 @@ def _panel(axes: Any, panel: Panel) -> None:
         axes.legend(frameon=False, fontsize=8, loc="best")
 
 
-def _curve(axes: Any, curve: Curve) -> None:
+def _curve(axes: Any, curve: Curve, pattern: str) -> None:
     """A line with its band, or points with error bars."""
     color = COLORS.get(curve.role, COLORS["other"])
     x, y = np.asarray(curve.x, float), np.asarray(curve.y, float)
@@ -166,7 +172,7 @@ def _curve(axes: Any, curve: Curve) -> None:
             x[part], np.asarray(curve.low, float)[part], np.asarray(curve.high, float)[part],
             color=color, alpha=0.18, linewidth=0,
         )  # fmt: skip
-    axes.plot(x[part], y[part], "--" if curve.dashed else "-", color=color, linewidth=1.2, label=label)
+    axes.plot(x[part], y[part], "--" if curve.dashed else pattern, color=color, linewidth=1.2, label=label)
 
 
 def yerror(error: Any) -> Any:
