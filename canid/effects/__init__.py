@@ -109,3 +109,7 @@ LANE_CATALOGUE: tuple[Effect, ...] = (
     second_lag.LANE,
     curvature_preview.EFFECT,
 )
+
+# what a linear second-order model of steering does not hold, at strengths that show in an hour: a neuromuscular lag in s, a
+# zone without an answer in m
+NOT_IN_ARMAX: dict[str, tuple[float, ...]] = {second_lag.LANE.id: (0.3,), lateral_dead_zone.EFFECT.id: (0.2,)}

@@ -63,7 +63,7 @@ def stretched(draws: Array, stated: Interval) -> Array:
         stated: value and 95 % interval.
 
     >>> x = stretched(np.linspace(-1.0, 1.0, 201), Interval(5.0, 4.05, 7.85))
-    >>> [round(float(np.quantile(x, q)), 2) for q in (0.025, 0.5, 0.975)]
+    >>> [round(float(np.quantile(x, q)), 2) for q in (QUANTILES[0], 0.5, QUANTILES[1])]
     [4.05, 5.0, 7.85]
     """
     low, middle, high = np.quantile(draws, (QUANTILES[0], 0.5, QUANTILES[1]))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from canid.effects import NOT_IN_ARMAX
 from canid.simulation.car import Car
 from canid.simulation.lane import Steering, keep_lane
 from canid.study.artifact import ClaimVerdict
@@ -215,7 +216,7 @@ def test_drawn_drivers_come_back(seed):
 @two_of_three
 def test_planted_effects_exceed_their_null(seed):
     """A second lag of 0.3 s in |Delta|, a dead zone of 0.2 m in the test of the innovations: 45 min each."""
-    planted = printed_drivers.PLANTED.items()
+    planted = NOT_IN_ARMAX.items()
     for (effect, strength), word in zip(planted, ("by |Delta|", "innovations"), strict=True):
         drives = printed_drivers.drives(seed % 1000, 1, 45.0, kind="constant", hide={effect: strength})
         made = {name: (trace_of(d), d.truth) for name, d in drives}
