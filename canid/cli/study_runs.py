@@ -17,7 +17,7 @@ from canid.cli.output.progress import Progress
 from canid.errors import DONE, ConfigError, LogError
 
 if TYPE_CHECKING:
-    from canid.drive_reader import Health
+    from canid.drive_reader import Drive
     from canid.simulation import Simulation
     from canid.study.artifact import Skipped, Study
     from canid.types import Trace
@@ -40,25 +40,31 @@ def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], in
     drives: dict[str, Trace] = {}
     skipped: list[Skipped] = []
     damaged = DONE
-    errors = []
-    for path in args.logs:
-        try:
-            drive = reading.read_drive(path, vehicle, args, estimating=False)
-        except LogError as error:
-            errors.append(error)
-            skipped.append(Skipped(path, "the whole log", str(error).removeprefix(f"{path}: ")))
-            continue
-        damaged = _worse(damaged, drive.health)
-        drives[path] = drive.trace
-    if not drives:
-        raise errors[0]
-    with _mapped(args.jobs) as run, Progress(f"studying {len(drives)} logs") as bar:
-        study = _study(args, drives, run, lambda done, total: bar.to(done / max(total, 1)))
+    with _mapped(args.jobs if len(args.logs) > 1 else 1) as run:
+        with Progress(f"reading {len(args.logs)} logs") as bar:
+            read = partial(_read, vehicle=vehicle, start=args.start, stop=args.stop)
+            for k, (path, drive) in enumerate(zip(args.logs, run(read, args.logs), strict=True), 1):
+                bar.to(k / len(args.logs))
+                if isinstance(drive, str):
+                    skipped.append(Skipped(path, "the whole log", drive))
+                    continue
+                damaged = reading.report_health(drive.health) or damaged
+                drives[path] = drive.trace
+        if not drives:
+            raise LogError(f"{skipped[0].log}: {skipped[0].why}")
+        with Progress(f"studying {len(drives)} logs") as bar:
+            study = _study(args, drives, run, lambda done, total: bar.to(done / max(total, 1)))
     return [study._replace(skipped=(*skipped, *study.skipped))], damaged
 
 
-def _worse(code: int, health: Health) -> int:
-    return reading.report_health(health) or code
+def _read(path: str, vehicle: Vehicle, start: float, stop: float) -> Drive | str:
+    """Read one log, in a process of its own; a text says why it cannot be read."""
+    from canid import drive_reader
+
+    try:
+        return drive_reader.read_drive(path, vehicle, start=start, stop=stop, estimating=False)
+    except LogError as error:
+        return str(error).removeprefix(f"{path}: ")
 
 
 def _study(
