@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from canid.cli import reading
 from canid.cli.output.progress import Progress
-from canid.errors import DONE, ConfigError, LogError
+from canid.errors import DONE, CanidError, ConfigError
 
 if TYPE_CHECKING:
     from canid.drive_reader import Drive
@@ -33,38 +33,41 @@ REPLICATES = 40
 def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], int]:
     """Study recorded logs; also the exit code that the damaged ones among them deserve.
 
-    A log that cannot be read is skipped and reported, where there are others. Raises LogError where none can be read.
+    A log that cannot be read is skipped and reported, where there are others. Raises the first
+    error where none can be read.
     """
     from canid.study.artifact import Skipped
 
     drives: dict[str, Trace] = {}
     skipped: list[Skipped] = []
+    errors: list[CanidError] = []
     damaged = DONE
     with _mapped(args.jobs if len(args.logs) > 1 else 1) as run:
         with Progress(f"reading {len(args.logs)} logs") as bar:
             read = partial(_read, vehicle=vehicle, start=args.start, stop=args.stop)
             for k, (path, drive) in enumerate(zip(args.logs, run(read, args.logs), strict=True), 1):
                 bar.to(k / len(args.logs))
-                if isinstance(drive, str):
-                    skipped.append(Skipped(path, "the whole log", drive))
+                if isinstance(drive, CanidError):
+                    errors.append(drive)
+                    skipped.append(Skipped(path, "the whole log", str(drive).removeprefix(f"{path}: ")))
                     continue
                 damaged = reading.report_health(drive.health) or damaged
                 drives[path] = drive.trace
         if not drives:
-            raise LogError(f"{skipped[0].log}: {skipped[0].why}")
+            raise errors[0]
         with Progress(f"studying {len(drives)} logs") as bar:
             study = _study(args, drives, run, lambda done, total: bar.to(done / max(total, 1)))
     return [study._replace(skipped=(*skipped, *study.skipped))], damaged
 
 
-def _read(path: str, vehicle: Vehicle, start: float, stop: float) -> Drive | str:
-    """Read one log, in a process of its own; a text says why it cannot be read."""
+def _read(path: str, vehicle: Vehicle, start: float, stop: float) -> Drive | CanidError:
+    """Read one log, in a process of its own; an error says why it cannot be read."""
     from canid import drive_reader
 
     try:
         return drive_reader.read_drive(path, vehicle, start=start, stop=stop, estimating=False)
-    except LogError as error:
-        return str(error).removeprefix(f"{path}: ")
+    except CanidError as error:
+        return error
 
 
 def _study(

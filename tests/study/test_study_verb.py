@@ -154,3 +154,8 @@ def test_a_log_without_what_is_needed_ends_with_1(tmp_path: Path, capsys: pytest
         assert code == CHECK_FAILED, shown
         assert "broken.blf" in shown.out
         assert "Traceback" not in shown.err
+    # a log of another car among others is skipped as well, and alone an error
+    assert main(["study", "grover", str(lane), str(following), "--vehicle", "toyota_rav4_2017"]) == USAGE
+    shown = capsys.readouterr()
+    assert "lane.blf" in shown.err
+    assert "Traceback" not in shown.err
