@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_opener import open_buses
+from canid.controls import Controls
 from canid.errors import CanidError, OutputError
 from canid.estimator_process import Counts, Estimating
 from canid.files import state_file
@@ -66,6 +67,7 @@ def session(
     state: str | Path | None = None,
     rotation: Rotation | None = None,
     finish: float = FINISH_S,
+    controls: Controls | None = None,
 ) -> Generator[Result | World, None, None]:
     """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
 
@@ -85,6 +87,8 @@ def session(
             state that is damaged or does not fit is reported as an `Event`, and the estimators start anew.
         rotation: record into new files by size or time, and keep as many as it says; None: one file.
         finish: s that the estimators have, after the recording has ended, for the frames that still wait for them.
+        controls: marks, and a request to stop, from a person at the session. A mark stands in the log and the journal,
+            and comes as an `Event`.
 
     Raises:
         ConfigError: the vehicle file is wrong, or the state file cannot be read.
@@ -133,8 +137,10 @@ def session(
             # reports a mistake in it here, not in the estimators' process; recording has begun meanwhile
             read_vehicle(vehicle)
         reported = began
-        while not stopped() and recorder.alive():
+        while not stopped() and recorder.alive() and not (controls and controls.stop_requested):
             now = time.monotonic()
+            for mark in controls.take_marks() if controls else ():
+                recorder.mark(mark)
             if duration is not None and now - began >= duration:
                 break
             if now - reported >= REPORT_INTERVAL_S:

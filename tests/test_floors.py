@@ -17,7 +17,7 @@ FLOOR = {
     "effects": 2, "systems": 1.5,
     "estimators": 2, "monitor": 2, "simulation": 3,
     "pipeline": 3, "drive_parameters": 4, "vehicle_check": 4, "saving": 4, "diagnosis": 4,
-    "study": 4.5, "views": 5,
+    "study": 4.5, "views": 5, "controls": 5,
     "files": 5, "buses": 6, "logs": 7, "recording": 8, "export": 5, "estimator_process": 5,
     "drive_reader": 8, "session": 9,
     "cli": 10, "__init__": 11, "__main__": 11,

@@ -14,6 +14,7 @@ from canid.cli.output import display, output_kinds, outputs, streams
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import DetachedOutput, Output, StandardOutput, TextOutput
 from canid.cli.priority import raise_priority
+from canid.controls import Controls
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.recording.rotation import Rotation
 from canid.session import Result, World, session
@@ -63,10 +64,12 @@ def run(
             if bus.configured_by:
                 info(f"{bus.name}: configured by {', '.join(bus.configured_by)}")
         title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])
+        controls = Controls()
         code, _ = watch(
             buses,
             vehicle,
             View(title),
+            controls=controls,
             record=record,
             state=state,
             duration=args.duration,
@@ -88,8 +91,12 @@ def watch(
     stop: Callable[[], bool],
     state: str | None = None,
     rotation: Rotation | None = None,
+    controls: Controls | None = None,
+    observers: Sequence[display.Observer] = (),
 ) -> tuple[int, end_summary.EstimateTally]:
     """Show a session until it ends; returns the exit code and the estimates.
+
+    `observers` get what the display gets; they are closed at the end. What one of them raises ends its service alone.
 
     The session never waits for an output (`streams.detach`, `DetachedOutput`). An output that cannot be written ends a
     session that does not record, never one that does.
@@ -103,7 +110,7 @@ def watch(
         file = DetachedOutput(json) if json is not None and not json.stdout else None
         if file is not None:
             stack.callback(file.finish, JSON_PATIENCE_S)  # after an error
-        shown = SessionOutput(buses, view, json, file, recording=bool(record))
+        shown = SessionOutput(buses, view, json, file, recording=bool(record), observers=observers)
         running = stack.enter_context(
             closing(
                 session(
@@ -114,6 +121,7 @@ def watch(
                     stopped=stop,
                     state=state,
                     rotation=rotation,
+                    controls=controls,
                 )
             )
         )
@@ -151,6 +159,7 @@ class SessionOutput:
         file: DetachedOutput | None,
         *,
         recording: bool,
+        observers: Sequence[display.Observer] = (),
     ) -> None:
         """Open the display; `file` takes the JSON lines, or standard output where `json` is that."""
         self.failure = ""  # why nothing is shown any more
@@ -159,12 +168,22 @@ class SessionOutput:
         self._sink: TextOutput | None = file or (StandardOutput() if json is not None else None)
         self._recording = recording
         self._display = display.display(view, json="-" if json is not None and json.stdout else None)
+        self._observers = list(observers)
 
     def put(self, item: Result | World) -> None:
         """Show one item of the session. Raises what an output raises, unless the session records."""
         lost = (self._file and self._file.error) or streams.standard_output_error()
         if lost and not self._recording:
             raise lost
+        for observer in [*self._observers]:
+            try:
+                self._observe(observer, item)
+            except Exception as error:  # of any kind: the session goes on without it
+                self._observers.remove(observer)
+                info(
+                    f"{type(observer).__name__} has failed ({type(error).__name__}: {error}); the session goes on"
+                )
+                self._end(observer)
         if self.failure:
             return
         try:
@@ -175,16 +194,28 @@ class SessionOutput:
             self.failure = f"{type(error).__name__}: {error}"
             info(f"output cannot be written ({self.failure}); the recording goes on")
 
-    def _show(self, item: Result | World) -> None:
+    def _observe(self, observer: display.Observer, item: Result | World) -> None:
         if isinstance(item, World):
             for event in item.events:
-                self._display.put(event)
+                observer.put(event)
             warnings = [
                 HealthLine(bus.listen_only.says, wrong=True) for bus in self._buses if bus.listen_only.warns
             ]
-            self._display.lines([*health_lines(item), *warnings], item.output)
+            observer.lines([*health_lines(item), *warnings], item.output)
+            observer.status(to_json(item))
+        else:
+            observer.put(item.item)
+
+    def _end(self, observer: display.Observer) -> None:
+        try:
+            observer.close()
+        except Exception as error:
+            info(f"{type(observer).__name__} cannot be closed ({error})")
+
+    def _show(self, item: Result | World) -> None:
+        self._observe(self._display, item)
+        if isinstance(item, World):
             return
-        self._display.put(item.item)
         if isinstance(item.item, Estimate | MonitorReport | SignalReport):
             display.write_json(self._sink, item.item)
 
@@ -194,7 +225,9 @@ class SessionOutput:
             self._sink.write(json_values.line(value) + "\n")
 
     def close(self) -> None:
-        """Close the display."""
+        """Close the display and the observers."""
+        for observer in self._observers:
+            self._end(observer)
         if not self.failure:
             self._display.close()
 

@@ -18,6 +18,7 @@ from canid.buses.bus_reader import Arrival, BusReader
 from canid.buses.draining import MAX_DRAIN_S
 from canid.buses.socketcan import error_counters, meaning, overflowed
 from canid.buses.timestamp_source import TimestampSource
+from canid.controls import Mark
 from canid.errors import BusError, CanidError
 from canid.recording import bus_load
 from canid.recording.journal import Journal
@@ -152,6 +153,12 @@ class Recorder:
     def journal(self, event: Event) -> None:
         """Write an event to the journal next to the log. Any thread may; nothing is raised."""
         self._journal.write(event, self._first_ns)
+
+    def mark(self, mark: Mark) -> None:
+        """Write a person's mark into the log and the journal, at the time of the drive at which it was made."""
+        passed = max(time.monotonic() - mark.at, 0.0)
+        text = f": {mark.text}" if mark.text else ""
+        self._report("mark", f"mark{text}", t=max(self._latest - passed, 0.0))
 
     def events(self) -> list[Event]:
         """The recorder's own events since the last call; they are in the journal already."""
@@ -338,8 +345,8 @@ class Recorder:
 
     # --- events: any thread ---
 
-    def _report(self, what: str, says: str) -> None:
-        event = Event(self._latest, what, says)
+    def _report(self, what: str, says: str, t: float | None = None) -> None:
+        event = Event(self._latest if t is None else t, what, says)
         self._events.put(event)
         self.journal(event)
         if self._log is not None:

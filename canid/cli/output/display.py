@@ -7,7 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Iterable
-from typing import Protocol, TextIO
+from typing import Any, Protocol, TextIO
 
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.outputs import TextOutput
@@ -27,8 +27,8 @@ TROUBLE_INTERVAL_S = 10.0
 Item = Sample | Estimate | MonitorReport | SignalReport | Event
 
 
-class Display(Protocol):
-    """Shows the outputs of the pipeline while they come."""
+class Observer(Protocol):
+    """Takes the outputs of the pipeline while they come: a display, the live page, a stream of UDP packets."""
 
     def put(self, item: Item) -> None:
         """Show one output."""
@@ -36,8 +36,11 @@ class Display(Protocol):
     def lines(self, lines: Iterable[HealthLine], output: str = "") -> None:
         """Show the state of buses, recorder and estimators; `output` is the role of the driver's output."""
 
+    def status(self, values: dict[str, Any]) -> None:
+        """Take numbers on the session (`live_session.to_json`) or on the replay, a few times a second."""
+
     def close(self) -> None:
-        """Leave the terminal as it was."""
+        """End: leave the terminal as it was, close sockets."""
 
 
 class EventsOnly:
@@ -49,6 +52,9 @@ class EventsOnly:
             info(item.says)
 
     def lines(self, lines: Iterable[HealthLine], output: str = "") -> None:
+        """Drop them."""
+
+    def status(self, values: dict[str, Any]) -> None:
         """Drop them."""
 
     def close(self) -> None:
@@ -96,6 +102,9 @@ class PlainLines:
                 self._trouble[key] = line.text, now
                 info(line.text)
 
+    def status(self, values: dict[str, Any]) -> None:
+        """Drop them."""
+
     def close(self) -> None:
         """Nothing to restore."""
 
@@ -127,6 +136,9 @@ class LiveDisplay:
         self._view = self._view._replace(lines=tuple(lines), output=output or self._view.output)
         self._redraw()
 
+    def status(self, values: dict[str, Any]) -> None:
+        """Drop them."""
+
     def _redraw(self, *, force: bool = False) -> None:
         now = time.monotonic()
         if force or now - self._drawn >= 1.0 / REDRAW_HZ:
@@ -139,7 +151,7 @@ class LiveDisplay:
         self._live.stop()
 
 
-def display(view: View, *, json: str | None) -> Display:
+def display(view: View, *, json: str | None) -> Observer:
     """The live view on a terminal, plain lines elsewhere; where JSON takes standard output, on standard error."""
     stream = sys.stderr if json == "-" else sys.stdout
     if is_terminal(stream):
