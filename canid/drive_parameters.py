@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from canid.drive_summary import DriveSummary, summarise
 from canid.estimators import ESTIMATORS, agreement, plausibility, pooling
 from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
 from canid.estimators.fopdt import FOPDT
@@ -49,6 +50,7 @@ class Identified(NamedTuple):
     time: DriveTime = DriveTime(0.0, 0.0, 0.0, 0.0)
     findings: tuple[SignalFinding, ...] = ()  # on the signals
     loop: IdentifiedLoop = IdentifiedLoop()  # margins and string stability with the car
+    summary: DriveSummary = DriveSummary()  # conditions, noise and draws, for comparisons of drives
 
     @property
     def ranked(self) -> list[str]:
@@ -82,12 +84,15 @@ class Identified(NamedTuple):
         return ArmaxDrive(found.model, found.channels, found.residual_tests)
 
 
-def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Identified:
+def identify(
+    trace: Trace, *, select_orders: bool = True, sliding: bool = True, **settings: Any
+) -> Identified:
     """Identify the driver of a whole drive.
 
     Args:
         trace: from `read_trace`.
         select_orders: compare other orders of ARMAX as well.
+        sliding: estimate in sliding windows as well, which takes two thirds of the time.
         **settings: by estimator: `armax=ArmaxSettings(...)`, `fopdt=FopdtSettings(...)`; or None: its defaults.
 
     Returns:
@@ -123,7 +128,7 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
     return Identified(
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
-        windows=tuple(windows(trace, **settings)),
+        windows=tuple(windows(trace, **settings)) if sliding else (),
         whole=whole,
         orders=tuple(
             order_selection.compare(rows.output, rows.inputs, ready, segment=rows.segment, dt=rows.dt)
@@ -133,6 +138,7 @@ def identify(trace: Trace, *, select_orders: bool = True, **settings: Any) -> Id
         time=time,
         findings=trace.findings,
         loop=_loop(whole[FOPDT.name], trusted, settings_of(FOPDT, trace, settings).output),
+        summary=summarise(trusted, whole[FOPDT.name], settings_of(FOPDT, trace, settings)),
     )
 
 
