@@ -72,8 +72,24 @@ def is_truth(head: bytes) -> bool:
 
 def is_page(head: bytes) -> bool:
     """A page of `canid diagnose --report`."""
-    start = head.lstrip()[:15].lower()
-    return start.startswith(b"<!doctype html") and b"canid diagnosis" in head
+    return _is_page_of(head, "canid diagnosis")
+
+
+def _is_page_of(head: bytes, generator: str) -> bool:
+    """A page whose head names this generator; a title cannot, as the marks of HTML are escaped in it."""
+    mark = f'<meta name="generator" content="{generator}">'.encode()
+    return head.lstrip()[:15].lower().startswith(b"<!doctype html") and mark in head
+
+
+def report_page(verb: str) -> Kind:
+    """A page of `canid VERB --report`.
+
+    Example:
+        >>> page = b'<!DOCTYPE html><meta name="generator" content="canid check">'
+        >>> report_page("check").recognise(page), report_page("replay").recognise(page)
+        (True, False)
+    """
+    return Kind(f"a page of canid {verb}", (".html", ".htm"), lambda head: _is_page_of(head, f"canid {verb}"))
 
 
 def is_study_page(head: bytes) -> bool:

@@ -60,19 +60,36 @@ def armax_fit_percent(
     >>> round(armax_fit_percent(fit, y, u, every, None, 0.1) / 10.0)
     8
     """
+    simulated = simulate(fit, inputs, segment, dt)
+    compared = usable & np.isfinite(simulated) & np.isfinite(output)
+    return fit_percent(output, output - simulated, np.asarray(compared))
+
+
+def simulate(fit: ArmaxFit, inputs: Array, segment: npt.NDArray[np.int64] | None, dt: float) -> Array:
+    """Simulate B/A u from rest in every run of known inputs.
+
+    Args:
+        fit: the model.
+        inputs: (N, m).
+        segment: (N,), changes where the inputs' history breaks.
+        dt: s, the grid's step.
+
+    Returns:
+        (N,) without the offset; NaN where the rest is not yet forgotten, and everywhere where the model is unstable.
+    """
     if not polynomial.is_stable(fit.A[1:].tolist()):
-        return NAN
+        return np.full(len(inputs), NAN)
     known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(inputs).all(axis=1))
     driven = since(known, segment)
-    simulated = np.zeros(len(output))
+    simulated = np.zeros(len(inputs))
     for b, u in zip(fit.B, np.where(known[:, None], inputs, 0.0).T, strict=True):
         for lag, value in enumerate(b, fit.orders.nk):
             late = np.zeros(len(u))
             late[lag:] = u[: len(u) - lag] if lag else u
             simulated += value * np.where(driven >= lag, late, 0.0)
     simulated = polynomial.divide(simulated, fit.A[1:], driven)
-    settled = usable & (driven >= round(FORGOTTEN_S / dt)) & np.isfinite(output)
-    return fit_percent(output, output - simulated, settled)
+    settled: Array = np.where(driven >= round(FORGOTTEN_S / dt), simulated, NAN)
+    return settled
 
 
 def since(good: npt.NDArray[np.bool_], segment: npt.NDArray[np.int64] | None) -> npt.NDArray[np.int64]:

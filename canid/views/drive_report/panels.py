@@ -1,0 +1,179 @@
+"""Panels one below the other over the time of the log: lines, bands, marks and a shared axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.runs import runs
+from canid.types import Array
+from canid.views.report.decimation import min_max_indices
+from canid.views.report.figure import (
+    MARGIN_PX,
+    NARROW_MARGIN_PX,
+    Figure,
+    Spec,
+    axis,
+    axis_suffix,
+    layout,
+    line,
+    times,
+    to_list,
+)
+
+# px between two panels
+GAP_PX = 26
+# share of the points, on both sides, that a panel's range need not show: the first intervals are as wide as the search
+OUTSIDE = 0.02
+# of a panel's range, on both sides
+SPARE = 0.08
+
+
+class Panel(NamedTuple):
+    """One panel."""
+
+    title: str  # quantity and unit
+    data: list[Spec]  # without axes, which `stack` gives them
+    height: int = 120  # px
+    range: tuple[float, float] | None = None
+    more: Mapping[str, Any] = {}  # of the ordinate
+
+
+def stack(
+    name: str,
+    title: str,
+    caption: str,
+    panels: Sequence[Panel],
+    *,
+    span: tuple[float, float] | None = None,
+    shapes: Iterable[Spec] = (),
+    annotations: Iterable[Spec] = (),
+) -> Figure:
+    """Panels of one figure with a common time axis; the alternative text lists them.
+
+    Args:
+        name: id in the page.
+        title: of the figure.
+        caption: what to see in it.
+        panels: from above to below.
+        span: s, of the time axis.
+        shapes: behind the lines, with `xref` "x" and `yref` "paper".
+        annotations: texts on the figure.
+
+    Example:
+        >>> of = stack("a", "", "", [Panel("gap (m)", []), Panel("speed (m/s)", [])])
+        >>> of.layout["yaxis"]["domain"][1], of.layout["yaxis2"]["domain"][0], of.alt
+        (1.0, 0.0, 'Panels over time: gap (m); speed (m/s)')
+    """
+    total = sum(panel.height for panel in panels) + GAP_PX * (len(panels) - 1)
+    data: list[Spec] = []
+    axes: Spec = {}
+    named: set[str] = set()
+    top = 0
+    for k, panel in enumerate(panels):
+        low, high = 1.0 - (top + panel.height) / total, 1.0 - top / total
+        top += panel.height + GAP_PX
+        domain = [max(round(low, 6), 0.0), round(high, 6)]
+        limits: Spec = {} if panel.range is None else {"range": list(panel.range)}
+        axes[f"yaxis{axis_suffix(k)}"] = axis(panel.title, domain=domain, nticks=5, **limits, **panel.more)
+        for one in panel.data:
+            # one entry in the legend per name
+            first = one.get("name", "") not in named
+            named.add(one.get("name", ""))
+            shown = {"showlegend": first and one.get("showlegend", True)}
+            data.append(one | shown | {"xaxis": "x", "yaxis": f"y{axis_suffix(k)}"})
+    bottom = f"y{axis_suffix(len(panels) - 1)}"
+    limits = {} if span is None else {"range": list(span)}
+    axes["xaxis"] = axis("time in the log (s)", anchor=bottom, domain=[0, 1], hoverformat=".1f", **limits)
+    height = total + MARGIN_PX["t"] + MARGIN_PX["b"]
+    return Figure(
+        name,
+        title,
+        caption,
+        f"Panels over time: {'; '.join(panel.title for panel in panels)}",
+        height,
+        data,
+        layout(axes, shapes=list(shapes), annotations=list(annotations), hovermode="x"),
+        (height, {"margin": dict(NARROW_MARGIN_PX)}),
+    )
+
+
+def signal(t: Array, y: Array, name: str, color: str, most: int, **more: Any) -> Spec:
+    """A measured or simulated line, thinned to the extremes of each bucket."""
+    at = min_max_indices(y, np.zeros(len(y), dtype=bool), most)
+    return line(times(t[at]), y[at], name, color, **more)
+
+
+def band(t: Array, low: Array, high: Array, name: str, color: str) -> Spec:
+    """A 95 % band as polygons, one per stretch in which both ends are known.
+
+    Example:
+        >>> nan = float("nan")
+        >>> t = np.arange(5.0)
+        >>> one = band(t, np.array([0.0, 1.0, nan, 2.0, 3.0]), np.array([4.0, 5.0, nan, 6.0, 7.0]), "b", "after")
+        >>> one["x"]
+        [0.0, 1.0, 1.0, 0.0, 0.0, None, 3.0, 4.0, 4.0, 3.0, 3.0, None]
+    """
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for a, b in runs(np.isfinite(low) & np.isfinite(high)):
+        there = times(t[a:b])
+        x += [*there, *there[::-1], there[0], None]
+        edge = to_list(high[a:b]) + to_list(low[a:b])[::-1]
+        y += [*edge, edge[0], None]
+    return {
+        "type": "scatter", "mode": "lines", "x": x, "y": y, "fill": "toself", "fillcolor": f"@{color}", "opacity": 0.2,
+        "line": {"width": 0, "color": f"@{color}"}, "name": name, "legendgroup": name, "hoverinfo": "skip",
+    }  # fmt: skip
+
+
+def shown_range(values: Iterable[Array]) -> tuple[float, float] | None:
+    """The range of a panel that shows all but the outermost points; None: nothing is known.
+
+    Example:
+        >>> low, high = shown_range([np.append(np.linspace(0.0, 1.0, 101), 1e6)])
+        >>> low < 0.1 and 0.9 < high < 2.0
+        True
+    """
+    every = np.concatenate([np.zeros(0), *values])
+    every = every[np.isfinite(every)]
+    if not every.size:
+        return None
+    low, high = (float(x) for x in np.quantile(every, (OUTSIDE, 1.0 - OUTSIDE)))
+    spare = SPARE * (high - low) or max(abs(high), 1.0) * SPARE
+    return low - spare, high + spare
+
+
+def shade(t: Array, flags: npt.NDArray[np.bool_], step: float, name: str, color: str) -> list[Spec]:
+    """Stretches in which a flag is set, behind the lines, as one shape with an entry in the legend."""
+    found = [(float(t[a]), float(t[b - 1]) + step) for a, b in runs(flags)]
+    if not found:
+        return []
+    path = " ".join(f"M{a:.3f},0V1H{b:.3f}V0Z" for a, b in found)
+    return [{
+        "type": "path", "path": path, "xref": "x", "yref": "paper", "layer": "below", "fillcolor": f"@{color}",
+        "line": {"width": 0}, "name": name, "showlegend": True,
+    }]  # fmt: skip
+
+
+def instants(at: Iterable[tuple[float, str]], color: str) -> tuple[list[Spec], list[Spec]]:
+    """Vertical lines with a text above: shapes and annotations."""
+    rows = list(at)
+    shapes: list[Spec] = [
+        {
+            "type": "line", "x0": t, "x1": t, "y0": 0, "y1": 1, "xref": "x", "yref": "paper",
+            "line": {"color": f"@{color}", "width": 1.2, "dash": "dash"},
+        }
+        for t, _ in rows
+    ]  # fmt: skip
+    texts: list[Spec] = [
+        {
+            "text": text, "x": t, "y": 1.0, "xref": "x", "yref": "paper", "showarrow": False, "xanchor": "left",
+            "yanchor": "top", "font": {"size": 11, "color": f"@{color}"},
+        }
+        for t, text in rows
+    ]  # fmt: skip
+    return shapes, texts

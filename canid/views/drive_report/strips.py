@@ -1,0 +1,111 @@
+"""Coloured strips over time, each stretch with its state as text: statuses of estimators, gates, the monitor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from canid.views.report.figure import MARGIN_PX, NARROW_MARGIN_PX, Figure, Spec, axis, layout
+
+ROW_HEIGHT_PX = 34
+# px for the names of the rows
+NAMES_PX = 92
+# Share of the time axis from which on a stretch holds its text: shorter ones have it on hover and in the legend
+LABELLED_SHARE = 0.06
+# Color of the style sheet and hatching, by state: color alone says nothing to many readers.
+STYLES: Mapping[str, tuple[str, str]] = {
+    "ok": ("good", ""),
+    "fits": ("good", ""),
+    "used": ("good", ""),
+    "converging": ("bar", "/"),
+    "learning": ("bar", "/"),
+    "not excited": ("rival", "\\"),
+    "no lead": ("grid", ""),
+    "no driver": ("grid", "x"),
+    "stale": ("before", "x"),
+    "inconsistent": ("bad", "+"),
+    "misfit": ("bad", "+"),
+    "finding": ("bad", "/"),
+    "armax": ("before", ""),
+    "fopdt": ("after", ""),
+    "none": ("grid", ""),
+}
+PLAIN = ("bar", "")
+
+
+class Stretch(NamedTuple):
+    """A row's state from start to stop."""
+
+    row: str
+    state: str
+    start: float  # s
+    stop: float  # s
+
+
+def joined(row: str, at: Sequence[tuple[float, str]], end: float) -> list[Stretch]:
+    """States at their times as stretches, each until the next.
+
+    Args:
+        row: name of the strip.
+        at: (s, state), in the order of time.
+        end: s, of the last one.
+
+    Example:
+        >>> joined("fopdt", [(0.0, "converging"), (1.0, "ok"), (2.0, "ok")], 3.0)[1]
+        Stretch(row='fopdt', state='ok', start=1.0, stop=3.0)
+    """
+    out: list[Stretch] = []
+    for t, state in at:
+        if out and out[-1].state == state:
+            continue
+        if out:
+            out[-1] = out[-1]._replace(stop=t)
+        out.append(Stretch(row, state, t, t))
+    if out:
+        out[-1] = out[-1]._replace(stop=max(end, out[-1].start))
+    return out
+
+
+def strips(
+    name: str, title: str, caption: str, several: Sequence[Stretch], span: tuple[float, float]
+) -> Figure | None:
+    """One row per name, from above to below in the order of their first stretch; None: there is none."""
+    rows = list(dict.fromkeys(one.row for one in several))
+    if not rows:
+        return None
+    long = max(span[1] - span[0], 1e-9)
+    data: list[Spec] = []
+    for state in dict.fromkeys(one.state for one in several):
+        color, hatch = STYLES.get(state, PLAIN)
+        mine = [one for one in several if one.state == state and one.stop > one.start]
+        data.append(
+            {
+                "type": "bar", "orientation": "h", "name": state, "legendgroup": state,
+                "y": [one.row for one in mine], "base": [round(one.start, 2) for one in mine],
+                "x": [round(one.stop - one.start, 2) for one in mine],
+                "text": [state if one.stop - one.start > LABELLED_SHARE * long else "" for one in mine],
+                "textposition": "inside", "insidetextanchor": "middle", "textangle": 0, "constraintext": "none",
+                "insidetextfont": {"color": "@ink", "size": 11},
+                "marker": {
+                    "color": f"@{color}", "opacity": 0.55, "line": {"width": 0},
+                    "pattern": {"shape": hatch, "size": 6, "solidity": 0.25, "fgcolor": "@page"},
+                },
+                "hovertemplate": f"%{{y}}: {state}, %{{base:.1f}}–%{{x:.1f}} s<extra></extra>",
+            }
+        )  # fmt: skip
+    axes = {
+        "xaxis": axis("time in the log (s)", range=list(span), hoverformat=".1f"),
+        "yaxis": axis("", categoryorder="array", categoryarray=rows[::-1], showgrid=False, fixedrange=True),
+    }
+    height = MARGIN_PX["t"] + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(rows)
+    alt = f"Strips over time: {', '.join(rows)}; states: {', '.join(dict.fromkeys(one.state for one in several))}"
+    return Figure(
+        name,
+        title,
+        caption,
+        alt,
+        height,
+        data,
+        layout(axes, barmode="overlay", bargap=0.25, margin=MARGIN_PX | {"l": NAMES_PX}),
+        (height, {"margin": NARROW_MARGIN_PX | {"l": NAMES_PX}}),
+    )

@@ -1,0 +1,159 @@
+"""What may be quoted of an identified drive, in one or two sentences, and what withholds the rest."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from canid.drive_parameters import Identified
+from canid.identification.identifiability import quotable
+from canid.signal_checks.signal_checks import sentence
+from canid.types import Channel, Identifiable, LearnGate, Status
+from canid.views import estimate_text
+from canid.views.names import SYMBOLS, readable
+from canid.views.numbers import gain_unit, interval
+
+# which of a channel's numbers a sentence gives, by its status
+_SAID = {
+    Identifiable.OK: ("K", "tau", "dead_time"),
+    Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
+    Identifiable.GAIN_ONLY: ("K",),
+    Identifiable.NOT: (),
+}
+# How `fit_percent` was made, for all methods: the output simulated from the inputs alone, never from past outputs.
+SIMULATED = "simulated"
+
+
+class IdentificationVerdict(NamedTuple):
+    """The result of a drive in words."""
+
+    kind: str  # "identified": all may be quoted; "partly"; "changed": per stretch only; "nothing"
+    title: str
+    says: str  # the numbers that may be quoted, with units
+    withheld: str  # what may not be quoted, and why; "": nothing
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether anything may be quoted."""
+        return self.kind != "nothing"
+
+
+def verdict(drive: Identified, output: str = "") -> IdentificationVerdict:
+    """The verdict on a drive.
+
+    Args:
+        drive: from `identify`.
+        output: role of the driver's output, for the unit of K.
+
+    Example:
+        >>> from canid.estimators.estimator import WholeDrive
+        >>> from canid.types import Interval
+        >>> K = Channel(Interval(5.6, 5.0, 6.2), status=Identifiable.GAIN_ONLY)
+        >>> one = Identified(60.0, 50.0, (), {"fopdt": WholeDrive({"range_rate": K})}, ())
+        >>> verdict(one, "pedal").says
+        'Range rate: K 5.6 [5.0, 6.2] % per m/s.'
+    """
+    found = drive.headline
+    if found is not None and found.details.get("changes"):
+        return _changed(drive, output)
+    known = {} if found is None else {n: c for n, c in found.channels.items() if _SAID[c.status]}
+    if not known or found is None:
+        return IdentificationVerdict("nothing", "Nothing is identifiable", "", why_nothing(drive))
+    whole = all(c.status is Identifiable.OK for c in found.channels.values())
+    says = "; ".join(f"{readable(name)}: {quoted(name, c, output)}" for name, c in known.items())
+    says = f"{says[0].upper()}{says[1:]}"
+    kind, title = (
+        ("identified", "The driver is identified")
+        if whole
+        else ("partly", "The driver is identified in part")
+    )
+    return IdentificationVerdict(kind, title, f"{says}.", _withheld(found.channels, _against(drive)))
+
+
+def quoted(name: str, channel: Channel, output: str) -> str:
+    """The numbers of a channel that may be quoted, with their 95 % intervals and units.
+
+    Example:
+        >>> from canid.types import Interval
+        >>> K = Channel(Interval(5.6, 5.0, 6.2), status=Identifiable.GAIN_ONLY)
+        >>> quoted("range_rate", K, "accel")
+        'K 5.6 [5.0, 6.2] m/s² per m/s'
+    """
+    unit = gain_unit(output, name) if output else ""
+    return ", ".join(
+        f"{SYMBOLS[what]} {interval(getattr(channel, what), unit if what == 'K' else 's')}"
+        for what in _SAID[channel.status]
+    )
+
+
+def why_nothing(drive: Identified) -> str:
+    """Why nothing may be quoted, and what to do."""
+    found = drive.headline
+    wrong = [sentence(one) for one in drive.findings if one.withholds]
+    if wrong:
+        return f"{wrong[0][0].upper()}{wrong[0][1:]}."
+    if drive.time.usable == 0.0:
+        return f"No sample is usable for identification: {_most_frequent(drive) or LearnGate.NO_LEAD.value}."
+    against = _against(drive)
+    if against:
+        return f"{against[0].upper()}{against[1:]}."
+    missing = "" if found is None else estimate_text.all_missing(found.channels)
+    used = f"{drive.time.usable:.0f} s are usable for identification"
+    reason = (
+        missing or _most_frequent(drive) or "too few data: follow a vehicle whose speed changes, for longer"
+    )
+    return f"{used}; {reason}."
+
+
+def _against(drive: Identified) -> str:
+    """What speaks against the model of the whole drive."""
+    found = drive.headline
+    return "" if found is None else str(found.details.get("says", ""))
+
+
+def _most_frequent(drive: Identified) -> str:
+    """The sentence that most windows without an estimate give."""
+    counts = Counter(e.says for e in drive.windows if e.status is not Status.OK and e.says)
+    return counts.most_common(1)[0][0] if counts else ""
+
+
+def _withheld(channels: Mapping[str, Channel], against: str) -> str:
+    """What may not be quoted of a drive of which something may."""
+    parts = []
+    for name, c in channels.items():
+        if c.status is Identifiable.OK:
+            continue
+        lacking = {
+            Identifiable.SUM_ONLY: "τ and θ apart",
+            Identifiable.GAIN_ONLY: "τ and θ",
+            Identifiable.NOT: "K, τ and θ",
+        }[c.status]
+        why = "" if c.progress is None else f" ({estimate_text.missing(c.progress)})"
+        parts.append(f"{lacking} of {readable(name)}{why}")
+    said = f"Not to be quoted: {'; '.join(parts)}." if parts else ""
+    return " ".join(filter(None, (said, f"{against[0].upper()}{against[1:]}." if against else "")))
+
+
+def _changed(drive: Identified, output: str) -> IdentificationVerdict:
+    """The gains stepped: only the numbers of the stretches may be quoted."""
+    found = drive.headline
+    details = {} if found is None else found.details
+    times = ", ".join(f"{change.t.value:.0f} s" for change in details["changes"])
+    count = len(details["changes"])
+    parts = []
+    for segment in details["segments"]:
+        known = [
+            f"{readable(name)} {quoted(name, c._replace(status=Identifiable.GAIN_ONLY), output)}"
+            for name, c in segment["channels"].items()
+            if quotable(c, "K")
+        ]
+        if known:
+            parts.append(f"{segment['start']:.0f}–{segment['stop']:.0f} s: {', '.join(known)}")
+    kind = "changed" if parts else "nothing"
+    return IdentificationVerdict(
+        kind,
+        "The driver changed during the drive" if parts else "Nothing is identifiable",
+        f"{'; '.join(parts)}." if parts else "",
+        f"The gains changed {count} time{'s' * (count > 1)} (at {times}): no number holds for the whole drive.",
+    )
