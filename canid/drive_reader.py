@@ -100,7 +100,7 @@ def run(
     start: float = 0.0,
     stop: float = float("inf"),
     keep: str | Path | None = None,
-    span: float = float("inf"),
+    span: float | Callable[[float], float] = float("inf"),
 ) -> Generator[Step, None, None]:
     """Run a log through the pipeline, chunk by chunk.
 
@@ -112,7 +112,7 @@ def run(
         start: s, leave out what is earlier.
         stop: s, leave out what is later.
         keep: go on from the state in this file, and save there every 10 s and at the end.
-        span: s of the log that a chunk may last.
+        span: s of the log that a chunk may last; or a function of the time of its first frame, asked for each chunk.
 
     Raises:
         ConfigError: the state file cannot be read.
@@ -127,13 +127,18 @@ def run(
             yield Step(state, chunk, [item for item in out if item.t >= start])
 
 
-def _chunks(log: Log, start: float, stop: float, size: int, span: float) -> Iterator[Columns]:
+def _chunks(
+    log: Log, start: float, stop: float, size: int, span: float | Callable[[float], float]
+) -> Iterator[Columns]:
     """The log's frames of [start, stop] s, about `size` at once and at most `span` s of them."""
     for chunk in gather(log.columns(), size):
         if start > 0.0 or stop < float("inf"):
             chunk = select(chunk, (chunk.t >= start) & (chunk.t <= stop))
         n = len(chunk.t)
         if not n:
+            continue
+        if callable(span):
+            yield from _pieces(chunk, span)
             continue
         cuts = set(range(0, max(n - size // 2, 1), size))
         if span < float("inf"):
@@ -142,6 +147,17 @@ def _chunks(log: Log, start: float, stop: float, size: int, span: float) -> Iter
         ends = sorted(cuts)
         for begin, end in zip(ends, [*ends[1:], n], strict=True):
             yield chunk if end - begin == n else select(chunk, np.arange(begin, end))
+
+
+def _pieces(chunk: Columns, span: Callable[[float], float]) -> Iterator[Columns]:
+    """The frames of `chunk`, cut where `span` says so just then."""
+    latest = np.maximum.accumulate(chunk.t)
+    begin, n = 0, len(chunk.t)
+    while begin < n:
+        first = float(latest[begin])
+        end = max(int(np.searchsorted(latest, first + span(first), "left")), begin + 1)
+        yield chunk if end - begin == n else select(chunk, np.arange(begin, end))
+        begin = end
 
 
 def _plain(running: pipeline.Pipeline, chunks: Iterable[Columns]) -> Generator[Step, None, None]:

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import time
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, reading
+from canid.cli import options, publish_options, reading, web_options
 from canid.cli.output import display, output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output, TextOutput
+from canid.controls import Controls
 from canid.errors import DAMAGED, DONE, ConfigError
 from canid.types import Estimate, Event, MonitorReport, Sample, SignalReport
-from canid.views.live_view import HealthLine, View
+from canid.views.terminal_view.state import HealthLine, View
 
 if TYPE_CHECKING:
     from canid.drive_reader import Health
     from canid.logs import Log
+    from canid.playback import Position
     from canid.vehicle import Vehicle
     from canid.views.end_summary import EstimateTally
-
-# s of real time that a chunk lasts, as live
-CHUNK_S = 0.05
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,11 +34,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--speed",
         type=options.speed,
         metavar="1|10|max",
-        help="factor of real time, or max; default: max, with --onto: 1",
+        help="factor of real time, or max; default: max, with --onto or --web: 1",
     )
     options.part(parser)
     options.state(parser)
     options.json_file(parser)
+    web_options.arguments(parser)
+    publish_options.arguments(parser)
     parser.add_argument(
         "--onto", action="store_true", help="send the log to the virtual bus of -i and -c instead"
     )
@@ -53,6 +55,10 @@ def run(args: argparse.Namespace) -> int:
     if args.onto:
         if args.state is not None:
             raise ConfigError("replay: --onto sends a log and estimates nothing; leave out --state")
+        if args.web is not None:
+            raise ConfigError("replay: --onto sends a log and shows nothing; leave out --web")
+        if args.publish:
+            raise ConfigError("replay: --onto sends frames and estimates nothing; leave out --publish")
         return onto(args)
     if args.vehicle is None:
         raise ConfigError("replay needs --vehicle V.toml (`canid init FILE.dbc` proposes one)")
@@ -63,12 +69,16 @@ def run(args: argparse.Namespace) -> int:
     json = options.json_output(args)
     state = Output("--state", args.state, output_kinds.STATE) if args.state else None
     outputs.check([json, state], options.read_by(args))
+    publish_options.check(args)
     vehicle = reading.read_vehicle(args.vehicle)
     log = open_log(args.log)
     tally = end_summary.EstimateTally()
     reports: list[SignalReport] = []
+    controls = Controls(args.speed or (1.0 if args.web is not None else math.inf))
     with outputs.opened(json) as sink:
-        health = play(args, log, vehicle, tally, reports, sink)
+        observers = web_options.replay_page(args, log.path.name, vehicle, controls)
+        publishers = publish_options.publishers(args, log.start_ns or 0)
+        health = play(args, log, vehicle, tally, reports, sink, controls, observers, publishers)
     show = line_printer(args.json)
     show("")
     show(f"{args.log}: {health.duration:.1f} s, {health.frames:,} frames, vehicle {vehicle.name}")
@@ -86,48 +96,67 @@ def play(
     tally: EstimateTally,
     reports: list[SignalReport],
     sink: TextOutput | None,
+    controls: Controls,
+    observers: Sequence[display.Observer] = (),
+    publishers: Sequence[display.Observer] = (),
 ) -> Health:
-    """Run the log through the pipeline at --speed, and show and count what comes out.
+    """Run the log through the pipeline as `controls` say, and show and count what comes out.
+
+    With observers, which have controls, it stays after the end of the log until it is stopped; `publishers` have none.
 
     Raises:
         LogError, ConfigError: no frame was read, or none of them is mapped.
     """
-    from canid import drive_reader
+    from canid import drive_reader, playback
 
     view = View(f"canid replay · {log.path.name} · {vehicle.name}", output=vehicle.driver.output)
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
-    speed = args.speed or float("inf")
-    shown = display.display(view, json=args.json)
-    began = time.monotonic()
-    steps = drive_reader.run(
-        log, vehicle, start=args.start, stop=args.stop, keep=args.state, span=CHUNK_S * speed
+    terminal = display.display(view, json=args.json, controls=controls)
+    shown = Shown([terminal, *observers, *publishers])
+    interactive = bool(observers)
+    timed = interactive or isinstance(terminal, display.LiveDisplay)
+    duration = playback.Duration(log.path, args.stop) if timed else None
+    steps = playback.play(
+        log,
+        vehicle,
+        controls,
+        start=args.start,
+        stop=args.stop,
+        keep=args.state,
+        interactive=interactive,
+        stays=bool(observers),
     )
+    ended = False
     try:
-        for after, chunk, out in steps:
-            state = after
-            if frames == 0:
-                began -= float(chunk.t[0]) / speed
-            frames += len(chunk.t)
-            last = float(chunk.t[-1])
-            ahead = began + last / speed - time.monotonic()
-            if ahead > 0:
-                time.sleep(ahead)
-            for item in out:
-                shown.put(item)
-                if isinstance(item, Event):
-                    events.append(item)
-                if isinstance(item, SignalReport):
-                    reports.append(item)
-                    tally.distrust(item)
-                if isinstance(item, Estimate):
-                    tally.put(item)
-                if isinstance(item, Estimate | MonitorReport | SignalReport):
-                    display.write_json(sink, item)
-            if out and isinstance(out[-1], Sample | Estimate | MonitorReport):
-                shown.lines([HealthLine(f"{frames:,} frames   {100 * log.progress:.0f} % of the log")])
+        for item in steps:
+            if isinstance(item, playback.Position):
+                ended = item.ended
+                shown.status(status(item, frames, duration.seconds if duration else None))
+                continue
+            if item.frames > frames:  # further than any earlier pass
+                state, frames, last = item.step.state, item.frames, float(item.step.chunk.t[-1])
+            for one in item.step.out:
+                shown.put(one)
+            for one in item.fresh:
+                if isinstance(one, Event):
+                    events.append(one)
+                if isinstance(one, SignalReport):
+                    reports.append(one)
+                    tally.distrust(one)
+                if isinstance(one, Estimate):
+                    tally.put(one)
+                if isinstance(one, Estimate | MonitorReport | SignalReport):
+                    display.write_json(sink, one)
+            if item.step.out and isinstance(item.step.out[-1], Sample | Estimate | MonitorReport):
+                shown.lines([HealthLine(f"{item.frames:,} frames")], vehicle.driver.output)
+    except KeyboardInterrupt:
+        if not ended:  # after the end it is how the page is closed
+            raise
     finally:
         shown.close()
+        if duration is not None:
+            duration.close()
         steps.close()  # an interrupted replay saves its state as well
     # while --json is open: so that no empty file is left
     if not frames:
@@ -136,6 +165,58 @@ def play(
     if not health.mapped:
         raise drive_reader.nothing_mapped(args.log, vehicle, frames)
     return health
+
+
+class Shown:
+    """The display and the observers of a replay. An observer that raises is left out; the display, the first, is not."""
+
+    def __init__(self, outputs: Sequence[display.Observer]) -> None:
+        """Take the display and the observers."""
+        self._display = outputs[0]
+        self._observers = list(outputs[1:])
+
+    def put(self, item: display.Item) -> None:
+        """Show one output."""
+        self._display.put(item)
+        self._each("put", item)
+
+    def lines(self, lines: Sequence[HealthLine], output: str) -> None:
+        """Show the state of the reading."""
+        self._display.lines(lines, output)
+        self._each("lines", lines, output)
+
+    def status(self, values: dict[str, Any]) -> None:
+        """Show the position."""
+        self._display.status(values)
+        self._each("status", values)
+
+    def close(self) -> None:
+        """Close all."""
+        self._display.close()
+        self._each("close")
+
+    def _each(self, what: str, *values: object) -> None:
+        for observer in [*self._observers]:
+            try:
+                getattr(observer, what)(*values)
+            except Exception as error:  # of any kind: the replay goes on without it
+                self._observers.remove(observer)
+                info(f"{type(observer).__name__} has failed ({type(error).__name__}: {error})")
+
+
+def status(position: Position, frames: int, duration: float | None) -> dict[str, Any]:
+    """What the observers are given of a replay's position; `speed` is infinite at full speed."""
+    return {
+        "t": position.t,
+        "duration": duration,
+        "paused": position.playback.paused,
+        "speed": position.playback.speed,
+        "ended": position.ended,
+        "passes": position.passes,
+        "seeking": position.seeking,
+        "says": position.says,
+        "frames": frames,
+    }
 
 
 def onto(args: argparse.Namespace) -> int:

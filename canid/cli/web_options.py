@@ -1,0 +1,109 @@
+"""--web and --web-token, and the live page that they open."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import secrets
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from canid.cli.output.messages import info
+from canid.controls import Controls
+from canid.errors import ConfigError
+from canid.web import address
+
+if TYPE_CHECKING:
+    from canid.cli.output.display import Observer
+    from canid.vehicle import Vehicle
+
+# what the server imports; the extra `web` installs them
+PACKAGES = ("starlette", "uvicorn", "websockets", "plotly")
+# characters of a token that is given: short ones can be guessed
+MIN_TOKEN_LENGTH = 16
+# bytes of a token that is generated
+TOKEN_BYTES = 16
+# the token, for those who do not want it in the list of processes
+VARIABLE = "CANID_WEB_TOKEN"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--web",
+        nargs="?",
+        const="",
+        metavar="HOST:PORT",
+        help=f"serve a live page; default: {address.DEFAULT_HOST}:{address.DEFAULT_PORT}, or the next free port",
+    )
+    parser.add_argument(
+        "--web-token",
+        metavar="TOKEN",
+        help=f"token of the page, at least {MIN_TOKEN_LENGTH} characters; other hosts than loopback need it; "
+        f"default: {VARIABLE}, or a generated one",
+    )
+
+
+def session_page(
+    args: argparse.Namespace, title: str, vehicle: str | None, controls: Controls
+) -> list[Observer]:
+    """The page of a session on a bus; none without --web. Raises ConfigError."""
+    from canid.web.requests import OF_SESSION
+
+    mode = "live" if vehicle else "record"
+    return _opened(args, {"mode": mode, "title": title, "vehicle": vehicle or ""}, controls, OF_SESSION)
+
+
+def replay_page(args: argparse.Namespace, log: str, vehicle: Vehicle, controls: Controls) -> list[Observer]:
+    """The page of a replay; none without --web. Raises ConfigError."""
+    from canid.web.requests import OF_REPLAY
+
+    start = {"mode": "replay", "title": log, "vehicle": vehicle.name, "start": args.start}
+    return _opened(args, start, controls, OF_REPLAY)
+
+
+def _opened(
+    args: argparse.Namespace, start: dict[str, Any], controls: Controls, allowed: tuple[str, ...]
+) -> list[Observer]:
+    if args.web is None:
+        if args.web_token is not None:
+            raise ConfigError("--web-token needs --web")
+        return []
+    absent = [name for name in PACKAGES if find_spec(name) is None]
+    if absent:
+        raise ConfigError(f"--web needs {', '.join(absent)}: pip install 'canid[web]'")
+    where = address.parse(args.web)
+    token = given_token(args.web_token)
+    if not token and not address.is_loopback(where.host):
+        raise ConfigError(
+            f"--web {where.host}: others can reach it, so it needs a token: add --web-token TOKEN or set {VARIABLE}"
+        )
+    token = token or secrets.token_urlsafe(TOKEN_BYTES)
+    from canid.web.access import Access
+    from canid.web.live_page import LivePage
+
+    sock, where = address.listening(where)
+    page = LivePage(
+        sock,
+        Access(where.host, where.port, token),
+        start,
+        controls,
+        allowed,
+        info,
+        waits=start["mode"] == "replay",
+    )
+    info(f"live page: {address.url(where, token)}")
+    return [page]
+
+
+def given_token(option: str | None) -> str:
+    """The token of the option or the environment; "": none. Raises ConfigError where it is too short or no token."""
+    token = option if option is not None else os.environ.get(VARIABLE, "")
+    if option is None and not token:
+        return ""
+    if len(token) < MIN_TOKEN_LENGTH or not all(c.isascii() and (c.isalnum() or c in "-_.~") for c in token):
+        raise ConfigError(
+            f"--web-token: at least {MIN_TOKEN_LENGTH} characters of A-Z a-z 0-9 - _ . ~ "
+            '(such as `python -c "import secrets; print(secrets.token_urlsafe())"` makes)'
+        )
+    return token

@@ -1,0 +1,147 @@
+"""Distribution of messages to any number of clients, none of which can delay the others or fill the memory.
+
+A client has no queue of its own but a position in one bounded queue. It is sent what is new since then, when it has taken
+what was sent before; one that falls behind the queue is given the history anew, and one that takes nothing is dropped.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from canid.web.history import History
+from canid.web.requests import parsed
+
+# messages that a client may be behind: some 5 s of a replay at 100 times real time
+MAX_BEHIND = 4000
+# s between two sendings to a client: a page redraws no faster
+SEND_INTERVAL_S = 0.05
+# s between two snapshots to a client that cannot follow
+SNAPSHOT_INTERVAL_S = 1.0
+# s that a client may take nothing before it is dropped
+STALLED_S = 10.0
+# requests of a client: a person with a key held down makes 30 a second, half of which are of no use
+REQUESTS_PER_S = 20.0
+MAX_CLIENTS = 64
+# codes of a closing websocket (RFC 6455)
+POLICY_VIOLATION = 1008
+TRY_LATER = 1013
+
+
+class Hub:
+    """History, queue and clients. All of it runs in the event loop."""
+
+    def __init__(self, allowed: tuple[str, ...], request: Callable[[dict[str, Any]], None]) -> None:
+        """`request` takes what a client asks for, of the kinds `allowed`."""
+        self._allowed = allowed
+        self._request = request
+        self._history = History()
+        self._queue: deque[str] = deque(maxlen=MAX_BEHIND)
+        self._count = 0  # messages so far
+        self._clients = 0
+        self._waiting: set[asyncio.Future[None]] = set()
+        self._made: tuple[tuple[int, int], str] = (
+            (-1, -1),
+            "",
+        )  # the last batch: several clients want the same
+        self._snapshot: tuple[int, float, str] = (-1, 0.0, "")
+
+    def take(self, lines: list[bytes]) -> None:
+        """Take messages from the session."""
+        for line in lines:
+            text = line.decode("utf-8", "replace")
+            self._history.take(json.loads(text))
+            self._queue.append(text)
+            self._count += 1
+        for one in self._waiting:
+            if not one.done():
+                one.set_result(None)
+        self._waiting.clear()
+
+    def _behind(self, position: int) -> bool:
+        return position < self._count - len(self._queue)
+
+    def _batch(self, position: int) -> str:
+        key = (position, self._count)
+        if self._made[0] != key:
+            first = len(self._queue) - (self._count - position)
+            news = list(self._queue)[first:]
+            self._made = key, '{"kind":"news","messages":[' + ",".join(news) + "]}"
+        return self._made[1]
+
+    def _whole(self) -> tuple[int, str]:
+        """A snapshot, at most as old as half the interval between two, and its position."""
+        count, at, text = self._snapshot
+        now = time.monotonic()
+        if count != self._count and (now - at > SNAPSHOT_INTERVAL_S / 2 or self._behind(count)):
+            text = json.dumps(self._history.snapshot(), ensure_ascii=False, allow_nan=False)
+            self._snapshot = count, _, _ = self._count, now, text
+        return count, text
+
+    async def _news(self) -> None:
+        waiting = asyncio.get_running_loop().create_future()
+        self._waiting.add(waiting)
+        try:
+            await waiting
+        finally:
+            self._waiting.discard(waiting)
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Serve one client until it leaves, breaks a rule, or takes nothing."""
+        if self._clients >= MAX_CLIENTS:
+            await socket.close(TRY_LATER)
+            return
+        self._clients += 1
+        writer: asyncio.Task[None] | None = None
+        try:
+            await socket.accept()
+            writer = asyncio.create_task(self._write(socket))
+            reader = asyncio.create_task(self._read(socket))
+            done, left = await asyncio.wait((writer, reader), return_when=asyncio.FIRST_COMPLETED)
+            for task in left:
+                task.cancel()
+            await asyncio.gather(*done, *left, return_exceptions=True)
+        finally:
+            self._clients -= 1
+
+    async def _write(self, socket: WebSocket) -> None:
+        position, due = -1, 0.0
+        try:
+            while True:
+                if position < 0 or self._behind(position):
+                    await asyncio.sleep(due - time.monotonic())
+                    due = time.monotonic() + SNAPSHOT_INTERVAL_S
+                    position, text = self._whole()
+                elif position == self._count:
+                    await self._news()
+                    continue
+                else:
+                    text, position = self._batch(position), self._count
+                async with asyncio.timeout(STALLED_S):
+                    await socket.send_text(text)
+                await asyncio.sleep(SEND_INTERVAL_S)
+        except TimeoutError:
+            # not a closing handshake: nobody would read it
+            socket.scope["canid.abort"]()
+
+    async def _read(self, socket: WebSocket) -> None:
+        tokens, last = REQUESTS_PER_S, time.monotonic()
+        with suppress(WebSocketDisconnect):
+            while True:
+                message = await socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    return
+                now = time.monotonic()
+                tokens, last = min(tokens + (now - last) * REQUESTS_PER_S, REQUESTS_PER_S) - 1.0, now
+                request = parsed(message.get("text") or "", self._allowed)
+                if tokens < 0.0 or request is None:
+                    socket.scope["canid.close"](POLICY_VIOLATION)
+                    return
+                self._request(request)
