@@ -19,14 +19,15 @@ from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
 from canid.cli.simulate import check_log, declared, write
+from canid.controls import Controls
 from canid.errors import CHECK_FAILED, DONE
 from canid.identification.identifiability import QUOTABLE
 from canid.session import World, session
 from canid.types import Channel, Identifiable, Interval
 from canid.views import estimate_text
 from canid.views.end_summary import EstimateTally
-from canid.views.live_view import View
 from canid.views.names import SYMBOLS, readable
+from canid.views.terminal_view.state import View
 
 # factor of real time: three minutes take half a minute
 DEFAULT_SPEED = 6.0
@@ -123,6 +124,7 @@ def play_and_watch(
         duration=None,
         json=json,
         stop=lambda: stop() or ended.is_set(),
+        controls=Controls(),
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from canid.cli.output import streams
+from canid.cli.output import open_terminal, streams
 
 # sent by a closed ssh session or terminal; Windows has no such signal
 HANGUP: int | None = getattr(signal, "SIGHUP", None)
@@ -46,6 +46,7 @@ class Interrupt:
 
     def _note(self, number: int, _: FrameType | None) -> None:
         if self.signal:
+            open_terminal.restore_at_once()
             os._exit(128 + number)
         self.signal = number
 

@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 from typing import Any
 
 from canid.buses.bus import ReceiveOnlyBus
-from canid.cli import options
+from canid.cli import options, publish_options
 from canid.cli.interrupt import Interrupt
 from canid.cli.output import display, output_kinds, outputs, streams
 from canid.cli.output.messages import info, line_printer
@@ -18,9 +18,10 @@ from canid.controls import Controls
 from canid.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.recording.rotation import Rotation
 from canid.session import Result, World, session
+from canid.triggers.trigger import Trigger
 from canid.types import Estimate, MonitorReport, SignalReport
 from canid.views import end_summary, json_values, status_lines
-from canid.views.live_view import HealthLine, View
+from canid.views.terminal_view.state import HealthLine, View
 
 # s after which a mapped signal that has not come is reported: slow messages come once a second
 MISSING_AFTER_S = 5.0
@@ -34,6 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("--duration", type=options.seconds, metavar="S", help="stop after S seconds")
     options.json_file(parser)
+    publish_options.arguments(parser)
     add_bus_arguments(parser)
 
 
@@ -44,6 +46,7 @@ def run(
     record: str | None,
     state: str | None = None,
     rotation: Rotation | None = None,
+    trigger: Trigger | None = None,
 ) -> int:
     """Open the buses and run a session on them."""
     from canid.buses.bus_opener import open_buses
@@ -55,6 +58,7 @@ def run(
         recording = Output(option, record, output_kinds.RECORDING) if record else None
         state_file = Output("--state", state, output_kinds.STATE) if state else None
         outputs.check([recording, state_file, json], options.read_by(args))
+        publish_options.check(args)
         if streams.detach():  # a process of its own, not a program that uses canid as a library
             raise_priority()
         buses = open_buses(configs_of(args))
@@ -68,7 +72,7 @@ def run(
         code, _ = watch(
             buses,
             vehicle,
-            View(title),
+            View(title, estimating=vehicle is not None),
             controls=controls,
             record=record,
             state=state,
@@ -76,6 +80,9 @@ def run(
             json=json,
             stop=stop,
             rotation=rotation,
+            trigger=trigger,
+            trigger_vehicle=args.vehicle if trigger is not None else None,
+            observers=publish_options.publishers(args),
         )
     return stop.code if stop() and code == DONE else code
 
@@ -93,6 +100,8 @@ def watch(
     rotation: Rotation | None = None,
     controls: Controls | None = None,
     observers: Sequence[display.Observer] = (),
+    trigger: Trigger | None = None,
+    trigger_vehicle: str | None = None,
 ) -> tuple[int, end_summary.EstimateTally]:
     """Show a session until it ends; returns the exit code and the estimates.
 
@@ -110,7 +119,9 @@ def watch(
         file = DetachedOutput(json) if json is not None and not json.stdout else None
         if file is not None:
             stack.callback(file.finish, JSON_PATIENCE_S)  # after an error
-        shown = SessionOutput(buses, view, json, file, recording=bool(record), observers=observers)
+        shown = SessionOutput(
+            buses, view, json, file, recording=bool(record), controls=controls, observers=observers
+        )
         running = stack.enter_context(
             closing(
                 session(
@@ -122,6 +133,8 @@ def watch(
                     state=state,
                     rotation=rotation,
                     controls=controls,
+                    trigger=trigger,
+                    trigger_vehicle=trigger_vehicle,
                 )
             )
         )
@@ -159,6 +172,7 @@ class SessionOutput:
         file: DetachedOutput | None,
         *,
         recording: bool,
+        controls: Controls | None = None,
         observers: Sequence[display.Observer] = (),
     ) -> None:
         """Open the display; `file` takes the JSON lines, or standard output where `json` is that."""
@@ -167,7 +181,8 @@ class SessionOutput:
         self._file = file
         self._sink: TextOutput | None = file or (StandardOutput() if json is not None else None)
         self._recording = recording
-        self._display = display.display(view, json="-" if json is not None and json.stdout else None)
+        standard = "-" if json is not None and json.stdout else None
+        self._display = display.display(view, json=standard, controls=controls)
         self._observers = list(observers)
 
     def put(self, item: Result | World) -> None:
@@ -260,9 +275,13 @@ def to_json(now: World) -> dict[str, Any]:
             "drops_disk",
             "events_unwritten",
             "start_ns",
+            "rate",
+            "lag",
         )
     }
-    return counts | {"path": str(r.path or ""), "elapsed": now.elapsed, "drops": r.drops_bus, "buses": buses}
+    trigger = r.trigger._asdict() if r.trigger is not None else None
+    more = {"elapsed": now.elapsed, "drops": r.drops_bus, "buses": buses, "trigger": trigger}
+    return counts | {"path": str(r.path or "")} | more
 
 
 def health_lines(now: World) -> list[HealthLine]:
@@ -281,6 +300,8 @@ def health_lines(now: World) -> list[HealthLine]:
             r.events_unwritten,
         )
     ]
+    if r.trigger is not None and not now.stopping and not r.state.startswith("failed"):
+        out.append(status_lines.trigger(*r.trigger))
     total = sum(b.frames for b in r.buses) or 1
     out += [
         status_lines.bus(

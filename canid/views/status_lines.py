@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from canid.views.live_view import HealthLine
 from canid.views.names import readable
+from canid.views.terminal_view.state import HealthLine
 
 # s between a frame's arrival and its writing above which the line is red: 0.25 is promised, a busy machine adds to it
 MAX_LAG_S = 0.4
@@ -36,6 +36,19 @@ def recorder(
     many = f" (file {files})" if files > 1 else ""
     text = f"{state} {path}{many}   {written:,} frames, {size / 1e6:.1f} MB{late}{lost}"
     return HealthLine(text, lag > MAX_LAG_S or dropped > 0 or events_unwritten > 0)
+
+
+def trigger(state: str, condition: str, windows: int, buffered: int) -> HealthLine:
+    """A triggered recording in one line.
+
+    Example:
+        >>> trigger("armed", "", 2, 12_000).text
+        'armed   2 windows recorded   12,000 frames in memory'
+    """
+    many = f"{windows:,} window{'' if windows == 1 else 's'} recorded   {buffered:,} frames in memory"
+    if state == "recording_all":
+        return HealthLine(f"the trigger is not evaluated: everything is recorded   {many}", wrong=True)
+    return HealthLine(f"{f'trigger: {condition}' if condition else 'armed'}   {many}")
 
 
 def stopping(waiting: int, behind: int) -> HealthLine | None:

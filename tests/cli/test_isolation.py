@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 import threading
@@ -10,7 +9,6 @@ import time
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from canid import estimator_process
 from canid.buses.bus_opener import open_buses
@@ -21,7 +19,9 @@ from canid.logs import open_log
 from canid.session import Result, World, session
 from canid.types import Estimate, Event, Frame
 from canid.views import json_values
-from canid.views.live_view import View, render, update
+from canid.views.terminal_view.picture import render
+from canid.views.terminal_view.spans import plain
+from canid.views.terminal_view.state import View, update
 
 # frames, and s that they take: at 1,500/s the faulty children have time to fail, and be restarted
 FRAMES, SECONDS = 4500, 3.0
@@ -121,9 +121,7 @@ def test_an_estimator_that_says_nan_costs_no_frame_and_breaks_no_view(
             row = json.loads(json_values.line(json_values.estimate(item.item)))
             assert row["t"] is None
             assert row["channels"]["range_rate"]["K"]["value"] is None
-            page = io.StringIO()
-            Console(file=page).print(render(view))
-            assert "fopdt" in page.getvalue()
+            assert "fopdt" in plain(render(view, 80, 24))
     assert estimates > 0
     assert last is not None
     assert last.estimator is not None

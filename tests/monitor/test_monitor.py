@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from collections.abc import Iterator
@@ -10,7 +9,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from canid import pipeline
 from canid.cli import main
@@ -21,7 +19,9 @@ from canid.saving.state_codec import codec
 from canid.simulation import frames, simulate
 from canid.types import BlockStatus, MonitorReport, Sample
 from canid.vehicle import read_vehicle
-from canid.views.live_view import View, render, update
+from canid.views.terminal_view.picture import render
+from canid.views.terminal_view.spans import plain
+from canid.views.terminal_view.state import View, update
 from tests.plants import measurement, plant_one, plant_two
 from tests.plants.changes import CHANGES, Changed, Scene
 from tests.plants.monitor_runs import Alarm, alarms, kinds, reports, samples
@@ -342,9 +342,7 @@ def test_the_live_view_says_since_when_which_block() -> None:
     """One line below the estimators, and again when the model fits again."""
 
     def drawn(view: View) -> str:
-        out = io.StringIO()
-        Console(file=out, width=110).print(render(view))
-        return out.getvalue()
+        return plain(render(view, 130, 30))
 
     assert "monitor" not in drawn(View("test"))
     wrong = MonitorReport(

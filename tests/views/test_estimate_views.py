@@ -1,15 +1,15 @@
 """The views mark the headline estimate, and show a contradiction with its numbers."""
 
-import io
 import json
 
 import pytest
-from rich.console import Console
 
 from canid.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Status
 from canid.views import end_summary, estimate_text, json_values
-from canid.views.live_view import View, render, update
 from canid.views.names import HEADLINE_MARK
+from canid.views.terminal_view.picture import render
+from canid.views.terminal_view.spans import plain
+from canid.views.terminal_view.state import View, update
 
 TESTS = ResidualTests(False, 70.2, 40.3, ("range_rate",), (), True, {"range_rate": 12})
 CHANNEL = Channel(
@@ -27,9 +27,7 @@ def estimate(name, status=Status.OK, headline=False, says="range rate: K only", 
 
 
 def drawn(view):
-    out = io.StringIO()
-    Console(file=out, width=106).print(render(view))
-    return out.getvalue().splitlines()
+    return plain(render(view, 106, 40)).splitlines()
 
 
 def seen(*estimates):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 
 class DetachedWriter:
@@ -27,21 +27,25 @@ class DetachedWriter:
         self.error: OSError | None = None
         self._write = write
         self._limit = limit
-        self._items: deque[bytes] = deque()
+        self._items: deque[tuple[bytes, bool]] = deque()  # (data, replaceable)
         self._waiting = 0  # bytes, including the item being written
         self._closing = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def put(self, data: bytes) -> None:
-        """Queue an item."""
+    def put(self, data: bytes, *, replaceable: bool = False) -> None:
+        """Queue an item; a replaceable one takes the place of those before it, which then are not lost."""
         with self._changed:
+            if replaceable:
+                kept = deque(item for item in self._items if not item[1])
+                self._waiting -= _size(self._items) - _size(kept)
+                self._items = kept
             # an item larger than the whole queue is taken if nothing else waits
             if self.error or self._closing or (self._waiting and self._waiting + len(data) > self._limit):
                 self.lost += 1
                 return
-            self._items.append(data)
+            self._items.append((data, replaceable))
             self._waiting += len(data)
             self._changed.notify_all()
 
@@ -53,7 +57,7 @@ class DetachedWriter:
             self._changed.notify_all()
             while self._waiting and not self.error and (left := end - time.monotonic()) > 0:
                 self._changed.wait(left)
-            self.lost += len(self._items) + (self._waiting > sum(map(len, self._items)))
+            self.lost += len(self._items) + (self._waiting > _size(self._items))
             self._items.clear()
             return not self.lost and not self.error
 
@@ -63,7 +67,7 @@ class DetachedWriter:
                 self._changed.wait_for(lambda: self._items or self._closing)
                 if not self._items:
                     return
-                item = self._items.popleft()
+                item, _ = self._items.popleft()
             error = None
             try:
                 self._write(item)
@@ -79,3 +83,7 @@ class DetachedWriter:
                 self._changed.notify_all()
                 if error is not None:
                     return
+
+
+def _size(items: Iterable[tuple[bytes, bool]]) -> int:
+    return sum(len(data) for data, _ in items)

@@ -1,4 +1,4 @@
-"""Displays of a running session: the live view on a terminal, plain lines elsewhere, and JSON lines."""
+"""Displays of a running session: which one is used, plain lines, and JSON lines; the live view is `live_display`."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ import re
 import sys
 import time
 from collections.abc import Iterable
-from typing import Any, Protocol, TextIO
+from typing import Any, Protocol
 
+from canid.cli.output.live_display import LiveDisplay as LiveDisplay
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.outputs import TextOutput
-from canid.cli.output.progress import REDRAW_HZ, is_terminal
-from canid.types import Estimate, Event, MonitorReport, Sample, SignalReport, Status
+from canid.cli.output.progress import is_terminal
+from canid.controls import Controls
+from canid.types import Estimate, Event, MonitorReport, SignalReport, Status
 from canid.views import estimate_text, json_values, signal_text
-from canid.views.live_view import HealthLine, View, render, update
+from canid.views.terminal_view.state import HealthLine, View
+from canid.views.terminal_view.state import Item as Item
 
 # s of the log between two plain lines of the same estimator with the same status
 LINE_INTERVAL_S = 5.0
@@ -22,9 +25,6 @@ LINE_INTERVAL_S = 5.0
 SAME_LINE_INTERVAL_S = 30.0
 # s between two plain lines of the same trouble
 TROUBLE_INTERVAL_S = 10.0
-
-
-Item = Sample | Estimate | MonitorReport | SignalReport | Event
 
 
 class Observer(Protocol):
@@ -113,49 +113,14 @@ def _without_numbers(text: str) -> str:
     return re.sub(r"[\d.,]+", "#", text)
 
 
-class LiveDisplay:
-    """The live view on a terminal."""
+def display(view: View, *, json: str | None, controls: Controls | None = None) -> Observer:
+    """The live view on a terminal, plain lines elsewhere; where JSON takes standard output, on standard error.
 
-    def __init__(self, view: View, stream: TextIO) -> None:
-        """Draw on the terminal behind `stream`."""
-        from rich.console import Console
-        from rich.live import Live
-
-        self._view = view
-        self._drawn = 0.0
-        self._live = Live(render(view), console=Console(file=stream), auto_refresh=False, transient=False)
-        self._live.start()
-
-    def put(self, item: Item) -> None:
-        """Take it into the view, and redraw at `REDRAW_HZ`."""
-        self._view = update(self._view, item)
-        self._redraw()
-
-    def lines(self, lines: Iterable[HealthLine], output: str = "") -> None:
-        """Show the state of buses, recorder and estimators."""
-        self._view = self._view._replace(lines=tuple(lines), output=output or self._view.output)
-        self._redraw()
-
-    def status(self, values: dict[str, Any]) -> None:
-        """Drop them."""
-
-    def _redraw(self, *, force: bool = False) -> None:
-        now = time.monotonic()
-        if force or now - self._drawn >= 1.0 / REDRAW_HZ:
-            self._drawn = now
-            self._live.update(render(self._view), refresh=True)
-
-    def close(self) -> None:
-        """Leave the last picture on the terminal."""
-        self._redraw(force=True)
-        self._live.stop()
-
-
-def display(view: View, *, json: str | None) -> Observer:
-    """The live view on a terminal, plain lines elsewhere; where JSON takes standard output, on standard error."""
+    `controls`: what the keys of the live view act on.
+    """
     stream = sys.stderr if json == "-" else sys.stdout
     if is_terminal(stream):
-        return LiveDisplay(view, stream)
+        return LiveDisplay(view, stream, controls)
     return EventsOnly() if json == "-" else PlainLines()
 
 

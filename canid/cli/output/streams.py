@@ -14,7 +14,7 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -28,6 +28,8 @@ HURRY_S = 0.2
 TERMINAL_LIMIT_BYTES = 64 * 1024
 # bytes that may wait for a pipe or a file: an hour of JSON lines
 PIPE_LIMIT_BYTES = 16 * 1024 * 1024
+# pieces of text that are kept while a view covers the screen
+MAX_HELD_PIECES = 1000
 # s in total that the end of a command waits for readers that do not read. 2 s are promised from a signal to the end;
 # with those of the estimators (canid.session.FINISH_S) and of --json (canid.cli.live_session.JSON_PATIENCE_S): 1.7 s
 STREAM_PATIENCE_S = 0.4
@@ -48,6 +50,8 @@ class Stream(io.TextIOBase):
         self._absent = absent
         self._error: OSError | None = None
         self._detached: DetachedWriter | None = None
+        self._held: list[str] | None = None  # lines that are kept while a view covers the screen
+        self._show_held: Callable[[str], object] = str
         self.hurry = False  # a signal has asked for the end: wait no longer than `HURRY_S`
 
     @property
@@ -89,6 +93,12 @@ class Stream(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Write text; raises OSError only where attached and strict."""
+        if self._held is not None:
+            if len(self._held) < MAX_HELD_PIECES:
+                self._held.append(text)
+            if text.strip():
+                self._show_held(text.strip())
+            return len(text)
         self.write_bytes(text.encode(self._encoding, "backslashreplace"))
         return len(text)
 
@@ -103,6 +113,27 @@ class Stream(io.TextIOBase):
                 self._error = error
                 if self._strict:
                     raise
+
+    def draw(self, text: str, *, keep: bool) -> None:
+        """Write a picture of the whole screen, or with `keep` a control sequence; also while messages are held.
+
+        Where a thread writes, a picture that still waits is replaced by a newer one: a slow terminal gets the newest.
+        """
+        data = text.encode(self._encoding, "replace")
+        if self._detached is not None:
+            self._detached.put(data, replaceable=not keep)
+        else:
+            self.write_bytes(data)
+
+    def hold(self, show: Callable[[str], object]) -> None:
+        """Keep what is written until `release`; `show` gets each piece of text."""
+        self._held, self._show_held = [], show
+
+    def release(self) -> None:
+        """Write what was kept."""
+        held, self._held = self._held or [], None
+        for text in held:
+            self.write(text)
 
     def finish(self, timeout: float) -> None:
         """Wait up to `timeout` s for what the thread still has to write."""
