@@ -9,6 +9,7 @@ from there.
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import signal
@@ -26,6 +27,7 @@ from canid.child_process import command as child_command
 from canid.errors import CanidError
 from canid.frame_columns import columns_of
 from canid.one_thread import use_one_thread
+from canid.triggers.trigger import Trigger
 from canid.types import Columns, Event, Frame
 
 # frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, some 60 MB
@@ -51,6 +53,11 @@ KILL_TIMEOUT_S = 1.0
 HANG_CHECK_S = 0.2
 
 
+# of rows [start, stop), and the text of the condition
+Run = tuple[int, int, str]
+OnTruth = Callable[[int, Sequence[Run] | None], object]
+
+
 class Counts(NamedTuple):
     """What became of the frames that were offered."""
 
@@ -70,6 +77,9 @@ class Estimating:
         on_output: Callable[[float, Any], None],
         command: Sequence[str] | None = None,
         state: bytes | None = None,
+        trigger: Trigger | None = None,
+        on_truth: OnTruth | None = None,
+        module: str = "canid.estimator_process",
     ) -> None:
         """Start the child.
 
@@ -79,10 +89,19 @@ class Estimating:
                 Estimate, Screened and Event.
             command: of the child; the tests put faulty ones here.
             state: that was saved before, to go on from.
+            trigger: whose conditions the child evaluates for every frame.
+            on_truth: called with a number of frames, in the order in which they were offered, and the runs of them for
+                which a trigger condition is true; None: they will never be evaluated.
+            module: that the child runs; `canid.trigger_process` evaluates the conditions alone.
         """
         self.state = state  # the newest one
-        self._command = list(command or child_command("canid.estimator_process", vehicle))
+        more = [json.dumps(trigger)] if trigger is not None else []
+        self._command = list(command or child_command(module, vehicle, *more))
         self._on_output = on_output
+        self._on_truth = on_truth
+        self._order: deque[list[int]] = (
+            deque()
+        )  # frames offered and not answered for: [kept 1 or dropped 0, how many]
         self._waiting: deque[Frame] = deque()
         self._wake = threading.Condition()
         self._offered = self._sent = self._done = self._dropped = self._lost = self._restarts = 0
@@ -105,6 +124,10 @@ class Estimating:
             self._latest = frames[-1].t if frames else self._latest
             self._dropped += max(len(frames) - room, 0)
             self._waiting.extend(frames[:room])
+            if self._on_truth is not None:
+                self._offer(1, min(len(frames), room))
+                self._offer(0, max(len(frames) - room, 0))
+                self._pass_dropped()
             self._wake.notify()
 
     def counts(self) -> Counts:
@@ -131,6 +154,39 @@ class Estimating:
             self._thread.join(KILL_TIMEOUT_S)
         return clean
 
+    # --- truth of the trigger conditions, with the lock ---
+
+    def _offer(self, kept: int, n: int) -> None:
+        if self._order and self._order[-1][0] == kept:
+            self._order[-1][1] += n
+        elif n:
+            self._order.append([kept, n])
+
+    def _pass_dropped(self) -> None:
+        while self._on_truth is not None and self._order and not self._order[0][0]:
+            self._on_truth(self._order.popleft()[1], None)
+
+    def _pass_truth(self, n: int, runs: Sequence[Run] | None) -> None:
+        """Pass on what is known of the next `n` frames that were sent; those dropped in between were not evaluated."""
+        if self._on_truth is None:
+            return
+        with self._wake:
+            begin = 0
+            while begin < n and self._order:
+                part = min(n - begin, self._order[0][1])
+                end = begin + part
+                inside = runs and [
+                    (max(a, begin) - begin, min(b, end) - begin, says)
+                    for a, b, says in runs
+                    if a < end and b > begin
+                ]
+                self._on_truth(part, inside)
+                begin = end
+                self._order[0][1] -= part
+                if not self._order[0][1]:
+                    self._order.popleft()
+                self._pass_dropped()
+
     # --- the threads ---
 
     def _supervise(self) -> None:
@@ -148,6 +204,7 @@ class Estimating:
             lost = self._sent - self._done
             self._lost += lost
             self._done = self._sent
+            self._pass_truth(lost, None)
             if self._closing:
                 # there is no time for another child: what still waits is missing in the estimates as well
                 with self._wake:
@@ -200,7 +257,8 @@ class Estimating:
             try:
                 kind, payload = pickle.load(stream)
                 if kind == "out":
-                    done, outputs, self.counters, self.missing = payload
+                    done, outputs, self.counters, self.missing, *truth = payload
+                    self._pass_truth(max(min(done, self._sent - self._done), 0), truth[0] if truth else None)
                     self._done += done
                     for t, item in outputs:
                         self._on_output(t, item)
@@ -284,8 +342,17 @@ def _bound(pid: int) -> None:
         os.setpriority(os.PRIO_PROCESS, pid, max(os.getpriority(os.PRIO_PROCESS, pid), 0))
 
 
+Send = Callable[..., None]  # (kind, payload)
+Work = Callable[[list[str], IO[bytes], Send], None]  # (arguments, chunks of frames, where answers go)
+
+
 def main() -> int:
     """Run as the child: frames in, outputs out, until the input ends."""
+    return serve(_estimate)
+
+
+def serve(work: Work) -> int:
+    """Run as a child: `work` answers what comes over standard input; what it raises is the last answer."""
     for ignored in (signal.SIGINT, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent to answer
     # a second core belongs to the recorder
@@ -298,7 +365,7 @@ def main() -> int:
         sink.flush()
 
     try:
-        _estimate(sys.argv[1], source, send)
+        work(sys.argv[1:], source, send)
     except Exception as error:
         import traceback
 
@@ -311,16 +378,24 @@ def main() -> int:
     return 0
 
 
-def _estimate(vehicle_path: str, source: IO[bytes], send: Callable[..., None]) -> None:
+def trigger_of(argument: str) -> Trigger:
+    """The trigger in an argument of a child."""
+    conditions, pre, post = json.loads(argument)
+    return Trigger(tuple(conditions), pre, post)
+
+
+def _estimate(arguments: list[str], source: IO[bytes], send: Send) -> None:
     """Chunks of frames, or a saved state, from `source` through the pipeline, until it ends."""
     from canid import pipeline
     from canid.saving.saved_state import SAVE_INTERVAL_S, resume, saver
+    from canid.triggers.evaluation import watch
     from canid.vehicle import missing, read_vehicle
 
-    vehicle = read_vehicle(vehicle_path)
+    vehicle = read_vehicle(arguments[0])
     running = pipeline.build(vehicle)
     saving = saver(vehicle, running)
     state = running.init()
+    watching = watch(trigger_of(arguments[1]), vehicle) if arguments[1:] else None
     send("ready", vehicle.driver.output)
 
     def hand_over() -> None:
@@ -343,9 +418,12 @@ def _estimate(vehicle_path: str, source: IO[bytes], send: Callable[..., None]) -
             continue
         chunk = Columns(*message)
         state, out = running.step(state, chunk)
+        runs, never = watching.step(chunk, out) if watching is not None else (None, [])
         decoding = state.sampler.decoding
         outputs = [(float(chunk.t[row]), item) for row, item in out]
-        send("out", (len(chunk.t), outputs, dict(decoding.counters), missing(vehicle, decoding)))
+        lacking = missing(vehicle, decoding)
+        lacking += [line for line in never if line not in lacking]
+        send("out", (len(chunk.t), outputs, dict(decoding.counters), lacking, runs))
         if time.monotonic() >= due:
             due = time.monotonic() + SAVE_INTERVAL_S
             hand_over()

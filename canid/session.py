@@ -20,7 +20,9 @@ from canid.estimator_process import Counts, Estimating
 from canid.files import state_file
 from canid.recording.recorder import Recorder, Stats
 from canid.recording.rotation import Rotation
+from canid.recording.trigger_gate import TriggerGate
 from canid.saving.checksum import ours
+from canid.triggers.trigger import Trigger, needs_vehicle
 from canid.types import Estimate, Event
 
 # cantools and pydantic take half a second to import: not before the first frame is recorded
@@ -68,6 +70,8 @@ def session(
     rotation: Rotation | None = None,
     finish: float = FINISH_S,
     controls: Controls | None = None,
+    trigger: Trigger | None = None,
+    trigger_vehicle: str | Path | None = None,
 ) -> Generator[Result | World, None, None]:
     """Record and estimate until `duration` is over, `stopped()` says so, or every bus is lost.
 
@@ -89,6 +93,9 @@ def session(
         finish: s that the estimators have, after the recording has ended, for the frames that still wait for them.
         controls: marks, and a request to stop, from a person at the session. A mark stands in the log and the journal,
             and comes as an `Event`.
+        trigger: record only what is around its triggers; from `triggers.trigger.checked`, with signals that
+            `triggers.resolution.resolve` has found. While its conditions cannot be evaluated, all is recorded.
+        trigger_vehicle: whose signals the conditions name, where `vehicle` is None.
 
     Raises:
         ConfigError: the vehicle file is wrong, or the state file cannot be read.
@@ -106,16 +113,30 @@ def session(
     results: Queue[Result] = Queue()
     began = time.monotonic()
     estimating = None
-    if vehicle is not None:
-        name = str(vehicle if isinstance(vehicle, str | Path) else vehicle.path)
-        estimating = Estimating(name, lambda t, item: results.put(Result(t, item)), command, saved)
+    decoded_by = vehicle if vehicle is not None else trigger_vehicle
+    gate = _gate(trigger, decoded_by) if trigger is not None and record is not None else None
+    evaluated = trigger if gate is not None and trigger is not None and needs_vehicle(trigger) else None
+    if vehicle is not None or (evaluated is not None and decoded_by is not None):
+        name = str(
+            decoded_by if isinstance(decoded_by, str | Path) or decoded_by is None else decoded_by.path
+        )
+        estimating = Estimating(
+            name,
+            lambda t, item: results.put(Result(t, item)),
+            command,
+            saved,
+            evaluated,
+            gate.answered if gate is not None and evaluated is not None else None,
+            "canid.estimator_process" if vehicle is not None else "canid.trigger_process",
+        )
     # the estimator takes seconds to import its mathematics; its frames wait for it
-    recorder = Recorder(buses, record, estimating.put if estimating else None, rotation)
+    recorder = Recorder(buses, record, estimating.put if estimating else None, rotation, gate)
 
     def report(*, lost: bool = False, stopping: bool = False) -> World:
         elapsed, events = time.monotonic() - began, tuple(recorder.events())
-        if estimating is None:
-            return World(elapsed, recorder.stats(), None, {}, (), events, lost, "", stopping=stopping)
+        if estimating is None or vehicle is None:
+            never = tuple(estimating.missing) if estimating is not None else ()
+            return World(elapsed, recorder.stats(), None, {}, never, events, lost, "", stopping=stopping)
         decoded = dict(estimating.counters), tuple(estimating.missing)
         counts, unsaved = estimating.counts(), save(estimating.state)
         return World(
@@ -176,6 +197,15 @@ def session(
         _note(recorder, result)
         yield result
     yield report(lost=lost)
+
+
+def _gate(trigger: Trigger, vehicle: object) -> TriggerGate:
+    """What holds frames back until a trigger."""
+    says = f"armed: {' | '.join(trigger.conditions)}; {trigger.pre:g} s before and {trigger.post:g} s after are recorded"
+    evaluating = needs_vehicle(trigger) and vehicle is not None
+    return TriggerGate(
+        trigger.pre, trigger.post, evaluating=evaluating, own_events=trigger.own_events, says=says
+    )
 
 
 def _saved(path: str | Path | None) -> bytes | None:

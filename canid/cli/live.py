@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from canid.cli import live_session, options
+from canid.cli import live_session, options, trigger_options
 from canid.errors import ConfigError
 
 
@@ -15,6 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--record", metavar="F.blf", help="record to this file; an existing file is never overwritten"
     )
     options.rotation(parser)
+    trigger_options.arguments(parser)
     options.state(parser)
     live_session.arguments(parser)
 
@@ -24,6 +25,9 @@ def run(args: argparse.Namespace) -> int:
     rotation = options.rotation_of(args)
     if rotation is not None and args.record is None:
         raise ConfigError("live: --file-size and --file-time need a recording: add --record F.blf")
+    if args.trigger and args.record is None:
+        raise ConfigError("live: --trigger decides what is recorded: add --record F.blf")
+    trigger = trigger_options.trigger_of(args)
     return live_session.run(
-        args, vehicle=args.vehicle, record=args.record, state=args.state, rotation=rotation
+        args, vehicle=args.vehicle, record=args.record, state=args.state, rotation=rotation, trigger=trigger
     )

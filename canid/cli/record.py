@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import time
 
-from canid.cli import live_session, options
+from canid.cli import live_session, options, trigger_options
+from canid.errors import ConfigError
+from canid.triggers.trigger import needs_estimators
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,12 +19,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="record to this file; default: canid_DATE_TIME.blf; an existing file is never overwritten",
     )
     options.rotation(parser)
+    trigger_options.arguments(parser)
+    parser.add_argument("--vehicle", metavar="V.toml", help="vehicle file that maps the signals of --trigger")
     live_session.arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Record."""
     rotation = options.rotation_of(args)
+    trigger = trigger_options.trigger_of(args)
+    if trigger is not None and needs_estimators(trigger):
+        raise ConfigError("record: misfit and gain_step need the estimators: use `canid live --record F.blf`")
+    if trigger is None and args.vehicle is not None:
+        raise ConfigError("record: --vehicle belongs to --trigger; `canid live` estimates")
     # the names of a series contain the time
     name = "canid.blf" if rotation else time.strftime("canid_%Y-%m-%d_%H-%M-%S.blf")
-    return live_session.run(args, vehicle=None, record=args.output or name, rotation=rotation)
+    return live_session.run(
+        args, vehicle=None, record=args.output or name, rotation=rotation, trigger=trigger
+    )

@@ -16,7 +16,7 @@ from pathlib import Path
 from canid.recording.log_files import LogFiles
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import join
-from canid.types import Frame
+from canid.types import Event, Frame
 
 # s between checkpoints: 250 ms are promised, the rest is for the work itself and a machine that is busy
 CHECKPOINT_S = 0.15
@@ -42,7 +42,7 @@ class LogWriterThread:
         self.dropped = 0  # frames that were not queued because too many waited
         self._report = report
         # with the time of arrival, monotonic clock
-        self._queue: deque[tuple[float, Sequence[Frame]]] = deque()
+        self._queue: deque[tuple[float, Sequence[Frame] | Event]] = deque()
         self._waiting = 0  # frames in `_queue`, and those being written
         self._oldest: float | None = None  # arrival of the oldest frame that is being written
         self._late = 0.0
@@ -71,6 +71,11 @@ class LogWriterThread:
             self._report_dropped()
         if len(taken) < len(frames):
             self._drop(frames[len(taken) :])
+
+    def put_event(self, event: Event) -> None:
+        """Queue an event of the log itself, to stand between the frames before and after it; never waits."""
+        with self._lock:
+            self._queue.append((time.monotonic(), event))
 
     @property
     def waiting(self) -> int:
@@ -141,7 +146,11 @@ class LogWriterThread:
         for _ in range(len(self._queue)):
             with self._lock:
                 self._oldest, frames = self._queue.popleft()
+            if isinstance(frames, Event):
+                self.files.note(frames)
             self.files.write_notes()
+            if isinstance(frames, Event):
+                continue
             for begin in range(0, len(frames), FRAMES_PER_TURN):
                 for frame in frames[begin : begin + FRAMES_PER_TURN]:
                     self.files.append(frame)

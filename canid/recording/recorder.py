@@ -26,6 +26,7 @@ from canid.recording.log_writer_thread import LogWriterThread
 from canid.recording.recorder_stats import BusStats, Stats
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import PROGRESS_S, join
+from canid.recording.trigger_gate import TriggerGate, TriggerStats
 from canid.types import Event, Flag, Frame
 
 # s that all buses may be lost before the recorder gives up
@@ -55,7 +56,7 @@ class Recorder:
 
     `consumer` is called with each batch of frames after it was handed to the log. It must be fast: while it runs,
     nothing more goes to the log. Frames for which it raises are counted; it is called again with the next batch.
-    `rotation`: go on in new files; None: one file.
+    `rotation`: go on in new files; None: one file. `gate`: record what is around triggers only; None: everything.
     """
 
     def __init__(
@@ -64,8 +65,10 @@ class Recorder:
         path: str | Path | None,
         consumer: Consumer | None = None,
         rotation: Rotation | None = None,
+        gate: TriggerGate | None = None,
     ):
         self._wanted = path
+        self._gate = gate
         self._rotation = rotation
         self._consumer = consumer
         self._queue: SimpleQueue[Arrival | None] = SimpleQueue()
@@ -91,7 +94,7 @@ class Recorder:
         Raises OutputError, or ConfigError for an unknown suffix; the buses are closed then.
         """
         if self._wanted is not None:
-            lead = LEAD_NS if len(self._buses) > 1 or self._rotation else 0
+            lead = LEAD_NS if len(self._buses) > 1 or self._rotation or self._gate else 0
             try:
                 self._log = LogWriterThread(
                     Path(self._wanted),
@@ -107,6 +110,9 @@ class Recorder:
                 raise
             self._journal.follow(self._log.files.path, 0.0)
             self._log.start()
+            if self._gate is not None:
+                self._gate.bind(self._log, self._announce)
+                self._report("trigger_armed", self._gate.says)
         self._state = "recording" if self._log else "listening"
         self._readers = [
             threading.Thread(target=reader.run, name=f"canid-read-{reader.index}", daemon=True)
@@ -144,6 +150,8 @@ class Recorder:
         join(self._passing, waiting)
         self._report_drops()
         if self._log is not None:
+            if self._gate is not None:
+                self._gate.finish(waiting)
             self._log.close(waiting)
         self._state = "stopped"
         self._shut()
@@ -158,7 +166,10 @@ class Recorder:
         """Write a person's mark into the log and the journal, at the time of the drive at which it was made."""
         passed = max(time.monotonic() - mark.at, 0.0)
         text = f": {mark.text}" if mark.text else ""
-        self._report("mark", f"mark{text}", t=max(self._latest - passed, 0.0))
+        t = max(self._latest - passed, 0.0)
+        self._report("mark", f"mark{text}", t=t)
+        if self._gate is not None:
+            self._gate.mark(t, f"mark{text}")
 
     def events(self) -> list[Event]:
         """The recorder's own events since the last call; they are in the journal already."""
@@ -186,8 +197,9 @@ class Recorder:
             for b in self._buses
         )
         log = self._log
+        trigger = self._gate.stats() if self._gate is not None and log else None
         return Stats(
-            state=self._state_text(),
+            state=self._state_text(trigger),
             path=log.files.path if log else None,
             frames=self._frames,
             written=log.files.written if log else 0,
@@ -203,14 +215,17 @@ class Recorder:
             files=log.files.count if log else 0,
             drops_disk=log.dropped if log else 0,
             events_unwritten=self._journal.failed,
+            trigger=trigger,
         )
 
-    def _state_text(self) -> str:
+    def _state_text(self, trigger: TriggerStats | None) -> str:
         log = self._log
         if log is not None and log.files.failed:
             return f"failed: {log.files.failed}"
         if log is not None and log.files.lost and self._state == "stopped":
             return f"failed: {log.files.lost}"  # the recording itself went on
+        if trigger is not None and self._state == "recording":
+            return f"recording (trigger: {trigger.condition})" if trigger.condition else "armed"
         return self._state
 
     def _shut(self) -> None:
@@ -231,9 +246,11 @@ class Recorder:
             frames = self._stamped(batch)
             if frames:
                 if self._log is not None and self._first_ns is not None:
-                    self._log.put(frames, batch[0].at, self._first_ns)
+                    (self._gate or self._log).put(frames, batch[0].at, self._first_ns)
                 self._lag = time.monotonic() - batch[0].at
                 self._pass_on(frames)
+            elif self._gate is not None:
+                self._gate.tick()
             now = time.monotonic()
             if now - window >= RATE_WINDOW_S:
                 self._rate = (self._frames - before) / (now - window)
@@ -322,6 +339,8 @@ class Recorder:
             if not self._not_passed:
                 self._report("consumer_failed", f"the consumer raised {type(error).__name__}: {error}")
             self._not_passed += len(frames)
+            if self._gate is not None:
+                self._gate.give_up()  # which frames were evaluated is not known any more
 
     def _report_drops(self) -> None:
         """Report what the kernel has dropped since the last call."""
@@ -347,7 +366,12 @@ class Recorder:
 
     def _report(self, what: str, says: str, t: float | None = None) -> None:
         event = Event(self._latest if t is None else t, what, says)
-        self._events.put(event)
-        self.journal(event)
+        self._announce(event)
         if self._log is not None:
             self._log.files.note(event)
+        if self._gate is not None and what in self._gate.own_events:
+            self._gate.mark(event.t, f"event {what}")
+
+    def _announce(self, event: Event) -> None:
+        self._events.put(event)
+        self.journal(event)

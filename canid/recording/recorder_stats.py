@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from canid.recording.trigger_gate import TriggerStats
+
 
 class BusStats(NamedTuple):
     """One bus."""
@@ -25,7 +27,9 @@ class BusStats(NamedTuple):
 class Stats(NamedTuple):
     """The recorder at one time."""
 
-    state: str  # "waiting", "recording", "listening" (no file), "failed: why", "stopping", "stopped"
+    # "waiting", "recording", "armed" or "recording (trigger: why)", "listening" (no file), "failed: why", "stopping",
+    # "stopped"
+    state: str
     path: Path | None  # the log, or the newest of them; the name may differ from the one asked for
     frames: int  # received
     written: int  # appended to the log
@@ -41,3 +45,4 @@ class Stats(NamedTuple):
     files: int = 0  # that were begun
     drops_disk: int = 0  # frames that are not in the log because the disk was too slow
     events_unwritten: int = 0  # that are not in the journal
+    trigger: TriggerStats | None = None  # None: all is recorded

@@ -78,6 +78,29 @@ def read_vehicle(path: str | Path) -> Vehicle:
     return vehicle
 
 
+def read_databases(path: str | Path) -> list[Dbc]:
+    """Read the DBC files alone that a vehicle file names.
+
+    Raises:
+        ConfigError: the vehicle file or one of them cannot be read.
+
+    Example:
+        >>> [file.file for file in read_databases("generic")]
+        ['generic.dbc']
+    """
+    file = locate(path)
+    mistakes = Mistakes([], [])
+    with Parser() as parser:
+        try:
+            table = parser.toml(file_bytes.read(file, MAX_TOML_BYTES, "vehicle file"))
+        except ParseError as error:
+            raise ConfigError(f"{file} is not valid TOML: {brief_sentence(str(error))}") from None
+        files = _files(file.parent, table.get("dbc"), mistakes, parser)
+    if mistakes.errors:
+        raise ConfigError(*(f"{brief(file.name)}: {line}" for line in mistakes.errors[:_MAX_MISTAKES]))
+    return files
+
+
 def shipped() -> Path:
     """Find the folder of the vehicles that are shipped with canid: in an installed wheel, or in a checkout."""
     package = Path(__file__).resolve().parents[1]
