@@ -27,6 +27,7 @@ VERBS = (
     ("replay", "show a recorded log in the live view, or send it to a virtual bus"),
     ("identify", "estimate the driver's parameters from logs, as text and JSON"),
     ("diagnose", "find what the simulation gets wrong and why, and how much a better model gains"),
+    ("compare", "compare two drivers: which parameters and causes differ, by how much, beyond chance or not"),
     ("study", "check both papers behind canid, and repeat their analysis on logs next to canid's"),
     ("simulate", "write a log of a simulated drive with known parameters"),
     ("check", "check that a vehicle file fits a log or bus, and list what is missing"),

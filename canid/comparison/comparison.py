@@ -119,7 +119,8 @@ def compare(a: Side, b: Side) -> Comparison:
     else:
         verdict = NO_DIFFERENCE if contrasts else NOT_COMPARABLE
     table = conditions.table(a, b)
-    said = (*conditions.warnings(table, a, b), *remarks(a, b, joint=bool(blocks)))
+    joint = all(of.correlation is not None for side in sides.values() for of in side)
+    said = (*conditions.warnings(table, a, b), *remarks(a, b, joint=joint))
     return Comparison(a, b, verdict, tuple(rows), found, table, said, critical, point)
 
 

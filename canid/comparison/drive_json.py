@@ -1,4 +1,4 @@
-"""A drive from the JSON object of `canid identify` or `canid diagnose` (docs/json.md); logs are compared by the same object."""
+"""A drive from the JSON of `canid identify` or `canid diagnose` (docs/json.md); logs are compared by the same object."""
 
 from __future__ import annotations
 

@@ -21,7 +21,6 @@ from canid.types import Array, Interval
 MARGINS = (
     ("phase_margin", "phase_margin_deg", "°"),
     ("delay_margin", "delay_margin_s", "s"),
-    ("modulus_margin", "modulus_margin", ""),
     ("string_peak", "string_peak", ""),
 )
 # share of unstable draws from which on a margin has no interval

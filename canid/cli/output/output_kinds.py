@@ -92,6 +92,11 @@ def report_page(verb: str) -> Kind:
     return Kind(f"a page of canid {verb}", (".html", ".htm"), lambda head: _is_page_of(head, f"canid {verb}"))
 
 
+def is_comparison_page(head: bytes) -> bool:
+    """A page of `canid compare`."""
+    return head.lstrip()[:15].lower().startswith(b"<!doctype html") and b"canid comparison" in head
+
+
 def is_study_page(head: bytes) -> bool:
     """A page of `canid study`."""
     return head.lstrip()[:15].lower().startswith(b"<!doctype html") and b"canid study" in head
@@ -140,6 +145,7 @@ def is_vehicle(head: bytes) -> bool:
 JSON = Kind("JSON text", (".json", ".jsonl", ".ndjson"), is_json)
 TRUTH = Kind("the truth of a simulated drive", (".truth.json",), is_truth)
 PAGE = Kind("a page of canid diagnose", (".html", ".htm"), is_page)
+COMPARISON_PAGE = Kind("a page of canid compare", (".html", ".htm"), is_comparison_page)
 PLOT = Kind("a plot of canid identify", (".svg",), is_plot)
 STUDY_PAGE = Kind("a page of canid study", (".html", ".htm"), is_study_page)
 STUDY_FIGURE = Kind("a figure of canid study", (".svg",), is_study_figure)

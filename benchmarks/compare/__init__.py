@@ -1,0 +1,1 @@
+"""How often `canid compare` is wrong about simulated drivers, and which differences it finds."""

@@ -1,0 +1,61 @@
+"""Simulated drives of known drivers, through frames and a log, identified as `canid compare` does it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from canid.comparison import drive_json
+from canid.comparison.drive import DriveEstimates, Side
+from canid.drive_parameters import identify
+from canid.drive_reader import read_trace
+from canid.logs import write_log
+from canid.simulation import START_UTC, frames, simulate
+from canid.simulation.driver import DriverTruth, draw_driver
+from canid.vehicle import Vehicle, read_vehicle
+from canid.views import identification_json
+
+# min; drives of people, from a town errand to a stretch of motorway
+MINUTES = (2.0, 4.0, 7.0, 12.0, 20.0)
+# how the lead drives
+PROFILES = ("mixed", "urban", "motorway")
+# spectra of a driver's noise; each driver has one
+NOISES = ("ar1", "ar4", "resonant", "mix")
+
+
+@cache
+def vehicle() -> Vehicle:
+    """Return the built-in vehicle, read once."""
+    return read_vehicle("generic")
+
+
+def drawn(seed: int) -> tuple[DriverTruth, str]:
+    """Draw a driver and the spectrum of the driver's noise."""
+    rng = np.random.default_rng([seed, 17])
+    return draw_driver(rng), NOISES[int(rng.integers(len(NOISES)))]
+
+
+def json_of(driver: DriverTruth, noise: str, minutes: float, seed: int, profile: str) -> Mapping[str, Any]:
+    """Drive, record, read and identify: the object of `canid identify --json`, without windows."""
+    drive = simulate(minutes=minutes, seed=seed, profile=profile, noise=noise, driver=driver)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "drive.blf"
+        write_log(path, frames(drive, vehicle()), START_UTC)
+        trace = read_trace(path, vehicle())
+    found = identify(trace, select_orders=False, sliding=False, **vehicle().estimators)
+    return identification_json.to_json(found, f"{profile} {seed}", vehicle().name)
+
+
+def estimates(driver: DriverTruth, noise: str, minutes: float, seed: int, profile: str) -> DriveEstimates:
+    """Return one drive as the comparison takes it."""
+    return drive_json.read(json_of(driver, noise, minutes, seed, profile))
+
+
+def side(label: str, *drives: DriveEstimates) -> Side:
+    """Return a side of these drives."""
+    return Side(label, drives)

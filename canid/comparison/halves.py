@@ -1,0 +1,38 @@
+"""Both halves of a drive."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from canid.signal_checks.drive_time import usable
+from canid.types import Trace
+
+
+def halves(trace: Trace) -> tuple[Trace, Trace]:
+    """Cut a drive where half of its usable time is over.
+
+    Example:
+        >>> import canid
+        >>> drive = canid.read_trace("replay_logs/following_urban.blf", "generic")
+        >>> first, second = halves(drive)
+        >>> len(first.t) + len(second.t) == len(drive.t), abs(int(first.learn.sum()) - int(second.learn.sum())) < 2
+        (True, True)
+    """
+    used = np.cumsum(usable(trace))
+    middle = int(np.searchsorted(used, 0.5 * used[-1])) if len(used) else 0
+    return part(trace, slice(0, middle)), part(trace, slice(middle, None))
+
+
+def part(trace: Trace, rows: slice) -> Trace:
+    """Rows of a trace; the findings keep their times."""
+    return trace._replace(
+        t=trace.t[rows],
+        output=trace.output[rows],
+        inputs=trace.inputs[rows],
+        gate=trace.gate[rows],
+        learn=trace.learn[rows],
+        segment=trace.segment[rows],
+        signals={role: column[rows] for role, column in trace.signals.items()},
+        bound=None if trace.bound is None else trace.bound[rows],
+        variance=None if trace.variance is None else trace.variance[rows],
+    )
