@@ -22,6 +22,13 @@ BENCHMARKS = (
         "2 min",
         "latency from frame to estimate, CPU and start-up of the live path",
     ),
+    Benchmark(
+        "web",
+        "benchmarks.web",
+        "2 min",
+        "start-up, latency and CPU of the live page, with 20 clients of which one stalls and one floods",
+        "websockets",
+    ),
     Benchmark("replay", "benchmarks.replay", "1 min", "speed of `canid replay --speed max`, by stage"),
     Benchmark(
         "reading", "benchmarks.reading", "3 min", "reading and decoding logs, against python-can and asammdf"

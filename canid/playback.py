@@ -21,9 +21,9 @@ from canid.vehicle import Vehicle
 
 # s of real time that a chunk lasts, as live
 CHUNK_S = 0.05
-# s of the log that a chunk lasts at most while a person is at the controls: half a second of computing, so that a pause
-# at full speed acts soon
-MAX_SPAN_S = 30.0
+# s of the log that a chunk lasts at most while a person is at the controls: a fifth of a second of computing, so that
+# a pause at full speed acts soon
+MAX_SPAN_S = 2.0
 # s between two checks of the controls
 POLL_S = 0.02
 # s between two positions

@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 from typing import Any
 
 from canid.buses.bus import ReceiveOnlyBus
-from canid.cli import options, publish_options
+from canid.cli import options, publish_options, web_options
 from canid.cli.interrupt import Interrupt
 from canid.cli.output import display, output_kinds, outputs, streams
 from canid.cli.output.messages import info, line_printer
@@ -36,6 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=options.seconds, metavar="S", help="stop after S seconds")
     options.json_file(parser)
     publish_options.arguments(parser)
+    web_options.arguments(parser)
     add_bus_arguments(parser)
 
 
@@ -52,7 +53,7 @@ def run(
     from canid.buses.bus_opener import open_buses
     from canid.buses.command_line import configs_of
 
-    with Interrupt() as stop:  # before the first output: its reader may send a signal
+    with Interrupt() as stop, ExitStack() as stack:  # before the first output: its reader may send a signal
         json = options.json_output(args)
         option = "--record" if vehicle else "-o"
         recording = Output(option, record, output_kinds.RECORDING) if record else None
@@ -61,6 +62,9 @@ def run(
         publish_options.check(args)
         if streams.detach():  # a process of its own, not a program that uses canid as a library
             raise_priority()
+        controls = Controls()
+        # before the buses: it needs half a second to start
+        page = stack.enter_context(web_options.session_page(args, vehicle, controls))
         buses = open_buses(configs_of(args))
         for bus in buses:
             if not bus.listen_only.warns:  # a warning comes as an event, and stays in the view
@@ -68,11 +72,10 @@ def run(
             if bus.configured_by:
                 info(f"{bus.name}: configured by {', '.join(bus.configured_by)}")
         title = " · ".join(["canid live" if vehicle else "canid record", *(bus.name for bus in buses)])
-        controls = Controls()
         code, _ = watch(
             buses,
             vehicle,
-            View(title, estimating=vehicle is not None),
+            View(title, estimating=vehicle is not None, events=web_options.announced(page)),
             controls=controls,
             record=record,
             state=state,
@@ -82,7 +85,7 @@ def run(
             rotation=rotation,
             trigger=trigger,
             trigger_vehicle=args.vehicle if trigger is not None else None,
-            observers=publish_options.publishers(args),
+            observers=[*page, *publish_options.publishers(args)],
         )
     return stop.code if stop() and code == DONE else code
 

@@ -75,8 +75,10 @@ def run(args: argparse.Namespace) -> int:
     tally = end_summary.EstimateTally()
     reports: list[SignalReport] = []
     controls = Controls(args.speed or (1.0 if args.web is not None else math.inf))
-    with outputs.opened(json) as sink:
-        observers = web_options.replay_page(args, log.path.name, vehicle, controls)
+    with (
+        outputs.opened(json) as sink,
+        web_options.replay_page(args, log.path.name, vehicle, controls) as observers,
+    ):
         publishers = publish_options.publishers(args, log.start_ns or 0)
         health = play(args, log, vehicle, tally, reports, sink, controls, observers, publishers)
     show = line_printer(args.json)
@@ -109,7 +111,8 @@ def play(
     """
     from canid import drive_reader, playback
 
-    view = View(f"canid replay · {log.path.name} · {vehicle.name}", output=vehicle.driver.output)
+    title = f"canid replay · {log.path.name} · {vehicle.name}"
+    view = View(title, output=vehicle.driver.output, events=web_options.announced(observers))
     events: list[Event] = []
     state, frames, last = None, 0, 0.0
     terminal = display.display(view, json=args.json, controls=controls)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import argparse
 import os
 import secrets
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from canid.cli.output.live_display import MESSAGE
 from canid.cli.output.messages import info
 from canid.controls import Controls
 from canid.errors import ConfigError
+from canid.types import Event
 from canid.web import address
 
 if TYPE_CHECKING:
@@ -44,22 +48,41 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+@contextmanager
 def session_page(
-    args: argparse.Namespace, title: str, vehicle: str | None, controls: Controls
-) -> list[Observer]:
+    args: argparse.Namespace, vehicle: str | None, controls: Controls
+) -> Iterator[list[Observer]]:
     """The page of a session on a bus; none without --web. Raises ConfigError."""
     from canid.web.requests import OF_SESSION
 
-    mode = "live" if vehicle else "record"
-    return _opened(args, {"mode": mode, "title": title, "vehicle": vehicle or ""}, controls, OF_SESSION)
+    file = (args.record if vehicle else args.output) or ""
+    start = {
+        "mode": "live" if vehicle else "record",
+        "title": os.path.basename(file),
+        "vehicle": vehicle or "",
+    }
+    pages = _opened(args, start, controls, OF_SESSION)
+    try:
+        yield pages
+    finally:
+        for page in pages:
+            page.close()
 
 
-def replay_page(args: argparse.Namespace, log: str, vehicle: Vehicle, controls: Controls) -> list[Observer]:
+@contextmanager
+def replay_page(
+    args: argparse.Namespace, log: str, vehicle: Vehicle, controls: Controls
+) -> Iterator[list[Observer]]:
     """The page of a replay; none without --web. Raises ConfigError."""
     from canid.web.requests import OF_REPLAY
 
     start = {"mode": "replay", "title": log, "vehicle": vehicle.name, "start": args.start}
-    return _opened(args, start, controls, OF_REPLAY)
+    pages = _opened(args, start, controls, OF_REPLAY)
+    try:
+        yield pages
+    finally:
+        for page in pages:
+            page.close()
 
 
 def _opened(
@@ -92,8 +115,13 @@ def _opened(
         info,
         waits=start["mode"] == "replay",
     )
-    info(f"live page: {address.url(where, token)}")
+    info(f"live page: {page.url}")
     return [page]
+
+
+def announced(pages: Sequence[Observer]) -> tuple[Event, ...]:
+    """The page's address as a message of the terminal view, which hides what was printed before."""
+    return tuple(Event(0.0, MESSAGE, f"live page: {page.url}") for page in pages if hasattr(page, "url"))
 
 
 def given_token(option: str | None) -> str:

@@ -10,7 +10,6 @@ import os
 import signal
 import socket
 import subprocess
-
 import threading
 import time
 from collections import deque
@@ -20,9 +19,10 @@ from typing import Any
 
 from canid.child_process import command
 from canid.controls import Controls
-from canid.views.live_view import HealthLine
+from canid.views.terminal_view.state import HealthLine
 from canid.web import messages
 from canid.web.access import Access
+from canid.web.address import Address, url
 from canid.web.requests import obey, parsed
 
 # messages that may wait: a minute of a session, some 2 MB
@@ -61,6 +61,7 @@ class LivePage:
             waits: a full queue holds up the caller, up to `PATIENCE_S`: for a replay, which can wait.
         """
         self.lost = 0  # messages
+        self.url = url(Address(access.host, access.port), access.token)
         self._controls = controls
         self._allowed = allowed
         self._say = say

@@ -1,4 +1,4 @@
-"""Messages to the page: the outputs of the pipeline as the JSON of `views.json_values`, with the texts of the other views."""
+"""Messages to the page: the outputs of the pipeline as JSON of `views.json_values`, with the texts of the other views."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 from canid.types import TASK_INPUTS, Estimate, Event, MonitorReport, Sample, SignalReport
 from canid.views import estimate_text, json_values
-from canid.views.live_view import HealthLine
 from canid.views.numbers import UNITS, gain_unit
+from canid.views.terminal_view.state import HealthLine
 
 Item = Sample | Estimate | MonitorReport | SignalReport | Event
 

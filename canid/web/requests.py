@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import Any, TypeGuard
 
 from canid.controls import MAX_MARK_TEXT, Controls
 
@@ -53,7 +53,7 @@ def parsed(text: str | bytes, allowed: tuple[str, ...]) -> dict[str, Any] | None
             return {"do": "seek", "t": t} if _number(t) and t >= 0.0 else None
 
 
-def _number(x: Any) -> bool:
+def _number(x: Any) -> TypeGuard[float]:
     # a whole number of a thousand digits has no float
     return isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e9 and math.isfinite(x)
 

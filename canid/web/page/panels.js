@@ -3,8 +3,10 @@ import { clock, DASH, fixed, grouped, interval, known, limits, readable, value }
 
 const SYMBOLS = { K: "K", tau: "τ", dead_time: "θ", tau_plus_dead_time: "τ+θ" };
 const NOTHING = { value: null, low: null, high: null };
-// roles of the panel "Now": unit, and whether it is a speed
-const SIGNALS = [["gap", "m"], ["headway", "s"], ["range_rate", "speed"], ["speed", "speed"], ["lateral_offset", "m"]];
+// roles of the panel "Now": unit, and decimals
+const SIGNALS = [["gap", "m", 1], ["headway", "s", 1], ["range_rate", "speed", 1], ["speed", "speed", 1], ["lateral_offset", "m", 2]];
+// decimals of an output with this unit
+const OUTPUT_DECIMALS = { "m/s²": 2 };
 
 export const byId = (id) => document.getElementById(id);
 
@@ -147,12 +149,12 @@ function figure(name, text, unit, wrong = false) {
 export function drawNow(store, units) {
   const s = store.sample;
   if (s) {
-    const shown = SIGNALS.filter(([role]) => role in s.signals).map(([role, unit]) => {
+    const shown = SIGNALS.filter(([role]) => role in s.signals).map(([role, unit, places]) => {
       const speed = unit === "speed";
       const x = s.signals[role];
-      return figure(readable(role), known(x) ? fixed(speed ? x * units.factor : x, 1) : DASH, speed ? units.name : unit);
+      return figure(readable(role), known(x) ? fixed(speed ? x * units.factor : x, places) : DASH, speed ? units.name : unit);
     });
-    if (store.health && store.health.output) shown.push(figure(readable(store.health.output), fixed(s.output, 1), store.health.unit));
+    if (store.health && store.health.output) shown.push(figure(readable(store.health.output), fixed(s.output, OUTPUT_DECIMALS[store.health.unit] ?? 1), store.health.unit));
     byId("signals").replaceChildren(...shown);
     const gate = byId("gate");
     say(gate, s.gate || (s.learn ? "learning" : "settling: the estimators wait until earlier transients have decayed"));

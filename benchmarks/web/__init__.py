@@ -1,0 +1,1 @@
+"""Start-up, latency and CPU of the live page, and its screenshots."""
