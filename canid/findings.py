@@ -238,6 +238,7 @@ class Provenance(NamedTuple):
     command: str = ""
     versions: Mapping[str, str] = {}
     dbc_sha256: Mapping[str, str] = {}  # DBC file -> its hash
+    recorded: str = ""  # when the log begins, UTC; of several one after the other; "": it does not say
 
 
 class Report(NamedTuple):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import platform
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from canid import __version__
+from canid.errors import CanidError
 from canid.findings import Provenance
+from canid.logs.log import open_log
 from canid.vehicle import Vehicle
 
 # packages whose release can change a number
@@ -41,6 +45,17 @@ def versions() -> dict[str, str]:
     return releases
 
 
+def recorded(log: str | Path) -> str:
+    """When a log begins, UTC; empty where it does not say or cannot be read."""
+    try:
+        start = open_log(log).start_utc
+    except (CanidError, OSError):
+        return ""
+    if not math.isfinite(start):
+        return ""
+    return f"{datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
 def provenance(logs: Sequence[str], vehicle: Vehicle, command: str) -> Provenance:
     """Provenance of the diagnosis of one log, or of several together."""
     return Provenance(
@@ -51,4 +66,5 @@ def provenance(logs: Sequence[str], vehicle: Vehicle, command: str) -> Provenanc
         command=command,
         versions=versions(),
         dbc_sha256={file: sha256(file) for file in vehicle.dbc},
+        recorded=", ".join(filter(None, map(recorded, logs))),
     )

@@ -22,8 +22,9 @@ from canid.findings import (
     Window,
     nrmse,
 )
-from canid.views import json_values
-from canid.views.diagnosis_text import duration, rms_error, used_time
+from canid.views import closed_loop, json_values, search_bounds
+from canid.views.closed_loop import rms_error
+from canid.views.diagnosis_parts import duration, remarks, step, used_time
 from canid.views.numbers import role_unit
 
 
@@ -45,9 +46,10 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "output": report.output,
         "unit": role_unit(report.output),
         "verdict": report.verdict.value,
-        "says": report.says,
-        "baseline": _fit(report.baseline),
-        "extended": _fit(report.extended),
+        "says": " ".join([report.says, *remarks(report)]),
+        "remarks": remarks(report),
+        "baseline": _fit(report.baseline, 0.5 * step(report)),
+        "extended": _fit(report.extended, 0.5 * step(report)),
         "findings": [_finding(f) for f in report.findings],
         "unexplained": json_values.interval(report.unexplained),
         "gain": json_values.interval(report.gain),
@@ -91,8 +93,9 @@ def _drive(one: DriveShare) -> dict[str, Any]:
     }
 
 
-def _fit(fit: Fit) -> dict[str, Any]:
+def _fit(fit: Fit, half_step: float) -> dict[str, Any]:
     return {
+        "at_bound": search_bounds.as_json(search_bounds.of_fit(fit, half_step)),
         "channels": json_values.channels(fit.channels),
         "fit_percent": json_values.number(fit.fit_percent),
         "noise_sd": json_values.number(fit.noise_sd),
@@ -115,6 +118,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "surrogate": bool(f.surrogate),
         "parameters": {name: json_values.interval(iv) for name, iv in f.parameters.items()},
         "units": dict(f.units),
+        "at_bound": search_bounds.as_json(search_bounds.of_finding(f)),
         "gain": json_values.interval(f.gain),
         "null_gain": _null_gain(f.null_gain),
         "log_score_gain": json_values.interval(f.log_score_gain),
@@ -189,6 +193,7 @@ def _trajectory(of: Trajectory) -> dict[str, Any]:
         "before": json_values.number(rms_error(of, of.before)),
         "after": json_values.number(rms_error(of, of.after)),
         "gain": json_values.interval(of.gain),
+        "worse": closed_loop.worse(of),
         "nrmse_before": json_values.number(nrmse(of.before, of.measured)),
         "nrmse_after": json_values.number(nrmse(of.after, of.measured)),
     }
@@ -202,6 +207,7 @@ def _rival(of: Rival) -> dict[str, Any]:
         "says": of.says,
         "parameters": {name: json_values.interval(iv) for name, iv in of.parameters.items()},
         "units": dict(of.units),
+        "at_bound": search_bounds.as_json(search_bounds.of_rival(of)),
         **_nrmse(of.nrmse),
         "folds": [_nrmse(one) for one in of.folds],
     }

@@ -12,10 +12,12 @@ import pytest
 
 from canid.findings import Report, Verdict
 from canid.types import Interval
+from canid.views import closed_loop, diagnosis_json, diagnosis_text, numbers
 from canid.views.report import page, report_page
 from canid.views.report.decimation import MAX_POINTS, min_max_indices
-from canid.views.report.evidence_bars import evidence_bars, order
-from canid.views.report.figure import script
+from canid.views.report.evidence_plot import SYMBOLS, decisive, evidence_plot, order, outcome
+from canid.views.report.figure import Figure, script
+from canid.views.report.spectra import spectra
 from canid.views.report.time_series import whole_drive
 
 ReportOf = Callable[..., Report]
@@ -32,7 +34,7 @@ SECTIONS = [
     "steps",
     "provenance",
 ]
-FIGURES = {"whole-drive", "worst-windows", "map-1", "map-2", "spectra", "evidence-bars", "closed-loop"}
+FIGURES = {"whole-drive", "worst-windows", "map-1", "map-2", "spectra", "evidence-plot", "closed-loop"}
 # attributes with which an element loads or leads somewhere
 LOADING = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href")
 # elements without an end
@@ -301,31 +303,157 @@ def test_masked_and_unused_stretches_and_worst_windows_are_shaded(named: Report)
         assert f"M{window.start:.3f},0V1H{window.stop:.3f}V0Z" in shades["worst windows"]
 
 
-def test_the_chart_has_one_bar_per_candidate(report_of: ReportOf) -> None:
-    """Every candidate of a step has one row: a bar as long as the root of its evidence, or the reason for none."""
+def test_the_evidence_plot_has_one_symbol_per_candidate_on_a_logarithmic_axis(report_of: ReportOf) -> None:
+    """Every candidate has one symbol at its evidence of the step that decided on it; none or less is at the left end."""
     report = report_of(Verdict.ONE_OF)
-    figure = evidence_bars(report)
-    names = order(report)
+    figure = evidence_plot(report)
+    rows = decisive(report)
+    names = order(report, rows)
     assert sorted(names) == sorted({row.effect for row in report.tried})
     assert names[:2] == ["headway_dead_zone", "speed_gain"]  # found, followed by its rival
-    for axis, step in (("x", 1), ("x2", 2)):
-        rows = [row for row in report.tried if row.step == step]
-        bars = {y: x for trace in figure.data if trace["type"] == "bar" and trace["xaxis"] == axis
-                for x, y in zip(trace["x"], trace["y"], strict=True)}  # fmt: skip
-        words = {
-            y
-            for trace in figure.data
-            if trace.get("mode") == "text" and trace["xaxis"] == axis
-            for y in trace["y"]
-        }
-        assert len(bars) + len(words) == len(rows)
-        for row in rows:
-            place = len(names) - 1 - names.index(row.effect)
-            if row.outcome == "not_testable":
-                assert place in words
-            else:
-                assert bars[place] ** 2 == pytest.approx(max(row.evidence, 0.0), abs=1e-9)
+    assert figure.layout["xaxis"]["type"] == "log"
+    labels = {of.label: key for key, of in SYMBOLS.items()}
+    at = {y: (x, labels[trace["name"]]) for trace in figure.data if trace.get("name") in labels
+          for x, y in zip(trace["x"], trace["y"], strict=True)}  # fmt: skip
+    assert (
+        len(at) == sum(len(trace["y"]) for trace in figure.data if trace.get("name") in labels) == len(names)
+    )
+    for name in names:
+        last = max(
+            report.tried, key=lambda row: (row.effect == name, row.outcome in ("accepted", "rival"), row.step)
+        )
+        evidence = max(last.evidence, 1.0) if math.isfinite(last.evidence) else 1.0
+        assert at[len(names) - 1 - names.index(name)] == (pytest.approx(evidence), outcome(last, report))
+    # the threshold is a line through all rows, with its value
+    line = next(trace for trace in figure.data if trace.get("name") == "threshold")
+    assert {x for x in line["x"] if x is not None} == {row.needed for row in rows.values()}
+    assert max(line["y"]) - min(line["y"]) == len(names)
+    assert any("threshold 15.8" in note["text"] for note in figure.layout["annotations"])
     # the bracket joins the two, and there is none where nobody rivals
-    ends = {y for shape in figure.layout["shapes"] for y in (shape["y0"], shape["y1"])}
+    ends = {y for shape in brackets(figure) for y in (shape["y0"], shape["y1"])}
     assert ends == {len(names) - 1 + 0.35, len(names) - 2 - 0.35}
-    assert evidence_bars(report_of()).layout["shapes"] == []
+    assert brackets(evidence_plot(report_of())) == []
+
+
+def brackets(figure: Figure) -> list[dict]:
+    return [shape for shape in figure.layout["shapes"] if shape.get("xsizemode") == "pixel"]
+
+
+def test_accepted_candidates_differ_by_shape_and_words(report_of: ReportOf) -> None:
+    """A named cause, a surrogate, one accepted at an ordinary size and a rejected one: four symbols, four names."""
+    report = report_of(Verdict.NAMED)
+    usual = report.tried[1]._replace(effect="road_grade", outcome="accepted", evidence=80.0)
+    surrogate = report.findings[0]._replace(effect="speed_gain", surrogate=True)
+    helped = usual._replace(effect="speed_gain")
+    tried = (report.tried[0], usual, helped, report.tried[5])
+    report = report._replace(tried=tried, findings=(*report.findings, surrogate))
+    figure = evidence_plot(report)
+    drawn = [
+        t for t in figure.data if t.get("mode") == "markers" and t["name"] != "expected at a typical strength"
+    ]
+    assert [trace["name"] for trace in drawn] == [
+        SYMBOLS[key].label for key in ("named", "surrogate", "ordinary", "below")
+    ]
+    assert len({trace["marker"]["symbol"] for trace in drawn}) == 4
+    assert [text for text in figure.layout["yaxis"]["ticktext"] if "✓" in text] == [
+        "✓ <b>headway dead zone</b>"
+    ]
+    words = Read(page(report)).words()
+    assert "accepted, of ordinary size: no cause" in words
+    assert "not the cause (surrogate)" in words
+
+
+# --- what must not look like an ordinary result ---------------------------------------------------------
+
+
+def worse_in_closed_loop(report: Report) -> Report:
+    """The gap's error doubles with the extended model; that of the speed shrinks."""
+    gap, speed = report.closed_loop
+    off = gap.before - gap.measured
+    lost = gap._replace(after=gap.measured + 2 * off, gain=Interval(-3.0, -4.5, -1.8))
+    return report._replace(closed_loop=(lost, speed))
+
+
+def test_a_closed_loop_that_gets_worse_stands_in_the_verdict(named: Report) -> None:
+    """With both errors and the interval, in page, text and JSON; nothing is said where it gets better."""
+    report = worse_in_closed_loop(named)
+    before = numbers.number(closed_loop.rms_error(report.closed_loop[0], report.closed_loop[0].before))
+    after = numbers.number(closed_loop.rms_error(report.closed_loop[0], report.closed_loop[0].after))
+    says = (
+        f"In closed loop the extended model is worse: error of the gap {before} → {after} m rms, "
+        "error variance +300 [+180, +450] %."
+    )
+    html = page(report)
+    verdict = html[html.index('<div class="verdict') : html.index('<dl class="key">')]
+    assert says in verdict
+    assert says in diagnosis_text.text(report, "a.blf", "car")[0]
+    json = diagnosis_json.to_json(report, "a.blf", "car")
+    assert json["remarks"] == [says]
+    assert json["says"].endswith(says)
+    assert [of["worse"] for of in json["closed_loop"]] == [True, False]
+    assert "worse with the extended model" in html
+    # an interval that holds 0 is no proof
+    gap, speed = report.closed_loop
+    unsure = report._replace(closed_loop=(gap._replace(gain=Interval(-0.1, -0.4, 0.2)), speed))
+    assert "may be chance" in diagnosis_text.text(unsure, "a.blf", "car")[0]
+    assert diagnosis_json.to_json(named, "a.blf", "car")["remarks"] == []
+    assert "is worse" not in page(named)
+
+
+def test_an_estimate_at_a_bound_is_marked_and_has_no_interval(named: Report) -> None:
+    """A lag of the driver and a cause's parameter at the ends of their ranges, in page, text and JSON."""
+    late = Interval(3.0, 1.94, 3.0)
+    of = named.extended.channels["range_rate"]._replace(tau=late)
+    shifts = dict(named.shifts) | {"range_rate tau": (named.shifts["range_rate tau"][0], late)}
+    wide = named.findings[0]._replace(parameters={"width": Interval(1.5, 0.0, 1.5)})
+    report = named._replace(
+        extended=named.extended._replace(channels=dict(named.extended.channels) | {"range_rate": of}),
+        shifts=shifts,
+        findings=(wide,),
+    )
+    marked = "at its upper bound, 3 s (95 %: above 1.94 s)"
+    html = page(report)
+    words = Read(html).words()
+    assert f"⚠ {marked}" in words
+    assert "⚠ at its upper bound, 1.5 s" in words
+    text = "\n".join(diagnosis_text.text(report, "a.blf", "car"))
+    assert marked in text
+    assert "width at its upper bound, 1.5 s" in text
+    for shown in (words, text):
+        assert "[1.94, 3.00]" not in shown
+        assert "[0.00, 1.50]" not in shown
+    # the verdict says it as well
+    remark = "Width of headway dead zone is at the upper bound of what is searched, 1.5 s: not an estimate."
+    assert remark in html[: html.index('<dl class="key">')]
+    json = diagnosis_json.to_json(report, "a.blf", "car")
+    assert json["extended"]["at_bound"] == {
+        "range_rate tau": {"side": "upper", "range": [0.0, 3.0], "unit": "s"}
+    }
+    assert json["baseline"]["at_bound"] == {}
+    assert json["findings"][0]["at_bound"]["width"]["side"] == "upper"
+    assert "⚠" not in page(named)
+
+
+def test_the_caption_of_the_coherence_says_what_is_drawn(named: Report) -> None:
+    """Bands in the caption are those in which the plotted lines pass the dashed one, and coherence proves no error."""
+    f = np.linspace(0.02, 2.0, 100)
+    high = np.where((f > 0.1) & (f < 0.3), 0.5, 0.01)
+    none = np.full(100, 0.01)
+    of = named.spectra._replace(
+        frequency=f, before=np.ones(100), after=np.ones(100), level=0.2,
+        coherence_before={"headway_error": high}, coherence_after={"headway_error": none},
+    )  # fmt: skip
+    figure = spectra(named._replace(spectra=of))
+    before, after = (trace for trace in figure.data if trace["xaxis"] == "x2")
+    above = [x for x, y in zip(before["x"], before["y"], strict=True) if y > 0.2]
+    assert (
+        f"Headway error: above it at {above[0]:.2g}–{above[-1]:.2g} Hz; with the extended model nowhere"
+        in figure.caption
+    )
+    assert max(after["y"]) < 0.2
+    (dashed,) = figure.layout["shapes"]
+    assert dashed["y0"] == 0.2
+    assert "Dashed: 0.2" in figure.caption
+    assert "residual (measured − simulated) of the baseline and of the extended model" in figure.caption
+    assert "feedback loop" in figure.caption
+    assert "has 1.41 % → 1.41 % rms" in figure.caption  # a density of 1 %²/Hz over 1.98 Hz

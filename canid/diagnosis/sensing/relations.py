@@ -110,7 +110,8 @@ def range_rate_against_gap(columns: SensorColumns) -> tuple[Related, ...]:
     check = Check(
         relation.value, disagreement <= limit and not wrong, before, limit,
         f"Range rate and the gap's change over {kinematics.WINDOW_S:.0f} s differ by {before:.3f} m/s rms "
-        f"(the reports' own noise explains {of.noise:.3f}); their ratio is {middle:.3f} [{low95:.3f}, {high95:.3f}].",
+        f"(the reports' own noise explains {of.noise:.3f} m/s); their ratio is {middle:.3f} [{low95:.3f}, {high95:.3f}].",
+        "m/s",
     )  # fmt: skip
     if disagreement > limit:
         # no scale makes them agree: one of the two has an error of its own
@@ -229,7 +230,7 @@ def _of_age(
     """A wrong age, a passed check, or why the drive identifies neither."""
     estimate, tolerance, known = found.estimate, TOLERANCE[relation], KNOWN_WITHIN_S[relation]
     if max(found.sure.low, -found.sure.high) > tolerance:
-        check = Check(relation.value, False, estimate.value, tolerance, says)
+        check = Check(relation.value, False, estimate.value, tolerance, says, "s")
         return Related(relation, check, found, sd, dof, confounded=confounded)
     # an interval without the right value, yet not surely enough for a name, is no passed check either
     if (
@@ -237,7 +238,9 @@ def _of_age(
         and -tolerance <= estimate.high
         and estimate.low <= tolerance
     ):
-        return Related(relation, Check(relation.value, True, estimate.value, tolerance, says), found, sd, dof)
+        return Related(
+            relation, Check(relation.value, True, estimate.value, tolerance, says, "s"), found, sd, dof
+        )
     why = f"this drive shows only that it is between {estimate.low:+.2f} and {estimate.high:+.2f} s"
     return _unmade(relation, why)
 

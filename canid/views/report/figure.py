@@ -19,6 +19,8 @@ Spec = dict[str, Any]
 
 # px that a figure leaves for its axes: left, right, top (legend), bottom
 MARGIN_PX = {"l": 62, "r": 18, "t": 34, "b": 44}
+# the same on a phone
+NARROW_MARGIN_PX = {"l": 46, "r": 8, "t": 34, "b": 40}
 # significant digits of plotted values: a screen has some 2,000 px, which is 4 digits
 PLOT_DIGITS = 5
 
@@ -33,6 +35,7 @@ class Figure(NamedTuple):
     height: int  # px
     data: list[Spec]
     layout: Spec
+    narrow: tuple[int, Spec] | None = None  # on a phone: height in px, and what replaces keys of the layout
 
 
 def script(figures: Sequence[Figure]) -> str:
@@ -43,6 +46,9 @@ def script(figures: Sequence[Figure]) -> str:
         '{"a": {"height": 100, "data": [{"x": [1.0], "name": "\\u003c/script>"}], "layout": {}}}'
     """
     specs = {f.name: {"height": f.height, "data": f.data, "layout": f.layout} for f in figures}
+    for f in figures:
+        if f.narrow is not None:
+            specs[f.name]["narrow"] = {"height": f.narrow[0], "layout": f.narrow[1]}
     return json.dumps(specs, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
@@ -117,6 +123,28 @@ def axis_suffix(k: int) -> str:
         ('', '2')
     """
     return "" if k == 0 else str(k + 1)
+
+
+def stacked(axes: Mapping[str, Spec], gap_px: int, height_px: int) -> Spec:
+    """Panels one below the other, for a phone: the axes, with new domains.
+
+    Args:
+        axes: `xaxis`, `yaxis`, `xaxis2`, `yaxis2`, ...: one pair per panel.
+        gap_px: between two panels, for ticks and the next title.
+        height_px: of all panels together.
+
+    Example:
+        >>> panels = {"xaxis": {}, "yaxis": {}, "xaxis2": {}, "yaxis2": {}}
+        >>> [of["domain"] for of in stacked(panels, 20, 200).values()]
+        [(0.0, 1.0), (0.55, 1.0), (0.0, 1.0), (0.0, 0.45)]
+    """
+    count = len(axes) // 2
+    rows = equal_domains(count, gap_px / height_px)[::-1]
+    out: Spec = {}
+    for k in range(count):
+        x, y = f"xaxis{axis_suffix(k)}", f"yaxis{axis_suffix(k)}"
+        out |= {x: axes[x] | {"domain": (0.0, 1.0)}, y: axes[y] | {"domain": rows[k]}}
+    return out
 
 
 def annotation(text: str, x: float, y: float, **more: Any) -> Spec:

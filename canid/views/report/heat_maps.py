@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from canid.findings import OperatingMap, Report, extends
@@ -10,16 +12,22 @@ from canid.views.names import readable
 from canid.views.numbers import number, role_unit
 from canid.views.report.figure import (
     MARGIN_PX,
+    NARROW_MARGIN_PX,
     Figure,
     Spec,
     annotation,
     axis,
     equal_domains,
     layout,
+    stacked,
     to_list,
 )
 
 MAP_HEIGHT_PX = 330
+# px on a phone: one map, and between two
+NARROW_MAP_PX, NARROW_GAP_PX = 190, 64
+# of the width, of a map that is alone, which leaves room for nothing else
+SINGLE_WIDTH = 0.62
 # cells up to which each shows its value: more do not fit on A4
 MAX_LABELLED_CELLS = 64
 
@@ -34,11 +42,11 @@ def _map(report: Report, of: OperatingMap, k: int) -> Figure:
     sides = [("baseline" if extends(report) else "simulation", of.before)]
     sides += [("extended model", of.after)] if extends(report) else []
     largest = max((float(np.nanmax(np.abs(z))) for _, z in sides if np.isfinite(z).any()), default=1.0)
-    domains = equal_domains(2, 0.06)
+    domains = equal_domains(2, 0.06) if len(sides) > 1 else [(0.0, SINGLE_WIDTH)]
     names = {axis: f"{readable(role)} ({role_unit(role)})" for axis, role in (("x", of.x), ("y", of.y))}
     data: list[Spec] = []
-    axes: Spec = {"coloraxis": _color_axis(unit, largest)}
-    titles = []
+    axes: Spec = {}
+    titles, narrow_titles = [], []
     for side, (name, z) in enumerate(sides):
         end = "" if side == 0 else "2"
         data.append(_heat(of, z, unit, end))
@@ -46,7 +54,14 @@ def _map(report: Report, of: OperatingMap, k: int) -> Figure:
         axes[f"yaxis{end}"] = axis(
             names["y"] if side == 0 else "", anchor=f"x{end}", showgrid=False, showticklabels=side == 0
         ) | ({"matches": "y"} if side else {})
-        titles.append(annotation(name, domains[side][0], 1.0, xanchor="left", yanchor="bottom", yshift=4))
+        style = {"xanchor": "left", "yanchor": "bottom", "yshift": 4}
+        titles.append(annotation(name, domains[side][0], 1.0, **style))
+        narrow_titles.append(annotation(name, 0.0, 1.0, yref=f"y{end} domain", **style))
+    colors = _color_axis(unit, largest, domains[-1][1] + 0.01)
+    panels = NARROW_MAP_PX * len(sides) + NARROW_GAP_PX * (len(sides) - 1)
+    of_phone = stacked(axes, NARROW_GAP_PX, panels)
+    if len(sides) > 1:
+        of_phone["yaxis2"] |= {"showticklabels": True, "title": axes["yaxis"]["title"]}
     roles = f"{readable(of.x)} and {readable(of.y)}"
     return Figure(
         f"map-{k + 1}",
@@ -55,7 +70,16 @@ def _map(report: Report, of: OperatingMap, k: int) -> Figure:
         f"Heat map of the mean residual over {roles}, {' and '.join(name for name, _ in sides)}",
         MAP_HEIGHT_PX,
         data,
-        layout(axes, annotations=titles, margin=MARGIN_PX | {"r": 80}),
+        layout(axes | {"coloraxis": colors}, annotations=titles, margin=MARGIN_PX | {"r": 80}),
+        (
+            panels + NARROW_MARGIN_PX["t"] + NARROW_MARGIN_PX["b"],
+            of_phone
+            | {
+                "coloraxis": _color_axis(unit, largest, 1.02),
+                "annotations": narrow_titles,
+                "margin": NARROW_MARGIN_PX | {"r": 66},
+            },
+        ),
     )
 
 
@@ -72,16 +96,28 @@ def _heat(of: OperatingMap, z: Array, unit: str, end: str) -> Spec:
     }  # fmt: skip
 
 
-def _color_axis(unit: str, largest: float) -> Spec:
+def _color_axis(unit: str, largest: float, x: float) -> Spec:
     """A diverging scale that is safe for color blindness, with the page's background at zero."""
     return {
         "cmin": -largest, "cmax": largest, "cmid": 0.0,
         "colorscale": [[0.0, "@low"], [0.5, "@page"], [1.0, "@high"]],
         "colorbar": {
-            "title": {"text": f"mean ({unit})", "side": "right", "font": {"size": 12}}, "tickfont": {"size": 11},
-            "thickness": 12, "outlinewidth": 0, "x": 1.01, "ypad": 0,
+            "title": {"text": f"mean residual ({unit})", "side": "right", "font": {"size": 12}}, "tickfont": {"size": 11},
+            "thickness": 12, "outlinewidth": 0, "x": x, "ypad": 0,
         },
     }  # fmt: skip
+
+
+def _range(edges: Array, k: int) -> str:
+    """Both edges of a bin, with the decimals that its width supports.
+
+    Example:
+        >>> _range(np.array([-0.655, 0.00656]), 0)
+        '-0.66 to 0.01'
+    """
+    width = float(edges[k + 1] - edges[k])
+    places = max(1 - math.floor(math.log10(width)), 0) if width > 0 else 2
+    return f"{edges[k]:.{places}f} to {edges[k + 1]:.{places}f}"
 
 
 def _caption(of: OperatingMap, sides: list[tuple[str, Array]], unit: str) -> str:
@@ -90,8 +126,8 @@ def _caption(of: OperatingMap, sides: list[tuple[str, Array]], unit: str) -> str
         return "No cell has enough samples for a mean."
     i, j = np.unravel_index(int(np.nanargmax(np.abs(before))), before.shape)
     cell = (
-        f"{readable(of.x)} {of.x_edges[i]:.3g} to {of.x_edges[i + 1]:.3g} {role_unit(of.x)} and "
-        f"{readable(of.y)} {of.y_edges[j]:.3g} to {of.y_edges[j + 1]:.3g} {role_unit(of.y)}"
+        f"{readable(of.x)} {_range(of.x_edges, int(i))} {role_unit(of.x)} and "
+        f"{readable(of.y)} {_range(of.y_edges, int(j))} {role_unit(of.y)}"
     )
     time = number(float(of.seconds[i, j]), "s")
     caption = f"Largest mean residual: {number(float(before[i, j]), unit)} at {cell} ({time})"

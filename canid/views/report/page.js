@@ -6,6 +6,8 @@
   const plots = [...document.querySelectorAll(".plot")];
   const PAPER_WIDTH = 700; // px: what @page leaves of A4 at 96 px per inch
   const PAPER_HEIGHT_SCALE = 0.8; // narrower figures may be lower: fewer gaps at the ends of pages
+  const NARROW = 560; // px: below it a figure takes its layout for a phone
+  const FOLDED = window.matchMedia("(max-width: 700px)").matches;
   const CONFIG = {
     displaylogo: false,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
@@ -25,32 +27,51 @@
 
   const draw = (plot, width, scale = 1) => {
     const style = getComputedStyle(root);
-    const { data, layout, height } = figures[plot.dataset.figure];
-    const of = painted({ data, layout }, (name) => style.getPropertyValue(`--${name}`).trim());
+    const figure = figures[plot.dataset.figure];
+    const narrow = width < NARROW;
+    // a finger scrolls the page over a figure, and does not zoom it
+    const phone = narrow ? { dragmode: false, ...(figure.narrow ? figure.narrow.layout : {}) } : {};
+    const height = narrow && figure.narrow ? figure.narrow.height : scale * figure.height;
+    const color = (name) => style.getPropertyValue(`--${name}`).trim();
+    const { data, layout } = painted({ data: figure.data, layout: { ...figure.layout, ...phone } }, color);
     // the reader's zoom is kept
-    return Plotly.react(plot, of.data, { ...of.layout, width, height: scale * height, uirevision: "kept" }, CONFIG);
+    const whole = { ...layout, width, height, uirevision: "kept" };
+    return Plotly.react(plot, data, whole, { ...CONFIG, displayModeBar: narrow ? false : "hover" });
   };
-  const drawAll = () => plots.forEach((plot) => draw(plot, plot.clientWidth));
+  // a figure in closed details has no width: it is drawn when they open
+  const drawShown = () => Promise.all(plots.filter((p) => p.clientWidth).map((p) => draw(p, p.clientWidth)));
 
+  const details = [...document.querySelectorAll("details")];
+  if (FOLDED) details.filter((d) => d.classList.contains("fold")).forEach((d) => { d.open = false; });
+  details.forEach((d) => d.addEventListener("toggle", () => {
+    if (!d.open || root.classList.contains("paper")) return;
+    [...d.querySelectorAll(".plot")].forEach((plot) => draw(plot, plot.clientWidth));
+  }));
+
+  let closed = [];
   window.addEventListener("beforeprint", () => {
     root.classList.add("paper");
+    if (!closed.length) closed = details.filter((d) => !d.open);
+    closed.forEach((d) => { d.open = true; });
     plots.forEach((plot) => draw(plot, PAPER_WIDTH, PAPER_HEIGHT_SCALE));
   });
   window.addEventListener("afterprint", () => {
     root.classList.remove("paper");
-    drawAll();
+    closed.forEach((d) => { d.open = false; });
+    closed = [];
+    drawShown();
   });
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawShown);
   let waiting = 0;
   window.addEventListener("resize", () => {
     window.clearTimeout(waiting);
-    waiting = window.setTimeout(drawAll, 150);
+    waiting = window.setTimeout(drawShown, 150);
   });
 
   // one at a time, so that the page can be read and scrolled meanwhile
   (async () => {
     for (const plot of plots) {
-      await draw(plot, plot.clientWidth);
+      if (plot.clientWidth) await draw(plot, plot.clientWidth);
       await new Promise((next) => { window.setTimeout(next, 0); });
     }
     root.dataset.drawn = "all";

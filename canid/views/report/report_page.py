@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.util import find_spec
 
 from markupsafe import Markup
 
 from canid.findings import Report, Verdict, extends
 from canid.identified_model import equation
-from canid.views.diagnosis_text import (
+from canid.views import search_bounds, signal_text
+from canid.views.closed_loop import change, errors, worse
+from canid.views.diagnosis_parts import (
     advice,
     closed_loop_models,
     duration,
+    estimate,
+    finding_parameters,
     form,
     gains,
     known_parameters,
+    model_bounds,
+    model_units,
+    not_quoted,
     recommendation,
+    remarks,
     sentence,
+    step,
     used_time,
+    without_verdict,
 )
 from canid.views.names import parameter
-from canid.views.numbers import role_unit, time_range
-from canid.views.report.evidence_bars import OUTCOMES, evidence_bars
+from canid.views.numbers import gain_unit, role_unit, time_range
+from canid.views.report.evidence_plot import SYMBOLS, evidence_plot, outcome
 from canid.views.report.figure import script
 from canid.views.report.forest_plot import forest_plot, shift
 from canid.views.report.heat_maps import heat_maps
@@ -61,12 +72,16 @@ def page(report: Report) -> str:
         >>> "drive longer" in page(short)
         True
     """
+    parameters = known_parameters(report)
+    at_bound = partial(search_bounds.of_parameter, half_step=0.5 * step(report))
+    bounded = any(at_bound(key, iv) for key, pair in parameters.items() for iv in pair)
+    bounded = bounded or any(search_bounds.of_finding(finding) for finding in report.findings)
     drawn = (
         whole_drive(report),
         worst_windows(report),
         *heat_maps(report),
         spectra(report),
-        evidence_bars(report),
+        evidence_plot(report),
         trajectories(report),
     )
     figures = [figure for figure in drawn if figure is not None]
@@ -79,7 +94,7 @@ def page(report: Report) -> str:
             title=TITLES[report.verdict],
             unit=role_unit(report.output),
             sentence=sentence(report),
-            parameters=known_parameters(report),
+            parameters=parameters,
             equation="" if report.model is None else equation(report.model),
             advice=advice(report),
             duration=duration(report),
@@ -91,7 +106,26 @@ def page(report: Report) -> str:
             gains=gains,
             figures={figure.name: figure for figure in figures},
             map_names=[f"map-{k + 1}" for k in range(len(report.maps))],
-            outcomes={name: label for name, (_, label) in OUTCOMES.items()},
+            outcome=lambda row: SYMBOLS[outcome(row, report)].label,
+            remarks=remarks(report),
+            # the title names the causes of the verdict, and of these what no other block's cause is a surrogate for
+            named=[finding for finding in report.findings if not finding.surrogate],
+            time=signal_text.time,
+            signals=signal_text.findings,
+            change=change,
+            errors=errors,
+            worse=worse,
+            finding_parameters=finding_parameters,
+            without_verdict=without_verdict,
+            estimate=lambda key, iv: estimate(key, iv, report),
+            at_bound=at_bound,
+            bounds_of=search_bounds.of_finding,
+            bounded_text=search_bounds.text,
+            bounded=bounded,
+            not_quoted=not_quoted(report),
+            model_units=model_units(report),
+            model_bounds=model_bounds(report),
+            gain_unit=gain_unit,
             parameter=parameter,
             shift=shift,
             forest_plot=forest_plot,

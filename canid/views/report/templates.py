@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from canid.views.names import either, readable
 from canid.views.numbers import interval, number, percent
@@ -26,7 +27,29 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     of.filters.update(interval=interval, percent=percent, number=number, readable=readable, either=either)
+    of.filters.update(code=code, css_string=css_string)
     return of
+
+
+def code(text: str) -> Markup:
+    """Escaped text whose words between backticks are shown as code.
+
+    Example:
+        >>> code("map `pedal` <first>")
+        Markup('map <code>pedal</code> &lt;first&gt;')
+    """
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def css_string(text: str) -> Markup:
+    r"""Text as a string of a style sheet; all but plain letters, digits and spaces as code points.
+
+    Example:
+        >>> css_string('a "b" </style>')
+        Markup('"a \\22 b\\22  \\3c \\2f style\\3e "')
+    """
+    plain = "".join(c if c.isascii() and (c.isalnum() or c == " ") else f"\\{ord(c):x} " for c in text)
+    return Markup(f'"{plain}"')
 
 
 def file_text(path: str) -> Markup:

@@ -9,12 +9,13 @@ import numpy as np
 from canid.findings import Flags, Report, extends
 from canid.runs import runs
 from canid.types import Array
-from canid.views.diagnosis_text import step
+from canid.views.diagnosis_parts import step
 from canid.views.names import readable
 from canid.views.numbers import number, role_unit, time_range
 from canid.views.report.decimation import MAX_POINTS, min_max_indices
 from canid.views.report.figure import (
     MARGIN_PX,
+    NARROW_MARGIN_PX,
     Figure,
     Spec,
     annotation,
@@ -25,11 +26,15 @@ from canid.views.report.figure import (
     line,
     rms,
     running_rms,
+    stacked,
     times,
 )
 
 DRIVE_HEIGHT_PX = 540
 WINDOW_HEIGHT_PX = 190
+# px on a phone: the drive with four lines of legend, one worst window, and between two
+NARROW_DRIVE_PX, NARROW_LEGEND_PX = 440, 88
+NARROW_WINDOW_PX, NARROW_GAP_PX = 92, 40
 # windows next to each other: three are still readable on A4
 MAX_WINDOW_COLUMNS = 3
 # window of the running rms: longer than the driver's noise, shorter than a manoeuvre
@@ -72,9 +77,9 @@ def whole_drive(report: Report) -> Figure | None:
     ]
     axes = {
         "xaxis": axis("time in the log (s)", anchor="y3", domain=[0, 1], hoverformat=".1f"),
-        "yaxis": axis(f"{readable(report.output)} ({unit})", domain=[0.53, 1.0]),
+        "yaxis": axis(f"{readable(report.output)} ({unit})", domain=[0.53, 1.0], **_used_range(report)),
         "yaxis2": axis(f"residual ({unit})", domain=[0.23, 0.49], zeroline=True, zerolinecolor="@rule"),
-        "yaxis3": axis(f"rms ({unit})", domain=[0.0, 0.19], rangemode="tozero", nticks=4),
+        "yaxis3": axis(f"running rms ({unit})", domain=[0.0, 0.19], rangemode="tozero", nticks=4),
     }
     return Figure(
         "whole-drive",
@@ -84,6 +89,7 @@ def whole_drive(report: Report) -> Figure | None:
         DRIVE_HEIGHT_PX,
         data,
         layout(axes, shapes=shapes, annotations=labels, hovermode="x"),
+        (NARROW_DRIVE_PX, {"margin": NARROW_MARGIN_PX | {"t": NARROW_LEGEND_PX}}),
     )
 
 
@@ -97,7 +103,7 @@ def worst_windows(report: Report) -> Figure | None:
     columns, rows = equal_domains(across, 0.055), equal_domains(down, 0.24)[::-1]
     data: list[Spec] = []
     axes: Spec = {}
-    titles = []
+    titles, narrow_titles = [], []
     for k, window in enumerate(report.worst):
         at = inside(report.t, [(window.start, window.stop)])
         x, names = times(report.t[at]), (f"x{axis_suffix(k)}", f"y{axis_suffix(k)}")
@@ -119,10 +125,12 @@ def worst_windows(report: Report) -> Figure | None:
         axes[f"yaxis{axis_suffix(k)}"] = axis(title, domain=row, anchor=names[0], nticks=5)
         change = f"{number(window.before, unit)}"
         change += f" → {number(window.after, unit)}" if extends(report) else ""
-        titles.append(
-            annotation(f"<b>{k + 1}</b>  {time_range(window.start, window.stop)}: {change} rms", column[0], row[1],
-                 xanchor="left", yanchor="bottom", font={"size": 11, "color": "@ink"})
-        )  # fmt: skip
+        text = f"<b>{k + 1}</b>  {time_range(window.start, window.stop)}: {change} rms"
+        style = {"xanchor": "left", "yanchor": "bottom", "font": {"size": 11, "color": "@ink"}}
+        titles.append(annotation(text, column[0], row[1], **style))
+        narrow_titles.append(annotation(text, 0.0, 1.0, yref=f"{names[1]} domain", **style))
+    count = len(report.worst)
+    panels = NARROW_WINDOW_PX * count + NARROW_GAP_PX * (count - 1)
     return Figure(
         "worst-windows",
         "The worst windows",
@@ -131,6 +139,14 @@ def worst_windows(report: Report) -> Figure | None:
         MARGIN_PX["t"] + MARGIN_PX["b"] + WINDOW_HEIGHT_PX * down,
         data,
         layout(axes, annotations=titles, margin=MARGIN_PX | {"t": 56}),
+        (
+            panels + 52 + NARROW_MARGIN_PX["b"],
+            {
+                **stacked(axes, NARROW_GAP_PX, panels),
+                "annotations": narrow_titles,
+                "margin": NARROW_MARGIN_PX | {"t": 52},
+            },
+        ),
     )
 
 
@@ -149,6 +165,17 @@ def inside(t: Array, ranges: list[tuple[float, float]]) -> Flags:
 
 def _samples(report: Report) -> int:
     return max(round(RMS_WINDOW_S / step(report)), 1) if step(report) else 1
+
+
+def _used_range(report: Report) -> Spec:
+    """Range of the output where the fit uses it: a simulation may go anywhere where nothing is compared."""
+    lines = (report.measured, report.baseline.simulated, report.extended.simulated)
+    shown = np.concatenate([line[report.used] for line in lines] + [report.measured])
+    shown = shown[np.isfinite(shown)]
+    if not report.used.any() or not shown.size or shown.min() == shown.max():
+        return {}
+    margin = 0.05 * float(shown.max() - shown.min())
+    return {"range": [float(shown.min()) - margin, float(shown.max()) + margin]}
 
 
 def _before(report: Report) -> str:
@@ -180,12 +207,14 @@ def _shade(ranges: list[tuple[float, float]], name: str, color: str) -> list[Spe
 def _drive_caption(report: Report, before: Array, after: Array) -> str:
     unit = role_unit(report.output)
     used = report.used
-    caption = (
-        f"The residual (measured − simulated) has {number(rms(before[used]), unit)} rms with the baseline"
-    )
+    of = "baseline" if extends(report) else "simulation"
+    caption = f"The residual (measured − simulated) has {number(rms(before[used]), unit)} rms with the {of}"
     if extends(report):
         caption += f" and {number(rms(after[used]), unit)} with the extended model"
-    caption += f" over the samples used; the lowest panel shows its rms over {number(RMS_WINDOW_S, 's')} around each time."
+    caption += (
+        " over the samples that the fit uses; the lowest panel shows its rms over the "
+        f"{number(RMS_WINDOW_S, 's')} around each time. The upper axis fits these samples: a double click shows all."
+    )
     if report.worst:
         caption += " Yellow, numbered: the worst windows, 1 is the worst."
     masked, unused = sum(m.stop - m.start for m in report.masked), sum(b - a for a, b in _unused(report))

@@ -4,14 +4,26 @@ from __future__ import annotations
 
 from canid.findings import Report, Trajectory
 from canid.types import Array
-from canid.views.diagnosis_text import has_extended
+from canid.views.closed_loop import change, has_extended, worse
 from canid.views.names import readable
-from canid.views.numbers import number, percent, role_unit
+from canid.views.numbers import number, role_unit
 from canid.views.report.decimation import MAX_POINTS, min_max_indices
-from canid.views.report.figure import MARGIN_PX, Figure, Spec, axis, axis_suffix, layout, line, rms, times
+from canid.views.report.figure import (
+    MARGIN_PX,
+    NARROW_MARGIN_PX,
+    Figure,
+    Spec,
+    axis,
+    axis_suffix,
+    layout,
+    line,
+    rms,
+    times,
+)
 from canid.views.report.time_series import inside
 
-ROW_HEIGHT_PX = 270  # trajectory and error of one quantity
+# px: trajectory and error of one quantity; on a phone
+ROW_HEIGHT_PX, NARROW_ROW_PX = 270, 210
 # fractions of the figure's height: between two panels, and of one quantity's row
 PANEL_GAP = 0.03
 TRAJECTORY_SHARE, ERROR_SHARE = 0.58, 0.42
@@ -47,6 +59,10 @@ def trajectories(report: Report) -> Figure | None:
         MARGIN_PX["t"] + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(report.closed_loop),
         data,
         layout(axes, hovermode="x"),
+        (
+            52 + NARROW_MARGIN_PX["b"] + NARROW_ROW_PX * len(report.closed_loop),
+            {"margin": NARROW_MARGIN_PX | {"t": 52}},
+        ),
     )
 
 
@@ -67,8 +83,8 @@ def _before(report: Report) -> str:
 
 def _caption(report: Report) -> str:
     caption = (
-        "The lead vehicle is the one in the log; driver and car are simulated, so that errors accumulate. Each segment "
-        "starts from the measured state."
+        "The lead vehicle is the one in the log; driver and car are simulated, so that errors accumulate. Each stretch "
+        "starts from the measured state, and no model was fitted to the stretch that it drives."
     )
     for of in report.closed_loop:
         unit = role_unit(of.role)
@@ -76,10 +92,9 @@ def _caption(report: Report) -> str:
             f" {readable(of.role).capitalize()}: error {number(rms(of.before - of.measured), unit)} rms"
         )
         if has_extended(of):
-            caption += (
-                f" → {number(rms(of.after - of.measured), unit)}, its variance reduced by {percent(of.gain)} "
-                "on held-out data"
-            )
+            caption += f" → {number(rms(of.after - of.measured), unit)} rms, error variance {change(of.gain)}"
+            caption += " on held-out data"
+            caption += ": worse with the extended model" * worse(of)
         caption += "."
     if len(report.t) > MAX_POINTS:
         caption += (
