@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from canid import pipeline
 from canid.frame_columns import chunks
@@ -20,10 +21,11 @@ from canid.types import (
     Frame,
     LearnGate,
     Sample,
+    Signal,
     SignalFinding,
     SignalReport,
 )
-from canid.vehicle import Vehicle, decoder, missing
+from canid.vehicle import Vehicle, decoder, mapped_ids, missing
 
 # correlation of range rate and change of the gap below which the sign of range rate is reported as wrong
 WRONG_SIGN_CORRELATION = -0.5
@@ -33,6 +35,9 @@ GAP_CHANGE_S = 1.0
 MIN_GAP_CHANGES = 20
 # m/s; a gap that changes faster is that of another vehicle, or of a standing one
 MAX_GAP_RATE = 15.0
+# roles that are sampled, not read, where the lead is chosen among radar tracks
+CHOSEN = ("gap", "range_rate")
+NOTHING_READ = Signal(np.zeros(0), np.zeros(0))
 
 
 class Row(NamedTuple):
@@ -47,6 +52,16 @@ class Row(NamedTuple):
     low: float
     median: float
     high: float
+    longest_gap: float = NAN  # s between two readings, from the beginning and to the end of the log
+    stale_percent: float = NAN  # of the time in which the latest reading was older than the role allows
+
+
+class GateSeries(NamedTuple):
+    """The learning gate over time."""
+
+    t: Array  # (n,) s
+    gate: tuple[LearnGate, ...]  # (n,)
+    learn: npt.NDArray[np.bool_]  # (n,)
 
 
 class Check(NamedTuple):
@@ -61,6 +76,10 @@ class Check(NamedTuple):
     remarks: tuple[str, ...]
     time: DriveTime = DriveTime(0.0, 0.0, 0.0, 0.0)
     findings: tuple[SignalFinding, ...] = ()  # on the signals; problems as well
+    # role -> its readings as they came; of a lead that is chosen among radar tracks its gap and range rate as sampled
+    signals: Mapping[str, Signal] = {}
+    gate: GateSeries = GateSeries(np.zeros(0), (), np.zeros(0, dtype=bool))
+    unmapped: tuple[tuple[int, int, int], ...] = ()  # (bus, id, frames) that the vehicle file does not name
 
 
 class Contents(NamedTuple):
@@ -101,6 +120,8 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     values: dict[str, list[Array]] = {}
     points: dict[str, list[Array]] = {"gap": [], "range_rate": []}
     tracks = 0
+    at: dict[str, list[Array]] = {}
+    chosen: dict[str, list[float]] = {role: [] for role in CHOSEN if vehicle.lead.tracks is not None}
     times: list[float] = []
     learn: list[bool] = []
     judged: list[LearnGate] = []
@@ -115,6 +136,7 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         decoding, decoded = decode(decoding, chunk)
         for role, row, value in decoded.roles:
             values.setdefault(role, []).append(value)
+            at.setdefault(role, []).append(chunk.t[row])
             if role in points:
                 points[role].append(np.column_stack([chunk.t[row], value]))
         tracks += sum(int(track.valid.sum()) for track in decoded.tracks)
@@ -124,13 +146,18 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
                 times.append(item.t)
                 learn.append(item.learn)
                 judged.append(item.gate)
+                for role, sampled in chosen.items():
+                    sampled.append(item.signals.get(role, NAN))
             elif isinstance(item, SignalReport):
                 reports.append(item)
             elif isinstance(item, Event):
                 events.append(item)
         if on_time is not None:
             on_time(last)
-    rows = tuple(_row(role, vehicle, values.get(role, []), last) for role in vehicle.roles)
+    readings = {role: Signal(np.concatenate(at[role]), np.concatenate(values[role])) for role in values}
+    rows = tuple(_row(role, vehicle, readings.get(role, NOTHING_READ), last) for role in vehicle.roles)
+    grid = np.array(times)
+    sampled_roles = {role: Signal(grid, np.array(x)) for role, x in chosen.items() if np.isfinite(x).any()}
     gates = {
         (gate.name.lower() if gate is not LearnGate.OPEN else "driving"): 100 * n / len(judged)
         for gate, n in Counter(judged).most_common()
@@ -154,21 +181,53 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     if vehicle.lead.tracks is not None:
         changes = sum(event.what == "target_change" for event in events)
         remarks.append(f"radar: {tracks} valid track reports; the lead changed {changes} times")
-    summed = drive_time(np.array(times), judged, np.array(learn, dtype=bool), findings, pipeline.DT)
+    summed = drive_time(grid, judged, np.array(learn, dtype=bool), findings, pipeline.DT)
     numbers = sum(ids.values()), last, dict(ids)
-    return Check(*numbers, rows, gates, tuple(problems), tuple(remarks), summed, findings)
+    known = mapped_ids(vehicle)
+    return Check(
+        *numbers,
+        rows,
+        gates,
+        tuple(problems),
+        tuple(remarks),
+        summed,
+        findings,
+        readings | sampled_roles,
+        GateSeries(grid, tuple(judged), np.array(learn, dtype=bool)),
+        tuple((bus, id_, n) for (bus, id_), n in sorted(ids.items()) if id_ not in known),
+    )
 
 
-def _row(role: str, vehicle: Vehicle, values: list[Array], duration: float) -> Row:
+def _row(role: str, vehicle: Vehicle, readings: Signal, duration: float) -> Row:
     how = vehicle.roles[role]
     bus = "" if how.bus is None else f", bus {how.bus}"
     source = f"{how.message}.{how.signal} (0x{how.id:X}{bus})"
-    array = np.concatenate([np.zeros(0), *values])
+    array = readings.value
     known = array[np.isfinite(array)]
     low, median, high = np.percentile(known, [0, 50, 100]) if known.size else (NAN, NAN, NAN)
     lost = 100.0 * (1 - known.size / array.size) if array.size else NAN
     rate = array.size / duration if duration else NAN
-    return Row(role, how.unit, source, array.size, rate, lost, float(low), float(median), float(high))
+    longest, stale = _gaps(readings.t, duration, how.stale)
+    numbers = float(low), float(median), float(high)
+    return Row(role, how.unit, source, array.size, rate, lost, *numbers, longest, stale)
+
+
+def _gaps(t: Array, duration: float, allowed: float) -> tuple[float, float]:
+    """Longest time without a reading, s, and the share of the time in which the latest was too old, %.
+
+    Args:
+        t: (n,) s, of the readings.
+        duration: s, of the log.
+        allowed: s, the age from which on a reading no longer counts.
+
+    Example:
+        >>> _gaps(np.array([0.0, 1.0, 4.0]), 4.0, 1.0)
+        (3.0, 50.0)
+    """
+    if not t.size or duration <= 0.0:
+        return (duration, 100.0) if duration > 0.0 else (NAN, NAN)
+    gaps = np.diff(np.concatenate([[0.0], np.maximum.accumulate(t), [max(duration, float(t.max()))]]))
+    return float(gaps.max()), 100.0 * float(np.maximum(gaps - allowed, 0.0).sum()) / duration
 
 
 def _signs(gap: list[Array], rate: list[Array]) -> list[str]:

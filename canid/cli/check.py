@@ -6,15 +6,18 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, reading
+from canid.cli import options, reading, report_option
 from canid.cli.output import outputs
 from canid.cli.output.messages import info, line_printer
+from canid.cli.output.outputs import Output
 from canid.cli.output.progress import Progress
-from canid.errors import CHECK_FAILED, DAMAGED, DONE
+from canid.errors import CHECK_FAILED, DAMAGED, DONE, ConfigError
 from canid.types import Frame
 
 if TYPE_CHECKING:
+    from canid.types import Damage
     from canid.vehicle import Vehicle
+    from canid.vehicle_check import Check
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="seconds to listen to the bus; default: 5",
     )
+    report_option.add(parser, "write the check as an HTML page with plots")
     options.json_file(parser)
     add_bus_arguments(parser)
 
@@ -45,39 +49,68 @@ def run(args: argparse.Namespace) -> int:
     from canid.drive_reader import nothing_read
     from canid.logs import open_log
 
-    outputs.check([options.json_output(args)], options.read_by(args))
+    report = report_option.output(args, "check")
+    if report is not None and (args.vehicle is None or not (args.log or named(args))):
+        raise ConfigError("check: --report shows a vehicle file on a log or a bus; name both")
+    outputs.check([options.json_output(args), report], options.read_by(args))
     vehicle = reading.read_vehicle(args.vehicle) if args.vehicle else None
     if not args.log and not named(args):
         return check_alone(args, vehicle)
     log = open_log(args.log) if args.log else None
     with Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s") as bar:
         if log is None:
-            text, values, problems = check_frames(listen(args), vehicle)
+            text, values, checked = check_frames(listen(args), vehicle)
         else:
-            text, values, problems = check_frames(log, vehicle, lambda _: bar.to(log.progress))
+            text, values, checked = check_frames(log, vehicle, lambda _: bar.to(log.progress))
     if log and not values["frames"]:
         raise nothing_read(args.log, 0.0, float("inf"), log.damage)
     show(args, text, values)
+    if report is not None and checked is not None and vehicle is not None:
+        write_page(args, report, checked, vehicle, log.damage if log else None)
     if log and log.others_says:
         info(f"no CAN frames: {log.others_says}")
     if log and log.damage:
         info(log.damage.says)
         return DAMAGED
-    return CHECK_FAILED if problems else DONE
+    return CHECK_FAILED if checked is not None and checked.problems else DONE
 
 
 def check_frames(
     frames: Iterable[Frame], vehicle: Vehicle | None, on_time: Callable[[float], None] | None = None
-) -> tuple[list[str], dict[str, Any], int]:
-    """Check frames against a vehicle, or list their ids without one; returns text, JSON and number of problems."""
+) -> tuple[list[str], dict[str, Any], Check | None]:
+    """Check frames against a vehicle, or list their ids without one; returns text, JSON and the check."""
     from canid.vehicle_check import check, contents
     from canid.views import check_text
 
     if vehicle is None:
         found = contents(frames, on_time)
-        return check_text.contents(found), check_text.contents_json(found), 0
+        return check_text.contents(found), check_text.contents_json(found), None
     checked = check(frames, vehicle, on_time)
-    return check_text.check(checked), check_text.check_json(checked), len(checked.problems)
+    return check_text.check(checked), check_text.check_json(checked), checked
+
+
+def write_page(
+    args: argparse.Namespace, report: Output, checked: Check, vehicle: Vehicle, damage: Damage | None
+) -> None:
+    """Write the page of a check."""
+    from canid.cli.provenance import provenance
+    from canid.pipeline import DT
+    from canid.views.drive_report import check_page
+
+    logs = [args.log] if args.log else []
+    command = report_option.command(args, "check", *logs)
+    shown = check_page.CheckedLog(
+        checked,
+        DT,
+        [damage.says] if damage else [],
+        provenance(logs, vehicle, command),
+        vehicle.name,
+        damaged=damage is not None,
+    )
+    with outputs.opened(report) as file:
+        if file is not None:
+            file.write(check_page.page(shown))
+    info(f"{report.path} written")
 
 
 def check_alone(args: argparse.Namespace, vehicle: Vehicle | None) -> int:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, publish_options, reading, web_options
+from canid.cli import options, publish_options, reading, report_option, web_options
 from canid.cli.output import display, output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output, TextOutput
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from canid.logs import Log
     from canid.playback import Position
     from canid.vehicle import Vehicle
+    from canid.views.drive_report.replay_record import ReplayRecord
     from canid.views.end_summary import EstimateTally
 
 
@@ -38,6 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.part(parser)
     options.state(parser)
+    report_option.add(parser, "write what the live view said over the drive as an HTML page with plots")
     options.json_file(parser)
     web_options.arguments(parser)
     publish_options.arguments(parser)
@@ -57,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigError("replay: --onto sends a log and estimates nothing; leave out --state")
         if args.web is not None:
             raise ConfigError("replay: --onto sends a log and shows nothing; leave out --web")
+        if args.report is not None:
+            raise ConfigError("replay: --onto sends a log and estimates nothing; leave out --report")
         if args.publish:
             raise ConfigError("replay: --onto sends frames and estimates nothing; leave out --publish")
         return onto(args)
@@ -68,19 +72,21 @@ def run(args: argparse.Namespace) -> int:
 
     json = options.json_output(args)
     state = Output("--state", args.state, output_kinds.STATE) if args.state else None
-    outputs.check([json, state], options.read_by(args))
+    report = report_option.output(args, "replay")
+    outputs.check([json, state, report], options.read_by(args))
     publish_options.check(args)
     vehicle = reading.read_vehicle(args.vehicle)
     log = open_log(args.log)
     tally = end_summary.EstimateTally()
     reports: list[SignalReport] = []
+    record = _record() if report is not None else None
     controls = Controls(args.speed or (1.0 if args.web is not None else math.inf))
     with (
         outputs.opened(json) as sink,
         web_options.replay_page(args, log.path.name, vehicle, controls) as observers,
     ):
         publishers = publish_options.publishers(args, log.start_ns or 0)
-        health = play(args, log, vehicle, tally, reports, sink, controls, observers, publishers)
+        health = play(args, log, vehicle, tally, reports, sink, controls, observers, publishers, record)
     show = line_printer(args.json)
     show("")
     show(f"{args.log}: {health.duration:.1f} s, {health.frames:,} frames, vehicle {vehicle.name}")
@@ -88,7 +94,41 @@ def run(args: argparse.Namespace) -> int:
         show(line)
     for line in signal_text.findings(signal_checks.episodes(reports)):
         show(line)
+    if report is not None and record is not None:
+        _write_page(args, report, record, vehicle, health)
     return reading.report_health(health)
+
+
+def _record() -> ReplayRecord:
+    from canid.views.drive_report.replay_record import ReplayRecord
+
+    return ReplayRecord()
+
+
+def _write_page(
+    args: argparse.Namespace, report: Output, record: ReplayRecord, vehicle: Vehicle, health: Health
+) -> None:
+    """Write the page of --report."""
+    from canid.cli.provenance import provenance
+    from canid.pipeline import DT
+    from canid.views import end_summary
+    from canid.views.drive_report import replay_page
+
+    shown = replay_page.ReplayedLog(
+        record,
+        vehicle.driver.output,
+        vehicle.driver.task,
+        DT,
+        health.duration,
+        end_summary.health(health.damage, health.back_in_time, health.counters, health.missing),
+        provenance([args.log], vehicle, report_option.command(args, "replay", args.log)),
+        vehicle.name,
+        damaged=bool(health.damage or health.back_in_time),
+    )
+    with outputs.opened(report) as file:
+        if file is not None:
+            file.write(replay_page.page(shown))
+    info(f"{report.path} written")
 
 
 def play(
@@ -101,10 +141,12 @@ def play(
     controls: Controls,
     observers: Sequence[display.Observer] = (),
     publishers: Sequence[display.Observer] = (),
+    record: ReplayRecord | None = None,
 ) -> Health:
     """Run the log through the pipeline as `controls` say, and show and count what comes out.
 
     With observers, which have controls, it stays after the end of the log until it is stopped; `publishers` have none.
+    `record` keeps what came, for the page of --report.
 
     Raises:
         LogError, ConfigError: no frame was read, or none of them is mapped.
@@ -142,6 +184,8 @@ def play(
             for one in item.step.out:
                 shown.put(one)
             for one in item.fresh:
+                if record is not None:
+                    record.put(one)
                 if isinstance(one, Event):
                     events.append(one)
                 if isinstance(one, SignalReport):

@@ -62,6 +62,8 @@ def check_json(found: Check) -> dict[str, Any]:
                 "low": json_values.number(row.low),
                 "median": json_values.number(row.median),
                 "high": json_values.number(row.high),
+                "longest_gap": json_values.number(row.longest_gap),
+                "stale_percent": json_values.number(row.stale_percent),
             }
             for row in found.rows
         },
@@ -70,6 +72,7 @@ def check_json(found: Check) -> dict[str, Any]:
         "signals": [json_values.signal_finding(one) for one in found.findings],
         "problems": list(found.problems),
         "remarks": list(found.remarks),
+        "unmapped": [{"bus": bus, "id": id_, "frames": n} for bus, id_, n in found.unmapped],
     }
 
 

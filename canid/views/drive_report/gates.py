@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from canid.signal_checks.drive_time import usable
-from canid.types import LearnGate, Trace
+from canid.signal_checks.drive_time import Flags, trusted
+from canid.types import Array, LearnGate, SignalFinding
 from canid.views.drive_report.strips import Stretch
 from canid.views.names import readable
 
@@ -37,20 +37,35 @@ def gate_times(gates: Sequence[LearnGate], dt: float) -> list[GateTime]:
     ]
 
 
-def gate_strip(trace: Trace) -> list[Stretch]:
-    """What is used, and why not: the gate, the seconds of recovery after it, and findings on signals."""
-    used = usable(trace)
+def gate_strip(
+    t: Array, gates: Sequence[LearnGate], learned: Flags, findings: Iterable[SignalFinding], dt: float
+) -> list[Stretch]:
+    """What is used, and why not: the gate, the seconds of recovery after it, and findings on signals.
+
+    Args:
+        t: (n,) s.
+        gates: (n,) of the samples.
+        learned: (n,) of the samples.
+        findings: on the signals.
+        dt: s, of the grid.
+
+    Example:
+        >>> gates = [LearnGate.OPEN, LearnGate.OPEN, LearnGate.BRAKE]
+        >>> [one.state for one in gate_strip(np.arange(3.0), gates, np.array([False, True, False]), (), 1.0)]
+        ['recovery', 'used', 'brake']
+    """
+    used = learned & trusted(t, findings)
     states = [
         "used"
         if mine
         else (_name(gate) if gate is not LearnGate.OPEN else ("finding" if learn else "recovery"))
-        for mine, gate, learn in zip(used.tolist(), trace.gate, trace.learn.tolist(), strict=True)
+        for mine, gate, learn in zip(used.tolist(), gates, learned.tolist(), strict=True)
     ]
     out: list[Stretch] = []
     begins = np.flatnonzero([a != b for a, b in zip(states, ["", *states], strict=False)])
     ends = [*begins[1:].tolist(), len(states)]
     for a, b in zip(begins.tolist(), ends, strict=True):
-        out.append(Stretch("gate", states[a], float(trace.t[a]), float(trace.t[b - 1]) + trace.dt))
+        out.append(Stretch("gate", states[a], float(t[a]), float(t[b - 1]) + dt))
     return out
 
 

@@ -143,7 +143,7 @@ def _drive(log: IdentifiedLog, anchor: str) -> dict[str, Any]:
                 f"{anchor}gate",
                 "What is used for identification",
                 "used: the gate is open, and the seconds after its opening are over; recovery: these seconds.",
-                gates.gate_strip(trace),
+                gates.gate_strip(trace.t, trace.gate, trace.learn, trace.findings, trace.dt),
                 span,
             ),
             "level": level_over_time(f"{anchor}level", drive, output, span),
@@ -224,9 +224,10 @@ def _quoted(channel: Channel, what: str) -> str:
 
 
 def _missing(drive: Identified, methods: Sequence[str]) -> list[str]:
-    """What each method lacks, and what speaks against it."""
+    """What each further method lacks, and what speaks against it."""
     out = []
-    for name in methods:
+    # the verdict has those of the first
+    for name in methods[1:]:
         found = drive.whole[name]
         if found is None:
             continue

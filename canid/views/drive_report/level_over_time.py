@@ -45,7 +45,7 @@ def _panel(one: Mapping[str, Any], output: str) -> Panel:
         "legendgroup": "windows, 95 %", "marker": {"color": "@measured", "size": 5},
         "error_y": {"type": "data", "array": to_list(half), "color": "@bar", "thickness": 1, "width": 2},
     }  # fmt: skip
-    title = f"{readable(one['input'])}<br>{SYMBOLS[one['parameter']]} ({unit})"
+    title = f"{readable(one['input'])} {SYMBOLS[one['parameter']]} ({unit})"
     data = [
         band(t, low, high, "level, 95 %", "after"),
         dots,

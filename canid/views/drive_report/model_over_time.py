@@ -7,7 +7,7 @@ import numpy as np
 from canid.drive_series import DriveSeries
 from canid.signal_checks.drive_time import trusted, usable
 from canid.types import Trace
-from canid.views.drive_report.panels import Panel, shade, shown_range, signal, stack
+from canid.views.drive_report.panels import Panel, shade, signal, stack
 from canid.views.names import readable
 from canid.views.numbers import number, role_unit
 from canid.views.report.figure import Figure, rms
@@ -33,9 +33,7 @@ def model_over_time(
         return None
     unit = role_unit(output)
     panels = [
-        Panel(
-            f"{readable(one)}<br>({role_unit(one)})", [signal(trace.t, u, readable(one), "muted", most)], 95
-        )
+        Panel(f"{readable(one)} ({role_unit(one)})", [signal(trace.t, u, readable(one), "muted", most)], 95)
         for one, u in zip(trace.input_names, trace.inputs.T, strict=True)
         if np.isfinite(u).any()
     ]
@@ -43,22 +41,21 @@ def model_over_time(
     measured = signal(trace.t, trace.output, "measured", "measured", most)
     caption = f"{readable(output).capitalize()} ({unit}) and the inputs that it answers, as sampled."
     if series is None:
-        panels.append(Panel(f"{readable(output)}<br>({unit})", [measured], 170))
+        panels.append(Panel(f"{readable(output)} ({unit})", [measured], 170))
     else:
         left = np.where(series.used, series.measured - series.simulated, np.nan)
         shown = np.where(series.used, series.simulated, np.nan)
         simulated = signal(series.t, shown, "simulated from the inputs alone", "after", most)
         panels.append(
             Panel(
-                f"{readable(output)}<br>({unit})",
+                f"{readable(output)} ({unit})",
                 [measured, simulated],
                 170,
-                shown_range([trace.output, shown]),
             )
         )
         residual = signal(series.t, left, "residual", "after", most, showlegend=False)
         panels.append(
-            Panel(f"residual<br>({unit})", [residual], 95, more={"zeroline": True, "zerolinecolor": "@rule"})
+            Panel(f"residual ({unit})", [residual], 95, more={"zeroline": True, "zerolinecolor": "@rule"})
         )
         caption = (
             f"The model of {series.estimator.upper()} is simulated from the inputs alone, never from past values of the "

@@ -16,6 +16,7 @@ from canid.views.report.figure import (
     NARROW_MARGIN_PX,
     Figure,
     Spec,
+    annotation,
     axis,
     axis_suffix,
     layout,
@@ -24,8 +25,10 @@ from canid.views.report.figure import (
     to_list,
 )
 
-# px between two panels
-GAP_PX = 26
+# px of a panel's title, and between two panels
+TITLE_PX, GAP_PX = 20, 30
+# px of a figure on a phone, of a legend's entry without its text, and of a character at 11 px
+PHONE_PX, ENTRY_PX, CHARACTER_PX = 360.0, 40.0, 5.4
 # share of the points, on both sides, that a panel's range need not show: the first intervals are as wide as the search
 OUTSIDE = 0.02
 # of a panel's range, on both sides
@@ -69,8 +72,10 @@ def stack(
         (1.0, 0.0, 'Panels over time: gap (m); speed (m/s)')
     """
     total = sum(panel.height for panel in panels) + GAP_PX * (len(panels) - 1)
+    behind = list(shapes)
     data: list[Spec] = []
     axes: Spec = {}
+    titles: list[Spec] = []
     named: set[str] = set()
     top = 0
     for k, panel in enumerate(panels):
@@ -78,7 +83,11 @@ def stack(
         top += panel.height + GAP_PX
         domain = [max(round(low, 6), 0.0), round(high, 6)]
         limits: Spec = {} if panel.range is None else {"range": list(panel.range)}
-        axes[f"yaxis{axis_suffix(k)}"] = axis(panel.title, domain=domain, nticks=5, **limits, **panel.more)
+        axes[f"yaxis{axis_suffix(k)}"] = axis(
+            "", domain=domain, **({"nticks": 5} | limits | dict(panel.more))
+        )
+        font = {"size": 11, "color": "@ink"}
+        titles.append(annotation(panel.title, 0.0, domain[1], xanchor="left", yanchor="bottom", font=font))
         for one in panel.data:
             # one entry in the legend per name
             first = one.get("name", "") not in named
@@ -88,7 +97,18 @@ def stack(
     bottom = f"y{axis_suffix(len(panels) - 1)}"
     limits = {} if span is None else {"range": list(span)}
     axes["xaxis"] = axis("time in the log (s)", anchor=bottom, domain=[0, 1], hoverformat=".1f", **limits)
-    height = total + MARGIN_PX["t"] + MARGIN_PX["b"]
+    # the first title stands between legend and panel
+    legend = any(one["showlegend"] for one in data) or any(one.get("showlegend") for one in behind)
+    margin_top = MARGIN_PX["t"] * legend + TITLE_PX
+    height = total + margin_top + MARGIN_PX["b"]
+    names = [one["name"] for one in data if one["showlegend"]] + [
+        one["name"] for one in behind if "name" in one
+    ]
+    narrow_top = legend_px(names) + TITLE_PX
+    wide, narrow = (
+        of | {"l": left, "t": above}
+        for of, left, above in ((MARGIN_PX, 56, margin_top), (NARROW_MARGIN_PX, 42, narrow_top))
+    )
     return Figure(
         name,
         title,
@@ -96,9 +116,22 @@ def stack(
         f"Panels over time: {'; '.join(panel.title for panel in panels)}",
         height,
         data,
-        layout(axes, shapes=list(shapes), annotations=list(annotations), hovermode="x"),
-        (height, {"margin": dict(NARROW_MARGIN_PX)}),
+        layout(axes, shapes=behind, annotations=[*titles, *annotations], hovermode="x", margin=wide),
+        (height - margin_top + narrow_top, {"margin": narrow}),
     )
+
+
+def legend_px(names: Sequence[str]) -> int:
+    """Height of a legend on a phone, whose entries stand in columns as wide as the longest.
+
+    Example:
+        >>> legend_px([]), legend_px(["measured"]), legend_px(["measured", "simulated from the inputs alone"])
+        (0, 26, 45)
+    """
+    if not names:
+        return 0
+    across = max(int(PHONE_PX // (ENTRY_PX + CHARACTER_PX * max(map(len, names)))), 1)
+    return 7 + 19 * -(-len(names) // across)
 
 
 def signal(t: Array, y: Array, name: str, color: str, most: int, **more: Any) -> Spec:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from canid.views.drive_report.panels import legend_px
 from canid.views.report.figure import MARGIN_PX, NARROW_MARGIN_PX, Figure, Spec, axis, layout
 
 ROW_HEIGHT_PX = 34
@@ -88,7 +89,7 @@ def strips(
                 "insidetextfont": {"color": "@ink", "size": 11},
                 "marker": {
                     "color": f"@{color}", "opacity": 0.55, "line": {"width": 0},
-                    "pattern": {"shape": hatch, "size": 6, "solidity": 0.25, "fgcolor": "@page"},
+                    "pattern": {"shape": hatch, "size": 6, "solidity": 0.2, "fillmode": "overlay", "fgcolor": "@page"},
                 },
                 "hovertemplate": f"%{{y}}: {state}, %{{base:.1f}}–%{{x:.1f}} s<extra></extra>",
             }
@@ -98,6 +99,7 @@ def strips(
         "yaxis": axis("", categoryorder="array", categoryarray=rows[::-1], showgrid=False, fixedrange=True),
     }
     height = MARGIN_PX["t"] + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(rows)
+    above = max(legend_px(list(dict.fromkeys(one.state for one in several))), 12)
     alt = f"Strips over time: {', '.join(rows)}; states: {', '.join(dict.fromkeys(one.state for one in several))}"
     return Figure(
         name,
@@ -107,5 +109,5 @@ def strips(
         height,
         data,
         layout(axes, barmode="overlay", bargap=0.25, margin=MARGIN_PX | {"l": NAMES_PX}),
-        (height, {"margin": NARROW_MARGIN_PX | {"l": NAMES_PX}}),
+        (height - MARGIN_PX["t"] + above, {"margin": NARROW_MARGIN_PX | {"l": NAMES_PX - 24, "t": above}}),
     )
