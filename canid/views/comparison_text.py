@@ -166,21 +166,29 @@ def _differences(rows: Sequence[Row]) -> list[str]:
     return [*first, "", *columns((head[0], head[2]), zip(name, ratio, strict=True))]
 
 
+def refused(of: Comparison) -> list[tuple[str, str]]:
+    """Why parameters are not compared, and which."""
+    why: dict[str, list[str]] = {}
+    for row in of.rows:
+        if not row.compared:
+            why.setdefault(row.why, []).append(label(row.name))
+    return [(reason, ", ".join(names)) for reason, names in why.items()]
+
+
 def _not_compared(of: Comparison) -> list[str]:
-    rows = [row for row in of.rows if not row.compared]
+    rows = refused(of)
     if not rows:
         return []
-    why: dict[str, list[str]] = {}
-    for row in rows:
-        why.setdefault(row.why, []).append(label(row.name))
     lines = ["not compared"]
-    for reason, names in why.items():
-        lines += _wrapped(f"{', '.join(names)}: {terminal_text(reason)}", "  ")
+    for reason, names in rows:
+        lines += _wrapped(f"{names}: {terminal_text(reason)}", "  ")
     return [*lines, ""]
 
 
 def _conditions(of: Comparison) -> list[str]:
-    rows = [(condition_name(row.name), _range(row.a), _range(row.b), row.unit) for row in of.conditions]
+    rows = [
+        (condition_name(row.name), range_text(row.a), range_text(row.b), row.unit) for row in of.conditions
+    ]
     return [*columns(("conditions", "A", "B", "unit"), rows), ""] if rows else []
 
 
@@ -197,7 +205,8 @@ def condition_name(name: str) -> str:
     return f"{readable(of)}, sd" if kind == "excitation" else f"{readable(name)}, 5 to 95 %"
 
 
-def _range(of: Interval) -> str:
+def range_text(of: Interval) -> str:
+    """A median with its range, or a number."""
     if not math.isfinite(of.low):
         return number(of.value)
     return f"{number(of.value)} ({number(of.low)} to {number(of.high)})"
