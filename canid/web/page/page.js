@@ -73,7 +73,7 @@ function drawStart() {
   document.title = `canid ${mode()} · ${start.title || ""}`;
   byId("marking").hidden = mode() === "replay";
   byId("playback").hidden = mode() !== "replay";
-  byId("bar").hidden = !mode();
+  byId("bar").hidden = !mode() || store.ended;
   say(byId("space-does"), mode() === "replay" ? "pause the replay, or go on" : "hold this picture, or go on; the session is not affected");
 }
 

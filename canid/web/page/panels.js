@@ -199,6 +199,12 @@ export function drawHealth(store) {
     if (status.path) shown.push(figure("file", fixed(status.bytes / 1e6, 1), "MB"));
     shown.push(figure("time", clock(status.elapsed), ""));
     byId("counts").replaceChildren(...shown);
+    // on every size of screen without scrolling
+    const lost = dropped > 0 || status.state.startsWith("failed");
+    const words = status.path ? `● ${readable(status.state)}` : "not recording";
+    const header = byId("recorder");
+    say(header, `${words} · ${grouped(status.frames)} frames · ${grouped(dropped)} dropped`);
+    header.classList.toggle("wrong", lost);
   } else if (status) byId("counts").replaceChildren(figure("frames", grouped(status.frames), ""));
   const lines = store.health ? [...store.health.lines] : [];
   if (store.status && store.status.lost) lines.push({ text: `${grouped(store.status.lost)} messages did not reach this page`, wrong: true });

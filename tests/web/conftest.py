@@ -1,0 +1,126 @@
+"""A browser, a replay with its page, and a page without a session: each of them once."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import secrets
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from canid.controls import Controls
+from canid.web import address
+from canid.web.access import Access
+from canid.web.live_page import LivePage
+from canid.web.requests import OF_SESSION
+
+ROOT = Path(__file__).parents[2]
+# as root and without a network: no sandbox, and no attempt to call home
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+# markup, a direction override, and a name as long as a file system takes
+HOSTILE = "<img src=x onerror=window.pwned=1><b>\u202efdp." + "x" * 120 + ".blf"
+HOSTILE_CAR = "</h1><script>window.pwned=1</script>"
+# s of the log: both estimators have given estimates
+STOP_S = 45.0
+
+
+def missing(why: str) -> None:
+    """Skip; fail where CANID_BROWSER says that a browser must be there."""
+    (pytest.fail if os.environ.get("CANID_BROWSER") else pytest.skip)(why)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing("playwright is not installed: pip install -e '.[dev]'")
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        missing("chromium is not installed: apt-get install chromium")
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield opened
+        opened.close()
+
+
+class Replay(NamedTuple):
+    """A running `canid replay --web`."""
+
+    url: str
+    json: Path
+
+    def lines(self) -> list[dict[str, Any]]:
+        """What --json has so far."""
+        return [json.loads(line) for line in self.json.read_text(encoding="utf-8").splitlines()]
+
+
+@pytest.fixture(scope="session")
+def replay(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Replay]:
+    """A replay at full speed of a log and a vehicle with hostile names; it stays after its end."""
+    folder = tmp_path_factory.mktemp("replay")
+    shutil.copy(ROOT / "replay_logs/following_urban.blf", folder / HOSTILE)
+    shutil.copy(ROOT / "dbc/generic.dbc", folder)
+    text = (ROOT / "dbc/generic.toml").read_text(encoding="utf-8")
+    renamed, count = re.subn(r'(?m)^name = ".*"$', f'name = "{HOSTILE_CAR}"', text)
+    assert count == 1
+    (folder / "car.toml").write_text(renamed, encoding="utf-8")
+    words = [str(folder / HOSTILE), "--vehicle", str(folder / "car.toml"), "--stop", str(STOP_S)]
+    words += ["--web", "--speed", "max", "--json", str(folder / "out.jsonl")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "canid", "replay", *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+    )
+    assert process.stderr is not None
+    found = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", process.stderr.readline())
+    assert found is not None
+    yield Replay(found[0], folder / "out.jsonl")
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30) == 0  # after the end of the log it is how the page is closed
+
+
+class Page(NamedTuple):
+    """A page without a session."""
+
+    live: LivePage
+    port: int
+    token: str
+    controls: Controls
+    says: list[str]
+
+
+def opened() -> Page:
+    """A page on a free port."""
+    sock, where = address.listening(address.parse(""))
+    controls, says, token = Controls(), [], secrets.token_urlsafe(16)
+    start = {"mode": "live", "title": "test", "vehicle": "generic"}
+    live = LivePage(sock, Access(where.host, where.port, token), start, controls, OF_SESSION, says.append)
+    return Page(live, where.port, token, controls, says)
+
+
+@pytest.fixture(scope="session")
+def served() -> Iterator[Page]:
+    page = opened()
+    yield page
+    page.live.close()
+
+
+@pytest.fixture
+def fresh() -> Iterator[Page]:
+    page = opened()
+    yield page
+    page.live.close()

@@ -1,0 +1,98 @@
+"""Playback of a log: after a seek, forwards or backwards, the numbers are those of an uninterrupted replay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from canid.controls import Controls
+from canid.logs import open_log
+from canid.playback import NO_WAY_BACK, Played, Position, play
+from canid.types import Estimate
+from canid.vehicle import read_vehicle
+from canid.views import json_values
+
+LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
+STOP_S = 34.0
+
+
+def playing(controls: Controls, **more: Any) -> Iterator[Played | Position]:
+    log, vehicle = open_log(LOG), read_vehicle("generic")
+    return play(log, vehicle, controls, stop=STOP_S, interactive=True, **more)
+
+
+def rows(items: list[Any]) -> list[str]:
+    return [json_values.line(json_values.estimate(item)) for item in items if isinstance(item, Estimate)]
+
+
+def test_seeks_change_no_number() -> None:
+    """Forwards at real time, backwards from the end and from the middle: each pass gives the plain replay's estimates, to
+    the last digit, and what is written to --json is the plain replay, once."""
+    plain = [item for one in playing(Controls()) if isinstance(one, Played) for item in one.step.out]
+    controls = Controls(speed=1.0)
+    controls.seek(20.0)
+    passes: dict[int, list[Any]] = {}
+    fresh: list[Any] = []
+    number, latest, asked = 1, 0.0, False
+    for one in playing(controls, stays=True):
+        if isinstance(one, Position):
+            number = one.passes
+            if one.ended and number == 3:
+                controls.stop()
+            elif one.ended:
+                controls.seek(10.0)
+            continue
+        passes.setdefault(number, []).extend(one.step.out)
+        fresh += one.fresh
+        latest = float(one.step.chunk.t[-1])
+        if number == 1 and latest >= 20.0:
+            controls.set_speed(float("inf"))
+        if number == 2 and latest >= 25.0 and not asked:
+            asked = True
+            controls.seek(5.0)
+    assert sorted(passes) == [1, 2, 3]
+    expected = rows(plain)
+    assert len(expected) > 40
+    assert rows(passes[1]) == rows(passes[3]) == rows(fresh) == expected
+    middle = rows(passes[2])
+    assert middle == expected[: len(middle)]
+    assert 0 < len(middle) < len(expected)
+
+
+def test_a_target_is_reached_exactly() -> None:
+    """Paused, a seek runs the log up to the target and no further; a replay that is paused gives nothing."""
+    controls = Controls(speed=1.0)
+    controls.pause(True)
+    controls.seek(7.0)
+    last, positions = 0.0, 0
+    for one in playing(controls):
+        if isinstance(one, Played):
+            last = float(one.step.chunk.t[-1])
+        elif one.seeking is None:
+            positions += 1
+            assert one.t == last
+            if positions == 3:
+                break
+    assert 6.9 < last < 7.0
+
+
+def test_a_state_has_no_way_back(tmp_path: Path) -> None:
+    """With --state a seek backwards is refused with a sentence, and the replay goes on."""
+    controls = Controls()
+    refused = set()
+    t = 0.0
+    for one in playing(controls, keep=tmp_path / "driver.state"):
+        if isinstance(one, Position):
+            refused.add(one.says)
+            assert one.passes == 1
+            continue
+        assert float(one.step.chunk.t[0]) >= t
+        t = float(one.step.chunk.t[-1])
+        if 10.0 < t < 20.0:
+            controls.seek(1.0)
+            controls.set_speed(10.0 if t < 13.0 else float("inf"))
+    assert NO_WAY_BACK in refused
+    assert t == pytest.approx(STOP_S, abs=0.1)
