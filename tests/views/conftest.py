@@ -341,6 +341,7 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
             "canid diagnose 'drives/urban 7.blf' --vehicle generic",
             {"canid": "0.1.0", "numpy": "2.4.6", "python": "3.11.7"},
             {"dbc/generic.dbc": "fd61a03af4f77d870fc21e05e7e80678095c92d808cfb3b5c279ee04c74aca13"},
+            "2026-05-04 08:00:00 UTC",
         ),
     )  # fmt: skip
 

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -61,8 +62,8 @@ def short(report_of: ReportOf, tmp_path_factory: pytest.TempPathFactory) -> Path
 class OpenPage:
     """An opened page, and the errors on the way."""
 
-    def __init__(self, browser: Any, file: Path, **options: Any) -> None:
-        self.context = browser.new_context(viewport={"width": 1180, "height": 900}, **options)
+    def __init__(self, browser: Any, file: Path, width: int = 1180, **options: Any) -> None:
+        self.context = browser.new_context(viewport={"width": width, "height": 900}, **options)
         self.page = self.context.new_page()
         self.page.set_default_timeout(PATIENCE)
         self.wrong: list[str] = []
@@ -107,6 +108,47 @@ def test_every_plot_is_drawn_and_nothing_is_asked_for(open_page: Callable[..., O
     assert len(shapes) == 7
     assert min(shapes) > 0
     assert seen.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    assert seen.evaluate(CLIPPED) == []
+
+
+# captions of tables that stick out of the page without a container of their own that scrolls
+CLIPPED = """[...document.querySelectorAll('table')].filter(t => {
+  const box = t.closest('.wide'), own = t.getBoundingClientRect();
+  const scrolls = box && ['auto', 'scroll'].includes(getComputedStyle(box).overflowX);
+  const clipped = box && box.getBoundingClientRect().right > window.innerWidth;
+  return own.width && (clipped || (!scrolls && own.right > window.innerWidth));
+}).map(t => t.caption.innerText)"""
+# of each plot that is shown: its width over that of its place, and the height of its lowest panel in px
+DRAWN = """[...document.querySelectorAll('.plot')].filter(p => !p.closest('details:not([open])')).map(p => [
+  p.querySelector('.main-svg').getBoundingClientRect().width / p.clientWidth,
+  Math.min(...[...p.querySelectorAll('.bglayer .bg, .gridlayer')].map(g => g.getBoundingClientRect().height).filter(h => h)),
+])"""
+
+
+def test_on_a_phone_nothing_is_clipped_and_the_page_is_short(
+    open_page: Callable[..., OpenPage], file: Path
+) -> None:
+    """390 px: no sideways scroll, no table cut off, at most 9,000 px; folded figures are drawn when they are opened."""
+    seen = open_page(file, width=390).drawn()
+    assert seen.evaluate("document.documentElement.scrollWidth") <= 390
+    assert seen.evaluate("document.documentElement.scrollHeight") <= 9000
+    assert seen.evaluate(CLIPPED) == []
+    shown = len(seen.evaluate(DRAWN))
+    assert 2 <= shown < 7
+    seen.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+    seen.page.wait_for_function(
+        "[...document.querySelectorAll('.plot')].every(p => p.querySelector('.main-svg'))"
+    )
+    drawn = seen.evaluate(DRAWN)
+    assert len(drawn) == 7
+    for share, panel in drawn:
+        assert share == pytest.approx(1.0, abs=0.01)
+        assert panel >= 50
+    assert seen.evaluate("document.documentElement.scrollWidth") <= 390
+    assert seen.evaluate(CLIPPED) == []
+    # a finger that moves over a figure scrolls the page
+    assert seen.evaluate("document.querySelector('.plot')._fullLayout.dragmode") is False
+    assert seen.wrong == []
 
 
 def test_colors_follow_the_reader(open_page: Callable[..., OpenPage], short: Path) -> None:
@@ -127,21 +169,54 @@ def test_colors_follow_the_reader(open_page: Callable[..., OpenPage], short: Pat
     assert seen.wrong == []
 
 
+PAPER_PX = (210 - 2 * 12) / 25.4 * 96
+SECTIONS = "[...document.querySelectorAll('section')].map(s => s.querySelector('h2').innerText)"
+
+
 def test_it_prints_on_a4(open_page: Callable[..., OpenPage], short: Path, tmp_path: Path) -> None:
-    """Printed from the dark scheme: plots no wider than the paper, in the light colors; afterwards all is as before."""
-    seen = open_page(short, color_scheme="dark").drawn()
+    """Printed from a dark phone: all details open, in light colors, nothing wider than paper; afterwards all as before."""
+    seen = open_page(short, width=390, color_scheme="dark").drawn()
     widths = "[...document.querySelectorAll('.plot .main-svg')].map(svg => svg.getBoundingClientRect().width)"
-    before = seen.evaluate(widths)
+    closed = "document.querySelectorAll('details:not([open])').length"
+    before = (seen.evaluate(widths), seen.evaluate(closed))
+    headings = seen.evaluate(SECTIONS)
+    assert before[1] > 3
+    seen.page.set_viewport_size({"width": int(PAPER_PX), "height": 900})
+    seen.page.emulate_media(media="print", color_scheme="dark")
     seen.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    assert max(seen.evaluate(widths)) <= (210 - 2 * 12) / 25.4 * 96
+    assert seen.evaluate(closed) == 0
+    printed = seen.evaluate(widths)
+    assert len(printed) > len(before[0])
+    assert max(printed) <= PAPER_PX
     assert "255, 255, 255" in seen.evaluate("getComputedStyle(document.documentElement).backgroundColor")
+    assert seen.evaluate("document.documentElement.scrollWidth") <= PAPER_PX
+    tables = "[...document.querySelectorAll('table')].map(t => t.getBoundingClientRect()).map(r => [r.right, r.height])"
+    for right, height in seen.evaluate(tables):
+        assert right <= PAPER_PX
+        assert height > 0
+    for rule in ("figure", "tr", "table.narrow"):
+        style = f"getComputedStyle(document.querySelector('{rule}')).breakInside"
+        assert seen.evaluate(style) == "avoid", rule
+    seen.page.emulate_media(media="screen", color_scheme="dark")
+    seen.page.set_viewport_size({"width": 390, "height": 900})
     seen.evaluate("window.dispatchEvent(new Event('afterprint'))")
-    assert seen.evaluate(widths) == before
+    seen.page.wait_for_function(f"{closed} === {before[1]}")
     out = seen.page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True, print_background=True)
     assert out.startswith(b"%PDF")
     boxes = {tuple(float(x) for x in box.split()[2:]) for box in _boxes(out)}
     assert len(boxes) == 1
     assert boxes.pop() == pytest.approx(A4, abs=1.5)
+    if shutil.which("pdftotext"):
+        words = subprocess.run(
+            ["pdftotext", tmp_path / "page.pdf", "-"], check=True, capture_output=True
+        ).stdout.decode()
+        for text in (
+            *headings,
+            "drives/urban 7.blf",
+            "2026-05-04 08:00:00 UTC",
+            "Every candidate at every step",
+        ):
+            assert text in words, text
     assert seen.wrong == []
 
 

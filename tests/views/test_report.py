@@ -348,9 +348,7 @@ def test_accepted_candidates_differ_by_shape_and_words(report_of: ReportOf) -> N
     tried = (report.tried[0], usual, helped, report.tried[5])
     report = report._replace(tried=tried, findings=(*report.findings, surrogate))
     figure = evidence_plot(report)
-    drawn = [
-        t for t in figure.data if t.get("mode") == "markers" and t["name"] != "expected at a typical strength"
-    ]
+    drawn = [t for t in figure.data if t.get("mode") == "markers" and t["name"] != "expected if typical"]
     assert [trace["name"] for trace in drawn] == [
         SYMBOLS[key].label for key in ("named", "surrogate", "ordinary", "below")
     ]
@@ -359,8 +357,8 @@ def test_accepted_candidates_differ_by_shape_and_words(report_of: ReportOf) -> N
         "✓ <b>headway dead zone</b>"
     ]
     words = Read(page(report)).words()
-    assert "accepted, of ordinary size: no cause" in words
-    assert "not the cause (surrogate)" in words
+    assert "accepted, ordinary size" in words
+    assert "accepted, not the cause" in words
 
 
 # --- what must not look like an ordinary result ---------------------------------------------------------

@@ -20,9 +20,9 @@ from canid.views.report.figure import (
     layout,
 )
 
-# px: a row with its name at 11 px, and on a phone; legend and label of the threshold; names of candidates, and of blocks
+# px: a row with its name at 11 px, and on a phone; legend and label of the threshold, a line of it; names of candidates
 ROW_HEIGHT_PX, NARROW_ROW_HEIGHT_PX = 18, 15
-TOP_PX, NARROW_TOP_PX = 92, 138
+TOP_PX, LEGEND_LINE_PX = 92, 19
 LEFT_PX, NARROW_LEFT_PX = 190, 146
 # left end of the axis: no improvement, or one by chance; a logarithm has no zero
 LEAST_EVIDENCE = 1.0
@@ -44,13 +44,13 @@ class Symbol(NamedTuple):
 NAMED, SURROGATE, ORDINARY, RIVAL = "named", "surrogate", "ordinary", "rival"
 ABOVE, BELOW, NOT_FITTED, NOT_TESTABLE = "above", "below", "not_fitted", "not_testable"
 SYMBOLS = {
-    NAMED: Symbol("✓ named as a cause", "circle", 14, "after"),
-    SURROGATE: Symbol("accepted, but not the cause (surrogate)", "circle-x-open", 13, "after"),
-    ORDINARY: Symbol("accepted, of ordinary size: no cause", "square", 9, "muted"),
-    RIVAL: Symbol("rival of a named cause", "diamond", 11, "rival"),
-    ABOVE: Symbol("above the threshold, another explained more", "diamond-open", 8, "ink"),
+    NAMED: Symbol("✓ named cause", "circle", 14, "after"),
+    SURROGATE: Symbol("accepted, not the cause", "circle-x-open", 13, "after"),
+    ORDINARY: Symbol("accepted, ordinary size", "square", 9, "muted"),
+    RIVAL: Symbol("rival", "diamond", 11, "rival"),
+    ABOVE: Symbol("above, not accepted", "diamond-open", 8, "ink"),
     BELOW: Symbol("below the threshold", "circle-open", 7, "muted"),
-    NOT_FITTED: Symbol("not fitted: screened out", "x-thin", 7, "muted"),
+    NOT_FITTED: Symbol("screened out", "x-thin", 7, "muted"),
     NOT_TESTABLE: Symbol("not testable", "line-ew", 7, "muted"),
 }
 
@@ -86,25 +86,27 @@ def evidence_plot(report: Report) -> Figure | None:
         annotation(rows[name].where, 1.0, place[name], xanchor="right", yref="y", font={"size": 10, "color": "@muted"})
         for name in _first_of_blocks(names, rows)
     ]  # fmt: skip
+    data = [*_lines([rows[name] for name in names], place), *_symbols(report, rows, place)]
+    narrow_top = LEGEND_LINE_PX * (1 + sum(of["showlegend"] for of in data))
     return Figure(
         "evidence-plot",
         "Evidence for each cause",
         _caption(report, rows),
         "One row per candidate cause: its evidence on a logarithmic axis, and the threshold that it had to exceed",
         TOP_PX + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(names),
-        [*_lines([rows[name] for name in names], place), *_symbols(report, rows, place)],
+        data,
         layout(
             axes, annotations=[*labels, *blocks], shapes=shapes,
             margin=MARGIN_PX | {"l": LEFT_PX, "t": TOP_PX},
         ),
         (
-            NARROW_TOP_PX + NARROW_MARGIN_PX["b"] + NARROW_ROW_HEIGHT_PX * len(names),
+            narrow_top + NARROW_MARGIN_PX["b"] + NARROW_ROW_HEIGHT_PX * len(names),
             {
                 "xaxis": axes["xaxis"] | _ticks(top, 1),
                 "yaxis": axes["yaxis"] | {"tickfont": {"size": 10}},
                 "annotations": labels,
                 "shapes": narrow_shapes,
-                "margin": NARROW_MARGIN_PX | {"l": NARROW_LEFT_PX, "t": NARROW_TOP_PX},
+                "margin": NARROW_MARGIN_PX | {"l": NARROW_LEFT_PX, "t": narrow_top},
             },
         ),
     )  # fmt: skip
@@ -183,7 +185,7 @@ def _lines(rows: Sequence[Tried], place: Mapping[str, int]) -> list[Spec]:
         ),
         _points(
             [(_shown(row.expected), place[row.effect]) for row in expected], mode="markers", showlegend=bool(expected),
-            name="expected at a typical strength", hoverinfo="text",
+            name="expected if typical", hoverinfo="text",
             hovertext=[f"expected at a typical strength: {number(row.expected)}" for row in expected],
             marker={"symbol": "triangle-up-open", "size": 7, "color": "@high"},
         ),
@@ -192,8 +194,10 @@ def _lines(rows: Sequence[Tried], place: Mapping[str, int]) -> list[Spec]:
 
 def _symbols(report: Report, rows: Mapping[str, Tried], place: Mapping[str, int]) -> list[Spec]:
     data = []
+    rivals = {rival for finding in report.findings for rival in finding.rivals}
+    kinds = {name: RIVAL if name in rivals else outcome(row, report) for name, row in rows.items()}
     for key, (label, marker, size, color) in SYMBOLS.items():
-        of = [row for row in rows.values() if outcome(row, report) == key]
+        of = [row for name, row in rows.items() if kinds[name] == key]
         line = {"width": 1.5, "color": f"@{color}"}
         if of:
             data.append(
@@ -275,7 +279,9 @@ def _caption(report: Report, rows: Mapping[str, Tried]) -> str:
         "addition to it."
     )
     if ORDINARY in kinds:
-        caption += " Squares: accepted into the model, but of a size that is usual, or withdrawn afterwards: no cause."
+        caption += (
+            " Squares: accepted into the model, but of an ordinary size or withdrawn afterwards: no cause."
+        )
     caption += (
         " A triangle left of the threshold: this drive could hardly show the cause at a typical strength, and little "
         "evidence is then no evidence against it."

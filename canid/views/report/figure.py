@@ -126,7 +126,7 @@ def axis_suffix(k: int) -> str:
 
 
 def stacked(axes: Mapping[str, Spec], gap_px: int, height_px: int) -> Spec:
-    """Panels one below the other, for a phone: the axes, with new domains.
+    """Panels one below the other, for a phone: the axes, with new domains; the lowest has the title of the abscissa.
 
     Args:
         axes: `xaxis`, `yaxis`, `xaxis2`, `yaxis2`, ...: one pair per panel.
@@ -141,9 +141,15 @@ def stacked(axes: Mapping[str, Spec], gap_px: int, height_px: int) -> Spec:
     count = len(axes) // 2
     rows = equal_domains(count, gap_px / height_px)[::-1]
     out: Spec = {}
+    first: Spec = axes["yaxis"].get("title", {})
     for k in range(count):
         x, y = f"xaxis{axis_suffix(k)}", f"yaxis{axis_suffix(k)}"
         out |= {x: axes[x] | {"domain": (0.0, 1.0)}, y: axes[y] | {"domain": rows[k]}}
+        if k < count - 1 and "title" in axes[x]:
+            out[x]["title"] = {"text": ""}
+        # next to each other, panels of one row share the title of the first
+        if first and not out[y]["title"]["text"]:
+            out[y]["title"] = first
     return out
 
 

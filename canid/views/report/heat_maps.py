@@ -25,7 +25,7 @@ from canid.views.report.figure import (
 
 MAP_HEIGHT_PX = 330
 # px on a phone: one map, and between two
-NARROW_MAP_PX, NARROW_GAP_PX = 190, 64
+NARROW_MAP_PX, NARROW_GAP_PX = 190, 46
 # of the width, of a map that is alone, which leaves room for nothing else
 SINGLE_WIDTH = 0.62
 # cells up to which each shows its value: more do not fit on A4
@@ -61,7 +61,7 @@ def _map(report: Report, of: OperatingMap, k: int) -> Figure:
     panels = NARROW_MAP_PX * len(sides) + NARROW_GAP_PX * (len(sides) - 1)
     of_phone = stacked(axes, NARROW_GAP_PX, panels)
     if len(sides) > 1:
-        of_phone["yaxis2"] |= {"showticklabels": True, "title": axes["yaxis"]["title"]}
+        of_phone["yaxis2"] |= {"showticklabels": True}
     roles = f"{readable(of.x)} and {readable(of.y)}"
     return Figure(
         f"map-{k + 1}",

@@ -31,15 +31,18 @@
     const narrow = width < NARROW;
     // a finger scrolls the page over a figure, and does not zoom it
     const phone = narrow ? { dragmode: false, ...(figure.narrow ? figure.narrow.layout : {}) } : {};
-    const height = narrow && figure.narrow ? figure.narrow.height : scale * figure.height;
+    // on paper the panels are lower, not what stands around them
+    const { t, b } = figure.layout.margin;
+    const height = narrow && figure.narrow ? figure.narrow.height : t + b + scale * (figure.height - t - b);
     const color = (name) => style.getPropertyValue(`--${name}`).trim();
     const { data, layout } = painted({ data: figure.data, layout: { ...figure.layout, ...phone } }, color);
     // the reader's zoom is kept
     const whole = { ...layout, width, height, uirevision: "kept" };
     return Plotly.react(plot, data, whole, { ...CONFIG, displayModeBar: narrow ? false : "hover" });
   };
-  // a figure in closed details has no width: it is drawn when they open
-  const drawShown = () => Promise.all(plots.filter((p) => p.clientWidth).map((p) => draw(p, p.clientWidth)));
+  // a figure in closed details is drawn when they open
+  const shown = (plot) => !plot.closest("details:not([open])");
+  const drawShown = () => Promise.all(plots.filter(shown).map((plot) => draw(plot, plot.clientWidth)));
 
   const details = [...document.querySelectorAll("details")];
   if (FOLDED) details.filter((d) => d.classList.contains("fold")).forEach((d) => { d.open = false; });
@@ -71,7 +74,7 @@
   // one at a time, so that the page can be read and scrolled meanwhile
   (async () => {
     for (const plot of plots) {
-      if (plot.clientWidth) await draw(plot, plot.clientWidth);
+      if (shown(plot)) await draw(plot, plot.clientWidth);
       await new Promise((next) => { window.setTimeout(next, 0); });
     }
     root.dataset.drawn = "all";

@@ -29,7 +29,7 @@ from canid.views.report.figure import (
 
 PANEL_HEIGHT_PX = 220
 # px on a phone: one panel, and between two
-NARROW_PANEL_PX, NARROW_GAP_PX = 105, 46
+NARROW_PANEL_PX, NARROW_GAP_PX = 105, 42
 MAX_COLUMNS = 3
 FREQUENCY_TICKS_HZ = (0.01, 0.03, 0.1, 0.3, 1, 3)
 # least upper end of a coherence axis, so that noise does not appear large

@@ -34,7 +34,7 @@ DRIVE_HEIGHT_PX = 540
 WINDOW_HEIGHT_PX = 190
 # px on a phone: the drive with four lines of legend, one worst window, and between two
 NARROW_DRIVE_PX, NARROW_LEGEND_PX = 440, 88
-NARROW_WINDOW_PX, NARROW_GAP_PX = 92, 40
+NARROW_WINDOW_PX, NARROW_GAP_PX, NARROW_TOP_PX = 92, 40, 72
 # windows next to each other: three are still readable on A4
 MAX_WINDOW_COLUMNS = 3
 # window of the running rms: longer than the driver's noise, shorter than a manoeuvre
@@ -79,7 +79,7 @@ def whole_drive(report: Report) -> Figure | None:
         "xaxis": axis("time in the log (s)", anchor="y3", domain=[0, 1], hoverformat=".1f"),
         "yaxis": axis(f"{readable(report.output)} ({unit})", domain=[0.53, 1.0], **_used_range(report)),
         "yaxis2": axis(f"residual ({unit})", domain=[0.23, 0.49], zeroline=True, zerolinecolor="@rule"),
-        "yaxis3": axis(f"running rms ({unit})", domain=[0.0, 0.19], rangemode="tozero", nticks=4),
+        "yaxis3": axis(f"rms ({unit})", domain=[0.0, 0.19], rangemode="tozero", nticks=4),
     }
     return Figure(
         "whole-drive",
@@ -89,7 +89,10 @@ def whole_drive(report: Report) -> Figure | None:
         DRIVE_HEIGHT_PX,
         data,
         layout(axes, shapes=shapes, annotations=labels, hovermode="x"),
-        (NARROW_DRIVE_PX, {"margin": NARROW_MARGIN_PX | {"t": NARROW_LEGEND_PX}}),
+        (
+            NARROW_DRIVE_PX,
+            _narrow_titles(axes) | {"margin": NARROW_MARGIN_PX | {"t": NARROW_LEGEND_PX}},
+        ),
     )
 
 
@@ -123,10 +126,10 @@ def worst_windows(report: Report) -> Figure | None:
         )
         title = f"{readable(report.output)} ({unit})" if k % across == 0 else ""
         axes[f"yaxis{axis_suffix(k)}"] = axis(title, domain=row, anchor=names[0], nticks=5)
-        change = f"{number(window.before, unit)}"
-        change += f" → {number(window.after, unit)}" if extends(report) else ""
-        text = f"<b>{k + 1}</b>  {time_range(window.start, window.stop)}: {change} rms"
-        style = {"xanchor": "left", "yanchor": "bottom", "font": {"size": 11, "color": "@ink"}}
+        change = number(window.before)
+        change += f" → {number(window.after)}" if extends(report) else ""
+        text = f"<b>{k + 1}</b>  {time_range(window.start, window.stop)}: {change} {unit} rms"
+        style = {"xanchor": "left", "yanchor": "bottom", "font": {"size": 10, "color": "@ink"}}
         titles.append(annotation(text, column[0], row[1], **style))
         narrow_titles.append(annotation(text, 0.0, 1.0, yref=f"{names[1]} domain", **style))
     count = len(report.worst)
@@ -140,11 +143,11 @@ def worst_windows(report: Report) -> Figure | None:
         data,
         layout(axes, annotations=titles, margin=MARGIN_PX | {"t": 56}),
         (
-            panels + 52 + NARROW_MARGIN_PX["b"],
+            panels + NARROW_TOP_PX + NARROW_MARGIN_PX["b"],
             {
                 **stacked(axes, NARROW_GAP_PX, panels),
                 "annotations": narrow_titles,
-                "margin": NARROW_MARGIN_PX | {"t": 52},
+                "margin": NARROW_MARGIN_PX | {"t": NARROW_TOP_PX},
             },
         ),
     )
@@ -165,6 +168,14 @@ def inside(t: Array, ranges: list[tuple[float, float]]) -> Flags:
 
 def _samples(report: Report) -> int:
     return max(round(RMS_WINDOW_S / step(report)), 1) if step(report) else 1
+
+
+def _narrow_titles(axes: Spec) -> Spec:
+    """Titles that fit next to low panels."""
+    of = {key: axes[key] for key in ("yaxis", "yaxis2", "yaxis3")}
+    return {
+        key: one | {"title": one["title"] | {"standoff": 4, "font": {"size": 10}}} for key, one in of.items()
+    }
 
 
 def _used_range(report: Report) -> Spec:

@@ -23,7 +23,7 @@ from canid.views.report.figure import (
 from canid.views.report.time_series import inside
 
 # px: trajectory and error of one quantity; on a phone
-ROW_HEIGHT_PX, NARROW_ROW_PX = 270, 210
+ROW_HEIGHT_PX, NARROW_ROW_PX, NARROW_TOP_PX = 270, 210, 58
 # fractions of the figure's height: between two panels, and of one quantity's row
 PANEL_GAP = 0.03
 TRAJECTORY_SHARE, ERROR_SHARE = 0.58, 0.42
@@ -60,8 +60,8 @@ def trajectories(report: Report) -> Figure | None:
         data,
         layout(axes, hovermode="x"),
         (
-            52 + NARROW_MARGIN_PX["b"] + NARROW_ROW_PX * len(report.closed_loop),
-            {"margin": NARROW_MARGIN_PX | {"t": 52}},
+            NARROW_TOP_PX + NARROW_MARGIN_PX["b"] + NARROW_ROW_PX * len(report.closed_loop),
+            {"margin": NARROW_MARGIN_PX | {"t": NARROW_TOP_PX}},
         ),
     )
 
