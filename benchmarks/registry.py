@@ -37,6 +37,9 @@ BENCHMARKS = (
         "recording", "benchmarks.recording", "2 min", "CPU and losses of `canid record`, against can.logger"
     ),
     Benchmark(
+        "triggers", "benchmarks.triggers", "2 min", "CPU and memory of an armed recording, against a plain one"
+    ),
+    Benchmark(
         "reliability",
         "benchmarks.reliability",
         "1 h",
@@ -102,6 +105,12 @@ BENCHMARKS = (
         "benchmarks.measured_drives",
         "5 min",
         "diagnosis of the measured drives, and of halves",
+    ),
+    Benchmark(
+        "compare",
+        "benchmarks.compare",
+        "8 min",
+        "`canid compare`: one driver called two, and two drivers found",
     ),
     Benchmark(
         "sumo",

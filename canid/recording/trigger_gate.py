@@ -30,7 +30,7 @@ ANSWER_TIMEOUT_S = 10.0
 LAST_ANSWERS_S = 1.0
 # frames that may wait in the log's own queue (`log_writer_thread.MAX_WAITING_FRAMES`) when more are handed to it
 MAX_HANDED_FRAMES = 60_000
-# s between two looks at the log's queue while the rest is handed over
+# s between two readings of the log's queue while the rest is handed over
 _HAND_OVER_S = 0.01
 
 

@@ -37,7 +37,8 @@ class Compared(NamedTuple):
     operator: str
     value: float
     unit: str
-    column: int  # in the text, from 1
+    column: int = 1  # of the name in the text, from 1
+    unit_column: int = 1
 
 
 class Misfit(NamedTuple):
@@ -88,8 +89,8 @@ def parse(text: str) -> Condition:
         ConfigError: it is none; the sentence names the column.
 
     Example:
-        >>> parse("brake > 0")
-        Compared(name='brake', operator='>', value=0.0, unit='', column=1)
+        >>> parse("brake > 0")[:3]
+        ('brake', '>', 0.0)
         >>> parse("speed >= 50 km/h and not mark").parts[1]
         Not(of=Happened(event='mark'))
         >>> parse("brake > ")
@@ -206,8 +207,9 @@ class _Parser:
         if not math.isfinite(value):
             raise self.wrong(f"{brief(self.word)} is too large")
         unit = self._unit()
+        unit_column = self._next - len(unit) + 1
         self.step()
-        return Compared(name, operator, value, unit, column)
+        return Compared(name, operator, value, unit, column, unit_column)
 
     def _unit(self) -> str:
         """The unit behind a number, if there is one: it may hold signs that are no tokens."""

@@ -179,7 +179,7 @@ def _converted(condition: Condition, text: str, found: _Found, wrong: list[str])
         has = f"{condition.name} is in {brief(unit)}" if unit else f"{condition.name} has no unit"
         known = f"; write one of {examples(unit)}, or none" if unit and examples(unit) else "; leave it out"
         says = f'"{brief(condition.unit)}" cannot be converted: {has}{known}'
-        wrong.append(str(mistake(text, condition.column, says)))
+        wrong.append(str(mistake(text, condition.unit_column, says)))
         return condition
     return condition._replace(value=condition.value * factor, unit=unit)
 
