@@ -181,8 +181,6 @@ def play(
                 continue
             if item.frames > frames:  # further than any earlier pass
                 state, frames, last = item.step.state, item.frames, float(item.step.chunk.t[-1])
-            for one in item.step.out:
-                shown.put(one)
             for one in item.fresh:
                 if record is not None:
                     record.put(one)
@@ -195,6 +193,9 @@ def play(
                     tally.put(one)
                 if isinstance(one, Estimate | MonitorReport | SignalReport):
                     display.write_json(sink, one)
+            # after the files: what is seen has been written
+            for one in item.step.out:
+                shown.put(one)
             if item.step.out and isinstance(item.step.out[-1], Sample | Estimate | MonitorReport):
                 shown.lines([HealthLine(f"{item.frames:,} frames")], vehicle.driver.output)
     except KeyboardInterrupt:

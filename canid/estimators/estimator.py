@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from canid.types import Channel, Estimate, ResidualTests, Sample, Trace
 
@@ -29,6 +29,8 @@ class WholeDrive(NamedTuple):
         str, Any
     ] = {}  # more keys in JSON: numbers, texts, arrays, NamedTuples and mappings of such
     lines: tuple[str, ...] = ()  # more lines in text
+    # how fit_percent was made: the output simulated from the inputs alone, or predicted from its own past, one step ahead
+    fit_kind: Literal["simulated", "one_step"] = "simulated"
 
 
 class Running(NamedTuple, Generic[State]):

@@ -70,7 +70,7 @@ def _whole(found: WholeDrive | None) -> dict[str, Any] | None:
     out: dict[str, Any] = {"channels": json_values.channels(found.channels)}
     if found.fit_percent is not None:
         out["fit_percent"] = json_values.number(found.fit_percent)
-        out["fit_kind"] = identification_verdict.SIMULATED
+        out["fit_kind"] = found.fit_kind
     if found.residual_tests is not None:
         out["residual_tests"] = json_values.residual_tests(found.residual_tests)
     return out | {key: json_values.plain(value) for key, value in found.details.items()}

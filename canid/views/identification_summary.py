@@ -13,7 +13,7 @@ from canid.signal_checks.signal_checks import sentence
 from canid.systems.identified_loop import IdentifiedLoop
 from canid.types import Channel, Identifiable, ResidualTests
 from canid.views import estimate_text, signal_text
-from canid.views.identification_verdict import SIMULATED, IdentificationVerdict, verdict
+from canid.views.identification_verdict import IdentificationVerdict, verdict
 from canid.views.names import HEADLINE_MARK, readable
 from canid.views.numbers import gain_unit, interval, number
 
@@ -114,7 +114,11 @@ def _method(mark: str, name: str, found: WholeDrive | None, output: str) -> list
     """One method's numbers over the whole drive."""
     if found is None:
         return [f"{mark}whole drive, {name.upper()}: no model (too few data, or no stable model)"]
-    fit = "" if found.fit_percent is None else f", fit {number(found.fit_percent, '%')} ({SIMULATED})"
+    fit = (
+        ""
+        if found.fit_percent is None
+        else f", fit {number(found.fit_percent, '%')} ({readable(found.fit_kind)})"
+    )
     lines = [f"{mark}whole drive, {name.upper()}{found.specification}{fit}"]
     if found.details.get("changes"):
         return [*lines, "  no number holds for the whole drive: see the changes"]

@@ -21,8 +21,6 @@ _SAID = {
     Identifiable.GAIN_ONLY: ("K",),
     Identifiable.NOT: (),
 }
-# How `fit_percent` was made, for all methods: the output simulated from the inputs alone, never from past outputs.
-SIMULATED = "simulated"
 
 
 class IdentificationVerdict(NamedTuple):

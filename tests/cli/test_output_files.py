@@ -28,6 +28,9 @@ VIRTUAL = ("-i", "virtual", "-c", "outputs", "--duration", 0.2)
 # (name of a verb's option that writes -> the words around it); {} is the file
 WRITERS: dict[str, tuple[object, ...]] = {
     "identify --json": ("identify", "LOG", *PART, "--json"),
+    "identify --report": ("identify", "LOG", *PART, "--report"),
+    "check --report": ("check", "LOG", "--vehicle", "generic", "--report"),
+    "replay --report": ("replay", "LOG", *PART, "--report"),
     "identify --plot": ("identify", "LOG", *PART, "--plot"),
     "diagnose --json": ("diagnose", "LOG", *PART, "--json"),
     "diagnose --report": ("diagnose", "LOG", *PART, "--report"),
@@ -39,6 +42,8 @@ WRITERS: dict[str, tuple[object, ...]] = {
     "export --json": ("export", "LOG", *PART, "-o", "TABLE", "--json"),
     "simulate": ("simulate", "--minutes", 0.1, "--force"),
     "simulate --json": ("simulate", "NEW", "--minutes", 0.1, "--json"),
+    "compare --json": ("compare", "LOG", "--vehicle", "generic", "--stop", 3, "--json"),
+    "compare --report": ("compare", "LOG", "--vehicle", "generic", "--stop", 3, "--report"),
     "init -o": ("init", "DBC", "--force", "-o"),
     "init --json": ("init", "DBC", "--json"),
     "record --json": ("record", *VIRTUAL, "-o", "NEW", "--json"),

@@ -63,7 +63,7 @@ def test_identify_has_its_windows_and_its_whole_drive(tree: Path, tmp_path: Path
     found = json.loads(out.read_text(encoding="utf-8"))
     assert {e["estimator"] for e in found["windows"]} == {"armax", "fopdt", "sliding"}
     assert set(found) >= {"whole", "armax", "sliding"}
-    assert set(found["sliding"]) == {"channels", "fit_percent", "delay_max"}
+    assert set(found["sliding"]) == {"channels", "fit_percent", "fit_kind", "delay_max"}
     assert found["sliding"]["channels"]["range_rate"]["K"]["value"] > 0.0
     assert any(e["status"] == "ok" for e in found["windows"] if e["estimator"] == "sliding")
 

@@ -78,7 +78,7 @@ def _lines(
     out.append(line(times(t), np.where(may, value, math.nan), one, color))
     rest = np.where(may, math.nan, value)
     if np.isfinite(rest).any():
-        faint = {"line": {"color": f"@{color}", "width": 1, "dash": "dot"}}
+        faint = {"line": {"color": f"@{color}", "width": 1, "dash": "dot"}, "showlegend": False}
         out.append(line(times(t), rest, f"{one}, not to be quoted", color) | faint)
     # where something may be quoted, the band of what may not does not set the range
     these = may & np.isfinite(value) if (may & np.isfinite(value)).any() else np.isfinite(value)

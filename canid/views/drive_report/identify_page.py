@@ -71,6 +71,8 @@ def page(logs: Sequence[IdentifiedLog]) -> str:
     """
     many = len(logs) > 1
     drives = [_drive(log, f"drive-{k + 1}-" if many else "") for k, log in enumerate(logs)]
+    for d, short in zip(drives, short_names([log.provenance.log for log in logs]), strict=True):
+        d["short"] = short
     figures = [f for d in drives for f in _figures(d["figures"])]
     first = logs[0]
     names = first.trace.input_names
@@ -87,6 +89,17 @@ def page(logs: Sequence[IdentifiedLog]) -> str:
         known=sum(d["verdict"].identifiable for d in drives),
         provenance=_together([log.provenance for log in logs]),
     )
+
+
+def short_names(paths: Sequence[str]) -> list[str]:
+    """Names of files without their folders, unless two of them would be the same.
+
+    Example:
+        >>> short_names(["a/one.blf", "b/two.blf"]), short_names(["a/one.blf", "b/one.blf"])
+        (['one.blf', 'two.blf'], ['a/one.blf', 'b/one.blf'])
+    """
+    short = [path.replace("\\", "/").rpartition("/")[2] for path in paths]
+    return short if len(set(short)) == len(set(paths)) else list(paths)
 
 
 def _together(each: Sequence[Provenance]) -> Provenance:
@@ -132,6 +145,7 @@ def _drive(log: IdentifiedLog, anchor: str) -> dict[str, Any]:
             )
             for name in trace.input_names
             for what in PARAMETERS
+            if any(math.isfinite(getattr(c.get(name, Channel()), what).value) for c in channels.values())
         ],
         "missing": _missing(drive, methods),
         "channel_names": trace.input_names,
@@ -211,7 +225,7 @@ def _fit(drive: Identified, name: str) -> str:
     found = drive.whole[name]
     if found is None or found.fit_percent is None:
         return ""
-    return f"fit {number(found.fit_percent, '%')} ({identification_verdict.SIMULATED})"
+    return f"fit {number(found.fit_percent, '%')} ({readable(found.fit_kind)})"
 
 
 def _cell(channel: Channel, what: str) -> Cell:

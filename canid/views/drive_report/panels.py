@@ -27,8 +27,8 @@ from canid.views.report.figure import (
 
 # px of a panel's title, and between two panels
 TITLE_PX, GAP_PX = 20, 30
-# px of a figure on a phone, of a legend's entry without its text, and of a character at 11 px
-PHONE_PX, ENTRY_PX, CHARACTER_PX = 360.0, 40.0, 5.4
+# px of a figure on a phone and on A4, of a legend's entry without its text, and of a character at 11 px
+PHONE_PX, PAPER_PX, ENTRY_PX, CHARACTER_PX = 360.0, 680.0, 40.0, 5.4
 # share of the points, on both sides, that a panel's range need not show: the first intervals are as wide as the search
 OUTSIDE = 0.02
 # of a panel's range, on both sides
@@ -98,12 +98,11 @@ def stack(
     limits = {} if span is None else {"range": list(span)}
     axes["xaxis"] = axis("time in the log (s)", anchor=bottom, domain=[0, 1], hoverformat=".1f", **limits)
     # the first title stands between legend and panel
-    legend = any(one["showlegend"] for one in data) or any(one.get("showlegend") for one in behind)
-    margin_top = MARGIN_PX["t"] * legend + TITLE_PX
-    height = total + margin_top + MARGIN_PX["b"]
     names = [one["name"] for one in data if one["showlegend"]] + [
         one["name"] for one in behind if "name" in one
     ]
+    margin_top = (max(MARGIN_PX["t"], legend_px(names, PAPER_PX)) if names else 0) + TITLE_PX
+    height = total + margin_top + MARGIN_PX["b"]
     narrow_top = legend_px(names) + TITLE_PX
     wide, narrow = (
         of | {"l": left, "t": above}
@@ -121,8 +120,8 @@ def stack(
     )
 
 
-def legend_px(names: Sequence[str]) -> int:
-    """Height of a legend on a phone, whose entries stand in columns as wide as the longest.
+def legend_px(names: Sequence[str], width: float = PHONE_PX) -> int:
+    """Height of a legend, on a phone by default, whose entries stand in columns as wide as the longest.
 
     Example:
         >>> legend_px([]), legend_px(["measured"]), legend_px(["measured", "simulated from the inputs alone"])
@@ -130,7 +129,7 @@ def legend_px(names: Sequence[str]) -> int:
     """
     if not names:
         return 0
-    across = max(int(PHONE_PX // (ENTRY_PX + CHARACTER_PX * max(map(len, names)))), 1)
+    across = max(int(width // (ENTRY_PX + CHARACTER_PX * max(map(len, names)))), 1)
     return 7 + 19 * -(-len(names) // across)
 
 

@@ -1,14 +1,14 @@
-"""Coloured strips over time, each stretch with its state as text: statuses of estimators, gates, the monitor."""
+"""Colored strips over time, each stretch with its state as text: statuses of estimators, gates, the monitor."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from canid.views.drive_report.panels import legend_px
+from canid.views.drive_report.panels import PAPER_PX, legend_px
 from canid.views.report.figure import MARGIN_PX, NARROW_MARGIN_PX, Figure, Spec, axis, layout
 
-ROW_HEIGHT_PX = 34
+ROW_HEIGHT_PX = 38
 # px for the names of the rows
 NAMES_PX = 92
 # Share of the time axis from which on a stretch holds its text: shorter ones have it on hover and in the legend
@@ -98,9 +98,11 @@ def strips(
         "xaxis": axis("time in the log (s)", range=list(span), hoverformat=".1f"),
         "yaxis": axis("", categoryorder="array", categoryarray=rows[::-1], showgrid=False, fixedrange=True),
     }
-    height = MARGIN_PX["t"] + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(rows)
-    above = max(legend_px(list(dict.fromkeys(one.state for one in several))), 12)
-    alt = f"Strips over time: {', '.join(rows)}; states: {', '.join(dict.fromkeys(one.state for one in several))}"
+    names = list(dict.fromkeys(one.state for one in several))
+    top = max(MARGIN_PX["t"], legend_px(names, PAPER_PX))
+    height = top + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(rows)
+    above = max(legend_px(names), 12)
+    alt = f"Strips over time: {', '.join(rows)}; states: {', '.join(names)}"
     return Figure(
         name,
         title,
@@ -108,6 +110,6 @@ def strips(
         alt,
         height,
         data,
-        layout(axes, barmode="overlay", bargap=0.25, margin=MARGIN_PX | {"l": NAMES_PX}),
-        (height - MARGIN_PX["t"] + above, {"margin": NARROW_MARGIN_PX | {"l": NAMES_PX - 24, "t": above}}),
+        layout(axes, barmode="overlay", bargap=0.25, margin=MARGIN_PX | {"l": NAMES_PX, "t": top}),
+        (height - top + above, {"margin": NARROW_MARGIN_PX | {"l": NAMES_PX - 24, "t": above}}),
     )
