@@ -46,7 +46,7 @@ def to_json(report: Report, log: str, vehicle: str) -> dict[str, Any]:
         "output": report.output,
         "unit": role_unit(report.output),
         "verdict": report.verdict.value,
-        "says": " ".join([report.says, *remarks(report)]),
+        "says": " ".join([search_bounds.without_intervals(report.says, report), *remarks(report)]),
         "remarks": remarks(report),
         "baseline": _fit(report.baseline, 0.5 * step(report)),
         "extended": _fit(report.extended, 0.5 * step(report)),

@@ -7,7 +7,7 @@ import re
 from typing import NamedTuple
 
 from canid.diagnosis.rivals.recommendation import CANID
-from canid.findings import ClosedLoopError, Finding, NullGain, Report, nrmse
+from canid.findings import Blocked, ClosedLoopError, Finding, NullGain, Report, nrmse
 from canid.identification import identifiability
 from canid.types import Interval
 from canid.views import closed_loop, search_bounds
@@ -31,10 +31,15 @@ def sentence(report: Report) -> str:
 
     Example:
         >>> from types import SimpleNamespace
-        >>> sentence(SimpleNamespace(says="ONE OF: {a, b}."))
+        >>> sentence(SimpleNamespace(says="ONE OF: {a, b}.", findings=()))
         '{a, b}.'
     """
-    return without_verdict(report.says)
+    return without_verdict(search_bounds.without_intervals(report.says, report))
+
+
+def block_says(block: Blocked, report: Report) -> str:
+    """What a block says, without the verdict's word."""
+    return without_verdict(search_bounds.without_intervals(block.says, report))
 
 
 def without_verdict(line: str) -> str:

@@ -6,9 +6,10 @@ import math
 
 from canid.findings import Check, Finding, Report, Trajectory, extends, masked_for
 from canid.identified_model import equation
-from canid.views import closed_loop, signal_text
+from canid.views import closed_loop, search_bounds, signal_text
 from canid.views.diagnosis_parts import (
     advice,
+    block_says,
     closed_loop_models,
     duration,
     estimate,
@@ -21,7 +22,6 @@ from canid.views.diagnosis_parts import (
     recommendation,
     says,
     used_time,
-    without_verdict,
 )
 from canid.views.names import parameter, readable
 from canid.views.numbers import gain_unit, interval, number, percent, role_unit, time_range
@@ -44,9 +44,9 @@ def text(report: Report, log: str, vehicle: str) -> list[str]:
     verdict = readable(report.verdict.value).upper()
     lines = [f"{verdict}: {says(report)}", *_about(report, log, vehicle)]
     for finding in report.findings:
-        lines += ["", *_finding(finding)]
+        lines += ["", *_finding(finding, report)]
     blocks = [
-        f"{block.where} ({readable(block.state)}): {without_verdict(block.says)}" for block in report.blocks
+        f"{block.where} ({readable(block.state)}): {block_says(block, report)}" for block in report.blocks
     ]
     lines += _headed("blocks of the loop", blocks)
     masks = [f"{effect}: {number(seconds, 's')}" for effect, seconds in masked_for(report.masked).items()]
@@ -87,13 +87,13 @@ def _about(report: Report, log: str, vehicle: str) -> list[str]:
     return [*lines, *form(report)]
 
 
-def _finding(finding: Finding) -> list[str]:
+def _finding(finding: Finding, report: Report) -> list[str]:
     helps = "it helps, but is not the cause" if finding.gain.value > 0 else "not the cause"
     title = f"{finding.effect} ({finding.where}{f', surrogate: {helps}' * finding.surrogate})"
     evidence = f"evidence {number(finding.evidence)} (needed {number(finding.needed)})"
     lines = [
         title,
-        f"  {finding.says}",
+        f"  {search_bounds.without_intervals(finding.says, report)}",
         f"  {evidence}, gain {gain(finding)} on held-out data",
     ]
     values = finding_parameters(finding)

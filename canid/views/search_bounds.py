@@ -166,6 +166,16 @@ def of_model(driver: Mapping[str, float], form: str) -> dict[str, AtBound]:
     return found
 
 
+def without_intervals(says: str, report: Report) -> str:
+    """A sentence of the diagnosis with bounds instead of values and intervals of estimates that stand there."""
+    for finding in report.findings:
+        for name, at in of_finding(finding).items():
+            iv = finding.parameters[name]
+            shown = f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]"
+            says = says.replace(shown, f"{number(at.end)} (the {at.side} bound of what is searched)")
+    return says
+
+
 def remarks(report: Report) -> list[str]:
     """Sentences for the verdict: of what was found, what stands at an end of its range and is no estimate."""
     return [

@@ -13,6 +13,7 @@ from canid.views import search_bounds, signal_text
 from canid.views.closed_loop import change, errors, worse
 from canid.views.diagnosis_parts import (
     advice,
+    block_says,
     closed_loop_models,
     duration,
     estimate,
@@ -28,7 +29,6 @@ from canid.views.diagnosis_parts import (
     sentence,
     step,
     used_time,
-    without_verdict,
 )
 from canid.views.names import parameter
 from canid.views.numbers import gain_unit, role_unit, time_range
@@ -116,7 +116,8 @@ def page(report: Report) -> str:
             errors=errors,
             worse=worse,
             finding_parameters=finding_parameters,
-            without_verdict=without_verdict,
+            block_says=lambda block: block_says(block, report),
+            finding_says=lambda finding: search_bounds.without_intervals(finding.says, report),
             estimate=lambda key, iv: estimate(key, iv, report),
             at_bound=at_bound,
             bounds_of=search_bounds.of_finding,
