@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.stats import t as student_t
 
 from canid.estimators import fopdt
@@ -15,6 +16,8 @@ from canid.identification.confidence import QUANTILES
 from canid.identification.fopdt import fopdt_residual, offset_drift
 from canid.systems.posterior_draws import Drawn, driver_draws
 from canid.types import NAN, TASK_INPUTS, Array, Interval, Trace
+
+Flags = npt.NDArray[np.bool_]
 
 # %; the range that was driven is between these points, as in a diagnosis (`model.driven`)
 RANGE_PERCENT = (50.0, 5.0, 95.0)
@@ -110,7 +113,7 @@ def noise_size(left: Array, per_block: int) -> Interval:
 
 
 def _wanted(
-    trace: Trace, found: WholeDrive, rows: fopdt_residual.Simulated, used: Array, per_block: int
+    trace: Trace, found: WholeDrive, rows: fopdt_residual.Simulated, used: Flags, per_block: int
 ) -> Interval:
     """Headway at which the acceleration is 0 behind a steady lead.
 

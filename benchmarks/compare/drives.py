@@ -20,8 +20,9 @@ from canid.simulation.driver import DriverTruth, draw_driver
 from canid.vehicle import Vehicle, read_vehicle
 from canid.views import identification_json
 
-# min; drives of people, from a town errand to a stretch of motorway
-MINUTES = (2.0, 4.0, 7.0, 12.0, 20.0)
+# min, and how often: from a town errand to a stretch of motorway
+MINUTES = (2.0, 3.0, 5.0, 10.0, 20.0)
+SHARES = (0.25, 0.25, 0.25, 0.15, 0.1)
 # how the lead drives
 PROFILES = ("mixed", "urban", "motorway")
 # spectra of a driver's noise; each driver has one
@@ -54,6 +55,11 @@ def json_of(driver: DriverTruth, noise: str, minutes: float, seed: int, profile:
 def estimates(driver: DriverTruth, noise: str, minutes: float, seed: int, profile: str) -> DriveEstimates:
     """Return one drive as the comparison takes it."""
     return drive_json.read(json_of(driver, noise, minutes, seed, profile))
+
+
+def length(rng: np.random.Generator) -> float:
+    """Draw a drive's length, min."""
+    return float(rng.choice(MINUTES, p=SHARES))
 
 
 def side(label: str, *drives: DriveEstimates) -> Side:

@@ -183,6 +183,8 @@ def _from_json(path: str) -> list[DriveEstimates]:
         if not objects or not all(isinstance(one, dict) for one in objects):
             raise ValueError("it holds no JSON object")
         return [drive_json.read(one) for one in objects]
+    except FileNotFoundError:
+        raise ConfigError(f"no such file: {path}") from None
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:

@@ -65,8 +65,10 @@ class Comparison(NamedTuple):
 
     @property
     def different(self) -> tuple[Row, ...]:
-        """Rows that differ, the surest first."""
-        return tuple(sorted((row for row in self.rows if row.differs), key=lambda row: row.p))
+        """Rows that differ, the surest first; margins, which follow from the parameters, last."""
+        derived = {name for name, *_ in loop_margins.MARGINS}
+        found = [row for row in self.rows if row.differs]
+        return tuple(sorted(found, key=lambda row: (row.name in derived, row.p)))
 
 
 class Values(NamedTuple):

@@ -1,7 +1,7 @@
 """Margins and string stability of each drive's driver with its car, at one speed and headway for all of them.
 
 The margins of `identify` belong to the speed and headway of their own drive, which differ; the posterior's draws give them
-anew where all drives can be compared.
+anew where all drives can be compared. Drives in one vehicle share one car: what its estimates differ by is not the drivers'.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.comparison.drive import DriveEstimates
+from canid.comparison.drive import DriveEstimates, Loop
 from canid.identification.confidence import QUANTILES
 from canid.systems import following_loop
 from canid.systems.following_loop import FollowingLoop
@@ -29,21 +29,34 @@ MAX_UNSTABLE = 0.025
 MIN_STRENGTH_SHARE = 0.1
 
 
+class Car(NamedTuple):
+    """A car at a speed."""
+
+    value: Array  # (3,) strength, lag, damping
+    covariance: Array  # (3, 3)
+
+
 class Point(NamedTuple):
     """Where all loops are linearised."""
 
     speed: float  # m/s
     headway: float  # s
+    # of all drives in one vehicle, so that its errors are not the drivers'; None: each drive's own
+    car: Car | None = None
 
 
 def common_point(drives: Sequence[DriveEstimates]) -> Point | None:
-    """Mean of the drives' medians; None: no drive has a loop."""
-    loops = [drive.loop for drive in drives if drive.loop is not None and drive.draws is not None]
+    """Mean of the drives' medians, and the car where all drives are in one vehicle; None: no drive has a loop."""
+    known = [drive for drive in drives if drive.loop is not None and drive.draws is not None]
+    loops = [drive.loop for drive in known if drive.loop is not None]
     if not loops:
         return None
-    return Point(
-        float(np.mean([loop.speed for loop in loops])), float(np.mean([loop.headway for loop in loops]))
-    )
+    at = Point(float(np.mean([of.speed for of in loops])), float(np.mean([of.headway for of in loops])))
+    cars = [_car(of, at.speed) for of in loops]
+    if len({drive.vehicle for drive in known}) > 1:
+        return at
+    several = [car for car in cars if car is not None]
+    return at._replace(car=_mean(several)) if len(several) == len(cars) else at
 
 
 def margins(drive: DriveEstimates, at: Point) -> dict[str, Array]:
@@ -52,8 +65,12 @@ def margins(drive: DriveEstimates, at: Point) -> dict[str, Array]:
         return {}
     of = drive.draws
     loop = FollowingLoop(of.K, of.tau, of.dead_time, at.speed, at.headway)
-    if drive.loop.car is not None:
-        strength, lag, damping = _cars(drive.loop.car, drive.loop.covariance, len(of.K))
+    own = _car(drive.loop, at.speed)
+    if at.car is not None:
+        strength, lag, damping = at.car.value[:, None]
+        loop = loop._replace(strength=strength, lag=lag, damping=damping)
+    elif own is not None:
+        strength, lag, damping = _drawn(own, len(of.K))
         loop = loop._replace(strength=strength, lag=lag, damping=damping)
     found = following_loop.margins(loop)
     if float(found.unstable.mean()) > MAX_UNSTABLE:
@@ -67,9 +84,23 @@ def interval(draws: Array) -> Interval:
     return Interval(float(middle), float(low), float(high))
 
 
-def _cars(car: tuple[float, float, float], covariance: Array, count: int) -> Array:
+def _car(of: Loop, speed: float) -> Car | None:
+    """A drive's car at another speed: the damping by drag, which grows with the square of the speed, is in proportion."""
+    if of.car is None:
+        return None
+    scale = np.array([1.0, 1.0, speed / of.speed])
+    return Car(np.array(of.car) * scale, of.covariance * np.outer(scale, scale))
+
+
+def _mean(cars: Sequence[Car]) -> Car:
+    """Mean of several estimates of one car, each number by its precision."""
+    weight = np.array([1.0 / np.maximum(np.diag(car.covariance), 1e-300) for car in cars])
+    value = (weight * np.array([car.value for car in cars])).sum(axis=0) / weight.sum(axis=0)
+    return Car(value, np.diag(1.0 / weight.sum(axis=0)))
+
+
+def _drawn(car: Car, count: int) -> Array:
     rng = np.random.default_rng(1)
-    drawn = rng.multivariate_normal(car, covariance, count, method="eigh").T
-    least = np.array([[MIN_STRENGTH_SHARE * car[0]], [0.0], [0.0]])
-    out: Array = np.maximum(drawn, least)
+    drawn = rng.multivariate_normal(car.value, car.covariance, count, method="eigh").T
+    out: Array = np.maximum(drawn, np.array([[MIN_STRENGTH_SHARE * car.value[0]], [0.0], [0.0]]))
     return out

@@ -23,7 +23,7 @@ def to_json(of: Comparison) -> dict[str, Any]:
         "conditions": [_condition(row) for row in of.conditions],
         "remarks": list(of.remarks),
         "critical": number(of.critical),
-        "margins_at": None if of.point is None else json_values.plain(of.point),
+        "margins_at": None if of.point is None else {"speed": of.point.speed, "headway": of.point.headway},
     }
 
 

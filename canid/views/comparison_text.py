@@ -91,7 +91,7 @@ def difference(row: Row) -> str:
         >>> difference(one._replace(ratio=Interval(1.5, 1.4, 1.6), p_adjusted=1e-6))
         'range rate K is 1.50 [1.40, 1.60] times as large in B (p < 0.0005)'
     """
-    if _by_ratio(row):
+    if by_ratio(row):
         how = f"is {interval(row.ratio)} times as large in B"
     else:
         more = "larger" if row.difference.value > 0.0 else "smaller"
@@ -155,7 +155,7 @@ def _differences(rows: Sequence[Row]) -> list[str]:
     """Differences and ratios side by side where they fit, else one below the other."""
     name = [f"{'* ' if row.differs else '  '}{label(row.name)}" for row in rows]
     less = [interval(row.difference) for row in rows]
-    ratio = [interval(row.ratio) if _by_ratio(row) else "" for row in rows]
+    ratio = [interval(row.ratio) if by_ratio(row) else "" for row in rows]
     p = [p_text(row.p_adjusted).removeprefix("= ").replace(" ", "") for row in rows]
     seen = [number(row.detectable, digits=2) for row in rows]
     head = ("  parameter", "B less A", "B / A", "p", "seen")
@@ -212,7 +212,7 @@ def range_text(of: Interval) -> str:
     return f"{number(of.value)} ({number(of.low)} to {number(of.high)})"
 
 
-def _by_ratio(row: Row) -> bool:
+def by_ratio(row: Row) -> bool:
     """Ratios of a quantity with a bound or an angle say nothing."""
     return all(map(math.isfinite, row.ratio)) and row.name.partition(" ")[0] not in (
         "phase_margin",

@@ -46,6 +46,7 @@ WORDS = {
     "replay": ("drive.blf", *PART, "--json", "r.json"),
     "identify": ("drive.blf", *PART),
     "diagnose": ("drive.blf", *PART, "--report"),
+    "compare": ("drive.blf@0:2", "drive.blf@2:4", "--vehicle", "generic", "--report", "c.html"),
     "study": ("prints", "grover", "-o", "out"),
     "simulate": ("simulated.blf", "--minutes", "0.1"),
     "check": ("drive.blf", "--vehicle", "generic"),

@@ -8,7 +8,16 @@ from canid.comparison.comparison import Comparison
 from canid.findings import Provenance
 from canid.views.comparison_report.forest import forest
 from canid.views.comparison_report.levels import levels
-from canid.views.comparison_text import TITLES, condition_name, label, p_text, range_text, refused, sentence
+from canid.views.comparison_text import (
+    TITLES,
+    by_ratio,
+    condition_name,
+    label,
+    p_text,
+    range_text,
+    refused,
+    sentence,
+)
 from canid.views.report.templates import environment, file_text
 
 
@@ -27,7 +36,12 @@ def page(of: Comparison, provenance: Provenance) -> str:
     """
     templates = environment()
     templates.filters.update(
-        label=label, p_text=p_text, condition=condition_name, span=range_text, capitalize_first=_capitalized
+        by_ratio=by_ratio,
+        label=label,
+        p_text=p_text,
+        condition=condition_name,
+        span=range_text,
+        capitalize_first=_capitalized,
     )
     compared = [row for row in of.rows if row.compared]
     return templates.get_template("comparison_report/comparison.html.j2").render(

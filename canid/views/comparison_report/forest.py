@@ -12,16 +12,16 @@ from canid.types import Interval
 from canid.views.comparison_report.drawing import element, svg, text
 from canid.views.comparison_text import label
 
-WIDTH, ROW, TOP, BOTTOM = 720.0, 34.0, 26.0, 26.0
-# px from the left: names end; values; differences
-NAMES, VALUES, DIFFERENCES = 168.0, (180.0, 400.0), (436.0, 708.0)
+WIDTH, ROW, TOP, BOTTOM = 430.0, 34.0, 26.0, 26.0
+# px from the left: names end; intervals lie between
+NAMES, PLACE = 142.0, (156.0, 414.0)
 # % of A to each side, at most: a longer interval ends with an arrow
 MAX_PERCENT = 100.0
 STEPS = (5.0, 10.0, 25.0, 50.0)
 
 
 def forest(rows: Sequence[Row]) -> Markup:
-    """Draw the compared rows; empty where none is.
+    """Draw the compared rows, values and differences next to each other; empty where none is.
 
     Example:
         >>> str(forest(()))
@@ -30,27 +30,40 @@ def forest(rows: Sequence[Row]) -> Markup:
     if not rows:
         return Markup("")
     height = TOP + ROW * len(rows) + BOTTOM
-    reach = _reach(rows)
-    left, right = DIFFERENCES
-    parts = [
-        text("A and B, each row on its own scale", VALUES[0], 14, "head"),
-        text("B less A, % of A", left, 14, "head"),
-    ]
-    bottom = TOP + ROW * len(rows)
-    step = next((s for s in STEPS if reach / s <= 3.0), STEPS[-1])
-    for k in range(-int(reach / step), int(reach / step) + 1):
-        x = _at(k * step, -reach, reach, DIFFERENCES)
-        parts.append(element("line", "zero" if k == 0 else "grid", x1=x, x2=x, y1=TOP, y2=bottom))
-        parts.append(text(f"{k * step:+.0f}" if k else "0", x, bottom + 15, "tick", "middle"))
+    values = [text("A and B, each row on its own scale", PLACE[0], 14, "head"), *_names(rows)]
     for k, row in enumerate(rows):
-        y = TOP + ROW * (k + 0.5)
-        parts.append(text(label(row.name), NAMES, y + 4, "differs" if row.differs else "name", "end"))
-        parts += _values(row, y) + _difference(row, y, reach)
+        values += _values(row, _y(k))
     alt = "; ".join(
         f"{label(row.name)}: A {row.a.value:.3g}, B {row.b.value:.3g}{', differs' if row.differs else ''}"
         for row in rows
     )
+    return svg(values, WIDTH, height, alt) + _differences(rows, height)
+
+
+def _differences(rows: Sequence[Row], height: float) -> Markup:
+    reach = _reach(rows)
+    bottom = height - BOTTOM
+    parts = [text("B less A, % of A", PLACE[0], 14, "head"), *_names(rows)]
+    step = next((s for s in STEPS if reach / s <= 3.0), STEPS[-1])
+    for k in range(-int(reach / step), int(reach / step) + 1):
+        x = _at(k * step, -reach, reach, PLACE)
+        parts.append(element("line", "zero" if k == 0 else "grid", x1=x, x2=x, y1=TOP, y2=bottom))
+        parts.append(text(f"{k * step:+.0f}" if k else "0", x, bottom + 15, "tick", "middle"))
+    for k, row in enumerate(rows):
+        parts += _difference(row, _y(k), reach)
+    alt = "; ".join(f"{label(row.name)}: difference {row.difference.value:.3g}" for row in rows)
     return svg(parts, WIDTH, height, alt)
+
+
+def _names(rows: Sequence[Row]) -> list[str]:
+    return [
+        text(label(row.name), NAMES, _y(k) + 4, "differs" if row.differs else "name", "end")
+        for k, row in enumerate(rows)
+    ]
+
+
+def _y(k: int) -> float:
+    return TOP + ROW * (k + 0.5)
 
 
 def _values(row: Row, y: float) -> list[str]:
@@ -61,7 +74,7 @@ def _values(row: Row, y: float) -> list[str]:
     return [
         part
         for iv, kind, up in ((row.a, "a", -5.0), (row.b, "b", 5.0))
-        for part in _interval(iv, low, high, VALUES, y + up, kind)
+        for part in _interval(iv, low, high, PLACE, y + up, kind)
     ]
 
 
@@ -69,11 +82,11 @@ def _difference(row: Row, y: float, reach: float) -> list[str]:
     own = _percent(row.difference, row.a.value)
     wide = _percent(row.together, row.a.value)
     if not all(map(math.isfinite, own)):
-        return [text("A is 0", DIFFERENCES[0], y + 4, "tick")]
+        return [text("A is 0", PLACE[0], y + 4, "tick")]
     kind = "found" if row.differs else "none"
     return [
-        *_interval(wide, -reach, reach, DIFFERENCES, y, f"together {kind}", dot=False),
-        *_interval(own, -reach, reach, DIFFERENCES, y, kind),
+        *_interval(wide, -reach, reach, PLACE, y, f"together {kind}", dot=False),
+        *_interval(own, -reach, reach, PLACE, y, kind),
     ]
 
 

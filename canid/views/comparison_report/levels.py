@@ -9,12 +9,13 @@ from markupsafe import Markup
 
 from canid.comparison.comparison import Comparison
 from canid.comparison.drive import DriveEstimates, Level
+from canid.identification.confidence import MISS
 from canid.views.comparison_report.drawing import element, points, svg, text
 from canid.views.comparison_text import label
 from canid.views.numbers import number
 
-WIDTH, HEIGHT, TOP, BOTTOM = 720.0, 190.0, 24.0, 28.0
-LEFT, GAP, RIGHT = 56.0, 24.0, 8.0
+WIDTH, HEIGHT, TOP, BOTTOM = 430.0, 190.0, 24.0, 28.0
+LEFT, RIGHT = 56.0, 8.0
 # drives of a side that are drawn
 MAX_DRIVES = 3
 
@@ -35,9 +36,7 @@ def levels(of: Comparison) -> list[Drawn]:
         []
     """
     known = {side.label: [d for d in side.drives if d.levels][:MAX_DRIVES] for side in (of.a, of.b)}
-    names = [
-        name for name in dict.fromkeys(v.name for side in known.values() for d in side for v in d.levels)
-    ]
+    names = list(dict.fromkeys(v.name for side in known.values() for d in side for v in d.levels))
     units = {row.name: row.unit for row in of.rows}
     out = []
     for name in names:
@@ -50,39 +49,38 @@ def levels(of: Comparison) -> list[Drawn]:
         ]
         if {kind for kind, _, _ in panels} == {"a", "b"}:
             unit = units.get(name, "")
-            out.append(Drawn(f"{label(name)}{f', {unit}' if unit else ''}", _drawn(name, panels)))
+            out.append(Drawn(f"{label(name)}{f', {unit}' if unit else ''}", _drawn(panels)))
     return out
 
 
-def _drawn(name: str, panels: list[tuple[str, DriveEstimates, Level]]) -> Markup:
+def _drawn(panels: list[tuple[str, DriveEstimates, Level]]) -> Markup:
     low = min(float(np.min(level.low)) for _, _, level in panels)
     high = max(float(np.max(level.high)) for _, _, level in panels)
     low, high = (low, high) if high > low else (low - 1.0, high + 1.0)
-    width = (WIDTH - LEFT - RIGHT - GAP * (len(panels) - 1)) / len(panels)
-    bottom = HEIGHT - BOTTOM
+    return Markup("").join(_panel(kind, level, low, high) for kind, _, level in panels)
+
+
+def _panel(kind: str, level: Level, low: float, high: float) -> Markup:
+    """One drive."""
+    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
 
     def y(value: float) -> float:
         return bottom - (bottom - TOP) * (value - low) / (high - low)
 
     parts = []
     for value in np.linspace(low, high, 4):
-        parts.append(element("line", "grid", x1=LEFT, x2=WIDTH - RIGHT, y1=y(value), y2=y(value)))
+        parts.append(element("line", "grid", x1=LEFT, x2=right, y1=y(value), y2=y(value)))
         parts.append(text(number(float(value)), LEFT - 6, y(float(value)) + 4, "tick", "end"))
-    for k, (kind, drive, level) in enumerate(panels):
-        left = LEFT + k * (width + GAP)
-        begin, end = float(level.t[0]), float(level.t[-1])
-        x = left + width * (level.t - begin) / (end - begin)
-        band = [
-            *zip(x, map(y, level.low), strict=True),
-            *reversed(list(zip(x, map(y, level.high), strict=True))),
-        ]
-        parts.append(element("polygon", f"band {kind}", points=points(band)))
-        parts.append(
-            element("polyline", f"level {kind}", points=points(zip(x, map(y, level.level), strict=True)))
-        )
-        changes = "" if level.p_value >= 0.05 else ", varies"
-        parts.append(text(f"{kind.upper()}{changes}", left, 14, f"head {kind}"))
-        parts.append(text(f"{begin:.0f} s", left, bottom + 15, "tick"))
-        parts.append(text(f"{end:.0f} s", left + width, bottom + 15, "tick", "end"))
-    alt = f"{label(name)} over {len(panels)} drives, between {number(low)} and {number(high)}"
+    begin, end = float(level.t[0]), float(level.t[-1])
+    x = LEFT + (right - LEFT) * (level.t - begin) / (end - begin)
+    band = [*zip(x, map(y, level.low), strict=True), *reversed(list(zip(x, map(y, level.high), strict=True)))]
+    parts.append(element("polygon", f"band {kind}", points=points(band)))
+    parts.append(
+        element("polyline", f"level {kind}", points=points(zip(x, map(y, level.level), strict=True)))
+    )
+    varies = "" if level.p_value >= MISS else ", varies"
+    parts.append(text(f"{kind.upper()}{varies}", LEFT, 14, f"head {kind}"))
+    parts.append(text(f"{begin:.0f} s", LEFT, bottom + 15, "tick"))
+    parts.append(text(f"{end:.0f} s", right, bottom + 15, "tick", "end"))
+    alt = f"{label(level.name)} over {kind.upper()}, between {number(low)} and {number(high)}{varies}"
     return svg(parts, WIDTH, HEIGHT, alt)
