@@ -181,7 +181,7 @@ def on_a_terminal(monkeypatch: pytest.MonkeyPatch, **environment: str) -> str:
 
 def test_the_live_view_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     """A terminal gets the live view, in color; with NO_COLOR without colors; a dumb one gets plain lines."""
-    color = r"\x1b\[[0-9;]*3[0-7]"
+    color = r"\x1b\[(?:\d+;)*3[0-7](?:;\d+)*m"
     shown = on_a_terminal(monkeypatch, TERM="xterm")
     assert "REPLAY" in shown
     assert re.search(color, shown)

@@ -17,7 +17,7 @@ from canid.cli.output.progress import REDRAW_HZ
 from canid.controls import MAX_MARK_TEXT, Controls
 from canid.types import Event
 from canid.views.numbers import clock
-from canid.views.terminal_view import ansi
+from canid.views.terminal_view import ansi, sections
 from canid.views.terminal_view.picture import Overlay, render
 from canid.views.terminal_view.spans import Line, Span, cells, cut
 from canid.views.terminal_view.state import HealthLine, Item, View, frozen, update, with_status
@@ -90,7 +90,7 @@ class LiveDisplay:
                 open_terminal.release_messages(self._held)
             for event in self._view.events:
                 if event.what != MESSAGE:
-                    info(f"{clock(event.t)} {event.says}")
+                    info(sections.event_text(event))
 
     # --- drawing ---
 
@@ -174,7 +174,7 @@ class LiveDisplay:
             self._prompt += key
 
     def _mark(self, text: str) -> None:
-        self._notice = f"marked at {clock(self._view.t)}"
+        self._notice = "mark set"
         self._notice_until = time.monotonic() + NOTICE_S
         if self._view.recording is None:
             # a replay has no journal

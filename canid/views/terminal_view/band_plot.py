@@ -52,14 +52,14 @@ def rows(
     """
     low, high = bounds(points)
     levels = 4 * height
-    grid = [[0] * columns for _ in range(height)]
-    bright = [[False] * columns for _ in range(height)]
+    band = [[0] * columns for _ in range(height)]
+    line = [[0] * columns for _ in range(height)]
 
     def level(x: float) -> int:
         """Row of dots from the top."""
         return min(max(round((high - x) / (high - low) * (levels - 1)), 0), levels - 1)
 
-    def dot(column: int, row: int) -> None:
+    def dot(grid: list[list[int]], column: int, row: int) -> None:
         grid[row // 4][column // 2] |= DOTS[column % 2, row % 4]
 
     latest = _by_column(points, start, stop, 2 * columns)
@@ -72,14 +72,13 @@ def rows(
         if math.isfinite(iv.low) and math.isfinite(iv.high):
             for row in range(level(iv.high), level(iv.low) + 1):
                 if (row + column) % 2 == 0:
-                    dot(column, row)
+                    dot(band, column, row)
         # a step is drawn as a line, so that it does not fall apart
         first, last = (at, at) if before is None else (min(at, before), max(at, before))
         for row in range(first, last + 1):
-            dot(column, row)
-            bright[row // 4][column // 2] = True
+            dot(line, column, row)
         before = at
-    return [_joined(grid[k], bright[k], style) for k in range(height)]
+    return [_joined(band[k], line[k], style) for k in range(height)]
 
 
 def _by_column(
@@ -101,13 +100,14 @@ def _by_column(
 GAP_S = 2.0
 
 
-def _joined(row: list[int], bright: list[bool], style: str) -> tuple[Span, ...]:
-    """Characters of the same style in one span."""
+def _joined(band: list[int], line: list[int], style: str) -> tuple[Span, ...]:
+    """Characters of the same style in one span; where the value is, the band is left out."""
     spans: list[Span] = []
     start = 0
-    for at in range(1, len(row) + 1):
-        if at == len(row) or bright[at] != bright[start]:
-            text = "".join(chr(BRAILLE + bits) if bits else " " for bits in row[start:at])
-            spans.append(Span(text, style if bright[start] else "dim"))
+    for at in range(1, len(line) + 1):
+        if at == len(line) or bool(line[at]) != bool(line[start]):
+            of = line if line[start] else band
+            text = "".join(chr(BRAILLE + bits) if bits else " " for bits in of[start:at])
+            spans.append(Span(text, style if line[start] else "dim"))
             start = at
     return tuple(spans)

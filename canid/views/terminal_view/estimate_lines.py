@@ -24,6 +24,8 @@ STYLES = {
 # numbers of two channels below one another
 NAME_COLUMNS, GAIN_COLUMNS = 13, 32
 ALIGNED_FROM_COLUMNS = 76
+# columns below which the head of an estimate keeps to what matters most
+SPACIOUS_FROM_COLUMNS = 50
 
 
 class Numbers(NamedTuple):
@@ -64,7 +66,7 @@ def head(n: Numbers, columns: int) -> list[Line]:
         items.append((Span("headline estimate" if columns >= ALIGNED_FROM_COLUMNS else "headline", "green"),))
     if n.shown.fit_percent == n.shown.fit_percent:
         items.append((Span(f"fit {n.shown.fit_percent:.0f} %", "dim"),))
-    if n.shown.used == n.shown.used:
+    if n.shown.used == n.shown.used and columns >= SPACIOUS_FROM_COLUMNS:
         items.append((Span(f"from {n.shown.used:.0f} s", "dim"),))
     return packed(items, columns)
 

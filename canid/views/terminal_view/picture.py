@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from canid.types import Status
+from canid.types import Estimate, Status
 from canid.views.terminal_view import estimate_lines, headline, help_lines, recorder_bar, sections
 from canid.views.terminal_view.layout import Section, allocated
 from canid.views.terminal_view.spans import Line, Span, fitted, width
@@ -21,9 +21,9 @@ SEPARATOR = Span(" │ ", "dim")
 # headline and the last line are always there. Of what is wrong the first item precedes all that is in order.
 STEPS = (
     ("troubles", 1), ("findings", 1), ("headline", 1), ("measured", 1), ("others", 1), ("progress", 1), ("monitor", 1),
-    ("troubles", 2), ("findings", 2), ("events", 1), ("measured", 2), ("load", 1), ("others", 2), ("headline", 2),
-    ("trend", 1), ("truth", 1), ("in_order", 1), ("trend", 2), ("excitation", 1), ("progress", 2), ("events", 2),
-    ("trend", 3), ("tests", 1), ("trend", 4), ("others", 3), ("events", 3), ("trend", 5), ("trend", 6), ("trend", 7),
+    ("troubles", 2), ("findings", 2), ("events", 1), ("measured", 2), ("load", 1), ("headline", 2), ("trend", 1),
+    ("others", 2), ("truth", 1), ("in_order", 1), ("trend", 2), ("excitation", 1), ("progress", 2), ("events", 2),
+    ("trend", 3), ("tests", 1), ("trend", 4), ("events", 3), ("trend", 5), ("trend", 6), ("trend", 7),
 )  # fmt: skip
 # from top to bottom
 LEFT = ("troubles", "findings", "headline", "progress", "trend")
@@ -179,15 +179,16 @@ def _estimates(view: View, columns: int) -> list[Section]:
             "others",
             (
                 [],
-                [line for other in others for line in _brief(other, view.output, columns)],
+                [line for other in others for line in _brief(other, lead, view.output, columns)],
                 [line for other in others for line in estimate_lines.lines(other, view.output, columns)],
             ),
         ),
     ]
 
 
-def _brief(n: estimate_lines.Numbers, output: str, columns: int) -> list[Line]:
-    """Head and numbers of an estimate, or why there are none now."""
+def _brief(n: estimate_lines.Numbers, lead: Estimate, output: str, columns: int) -> list[Line]:
+    """Head and numbers of an estimate, or why there are none now, unless the headline says the same."""
     if n.now.status is Status.OK:
         return estimate_lines.lines(n, output, columns)
-    return [*estimate_lines.head(n, columns), *estimate_lines.sentence(n.now, columns)]
+    says = [] if n.now.says == lead.says else estimate_lines.sentence(n.now, columns)
+    return [*estimate_lines.head(n, columns), *says]

@@ -15,6 +15,8 @@ ONE_LINE_FROM_COLUMNS = 76
 # columns of the progress bar of a replay
 MIN_BAR_COLUMNS, MAX_BAR_COLUMNS = 8, 24
 
+NAMED = {"waiting": "● REC waiting", "armed": "◌ ARMED", "listening": "○ NOT RECORDING"}
+
 
 def lines(view: View, columns: int) -> list[Line]:
     """One or two lines; they are there at every size."""
@@ -31,10 +33,14 @@ def _recording(view: View, r: Recording, columns: int) -> list[Line]:
         out += packed([(_dropped(r, ""),), (Span(f"{r.written:,} of {r.frames:,} frames written"),)], columns)
         return out
     wrong = r.dropped > 0 or r.lag > MAX_LAG_S
-    base = "reverse bold red" if wrong else "reverse green" if r.path else "reverse yellow"
-    state = {"recording": "● REC", "waiting": "● REC waiting", "listening": "○ NOT RECORDING"}.get(
-        r.state, f"● REC {r.state}" if r.path else f"○ {r.state}"
-    )
+    armed = r.state == "armed"
+    base = "reverse bold red" if wrong else "reverse green" if r.path and not armed else "reverse yellow"
+    if r.state.startswith(
+        "recording"
+    ):  # of a triggered recording with the trigger, which has a line of its own
+        state = "● REC"
+    else:
+        state = NAMED.get(r.state) or (f"● REC {r.state}" if r.path else f"○ {r.state}")
     frames = f"{r.written if r.path else r.frames:,} frames"
     size = f"{r.bytes / 1e6:.1f} MB" if r.path else ""
     lag = f"lag {r.lag:.2f} s" if r.path and math.isfinite(r.lag) else ""
@@ -42,20 +48,28 @@ def _recording(view: View, r: Recording, columns: int) -> list[Line]:
     first.insert(1, Span(f" {frames}  ", base))
     end = f" {clock(r.elapsed)} "
     name = PurePath(r.path).name
-    if columns >= ONE_LINE_FROM_COLUMNS:
-        left = columns - width(tuple(first)) - cells(end) - 2
-        rest = [lag, size] if cells(lag + size + name) + 6 <= left else [lag]
-        left -= sum(cells(text) + 2 for text in rest if text)
-        shown = r.path if cells(r.path) <= left else shortened(name, left)
-        middle = "".join(f"  {text}" for text in (*rest, shown) if text)
+    left = columns - width(tuple(first)) - cells(lag) - 4
+    if columns >= ONE_LINE_FROM_COLUMNS and cells(name) <= left:
+        # the name before the time and the size, the whole path last
+        end = end if cells(name + end) <= left else ""
+        left -= cells(end)
+        size = f"  {size}" if size and cells(name + size) + 2 <= left else ""
+        left -= cells(size)
+        shown = r.path if cells(r.path) <= left else name
+        middle = "".join(f"  {text}" for text in (lag + size, shown) if text)
         line = fitted((*first, Span(middle, base)), columns - cells(end), fill=True)
         return [(*line, Span(end, base))]
-    lag = lag.replace(".00 s", ".0 s")
-    second = f" {shortened(name or 'no file', columns - cells(lag) - 3)}  {lag}"
-    return [
-        fitted(tuple(first), columns, fill=True),
-        fitted((Span(second, base),), columns, fill=True),
+    items: list[Line] = [
+        (Span(state, f"{base} bold"),),
+        (Span(frames, base),),
+        (_dropped(r, base),),
+        (Span(shortened(name or "no file", columns - 2), base),),
+        (Span(lag, base),) if lag else (),
     ]
+    out = packed(items, columns - 2, indent=0)
+    # blanks between items, too, in the style of the bar
+    styled = [tuple(Span(text, style or base) for text, style in line) for line in out]
+    return [fitted((Span(" ", base), *line, Span(" ", base)), columns, fill=True) for line in styled]
 
 
 def _dropped(r: Recording, base: str) -> Span:
@@ -73,12 +87,12 @@ def _replayed(view: View, r: Replayed, columns: int) -> list[Line]:
     first: Line = (Span(state, f"{base} bold"), Span(f" {time}  {speed} ", base))
     log, _, vehicle = view.title.removeprefix("canid replay · ").partition(" · ")
     left = columns - width(first) - 2
-    if columns < ONE_LINE_FROM_COLUMNS:
+    if columns < ONE_LINE_FROM_COLUMNS or cells(log) > left:
         second = (Span(f" {shortened(log, columns - 2)}", base),)
         return [fitted(line, columns, fill=True) for line in (first, second)]
-    bar = max(min(left - cells(log) - 2, MAX_BAR_COLUMNS), MIN_BAR_COLUMNS) if known else 0
+    bar = min(left - cells(log) - 2, MAX_BAR_COLUMNS) if known else 0
+    bar = bar if bar >= MIN_BAR_COLUMNS else 0
     full = round(done * bar)
-    progress = f"{'█' * full}{'░' * (bar - full)}  " if known else ""
-    name = shortened(log, max(left - cells(progress), 0))
-    more = f"  {vehicle}" if vehicle and cells(progress + name + vehicle) + 2 <= left else ""
-    return [fitted((*first, Span(f" {progress}{name}{more}", base)), columns, fill=True)]
+    progress = f"{'█' * full}{'░' * (bar - full)}  " if bar else ""
+    more = f"  {vehicle}" if vehicle and cells(progress + log + vehicle) + 2 <= left else ""
+    return [fitted((*first, Span(f" {progress}{log}{more}", base)), columns, fill=True)]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 from canid.signal_checks.signal_checks import sentence
-from canid.types import BlockStatus, LearnGate, Sample
+from canid.types import BlockStatus, Event, LearnGate, Sample
 from canid.views import estimate_text
 from canid.views.names import readable
 from canid.views.numbers import DASH, UNITS, clock, number
@@ -15,12 +17,14 @@ from canid.views.terminal_view.units import SpeedUnit
 COLUMNS = {"gap": "m", "headway": "s", "range_rate": "m/s", "speed": "m/s", "lateral_offset": "m"}
 # columns of a measured value, right-aligned: 199.9 and -19.9 fit, so that nothing jumps
 VALUE_WIDTH = 5
+# the beginning of a sentence that says when
+_TIMED = re.compile(r"[\d.]+ s: ")
 
 
 def measured(view: View, unit: SpeedUnit, columns: int) -> list[Line]:
     """Lead, own speed, the driver's output, and whether the estimators learn."""
     if view.sample is None:
-        waits = "waiting for the first frames …" if view.estimating else ""
+        waits = "waiting for the first frames" if view.estimating else ""
         return [(Span(waits, "dim"),)] if waits else []
     signals = view.sample.signals
     items: list[Line] = []
@@ -133,7 +137,17 @@ def loads(view: View, columns: int) -> list[Line]:
 def events(view: View, columns: int, last: int) -> list[Line]:
     """The last events, the newest at the bottom."""
     kept = view.events[-last:] if last else ()
-    return [line for event in kept for line in wrapped(f"• {clock(event.t)} {event.says}", "yellow", columns)]
+    return [line for event in kept for line in wrapped(f"• {event_text(event)}", "yellow", columns)]
+
+
+def event_text(event: Event) -> str:
+    """What an event says, with its time where the sentence does not begin with it.
+
+    Example:
+        >>> event_text(Event(62.0, "mark", "mark: overtaking")), event_text(Event(3.0, "x", "2.9 s: another vehicle"))
+        ('1:02.0 mark: overtaking', '2.9 s: another vehicle')
+    """
+    return event.says if _TIMED.match(event.says) else f"{clock(event.t)} {event.says}"
 
 
 def truth(view: View, columns: int) -> list[Line]:

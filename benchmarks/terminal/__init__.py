@@ -1,0 +1,1 @@
+"""Cost of the terminal view, and pictures of it."""
