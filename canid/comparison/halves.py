@@ -15,11 +15,11 @@ def halves(trace: Trace) -> tuple[Trace, Trace]:
         >>> import canid
         >>> drive = canid.read_trace("replay_logs/following_urban.blf", "generic")
         >>> first, second = halves(drive)
-        >>> len(first.t) + len(second.t) == len(drive.t), abs(int(first.learn.sum()) - int(second.learn.sum())) < 2
+        >>> len(first.t) + len(second.t) == len(drive.t), abs(int(usable(first).sum()) - int(usable(second).sum())) < 2
         (True, True)
     """
     used = np.cumsum(usable(trace))
-    middle = int(np.searchsorted(used, 0.5 * used[-1])) if len(used) else 0
+    middle = int(np.searchsorted(used, 0.5 * used[-1])) + 1 if len(used) else 0
     return part(trace, slice(0, middle)), part(trace, slice(middle, None))
 
 
