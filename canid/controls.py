@@ -13,7 +13,7 @@ MAX_MARK_TEXT = 200
 
 
 class Mark(NamedTuple):
-    """A mark at a moment of the drive."""
+    """A mark at a time of the drive."""
 
     text: str  # "": none was given
     at: float  # monotonic clock, s
@@ -57,7 +57,7 @@ class Controls:
         self._stop = True
 
     def mark(self, text: str = "") -> None:
-        """Mark this moment; what exceeds `MAX_WAITING_MARKS` or `MAX_MARK_TEXT` is left out."""
+        """Mark this time; what exceeds `MAX_WAITING_MARKS` or `MAX_MARK_TEXT` is left out."""
         with self._lock:
             if len(self._marks) < MAX_WAITING_MARKS:
                 self._marks.append(Mark(" ".join(text.split())[:MAX_MARK_TEXT], time.monotonic()))

@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,19 +79,22 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Replay]:
     (folder / "car.toml").write_text(renamed, encoding="utf-8")
     words = [str(folder / HOSTILE), "--vehicle", str(folder / "car.toml"), "--stop", str(STOP_S)]
     words += ["--web", "--speed", "max", "--json", str(folder / "out.jsonl")]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "canid", "replay", *words],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-    )
-    assert process.stderr is not None
-    found = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", process.stderr.readline())
-    assert found is not None
-    yield Replay(found[0], folder / "out.jsonl")
+    says = folder / "stderr"
+    with says.open("w") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "canid", "replay", *words],
+            stdout=subprocess.DEVNULL,
+            stderr=file,
+            env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+        )
+    found = None
+    while found is None:
+        assert process.poll() is None
+        time.sleep(0.05)
+        found = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+\n", says.read_text(encoding="utf-8"))
+    yield Replay(found[0].strip(), folder / "out.jsonl")
     process.send_signal(signal.SIGINT)
-    assert process.wait(30) == 0  # after the end of the log it is how the page is closed
+    assert process.wait(60) == 0  # after the end of the log it is how the page is closed
 
 
 class Page(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from canid.web.requests import MAX_MESSAGE_BYTES
 from tests.web.conftest import Page
@@ -21,7 +21,10 @@ WEBSOCKET = {
 def answer(page: Page, path: str, headers: dict[str, str], method: str = "GET") -> tuple[int, dict[str, str]]:
     """Status and headers of the answer to exactly these headers."""
     with socket.create_connection(("127.0.0.1", page.port), timeout=30) as sock:
-        lines = [f"{method} {path} HTTP/1.1", *(f"{name}: {value}" for name, value in headers.items() if value)]
+        lines = [
+            f"{method} {path} HTTP/1.1",
+            *(f"{name}: {value}" for name, value in headers.items() if value),
+        ]
         sock.sendall("\r\n".join([*lines, "", ""]).encode())
         data = b""
         while b"\r\n\r\n" not in data:
@@ -33,6 +36,11 @@ def answer(page: Page, path: str, headers: dict[str, str], method: str = "GET") 
     return int(head[0].split()[1]), {
         line.partition(":")[0].lower(): line.partition(":")[2].strip() for line in head[1:]
     }
+
+
+def until_closed(client: ClientConnection) -> None:
+    while True:
+        client.recv(timeout=30)
 
 
 # what is changed of a good request: name, and a function of the page that gives the value
@@ -124,8 +132,7 @@ def test_what_is_no_request_ends_the_websocket(text: str, served: Page) -> None:
     with connect(f"ws://{here}/live?token={served.token}", origin=f"http://{here}") as client:
         client.send(text)
         with pytest.raises(ConnectionClosed) as closed:
-            while True:
-                client.recv(timeout=30)
+            until_closed(client)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code in (1008, 1009)
     assert answer(served, "/", good(served))[0] == 200

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -34,7 +35,7 @@ def test_eight_hours_are_bounded() -> None:
     assert sizes[1] < 1.5 * sizes[0]
     assert (t[0], t[-1]) == (0.0, 8 * 3600 - 0.1)
     assert t[-1200:] == [k / 10 for k in range(8 * 36000 - 1200, 8 * 36000)]
-    gaps = [b - a for a, b in zip(t[:-1200], t[1:-1199], strict=True)]
+    gaps = [b - a for a, b in pairwise(t[:-1199])]
     assert max(gaps) < 3 * min(gaps[1:-1])
 
 

@@ -256,6 +256,11 @@ function listen() {
   seek.addEventListener("input", () => { seeking = true; drawTime(); });
   seek.addEventListener("change", () => { seeking = false; ask({ do: "seek", t: Number(seek.value) }); });
   document.addEventListener("keydown", keys);
+  // after a click with a pointer the keys are those of the page again: space pauses, and does not press the same button
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (button && event.detail > 0) button.blur();
+  });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   let waiting = 0;
   addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(redraw, 150); });

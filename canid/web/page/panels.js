@@ -117,6 +117,7 @@ export function drawEstimators(store) {
         const text = quoted ? interval(ch[what]) : DASH;
         const cell = what === "K" ? make("td", text) : make("span", `${SYMBOLS[what]} ${text}`, "delay");
         cell.dataset.of = `${e.estimator}.${name}.${what}`;
+        cell.dataset.t = String(e.t);
         if (quoted && known(ch[what].value)) cell.dataset.value = String(ch[what].value);
         if (what === "K") row.append(cell);
         else if (quoted) delays.append(cell);
