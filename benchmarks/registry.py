@@ -29,6 +29,12 @@ BENCHMARKS = (
         "start-up, latency and CPU of the live page, with 20 clients of which one stalls and one floods",
         "websockets",
     ),
+    Benchmark(
+        "terminal",
+        "benchmarks.terminal",
+        "2 min",
+        "cost of the terminal view, and of recording with and without it",
+    ),
     Benchmark("replay", "benchmarks.replay", "1 min", "speed of `canid replay --speed max`, by stage"),
     Benchmark(
         "reading", "benchmarks.reading", "3 min", "reading and decoding logs, against python-can and asammdf"
@@ -37,7 +43,10 @@ BENCHMARKS = (
         "recording", "benchmarks.recording", "2 min", "CPU and losses of `canid record`, against can.logger"
     ),
     Benchmark(
-        "triggers", "benchmarks.triggers", "2 min", "CPU and memory of an armed recording, against a plain one"
+        "triggers",
+        "benchmarks.triggers",
+        "2 min",
+        "CPU and memory of an armed recording, against a plain one",
     ),
     Benchmark(
         "reliability",
