@@ -125,12 +125,12 @@ def legend_px(names: Sequence[str], width: float = PHONE_PX) -> int:
 
     Example:
         >>> legend_px([]), legend_px(["measured"]), legend_px(["measured", "simulated from the inputs alone"])
-        (0, 26, 45)
+        (0, 29, 51)
     """
     if not names:
         return 0
     across = max(int(width // (ENTRY_PX + CHARACTER_PX * max(map(len, names)))), 1)
-    return 7 + 19 * -(-len(names) // across)
+    return 7 + 22 * -(-len(names) // across)
 
 
 def signal(t: Array, y: Array, name: str, color: str, most: int, **more: Any) -> Spec:

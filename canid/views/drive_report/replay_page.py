@@ -10,6 +10,7 @@ import numpy as np
 
 from canid.estimators import step_watch
 from canid.findings import Provenance
+from canid.signal_checks import signal_checks
 from canid.signal_checks.drive_time import Flags, drive_time
 from canid.types import (
     TASK_INPUTS,
@@ -19,6 +20,7 @@ from canid.types import (
     Estimate,
     Event,
     MonitorReport,
+    SignalFinding,
     SignalReport,
 )
 from canid.views import estimate_text, identification_verdict, signal_text
@@ -89,7 +91,7 @@ def page(log: ReplayedLog) -> str:
         is not None
     ]
     signals = _signals(log, t, span)
-    title, says = _verdict(tally, time, log.output)
+    title, says = _verdict(tally, findings, time, log.output)
     return page_parts.render(
         "replay.html.j2",
         [states, *estimates, signals],
@@ -130,11 +132,16 @@ def _tally(record: ReplayRecord) -> EstimateTally:
     return tally
 
 
-def _verdict(tally: EstimateTally, time: DriveTime, output: str) -> tuple[str, str]:
+def _verdict(
+    tally: EstimateTally, findings: Sequence[SignalFinding], time: DriveTime, output: str
+) -> tuple[str, str]:
     """Title and sentences."""
     headline = tally.last_ok.get(tally.headline)
     used = f"{number(time.usable, 's')} of {number(time.total, 's')} were usable."
     if headline is None:
+        wrong = [signal_checks.sentence(one) for one in findings if one.withholds]
+        if wrong:
+            return "Live, nothing could be quoted", f"{wrong[0][0].upper()}{wrong[0][1:]}. {used}"
         why = Counter(e.says for e in tally.last.values()).most_common(1)
         reason = why[0][0] if why else "no sample came"
         return "Live, nothing could be quoted", f"At the end: {reason}. {used}"
