@@ -192,7 +192,7 @@ def _why(label: str, side: Iterable[Quantity | None], usable: Sequence[Quantity]
     if usable:
         return ""
     reasons = dict.fromkeys(q.why for q in side if q is not None and q.why)
-    return f"{label}: {' / '.join(reasons) or 'not there'}"
+    return f"{label}: {' / '.join(reasons) or 'not known'}"
 
 
 def _shown(side: Iterable[Quantity | None]) -> Interval:

@@ -67,10 +67,14 @@ def sentence(of: Comparison) -> str:
     Example:
         >>> nothing = Comparison(Side("A", ()), Side("B", ()), NOT_COMPARABLE, (), (), (), (), 1.96, None)
         >>> sentence(nothing)
-        'nothing is known on both sides; drive longer behind a lead whose speed changes'
+        'no parameter is known on both sides; longer drives with more movement of the inputs are needed'
     """
     if of.verdict == NOT_COMPARABLE:
-        return "nothing is known on both sides; drive longer behind a lead whose speed changes"
+        if any("units differ" in row.why for row in of.rows):
+            return "no parameter is known on both sides in one unit; compare drives with the same output"
+        return (
+            "no parameter is known on both sides; longer drives with more movement of the inputs are needed"
+        )
     compared = [row for row in of.rows if row.compared]
     if of.verdict == DIFFERENT:
         said = [difference(row) for row in of.different]
@@ -80,7 +84,13 @@ def sentence(of: Comparison) -> str:
         f"{label(row.name)} by {_size(row)}" for row in compared if row.name.endswith((" K", "_dead_time"))
     ]
     seen = f"; it would have been seen (8 of 10) in {', '.join(sizes)}" if sizes else ""
-    return f"none of {len(compared)} parameters differs beyond chance{seen}"
+    open_causes = [
+        f"{readable(c.effect)} in {c.found}" for c in of.causes if c.differs is None and c.found != "both"
+    ]
+    undecided = (
+        f"; named on one side and not testable on the other: {', '.join(open_causes)}" if open_causes else ""
+    )
+    return f"none of {len(compared)} parameters differs beyond chance{seen}{undecided}"
 
 
 def difference(row: Row) -> str:

@@ -31,7 +31,7 @@ def page(of: Comparison, provenance: Provenance) -> str:
     Example:
         >>> from canid.comparison.drive import Side
         >>> nothing = Comparison(Side("A", ()), Side("B", ()), "not_comparable", (), (), (), (), 0.0, None)
-        >>> "Nothing is known on both sides" in page(nothing, Provenance())
+        >>> "No parameter is known on both sides" in page(nothing, Provenance())
         True
     """
     templates = environment()
