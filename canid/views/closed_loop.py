@@ -20,24 +20,42 @@ def rms_error(of: Trajectory, simulated: Array) -> float:
 
 def has_extended(of: Trajectory) -> bool:
     """Whether the extended model simulates this trajectory differently from the baseline."""
-    return math.isfinite(of.gain.value)
+    return math.isfinite(of.gain.value) or not np.array_equal(of.before, of.after, equal_nan=True)
+
+
+def gain(of: Trajectory) -> Interval:
+    """Relative reduction of the error's variance; without an interval where there are too few stretches for one.
+
+    Example:
+        >>> zero, one, two = np.zeros(4), np.ones(4), np.full(4, 2.0)
+        >>> gain(Trajectory("gap", zero, one, two, Interval()))
+        Interval(value=-3.0, low=nan, high=nan)
+    """
+    if math.isfinite(of.gain.value) or not has_extended(of):
+        return of.gain
+    before, after = rms_error(of, of.before), rms_error(of, of.after)
+    return Interval(1 - (after / before) ** 2) if before > 0 else Interval()
 
 
 def worse(of: Trajectory) -> bool:
     """Whether the extended model's error is larger than the baseline's."""
-    return has_extended(of) and of.gain.value < 0
+    return gain(of).value < 0
 
 
-def change(gain: Interval) -> str:
+def change(of: Trajectory) -> str:
     """Change of the error's variance, with its sign and 95 % interval.
 
     Example:
-        >>> change(Interval(-0.47, -0.92, -0.06)), change(Interval(0.3, 0.1, 0.4))
-        ('+47 [+6, +92] %', '-30 [-40, -10] %')
+        >>> zero, one, two = np.zeros(4), np.ones(4), np.full(4, 2.0)
+        >>> change(Trajectory("gap", zero, one, two, Interval(-3.0, -4.0, -2.0)))
+        '+300 [+200, +400] %'
+        >>> change(Trajectory("gap", zero, one, two, Interval()))
+        '+300 % (too few stretches for an interval)'
     """
-    value, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
+    known = gain(of)
+    value, low, high = -100 * known.value, -100 * known.high, -100 * known.low
     if not (math.isfinite(low) and math.isfinite(high)):
-        return f"{value:+.0f} %"
+        return f"{value:+.0f} % (too few stretches for an interval)"
     return f"{value:+.0f} [{low:+.0f}, {high:+.0f}] %"
 
 
@@ -67,8 +85,8 @@ def warning(report: Report) -> str:
     lost = [of for of in report.closed_loop if worse(of)]
     if not lost:
         return ""
-    parts = [f"{errors(of)}, error variance {change(of.gain)}" for of in lost]
-    sure = any(of.gain.high < 0 for of in lost)
+    parts = [f"{errors(of)}, error variance {change(of)}" for of in lost]
+    sure = any(of.gain.high < 0 or math.isnan(of.gain.high) for of in lost)
     return (
         f"In closed loop the extended model is worse: error of the {'; of the '.join(parts)}"
         f"{'' if sure else ', which may be chance: the 95 % interval holds 0'}."

@@ -182,7 +182,7 @@ def _closed_loop(of: Trajectory) -> str:
     if not closed_loop.has_extended(of):
         return line
     lost = ": worse with the extended model" * closed_loop.worse(of)
-    return f"{line}, gain {percent(of.gain)} on held-out data{lost}"
+    return f"{line}, error variance {closed_loop.change(of)} on held-out data{lost}"
 
 
 def _rivals(report: Report) -> list[str]:

@@ -394,6 +394,9 @@ def test_a_closed_loop_that_gets_worse_stands_in_the_verdict(named: Report) -> N
     gap, speed = report.closed_loop
     unsure = report._replace(closed_loop=(gap._replace(gain=Interval(-0.1, -0.4, 0.2)), speed))
     assert "may be chance" in diagnosis_text.text(unsure, "a.blf", "car")[0]
+    # too few stretches for an interval: worse all the same
+    few = report._replace(closed_loop=(gap._replace(gain=Interval()), speed))
+    assert "+300 % (too few stretches for an interval)" in diagnosis_text.text(few, "a.blf", "car")[0]
     assert diagnosis_json.to_json(named, "a.blf", "car")["remarks"] == []
     assert "is worse" not in page(named)
 

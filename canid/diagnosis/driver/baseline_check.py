@@ -67,11 +67,14 @@ def refusal(
         car: the fitted car behind a pedal; None: not known.
         usual: does so poor a fit come from the driver's own noise in the loop? Asked only where it is poor.
     """
-    at = _bounds(solved)
+    unit = "%" if data.pedal else "m/s²"
+    at = _bounds(solved, unit)
     if at:
         return f"{at} at the bound of what is searched: check units and signs of the signals (canid check)"
     channels = driver_intervals.channels(solved, data.output.dt)
-    why = _wrong_sign(channels) or _bounded_delay(solved, channels) or _loop(data, solved, channels, car)
+    why = (
+        _wrong_sign(channels, unit) or _bounded_delay(solved, channels) or _loop(data, solved, channels, car)
+    )
     if why:
         return why
     fit = fit_percent(data, solved)
@@ -87,19 +90,22 @@ def _near(solved: FittedDriver, k: int, limit: float) -> bool:
     return abs(float(solved.q[k]) - limit) < BOUND_RANGE_SHARE * (HIGH[k] - LOW[k])
 
 
-def _bounds(solved: FittedDriver) -> str:
-    """Offset or gain at an end of its box."""
+def _bounds(solved: FittedDriver, unit: str) -> str:
+    """Offset or gain at an end of its box; `unit`: of the output."""
+    units = {OFFSET: unit, K1: f"{unit} per s", K2: f"{unit} per m/s"}
     at = [k for k in (OFFSET, K1, K2) if any(_near(solved, k, limit) for limit in (LOW[k], HIGH[k]))]
-    return ", ".join(f"{BASE[k]} is {solved.q[k]:.3g}" for k in at)
+    return ", ".join(f"{BASE[k]} is {solved.q[k]:.3g} {units[k]}" for k in at)
 
 
-def _wrong_sign(channels: Mapping[str, Channel]) -> str:
+def _wrong_sign(channels: Mapping[str, Channel], unit: str) -> str:
+    per = {"headway_error": "s", "range_rate": "m/s"}
     for name, channel in channels.items():
         if channel.K.high < 0.0:
             return (
                 f"the gain of {name.replace('_', ' ')} is negative, {channel.K.value:.3g} "
-                f"[{channel.K.low:.3g}, {channel.K.high:.3g}]: nobody follows like that. What would help: check the signs "
-                "of the signals (canid check), or a drive in which the lead changes its speed at several headways"
+                f"[{channel.K.low:.3g}, {channel.K.high:.3g}] {unit} per {per[name]}: nobody follows like that. "
+                "What would help: check the signs of the signals (canid check), or a drive in which the lead changes its "
+                "speed at several headways"
             )
     return ""
 

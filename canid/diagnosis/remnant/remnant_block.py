@@ -132,7 +132,7 @@ def described(kept: tuple[Effect, ...], intervals: dict[str, dict[str, Interval]
         if effect.remnant.heavy_tailed:
             tail = f"Student's t with {_range(values.pop(0))} degrees of freedom"
         pairs = zip(effect.remnant.scale, values, strict=True)
-        follows += [f"{FEATURE_NAMES[feature]} ({_range(iv)})" for feature, iv in pairs]
+        follows += [f"{FEATURE_NAMES[feature]} (log sd {_range(iv)} per sd)" for feature, iv in pairs]
     scale = f", scale follows {' and '.join(follows)}" if follows else ""
     return f"{tail}{scale}; {gained_by(gained)}."
 

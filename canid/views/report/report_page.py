@@ -10,7 +10,7 @@ from markupsafe import Markup
 from canid.findings import Report, Verdict, extends
 from canid.identified_model import equation
 from canid.views import search_bounds, signal_text
-from canid.views.closed_loop import change, errors, worse
+from canid.views.closed_loop import change, errors, has_extended, worse
 from canid.views.diagnosis_parts import (
     advice,
     block_says,
@@ -115,6 +115,7 @@ def page(report: Report) -> str:
             change=change,
             errors=errors,
             worse=worse,
+            loop_extended=any(map(has_extended, report.closed_loop)),
             finding_parameters=finding_parameters,
             block_says=lambda block: block_says(block, report),
             finding_says=lambda finding: search_bounds.without_intervals(finding.says, report),

@@ -92,7 +92,7 @@ def _caption(report: Report) -> str:
             f" {readable(of.role).capitalize()}: error {number(rms(of.before - of.measured), unit)} rms"
         )
         if has_extended(of):
-            caption += f" → {number(rms(of.after - of.measured), unit)} rms, error variance {change(of.gain)}"
+            caption += f" → {number(rms(of.after - of.measured), unit)} rms, error variance {change(of)}"
             caption += " on held-out data"
             caption += ": worse with the extended model" * worse(of)
         caption += "."

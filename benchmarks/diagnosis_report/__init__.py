@@ -1,0 +1,1 @@
+"""Pictures of the report of a diagnosis for the documentation."""
