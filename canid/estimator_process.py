@@ -257,9 +257,11 @@ class Estimating:
             try:
                 kind, payload = pickle.load(stream)
                 if kind == "out":
-                    done, outputs, self.counters, self.missing, *truth = payload
-                    self._pass_truth(max(min(done, self._sent - self._done), 0), truth[0] if truth else None)
+                    done, outputs, counters, missing, *truth = payload
+                    runs, answered = _runs(truth), max(min(done, self._sent - self._done), 0)
+                    self.counters, self.missing = dict(counters), list(missing)
                     self._done += done
+                    self._pass_truth(answered, runs)
                     for t, item in outputs:
                         self._on_output(t, item)
                 elif kind == "state":
@@ -326,6 +328,13 @@ class Estimating:
                 self._why = f"no answer for {silent:.0f} s"
                 child.kill()
                 return
+
+
+def _runs(truth: Sequence[Any]) -> list[Run] | None:
+    """The runs in a child's answer; None: it evaluates nothing."""
+    if not truth or truth[0] is None:
+        return None
+    return [(int(start), int(stop), str(says)) for start, stop, says in truth[0]]
 
 
 def _bound(pid: int) -> None:

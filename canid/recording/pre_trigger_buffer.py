@@ -18,7 +18,7 @@ from typing import NamedTuple
 from canid.types import Frame
 
 # frames in the buffer: 60 s before the trigger and 30 s without an evaluation at 8,000 frames/s, a full 1 Mbit/s bus;
-# some 190 MB (250 bytes a frame, 310 with the 64 data bytes of CAN FD)
+# some 200 MB (280 bytes a frame, 340 with the 64 data bytes of CAN FD)
 MAX_BUFFERED_FRAMES = 720_000
 # s that frames stay longer than `pre`, for a mark that is taken up late
 MARK_MARGIN_S = 2.0

@@ -101,10 +101,13 @@ class TriggerGate:
     def answered(self, n: int, runs: Iterable[tuple[int, int, str]] | None) -> None:
         """The next `n` frames are evaluated: runs of rows that are true, and why. None: they never will be."""
         with self._lock:
-            if runs is None:
-                self._buffer.unanswered(n)
-            else:
-                self._buffer.answered(n, runs)
+            try:
+                if runs is None:
+                    self._buffer.unanswered(n)
+                else:
+                    self._buffer.answered(n, runs)
+            except ValueError:  # an answer for frames that have not come: which were meant is unknown
+                self._buffer.give_up()
             self._pass_on()
 
     def give_up(self) -> None:
@@ -203,7 +206,7 @@ def _begin_text(window: Window) -> str:
 
 
 def _end_text(window: Window) -> str:
-    length = window.end - window.at
+    length = window.last - window.t
     return f"end of the window of {window.t:.3f} s ({window.says}), {length:.3f} s after the trigger{_missing_text(window)}"
 
 

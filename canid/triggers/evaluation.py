@@ -7,6 +7,7 @@ the frame on that completed the sample, which is up to 2.4 s after its time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -87,13 +88,16 @@ class Watch:
         self.names = names
         init, self._step = evaluator(names)
         self._state = init()
+        self._unknown = sorted(names.sampled)  # not measured so far
 
     def step(self, chunk: Columns, outputs: Outputs) -> tuple[list[tuple[int, int, str]], list[str]]:
         """Runs of rows for which a condition is true; and which of its signals never came, a sentence each."""
         self._state, runs = self._step(self._state, chunk, outputs)
-        return [(run.start, run.stop, run.says) for run in runs], missing(
-            self.names.vehicle, self._state.decoding
-        )
+        held = self._state.held
+        self._unknown = [name for name in self._unknown if math.isnan(held[name].value)]
+        never = missing(self.names.vehicle, self._state.decoding)
+        never += [f"{name}, which a trigger needs, has had no value so far" for name in self._unknown]
+        return [(run.start, run.stop, run.says) for run in runs], never
 
 
 def watch(trigger: Trigger, vehicle: Vehicle) -> Watch:

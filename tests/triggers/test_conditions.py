@@ -14,7 +14,7 @@ from canid.errors import ConfigError
 from canid.frame_columns import columns_of
 from canid.triggers import trigger
 from canid.triggers.conditions import MAX_LENGTH, parse
-from canid.triggers.evaluation import Run, evaluator
+from canid.triggers.evaluation import Run, Watch, evaluator
 from canid.triggers.resolution import Names, resolve
 from canid.triggers.trigger import Trigger, checked
 from canid.types import Event, Frame, MonitorReport
@@ -214,3 +214,11 @@ def test_the_condition_that_is_true_is_named() -> None:
     """Of several conditions the run names the one that began it."""
     init, step = evaluator(names("clutch", "brake > 0"))
     assert step(init(), columns_of(state_frames(0.2, {3})), ())[1] == [Run(9, 12, "brake > 0")]
+
+
+def test_a_signal_that_never_comes_is_named() -> None:
+    """Of a message that is not on the bus, and of a role that is made of others: a sentence each."""
+    watching = Watch(names("CHASSIS_DATA.YawRate > 1 and headway < 2"))
+    _, never = watching.step(columns_of(state_frames(0.5, set())), ())
+    assert never[0].startswith("CHASSIS_DATA.YawRate: message CHASSIS_DATA (0x150) never seen")
+    assert never[1] == "headway, which a trigger needs, has had no value so far"
