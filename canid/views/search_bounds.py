@@ -158,7 +158,7 @@ def of_model(driver: Mapping[str, float], form: str) -> dict[str, AtBound]:
     """Of the final model's parameters that a fit moved."""
     moved = {"gap": ("headway_desired",), "free_speed": tuple(FORM)}.get(form, ())
     units = {"tau1": "s", "tau2": "s", "dead_time1": "s", "dead_time2": "s"} | FORM
-    found = {}
+    found: dict[str, AtBound] = {}
     for k, name in enumerate(DRIVER):
         if name in driver and (name in moved or name not in FORM) and name != "offset":
             at = at_bound(driver[name], driver_model.LOW[k], driver_model.HIGH[k], units.get(name, ""))
