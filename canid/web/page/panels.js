@@ -5,6 +5,7 @@ const SYMBOLS = { K: "K", tau: "τ", dead_time: "θ", tau_plus_dead_time: "τ+θ
 const NOTHING = { value: null, low: null, high: null };
 // roles of the panel "Now": unit, and decimals
 const SIGNALS = [["gap", "m", 1], ["headway", "s", 1], ["range_rate", "speed", 1], ["speed", "speed", 1], ["lateral_offset", "m", 2]];
+const OF_LEAD = new Set(["gap", "headway", "range_rate"]);
 // decimals of an output with this unit
 const OUTPUT_DECIMALS = { "m/s²": 2 };
 
@@ -150,7 +151,8 @@ function figure(name, text, unit, wrong = false) {
 export function drawNow(store, units) {
   const s = store.sample;
   if (s) {
-    const shown = SIGNALS.filter(([role]) => role in s.signals).map(([role, unit, places]) => {
+    const lane = "lateral_offset" in s.inputs;
+    const shown = SIGNALS.filter(([role]) => role in s.signals && !(lane && OF_LEAD.has(role))).map(([role, unit, places]) => {
       const speed = unit === "speed";
       const x = s.signals[role];
       return figure(readable(role), known(x) ? fixed(speed ? x * units.factor : x, places) : DASH, speed ? units.name : unit);

@@ -110,7 +110,9 @@ export function drawLead(store, speedFactor, speedUnit) {
   const { last, rows } = windowed(store);
   const t = rows.map((row) => row.t - last);
   const of = (role, factor = 1) => rows.map((row) => (known(row.signals[role]) ? row.signals[role] * factor : null));
-  const has = (role) => rows.some((row) => role in row.signals);
+  // of the lane, or of the vehicle ahead
+  const lane = rows.some((row) => "lateral_offset" in row.inputs);
+  const has = (role) => !lane && rows.some((row) => role in row.signals);
   const xaxis = { range: [-WINDOW_S, 0], ticksuffix: " s" };
   const margin = { l: 40, r: 10, t: 22, b: 30 };
   if (has("gap")) draw("plot-lead", [line(t, of("gap"), colors.measured, "gap")], "gap, m", { xaxis, margin });
