@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.reliability import needs
 from canid.cli.output import open_terminal
 from canid.cli.output.detached_writer import DetachedWriter
 from canid.cli.output.keys import Keyboard
@@ -24,6 +23,7 @@ from canid.logs import open_log
 from canid.types import Event
 from canid.views.terminal_view.spans import cells
 from canid.views.terminal_view.state import View
+from tests.bus.conftest import NEEDS, has_netns
 from tests.fixtures import terminal
 from tests.fixtures.readers import by_canid
 from tests.fixtures.terminal import ROOT, Terminal
@@ -55,9 +55,8 @@ def opened(tmp_path: Path) -> Iterator[Opened]:
 
 @pytest.fixture
 def between_processes() -> None:
-    why = needs.loopback_alone()
-    if why:
-        (pytest.fail if "netns" in os.environ.get("CANID_BUSES", "").split() else pytest.skip)(why)
+    if not has_netns():
+        (pytest.fail if "netns" in os.environ.get("CANID_BUSES", "").split() else pytest.skip)(NEEDS["netns"])
 
 
 def fits(screen: str, columns: int, rows: int) -> bool:
