@@ -174,7 +174,7 @@ def test_a_child_that_is_killed_costs_no_frame_of_a_window(tmp_path: Path) -> No
 
 @pytest.mark.usefixtures("between_processes")
 def test_a_kill_inside_a_window_keeps_the_pre_trigger_part(tmp_path: Path) -> None:
-    """kill -9 of the recorder, a little after a trigger: from `PRE_S` before it on, all but the last tenths of a second is there."""
+    """kill -9 of the recorder after a trigger: from `PRE_S` before it on, all but the last tenths of a second is there."""
     triggered = Recording(tmp_path / "x.blf", *WORDS[:-1], 60, talk=tmp_path)
     drive = Drive()
     until(lambda: drive.sent > 500)
