@@ -126,8 +126,9 @@ def test_a_driver_whose_law_never_changes_has_not_changed(law: str) -> None:
     pytest.fail(f"named: {instead}")
 
 
-# of DRAWS drives; the form is found in 117 of 120 (IDM, OVRV), so that three misses of five are chance once in 10,000 runs
-DRAWS, FOUND = 5, 3
+# The form is found in 117 of 120 drives (IDM, OVRV): a miss among the first two and three among five are chance less than
+# once in 10,000 runs
+FIRST_DRAWS, DRAWS, FOUND = 2, 5, 3
 
 
 @pytest.mark.parametrize(("law", "form"), [("ovrv", Form.GAP), ("idm", Form.FREE_SPEED)])
@@ -155,6 +156,8 @@ def test_the_form_of_the_baseline_is_the_drivers(law: str, form: Form) -> None:
             wanted = (stated["s0"].value + stated["T"].value * v) / np.sqrt(1 - (v / v0) ** 4)
             true = (follower.s0 + follower.T * v) / np.sqrt(1 - (v / truth) ** 4)
             assert wanted == pytest.approx(true, rel=0.2)
+        if found == FIRST_DRAWS and not misses:
+            return
     assert found >= FOUND, misses
 
 

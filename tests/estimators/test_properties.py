@@ -86,7 +86,7 @@ def stream(K, tau, dead_time, kind, decibel, gaps, seed):
 
 @pytest.mark.parametrize("method", ESTIMATORS, ids=lambda method: method.name)
 @settings(
-    max_examples=15,
+    max_examples=8,
     deadline=None,
     derandomize=True,
     suppress_health_check=list(HealthCheck),

@@ -29,6 +29,8 @@ NEIGHBOUR_BINS, GUARD_BINS = 25, 2
 MIN_PART_S, MIN_PART_CYCLES, MIN_PARTS = 40.0, 5, 5
 # a random walk's straight line: its slope has 6/5 of the variance of the way from end to end
 SLOPE_VARIANCE_RATIO = 1.2
+# rad; with larger steps from part to part the line of ten minutes is broader than the spectrum resolves, and is no line
+MAX_STEP_RAD = 0.5
 # of the evidence needed, that a bin or a rhythm must have before anything is fitted: the fit explains more than the
 # direction that screens it
 SCREEN_SHARE = 0.6
@@ -115,9 +117,6 @@ def with_phase_drift(
 ) -> dict[str, Interval]:
     """Widen the intervals of a line by the drift of its phase.
 
-    The steps of the phase from part to part are those of a random walk plus the difference of two errors; the errors
-    are correlated at one step, the walk's steps are not.
-
     Args:
         data: what was fitted.
         solved: the fit.
@@ -137,11 +136,10 @@ def with_phase_drift(
     swing = 2 * turned / np.maximum(rows[: parts * size].reshape(parts, size).sum(axis=1), 1)
     ahead = swing[1:] * swing[:-1].conj()
     mean = complex(ahead.mean())
-    steps = np.angle(ahead * np.conj(mean))
-    walk = max(float(np.mean(steps**2) + 2 * np.mean(steps[1:] * steps[:-1])), 0.0)
+    likeliest, walk = walk_variance(np.angle(ahead * np.conj(mean)))
     off = SIGMAS * float(np.sqrt(SLOPE_VARIANCE_RATIO * walk / parts)) / (2 * np.pi * size * dt)
     # a drifting swing cancels in part over the whole drive, and less within a part
-    lost = max(float(np.sqrt(abs(mean))) - amplitude, 0.0) if walk > 0.0 else 0.0
+    lost = max(float(np.sqrt(abs(mean))) - amplitude, 0.0) if likeliest > 0.0 else 0.0
     f, a = narrow["frequency"], narrow["amplitude"]
     half = float(np.hypot(f.high - f.value, off)), float(np.hypot(f.value - f.low, off))
     return {
@@ -149,3 +147,36 @@ def with_phase_drift(
         "frequency": Interval(f.value, f.value - half[1], f.value + half[0]),
         "amplitude": Interval(a.value + lost, a.low, a.high + lost),
     }
+
+
+def walk_variance(steps: Array) -> tuple[float, float]:
+    """Variance of the steps of a random walk that is seen with errors: likeliest one, and posterior mean.
+
+    The steps seen have the covariance w I + s T: w of the walk, s of the errors, T the second difference with 2 on its
+    diagonal and -1 next to it. Their mean is unknown. Over a dozen parts a small walk is mostly hidden by the errors; the
+    likeliest w is then 0 about every second time, and an interval that takes it as known is too narrow. So w is averaged
+    over its posterior, with a flat prior of its root.
+
+    Args:
+        steps: (n,) rad, the walk's value in one part less that in the part before.
+
+    Example:
+        >>> rng = np.random.default_rng(5)
+        >>> seen = rng.normal(0.0, 0.3, 400).cumsum() + rng.normal(0.0, 0.1, 400)
+        >>> [round(float(x), 2) for x in walk_variance(np.diff(seen))]
+        [0.1, 0.1]
+    """
+    n = steps.size
+    order = np.arange(1, n + 1)
+    basis = np.sqrt(2 / (n + 1)) * np.sin(np.pi * np.outer(order, order) / (n + 1))
+    walks, errors = np.meshgrid(
+        np.linspace(0.0, MAX_STEP_RAD, 51) ** 2, np.geomspace(1e-3, 1.0, 31), indexing="ij"
+    )
+    variance = walks[..., None] + errors[..., None] * (2 - 2 * np.cos(np.pi * order / (n + 1)))
+    seen, one = basis @ steps, basis.sum(axis=1)
+    known = (one**2 / variance).sum(axis=-1)
+    mean = (one * seen / variance).sum(axis=-1) / known
+    spread = ((seen - mean[..., None] * one) ** 2 / variance).sum(axis=-1)
+    log_likelihood = -0.5 * (np.log(variance).sum(axis=-1) + np.log(known) + spread)
+    weight = np.exp(log_likelihood - log_likelihood.max()).sum(axis=1)
+    return float(walks[np.argmax(weight), 0]), float(weight @ walks[:, 0] / weight.sum())
