@@ -35,6 +35,13 @@ BENCHMARKS = (
         "2 min",
         "cost of the terminal view, and of recording with and without it",
     ),
+    Benchmark(
+        "diagnosis_report",
+        "benchmarks.diagnosis_report.screenshots",
+        "1 min",
+        "no figures: the pictures of the diagnosis report in docs/images",
+        "playwright",
+    ),
     Benchmark("replay", "benchmarks.replay", "1 min", "speed of `canid replay --speed max`, by stage"),
     Benchmark(
         "reading", "benchmarks.reading", "3 min", "reading and decoding logs, against python-can and asammdf"
