@@ -96,6 +96,23 @@ def check_numbers(opened: Opened, lines: list[dict[str, Any]]) -> None:
         ]
         assert f"{cell['text']} {cell['limits']}" == numbers.interval(iv(of[what]))
     assert shown > 0
+    # delays that may not be quoted are there for what they are worth
+    names = {"tau": "τ", "dead_time": "θ", "tau_plus_dead_time": "τ+θ"}
+    small = {
+        one["name"]: one["text"]
+        for one in opened.evaluate(
+            "[...document.querySelectorAll('[data-tentative]')].map(p => ({name: p.dataset.tentative, text: p.textContent}))"
+        )
+    }
+    for channel, of in line["channels"].items():
+        for what, symbol in names.items():
+            if (
+                of["K"]["value"] is not None
+                and of["status"] != "not_identifiable"
+                and of[what]["value"] is not None
+            ):
+                stated = f"{symbol} {numbers.interval(iv(of[what]))} s"
+                assert (stated in small.get(channel, "")) == (what not in QUOTED[of["status"]])
     of_line = {(one["estimator"], one["t"]): one["channels"] for one in lines if "estimator" in one}
     for cell in opened.evaluate(TABLE):
         name, channel, what = cell["of"].split(".")

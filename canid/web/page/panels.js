@@ -64,9 +64,20 @@ export function drawHeadline(store) {
       three.append(parameter("tau", tau, "s", name, quoted === "ok" ? "" : "none"), parameter("dead_time", dead, "s", name, quoted === "ok" ? "" : "none"));
     }
     box.append(make("h3", `answer to ${readable(name)}`), three);
+    if (K !== NOTHING) box.append(...tentative(ch, quoted, name));
     return box;
   }));
   drawProgress(shown);
+}
+
+// what the data know of the delays that may not be quoted: median and 95 % interval, in small letters
+function tentative(ch, quoted, name) {
+  const which = { ok: [], sum_only: ["tau", "dead_time"], gain_only: ["tau_plus_dead_time", "tau", "dead_time"] }[quoted] || [];
+  const parts = which.filter((what) => known(ch[what].value)).map((what) => `${SYMBOLS[what]} ${interval(ch[what])} s`);
+  if (!parts.length) return [];
+  const line = make("p", `${parts.join(", ")}: not to be quoted yet`, "tentative");
+  line.dataset.tentative = name;
+  return [line];
 }
 
 // how near each channel is to what may be quoted next
