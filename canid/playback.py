@@ -181,7 +181,7 @@ class Duration:
 
     def _read(self, path: Path, stop: float) -> None:
         latest = 0.0
-        with suppress(CanidError):
+        with suppress(CanidError, OSError):
             for chunk in open_log(path).columns():
                 if self._closed:
                     return

@@ -174,10 +174,14 @@ def session(
             _note(recorder, result)
             yield result
         lost = not recorder.alive()
+        for mark in controls.take_marks() if controls else ():
+            recorder.mark(mark)  # made just before the end was asked for
         stopping.start()
         while stopping.is_alive():
             stopping.join(REPORT_INTERVAL_S)
             yield report(lost=lost, stopping=True)
+        if gate is not None:
+            finish = max(finish - gate.waited, 0.0)  # the same process was waited for already
         if estimating is not None:
             closing = threading.Thread(target=estimating.close, args=(finish,), name="canid-finish")
             closing.start()

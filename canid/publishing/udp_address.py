@@ -58,6 +58,7 @@ def refused(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> str:
     >>> refused(ipaddress.ip_address("255.255.255.255"))
     '255.255.255.255 is the broadcast address; name one machine'
     """
+    address = getattr(address, "ipv4_mapped", None) or address  # ::ffff:224.0.0.1
     if address.is_multicast:
         return f"{address} is a multicast address; name one machine"
     if address == ipaddress.ip_address("255.255.255.255"):

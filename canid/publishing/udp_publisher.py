@@ -95,8 +95,8 @@ class UdpPublisher:
             with socket.socket(family, socket.SOCK_DGRAM) as out:
                 out.setblocking(False)
                 self._send_all(out, address)
-        except OSError as error:
-            why = error.strerror or error
+        except (OSError, UnicodeError) as error:  # the latter: a name that cannot be one
+            why = (error.strerror if isinstance(error, OSError) else None) or error
             self._report(f"--publish {self._destination.url}: {why}; nothing is published")
 
     def _send_all(self, out: socket.socket, address: Any) -> None:
@@ -106,8 +106,15 @@ class UdpPublisher:
                 if not self._queue:
                     return
                 t, start_ns, item = self._queue.popleft()
-            values = item if isinstance(item, dict) else datagrams.values_of(item)
-            for data in datagrams.datagrams(start_ns * 1e-9 + t, t, values):
+            try:
+                values = item if isinstance(item, dict) else datagrams.values_of(item)
+                encoded = datagrams.datagrams(start_ns * 1e-9 + t, t, values)
+            except (
+                Exception
+            ) as error:  # of any kind, such as a time that is no number: the others are published
+                self._failed(error)
+                continue
+            for data in encoded:
                 self._send(out, address, data)
 
     def _send(self, out: socket.socket, address: Any, data: bytes) -> None:
@@ -115,10 +122,12 @@ class UdpPublisher:
             out.sendto(data, address)
             self.sent += 1
         except OSError as error:
-            self.failed += 1
-            if self.failed == 1:
-                why = error.strerror or error
-                self._report(f"--publish {self._destination.url}: a datagram was not sent ({why})")
+            self._failed(error.strerror or error)
+
+    def _failed(self, why: object) -> None:
+        self.failed += 1
+        if self.failed == 1:
+            self._report(f"--publish {self._destination.url}: a datagram was not sent ({why})")
 
 
 def _numbers(values: dict[str, Any]) -> dict[str, Any]:

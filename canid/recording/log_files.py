@@ -18,7 +18,7 @@ from canid.logs.log_writer import Writer
 from canid.recording.disk_sync import DiskSync
 from canid.recording.log_folders import LogFolders
 from canid.recording.lost_files import LostFiles
-from canid.recording.rotation import Rotation, is_full
+from canid.recording.rotation import MAX_NOTE_TEXT, Rotation, has_room, is_full
 from canid.recording.thread_join import join
 from canid.types import Event, Frame
 
@@ -61,6 +61,7 @@ class LogFiles:
         self._zero: int | None = None  # ns, session time of the file's first frame; None: it has none yet
         self._refused_frames = 0  # that the format cannot hold
         self._notes: deque[Event] = deque()
+        self._no_room = False  # for the next note: the next frame begins a new file
         self._unsaved: list[Frame] = []  # appended since the last checkpoint, in session time
         self._lock = threading.Lock()
         self._lost_files = LostFiles(self)
@@ -130,10 +131,19 @@ class LogFiles:
                     f" ({self._refused_frames:,} so far)",
                 )
 
-    def write_notes(self) -> None:
-        """Write the events that wait, where the file has a frame already."""
+    def write_notes(self, *, last: bool = False) -> None:
+        """Write the events that wait, where the file has a frame already.
+
+        One that would make a file larger than its limit waits for the next file; not the `last` ones, which are never lost.
+        """
         while self._notes and self._zero is not None and self.writer is not None:
-            event = self._notes.popleft()
+            event = self._notes[0]
+            if self._rotation.size:
+                event = event._replace(says=event.says[:MAX_NOTE_TEXT])
+            self._no_room = not last and not has_room(self.writer, self._rotation, event)
+            if self._no_room:
+                return
+            self._notes.popleft()
             try:
                 self.writer.note(event._replace(t=max(event.t - self._zero * 1e-9, 0.0)))
             except ChangedError as error:
@@ -213,6 +223,8 @@ class LogFiles:
             return True
         if not self.folders.rotates or not self.writer.frames:
             return False
+        if self._no_room:
+            return True
         return ns - self._zero >= self._rotation.time * 1e9 or is_full(self.writer, self._rotation)
 
     def _begin_next_file(self, ns: int) -> None:
@@ -236,6 +248,7 @@ class LogFiles:
         self._unsaved.clear()
         self.path, self.count, self.bytes = writer.path, self.count + 1, writer.bytes
         self._zero = None
+        self._no_room = False
         self._sync.watch(writer)
         self._sync.finish(before)
 

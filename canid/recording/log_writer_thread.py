@@ -138,7 +138,7 @@ class LogWriterThread:
                 self.files.checkpoint()
             except Exception as error:  # of any kind: a recording must never end in silence
                 self.files.fail(f"{type(error).__name__}: {error}")
-        self.files.write_notes()
+        self.files.write_notes(last=True)
 
     def _write_queue(self, due: float) -> float:
         """Append what waits now, with checkpoints where that takes long; returns when the last one was due."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from canid.errors import ConfigError
 from canid.logs.log_writer import Writer
+from canid.types import Event
 
 # bytes; a BLF's header and its first container must fit, and more
 MIN_FILE_BYTES = 10_000
@@ -14,8 +15,12 @@ MIN_FILE_BYTES = 10_000
 MIN_FILE_TIME_S = 1.0
 # A file is full at this share of its size: beyond it, finding out what compression saves costs a container each time.
 _FULL_SHARE = 0.95
-# bytes that a container's own header, padding and a text log's last line add to what waits
-_MARGIN_BYTES = 128
+# bytes that a container's own header, padding, the longest line of a text log (330: CAN FD in .asc) and its last one add
+_MARGIN_BYTES = 512
+# bytes of a note, apart from its text
+_NOTE_BYTES = 160
+# characters of a note's text in a file of limited size; the journal has it whole
+MAX_NOTE_TEXT = 1000
 
 
 class Rotation(NamedTuple):
@@ -49,6 +54,12 @@ def checked(rotation: Rotation) -> Rotation | None:
             "a ring deletes whole files: give --file-size or --file-time, at which a new one begins"
         )
     return None
+
+
+def has_room(writer: Writer, rotation: Rotation, event: Event) -> bool:
+    """Whether an event fits into the file without making it larger than its limit."""
+    size = len(event.says.encode("utf-8", "replace")) + len(event.what) + _NOTE_BYTES
+    return not rotation.size or writer.bytes + writer.waiting + size + _MARGIN_BYTES < rotation.size
 
 
 def is_full(writer: Writer, rotation: Rotation) -> bool:

@@ -80,6 +80,7 @@ class TriggerGate:
         self._start_ns = 0
         self._latest = 0.0  # s, stamp of the newest frame
         self._unevaluated = False  # as it was announced
+        self.waited = 0.0  # s, for the last answers
 
     def bind(self, log: Log, announce: Callable[[Event], object]) -> None:
         """Frames go to `log`; `announce` takes events that stand in the log already."""
@@ -136,9 +137,11 @@ class TriggerGate:
 
         That waits for the disk, however long it takes; `waiting` is called meanwhile.
         """
-        deadline = time.monotonic() + LAST_ANSWERS_S
+        began = time.monotonic()
+        deadline = began + LAST_ANSWERS_S
         while not self._buffer.all_known and time.monotonic() < deadline:
             time.sleep(_HAND_OVER_S)
+        self.waited = time.monotonic() - began
         with self._lock:
             if not self._buffer.all_known:
                 self._note_unevaluated("the recording ended before the conditions were evaluated")
@@ -207,7 +210,8 @@ def _begin_text(window: Window) -> str:
 
 def _end_text(window: Window) -> str:
     length = window.last - window.t
-    return f"end of the window of {window.t:.3f} s ({window.says}), {length:.3f} s after the trigger{_missing_text(window)}"
+    ended = f"end of the window of the trigger at {window.t:.3f} s ({window.says}), {length:.3f} s after it"
+    return ended + _missing_text(window)
 
 
 def _missing_text(window: Window) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
 from collections.abc import Iterable
@@ -60,8 +61,13 @@ def host_allowed(access: Access, header: str) -> bool:
         >>> everywhere = Access("0.0.0.0", 8090, "")
         >>> [host_allowed(everywhere, name) for name in ("192.168.1.7:8090", "evil.example:8090", "192.168.1.7")]
         [True, False, False]
+        >>> [host_allowed(Access("::1", 80, ""), name) for name in ("[::1]", "[::1]:80", "[::1]:81")]
+        [True, True, False]
     """
-    name, _, port = header.lower().rpartition(":")
+    header = header.lower()
+    if access.port == 80 and not re.search(r":\d+$", header.rpartition("]")[2]):
+        header += ":80"  # browsers leave it out
+    name, _, port = header.rpartition(":")
     if port != str(access.port):
         return False
     try:

@@ -153,6 +153,13 @@ class LivePage:
             return {**messages.of_status(what), "lost": self.lost}
         return dict(what)
 
+    def _encoded(self, one: tuple[str, Any]) -> bytes:
+        try:
+            return messages.encode(self._message(*one))
+        except Exception:  # of any kind: one message is lost, not the page
+            self.lost += 1
+            return b""
+
     def _write(self) -> None:
         stream = self._child.stdin
         assert stream is not None
@@ -165,7 +172,7 @@ class LivePage:
                     self._changed.notify_all()
                 if self._dead or not waiting:
                     break
-                stream.write(b"".join(messages.encode(self._message(*one)) for one in waiting))
+                stream.write(b"".join(map(self._encoded, waiting)))
                 stream.flush()
         with suppress(OSError):
             stream.close()

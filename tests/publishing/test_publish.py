@@ -16,6 +16,7 @@ import pytest
 
 import canid
 from canid.cli import main
+from canid.errors import ConfigError
 from canid.publishing import datagrams, udp_address, udp_publisher
 from canid.publishing.udp_publisher import UdpPublisher
 from canid.types import Event, LearnGate, Sample
@@ -174,3 +175,22 @@ def test_codes_are_those_of_the_documentation() -> None:
     text = (ROOT / "docs" / "publish.md").read_text()
     for names in datagrams.CODES.values():
         assert ", ".join(f"{k} `{name}`" for k, name in enumerate(names)) in text
+
+
+def test_what_cannot_be_encoded_costs_itself_alone() -> None:
+    """A time that is no number is reported, what follows is sent; a name that cannot be one ends nothing."""
+    says: list[str] = []
+    with receiver() as (url, got):
+        published = UdpPublisher(udp_address.parse(url), says.append, 0)
+        published.put(Event(float("nan"), "mark", "lost"))
+        published.put(Event(2.0, "mark", "kept"))
+        published._thread.join(0.01)
+        published.close()
+    impossible = UdpPublisher(udp_address.parse("udp://" + "a" * 64 + ":9"), says.append, 0)
+    impossible._thread.join(30)
+    assert [json.loads(data)["event"]["says"] for data in got] == ["kept"]
+    assert len(says) == 2
+    assert "was not sent" in says[0]
+    assert "nothing is published" in says[1]
+    with pytest.raises(ConfigError, match="multicast"):
+        udp_address.parse("udp://[::ffff:224.0.0.1]:9")

@@ -16,9 +16,10 @@ from canid.cli import main
 from canid.errors import ConfigError
 from canid.logs import open_log
 from canid.recording.file_series import Series
+from canid.recording.log_files import LogFiles
 from canid.recording.recorder import Recorder
 from canid.recording.rotation import Rotation, checked
-from canid.types import Frame
+from canid.types import Event, Flag, Frame
 
 
 @pytest.fixture
@@ -210,3 +211,26 @@ def test_a_file_never_stands_empty_under_its_name(tmp_path: Path) -> None:
     writer.append(Frame(0.0, 0, 1, b"a"))
     writer.close()
     assert [frame.data for frame in open_log(tmp_path / "x.blf")] == [b"a"]
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".asc"])
+def test_notes_make_no_file_larger_than_its_limit(suffix: str, tmp_path: Path) -> None:
+    """A long note after every third frame of CAN FD: no file exceeds its limit, and no note is lost."""
+    files = LogFiles(
+        tmp_path / f"x{suffix}", Rotation(size=10_000), 0, lambda *_: None, lambda *_: None, lambda *_: None
+    )
+    files.start_ns = 1_700_000_000_000_000_000
+    files.start()
+    for i in range(300):
+        files.append(Frame(i * 0.01, 0, i, os.urandom(64), Flag.FD))
+        if i % 3 == 0:
+            files.note(Event(i * 0.01, "mark", f"mark {i}: " + os.urandom(300 + i).hex()))
+        files.write_notes()
+    files.write_notes(last=True)
+    files.close(lambda: None)
+    paths = sorted(tmp_path.glob(f"x_*{suffix}"))
+    assert max(path.stat().st_size for path in paths) <= 10_000
+    content = b"".join(path.read_bytes() for path in paths)
+    if suffix == ".asc":
+        assert [content.count(b"mark %d: " % i) for i in range(0, 300, 3)] == [1] * 100
+    assert sum(len(list(open_log(path))) for path in paths) == 300

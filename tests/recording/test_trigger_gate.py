@@ -105,6 +105,7 @@ def test_the_end_records_what_was_not_evaluated(monkeypatch: pytest.MonkeyPatch)
     gate.finish()
     assert log.frames == frames_from(0, 700)
     assert "the recording ended before" in events[0].says
+    assert gate.waited >= 0.05  # what the end of the session waits less for the same process
 
 
 def test_a_slow_disk_gets_no_more_than_it_has_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,3 +221,14 @@ def test_marks_alone_trigger_without_a_child(request: pytest.FixtureRequest, tmp
     assert {"armed", "recording (trigger: mark: overtaking)"} <= set(states)
     last = worlds[-1].recorder
     assert (last.frames, last.written, last.trigger and last.trigger.windows) == (sent, len(frames), 1)
+
+
+def test_a_mark_just_before_the_end_is_kept(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """A mark, and the stop at once: the mark stands in the journal."""
+    controls = Controls()
+    controls.mark("last words")
+    controls.stop()
+    buses = open_buses([{"interface": "virtual", "channel": request.node.name}])
+    for _ in session(buses, None, record=tmp_path / "x.blf", controls=controls):
+        pass
+    assert "last words" in (tmp_path / "x.events.jsonl").read_text(encoding="utf-8")

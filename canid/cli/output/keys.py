@@ -149,11 +149,12 @@ class Keyboard:
         local, control = 3, 6  # of the list of termios
         if not now[local] & termios.ICANON:
             return
-        now[local] &= ~(termios.ICANON | termios.ECHO)
+        now[local] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)  # the last: Ctrl-Y stops it on BSD
         now[0] &= ~termios.IXON  # Ctrl-S would freeze the picture
         now[control][termios.VMIN], now[control][termios.VTIME] = 1, 0
-        # Ctrl-Z would stop a recorder, and lose frames
-        now[control][termios.VSUSP] = os.fpathconf(self._fd, "PC_VDISABLE").to_bytes(1, "little")
+        # Ctrl-Z would stop a recorder, and lose frames; Ctrl-\ would end it without restoring the terminal
+        none = os.fpathconf(self._fd, "PC_VDISABLE").to_bytes(1, "little")
+        now[control][termios.VSUSP] = now[control][termios.VQUIT] = none
         termios.tcsetattr(self._fd, termios.TCSANOW, now)
 
     def _run_windows(self) -> None:

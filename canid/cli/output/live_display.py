@@ -81,7 +81,9 @@ class LiveDisplay:
         self._keyboard.close()
         with self._lock:
             try:
-                self._redraw(force=True)
+                # of any kind: what cannot be drawn must not leave the terminal as it is
+                with suppress(Exception):
+                    self._redraw(force=True)
                 if self._entered:
                     open_terminal.write(self._stream, ansi.LEAVE)
                     self._entered = False
@@ -158,7 +160,8 @@ class LiveDisplay:
                 self._overlay = self._overlay._replace(unit=self._overlay.unit.other)
             elif key == "?":
                 self._overlay = self._overlay._replace(help=True)
-            with suppress(OSError):  # the session's own thread reports it
+            # of any kind: the session's own thread reports it, and the keys still act
+            with suppress(Exception):
                 self._redraw(force=True)
 
     def _typed(self, key: str) -> None:

@@ -93,9 +93,10 @@ class Stream(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Write text; raises OSError only where attached and strict."""
-        if self._held is not None:
-            if len(self._held) < MAX_HELD_PIECES:
-                self._held.append(text)
+        held = self._held  # another thread may release it
+        if held is not None:
+            if len(held) < MAX_HELD_PIECES:
+                held.append(text)
             if text.strip():
                 self._show_held(text.strip())
             return len(text)

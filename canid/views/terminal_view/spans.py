@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from canid.views.terminal_text import terminal_text
@@ -15,6 +16,10 @@ from canid.views.terminal_text import terminal_text
 # characters of one column, which nearly all are: Latin, Greek, Cyrillic, arrows, mathematics, blocks, braille. Combining
 # marks among them count as one: that only shortens a line
 _NARROW = re.compile(r"[\x20-\u02ff\u0370-\u10ff\u2010-\u2319\u2500-\u25fc\u2717\u275a\u2800-\u28ff]*")
+
+
+# characters of a sentence that are shown: a mark has 200
+MAX_WRAPPED = 600
 
 
 class Span(NamedTuple):
@@ -37,6 +42,7 @@ def cells(text: str) -> int:
     return len(text) if _NARROW.fullmatch(text) else sum(map(_cell, text))
 
 
+@lru_cache(4096)
 def _cell(character: str) -> int:
     if _NARROW.fullmatch(character):
         return 1
@@ -96,9 +102,11 @@ def wrapped(text: str, style: str, columns: int, first: str = "", indent: str = 
         >>> [line[0].text for line in wrapped("drive with varying speed", "", 14)]
         ['drive with', '  varying', '  speed']
     """
+    columns = max(columns, 1)  # a window can have fewer than the picture: even then it must end
     lines: list[str] = []
     now = first
-    for word in terminal_text(text).split(" "):
+    # drawn ten times a second: a text may be without end, such as a name in a file
+    for word in terminal_text(text[:MAX_WRAPPED]).split(" "):
         longer = now + word if now in (first, indent) else f"{now} {word}"
         if cells(longer) <= columns or now == indent == "":
             now = longer
