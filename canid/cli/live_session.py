@@ -210,6 +210,7 @@ class SessionOutput:
             if not self._recording:
                 raise
             self.failure = f"{type(error).__name__}: {error}"
+            self._end(self._display)  # the terminal is restored, and shows this line
             info(f"output cannot be written ({self.failure}); the recording goes on")
 
     def _observe(self, observer: display.Observer, item: Result | World) -> None:
