@@ -17,7 +17,7 @@ from canid.identification.armax.armax_batch import ArmaxFit
 from canid.identification.armax.order_selection import Candidate
 from canid.identification.identifiability import not_quotable
 from canid.signal_checks import signal_checks
-from canid.signal_checks.drive_time import drive_time, usable
+from canid.signal_checks.drive_time import of_trace, usable
 from canid.systems.identified_loop import IdentifiedLoop, identified_loop
 from canid.types import (
     NAN,
@@ -113,7 +113,7 @@ def identify(
         names = ", ".join(estimator.name for estimator in ESTIMATORS)
         raise TypeError(f"identify: no estimator is called {', '.join(unknown)}; there are {names}")
     used = usable(trace)
-    time = drive_time(trace.t, trace.gate, trace.learn, trace.findings, trace.dt)
+    time = of_trace(trace)
     # what a wrong signal has touched teaches nothing; the windows are withheld, as live
     trusted = trace if used.all() or not trace.findings else trace._replace(learn=used, bound=None)
     rows = pooling.pooled(trusted)

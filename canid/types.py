@@ -172,7 +172,7 @@ class DriveTime(NamedTuple):
 
     total: float
     driving: float
-    behind_lead: float
+    behind_lead: float  # NaN where the task has no lead
     usable: float
 
 

@@ -181,7 +181,8 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     if vehicle.lead.tracks is not None:
         changes = sum(event.what == "target_change" for event in events)
         remarks.append(f"radar: {tracks} valid track reports; the lead changed {changes} times")
-    summed = drive_time(grid, judged, np.array(learn, dtype=bool), findings, pipeline.DT)
+    follows = vehicle.driver.task != "lane_keeping"
+    summed = drive_time(grid, judged, np.array(learn, dtype=bool), findings, pipeline.DT, follows=follows)
     numbers = sum(ids.values()), last, dict(ids)
     known = mapped_ids(vehicle)
     return Check(

@@ -46,7 +46,8 @@ def usage() -> str:
         f"{verbs}\n\n"
         "canid VERB --help lists the options of a verb, canid --version prints the version.\n"
         "Exit codes: 0 done, 1 a check failed, 2 usage or configuration error, 3 no bus or bus lost,\n"
-        "            4 input damaged (partial result), 5 output not written, 130/143 interrupted, files closed.\n"
+        "            4 input damaged (partial result), 5 output not written, 129/130/143 interrupted,\n"
+        "            files closed.\n"
     )
 
 

@@ -117,7 +117,7 @@ def _halves(
     from canid.comparison.drive import Side
 
     if len(side) != 1 or side[0].is_json or vehicle is None:
-        raise ConfigError("compare: the halves of one log can be compared; name a second side for all else")
+        raise ConfigError("compare: only a log has halves; name a second side, or one log")
     _, trace, code = _trace(args, side[0], vehicle)
     first, second = halves.halves(trace)
     if not (len(first.t) and len(second.t)):
@@ -144,7 +144,7 @@ def _trace(args: argparse.Namespace, one: Named, vehicle: Vehicle) -> tuple[str,
         stop=args.stop if math.isnan(one.stop) else one.stop,
     )
     drive = reading.read_drive(one.path, vehicle, part, estimating=False)
-    code = reading.report_health(drive.health)
+    code = reading.report_health(drive.health, one.path)
     whole = part.start <= 0.0 and math.isinf(part.stop)
     stop = "" if math.isinf(part.stop) else f"{part.stop:g}"
     return (one.path if whole else f"{one.path}@{part.start:g}:{stop}"), drive.trace, code

@@ -73,9 +73,9 @@ def run(args: argparse.Namespace) -> int:
             drive = reading.read_drive(path, vehicle, args, estimating=False)
             with Progress(f"identifying {path}"):
                 identified = identify(drive.trace, **vehicle.estimators)
-            lines = identification_summary.summary(identified, path, vehicle.name, output)
+            lines = identification_summary.summary(identified, path, vehicle.name, output, _where(args))
             if args.windows:
-                lines = [*identification_text.text(identified, path, vehicle.name), "", *lines]
+                lines = [*identification_text.text(identified, path, vehicle.name, output), "", *lines]
             for line in [""] * (k > 0) + lines:
                 show(line)
             objects.append(identification_json.to_json(identified, path, vehicle.name))
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
                     file.write(level_plot.svg(identified, path, vehicle.name))
             if report is not None:
                 drives.append(_of_page(args, path, vehicle, drive, identified))
-            code = reading.report_health(drive.health) or code
+            code = reading.report_health(drive.health, path if len(args.logs) > 1 else "") or code
         if len(verdicts) > 1:
             named = zip(args.logs, (of.title for of in verdicts), strict=True)
             for line in ["", *identification_summary.several(named)]:
@@ -102,6 +102,12 @@ def run(args: argparse.Namespace) -> int:
         info(f"{report.path} written")
     failed = args.check and not all(of.identifiable for of in verdicts)
     return code or (CHECK_FAILED if failed else DONE)
+
+
+def _where(args: argparse.Namespace) -> str:
+    """Which options show the estimates over sliding windows, of those that were not given."""
+    ways = [] if args.windows else ["print them with --windows"]
+    return ", ".join(ways if args.windows or args.report else [*ways, "see all with --report FILE.html"])
 
 
 def _of_page(

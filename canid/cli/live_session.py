@@ -257,7 +257,7 @@ def print_summary(last: World, tally: end_summary.EstimateTally, json: str | Non
     show("")
     for line in health_lines(last):
         show(line.text)
-    for text in end_summary.estimates(tally):
+    for text in end_summary.estimates(tally, last.output):
         show(text)
     for text in end_summary.health(None, "", last.counters, ()):
         info(text)

@@ -46,10 +46,13 @@ def read_drive(path: str, vehicle: Vehicle, args: argparse.Namespace, **settings
         )
 
 
-def report_health(health: Health) -> int:
-    """Report what was wrong with a log, a line each; returns the exit code that it deserves."""
+def report_health(health: Health, name: str = "") -> int:
+    """Report what was wrong with a log, a line each; returns the exit code that it deserves.
+
+    `name`: of the log, where there are several.
+    """
     from canid.views import end_summary
 
     for line in end_summary.health(health.damage, health.back_in_time, health.counters, health.missing):
-        info(line)
+        info(f"{name}: {line}" if name else line)
     return DAMAGED if health.damage or health.back_in_time else DONE

@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     show = line_printer(args.json)
     show("")
     show(f"{args.log}: {health.duration:.1f} s, {health.frames:,} frames, vehicle {vehicle.name}")
-    for line in end_summary.estimates(tally):
+    for line in end_summary.estimates(tally, vehicle.driver.output):
         show(line)
     for line in signal_text.findings(signal_checks.episodes(reports)):
         show(line)

@@ -245,7 +245,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
             kind, says = status.by_fit(since, excitation)
             if kind is not Status.OK:
                 return state, refused(kind, says)._replace(change=change)
-            says = f"{says}; K since the driver changed, tau and dead time from before"
+            says = f"{says}; K since the driver changed, τ and θ from before"
             used = sample.t - state.watch.cut
             return state, Estimate(
                 sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change

@@ -158,7 +158,8 @@ def left_over(tests: ResidualTests) -> str:
     if not large:
         return ""
     share = max(tests.left_over_share[name] for name in large)
+    most = "up to " if len(large) > 1 else ""
     return (
-        f"{', '.join(large).replace('_', ' ')}: the residuals still hold a response of {share:.0%} of the model's own, "
-        "which a first order with dead time does not give: tau and dead time may not be quoted"
+        f"{', '.join(large).replace('_', ' ')}: the residuals still hold a response of {most}{100 * share:.0f} % of the "
+        "model's own, which a first order with dead time does not give: τ and θ may not be quoted"
     )

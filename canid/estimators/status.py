@@ -206,8 +206,8 @@ def implausible(channels: Mapping[str, Channel]) -> str:
 # --- in which words --------------------------------------------------------------------------------
 
 _ESTIMATED = {
-    Identifiable.OK: "K, tau and dead time",
-    Identifiable.SUM_ONLY: "K, and tau and dead time only as a sum",
+    Identifiable.OK: "K, τ and θ",
+    Identifiable.SUM_ONLY: "K, and τ and θ only as a sum",
     Identifiable.GAIN_ONLY: "K only",
     Identifiable.NOT: "nothing yet",
 }

@@ -27,9 +27,7 @@ FORGOTTEN = 5.0
 # Frequencies at which the filter is inverted.
 FREQUENCIES = 2048
 # Why no delay may be quoted of an output that passed a filter nobody has stated.
-DELAYS_HOLD_IT = (
-    "tau and dead time hold the delay of the output's own filter: state it, [driver] output_filter"
-)
+DELAYS_HOLD_IT = "τ and θ hold the delay of the output's own filter: state it, [driver] output_filter"
 
 
 class Kernel(NamedTuple):

@@ -322,7 +322,7 @@ def _block_report(block: str, predictors: Sequence[Predictor], state: State, thr
         return BlockReport(BlockStatus.MISFIT, since, says, level, threshold)
     learnt = max(own.model.rows for _, own in seen)
     if learnt < MIN_LEARNT_ROWS:
-        says = f"{learnt / MIN_LEARNT_ROWS:.0%} learnt"
+        says = f"{100 * learnt / MIN_LEARNT_ROWS:.0f} % learnt"
         return BlockReport(BlockStatus.LEARNING, NAN, says, max(level, 0.0), threshold)
     return BlockReport(BlockStatus.FITS, NAN, "fits the learnt model", max(level, 0.0), threshold)
 

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -58,7 +59,13 @@ def usable(trace: Trace) -> Flags:
 
 
 def drive_time(
-    t: Array, gates: Sequence[LearnGate], learn: Flags, findings: Iterable[SignalFinding], dt: float
+    t: Array,
+    gates: Sequence[LearnGate],
+    learn: Flags,
+    findings: Iterable[SignalFinding],
+    dt: float,
+    *,
+    follows: bool = True,
 ) -> DriveTime:
     """Sum up a drive.
 
@@ -68,6 +75,7 @@ def drive_time(
         learn: (n,) of its samples.
         findings: on its signals.
         dt: s.
+        follows: the task has a lead; without one (lane keeping) the time behind it is NaN.
 
     Example:
         >>> gates = [LearnGate.OPEN, LearnGate.BRAKE, LearnGate.NO_LEAD, LearnGate.CRUISE]
@@ -78,9 +86,10 @@ def drive_time(
     alone = np.array([gate in WITHOUT_A_LEAD for gate in gates], dtype=bool)
     counted = (behind | alone, behind, learn & trusted(t, findings))
     driving, following, used = (round(float(flags.sum()) * dt, 6) for flags in counted)
-    return DriveTime(round(len(t) * dt, 6), driving, following, used)
+    return DriveTime(round(len(t) * dt, 6), driving, following if follows else math.nan, used)
 
 
 def of_trace(trace: Trace) -> DriveTime:
     """Sum up a trace."""
-    return drive_time(trace.t, trace.gate, trace.learn, trace.findings, trace.dt)
+    follows = "lateral_offset" not in trace.input_names
+    return drive_time(trace.t, trace.gate, trace.learn, trace.findings, trace.dt, follows=follows)

@@ -38,8 +38,8 @@ class EstimateTally:
                 }
 
 
-def estimates(tally: EstimateTally) -> list[str]:
-    """The last good estimate of each estimator, with the share of each status."""
+def estimates(tally: EstimateTally, output: str = "") -> list[str]:
+    """The last good estimate of each estimator, with the share of each status; `output`: its role, for the unit of K."""
     lines = []
     for name in sorted(tally.statuses):
         total = sum(tally.statuses[name].values())
@@ -53,7 +53,9 @@ def estimates(tally: EstimateTally) -> list[str]:
         if e is None:
             lines.append(f"  no estimate: {tally.last[name].says}")
             continue
-        lines += [f"  {estimate_text.channel(channel, ch)}" for channel, ch in e.channels.items()]
+        lines += [
+            f"  {estimate_text.channel(channel, ch, output, None)}" for channel, ch in e.channels.items()
+        ]
         fit = f", fit {e.fit_percent:.0f} %" if e.fit_percent == e.fit_percent else ""
         lines.append(f"  at {e.t:.1f} s, from {e.used:.0f} s of driving{fit}")
     return lines

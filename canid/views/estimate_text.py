@@ -16,9 +16,10 @@ from canid.types import (
     Status,
 )
 from canid.views.names import HEADLINE_MARK, SYMBOLS, readable
-from canid.views.numbers import clock, interval
+from canid.views.numbers import clock, gain_unit, interval
 
-# decimals of K, τ and θ in lines that follow one another: fixed, so that the eye can compare
+# decimals of K, τ and θ in lines that follow one another: fixed, so that the eye can compare. Summaries and pages have the
+# decimals that the interval supports.
 DECIMALS = 2
 
 
@@ -32,8 +33,10 @@ def fixed(iv: Interval) -> str:
     return interval(iv, places=DECIMALS)
 
 
-def delays(ch: Channel) -> str:
+def delays(ch: Channel, places: int | None = DECIMALS) -> str:
     """Lag τ and dead time θ; in brackets what is known of them and may not be quoted yet.
+
+    `places`: decimals of what may be quoted; None: as many as the intervals support.
 
     Example:
         >>> known = Channel(tau=Interval(0.42, 0.03, 0.71), tau_plus_dead_time=Interval(0.8, 0.7, 0.9))
@@ -43,9 +46,9 @@ def delays(ch: Channel) -> str:
         '(τ+θ 0.8 [0.7, 0.9] s, τ < 0.7 s)'
     """
     if ch.status is Identifiable.OK:
-        return f"τ {fixed(ch.tau)} s  θ {fixed(ch.dead_time)} s"
+        return f"τ {interval(ch.tau, 's', places)}  θ {interval(ch.dead_time, 's', places)}"
     if ch.status is Identifiable.SUM_ONLY:
-        return f"τ+θ {fixed(ch.tau_plus_dead_time)} s{_bracketed(ch, 'tau')}"
+        return f"τ+θ {interval(ch.tau_plus_dead_time, 's', places)}{_bracketed(ch, 'tau')}"
     if ch.status is Identifiable.GAIN_ONLY:
         return _bracketed(ch, "tau_plus_dead_time", "tau").lstrip()
     return ""
@@ -71,20 +74,22 @@ def bounded(iv: Interval) -> str:
         >>> bounded(Interval(0.5, 0.3, 0.9)), bounded(Interval(0.5, 0.02, 0.9))
         ('0.5 [0.3, 0.9] s', '< 0.9 s')
     """
-    return f"< {iv.high:.1f} s" if iv.low < ONE_SIDED_BELOW_S else f"{interval(iv, places=1)} s"
+    return f"< {iv.high:.1f} s" if iv.low < ONE_SIDED_BELOW_S else interval(iv, "s", 1)
 
 
-def missing(progress: Progress) -> str:
-    """What is missing until more may be quoted, and how much more such driving would do.
+def missing(progress: Progress, unit: str = "") -> str:
+    """What is missing until more may be quoted, and how much more such driving would do; `unit`: of K.
 
     Example:
         >>> missing(Progress("tau", 0.2, 0.1, 180.0))
         'τ ±0.20 s, needed ±0.10 s: +180 s'
-        >>> missing(Progress("K", 2.0, 1.5, math.nan))
-        'K ±2.00, needed ±1.50'
+        >>> missing(Progress("K", 2.0, 1.5, math.nan), "% per s")
+        'K ±2.00, needed ±1.50 % per s'
     """
-    unit = "" if progress.parameter == "K" else " s"
-    known = f"{SYMBOLS[progress.parameter]} ±{progress.sd:.2f}{unit}, needed ±{progress.needed:.2f}{unit}"
+    if progress.parameter == "K":
+        known = f"K ±{progress.sd:.2f}, needed ±{progress.needed:.2f}{f' {unit}' if unit else ''}"
+    else:
+        known = f"{SYMBOLS[progress.parameter]} ±{progress.sd:.2f} s, needed ±{progress.needed:.2f} s"
     return f"{known}: +{_forecast(progress.seconds)}" if progress.seconds > 0.0 else known
 
 
@@ -95,24 +100,39 @@ def _forecast(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.0f} h"
 
 
-def all_missing(channels: Mapping[str, Channel]) -> str:
-    """What is missing of each channel, in one line; empty where nothing is.
+def all_missing(channels: Mapping[str, Channel], output: str = "") -> str:
+    """What is missing of each channel, in one line; empty where nothing is. `output`: its role, for the unit of K.
 
     Example:
         >>> all_missing({"range_rate": Channel(progress=Progress("tau", 0.2, 0.1, 180.0))})
         'to quote more: range rate τ ±0.20 s, needed ±0.10 s: +180 s'
     """
     each = [
-        f"{readable(name)} {missing(ch.progress)}" for name, ch in channels.items() if ch.progress is not None
+        f"{readable(name)} {missing(ch.progress, gain_unit(output, name) if output else '')}"
+        for name, ch in channels.items()
+        if ch.progress is not None
     ]
     return f"to quote more: {' · '.join(each)}" if each else ""
 
 
-def channel(name: str, ch: Channel) -> str:
-    """One channel in one line."""
+def channel(name: str, ch: Channel, output: str = "", places: int | None = DECIMALS) -> str:
+    """One channel in one line.
+
+    Args:
+        name: of the input.
+        ch: what is known of it.
+        output: role of the driver's output, for the unit of K.
+        places: decimals; None: as many as the intervals support.
+
+    Example:
+        >>> K = Channel(Interval(7.232, 2.31, 11.28), status=Identifiable.GAIN_ONLY)
+        >>> channel("range_rate", K), channel("range_rate", K, "pedal", None)
+        ('range rate: K 7.23 [2.31, 11.28]', 'range rate: K 7.2 [2.3, 11.3] % per m/s')
+    """
     if ch.status is Identifiable.NOT:
         return f"{readable(name)}: not identifiable"
-    return f"{readable(name)}: K {fixed(ch.K)}  {delays(ch)}".rstrip()
+    gain = interval(ch.K, gain_unit(output, name) if output else "", places)
+    return f"{readable(name)}: K {gain}  {delays(ch, places)}".rstrip()
 
 
 def residual_tests(tests: ResidualTests) -> list[str]:
@@ -134,7 +154,7 @@ def residual_tests(tests: ResidualTests) -> list[str]:
         left = "no response left in the residuals"
         if name in tests.left_over:
             share = tests.left_over_share.get(name)
-            size = "" if share is None else f", {share:.0%} of the model's own"
+            size = "" if share is None else f", {100 * share:.0f} % of the model's own"
             left = f"part of the response is not modelled{size}"
         loop = "; the loop is closed" if name in tests.feedback else ""
         lines.append(f"{readable(name)}: {left}{loop}")
@@ -143,8 +163,8 @@ def residual_tests(tests: ResidualTests) -> list[str]:
     return [*lines, f"residual variance {variance}", f"order of persistent excitation: {order}"]
 
 
-def estimate(e: Estimate) -> str:
-    """One estimate in one line; the headline estimate is marked.
+def estimate(e: Estimate, output: str = "") -> str:
+    """One estimate in one line; the headline estimate is marked. `output`: role of the driver's output, for the unit of K.
 
     Example:
         >>> K = Channel(Interval(4.4, 3.6, 5.2), status=Identifiable.GAIN_ONLY)
@@ -153,7 +173,9 @@ def estimate(e: Estimate) -> str:
     """
     mark = HEADLINE_MARK if e.headline else " "
     parts = [f"{mark}{e.t:8.1f} s", f"{e.estimator:6}", f"{e.status.value:12}"]
-    known = [channel(name, ch) for name, ch in e.channels.items() if ch.status is not Identifiable.NOT]
+    known = [
+        channel(name, ch, output) for name, ch in e.channels.items() if ch.status is not Identifiable.NOT
+    ]
     return "  ".join(parts) + "  " + (" | ".join(known) if known and e.status is Status.OK else e.says)
 
 

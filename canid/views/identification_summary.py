@@ -11,7 +11,7 @@ from canid.estimators import step_watch
 from canid.estimators.estimator import WholeDrive
 from canid.signal_checks.signal_checks import sentence
 from canid.systems.identified_loop import IdentifiedLoop
-from canid.types import Channel, Identifiable, ResidualTests
+from canid.types import Identifiable, ResidualTests
 from canid.views import estimate_text, signal_text
 from canid.views.identification_verdict import IdentificationVerdict, verdict
 from canid.views.names import HEADLINE_MARK, readable
@@ -32,7 +32,7 @@ class _Part(NamedTuple):
     least: int  # of them that stay where the summary becomes too long
 
 
-def summary(drive: Identified, log: str, vehicle: str, output: str = "") -> list[str]:
+def summary(drive: Identified, log: str, vehicle: str, output: str = "", windows: str = "") -> list[str]:
     """What `canid identify` prints.
 
     Args:
@@ -40,6 +40,7 @@ def summary(drive: Identified, log: str, vehicle: str, output: str = "") -> list
         log: its name, which is never cut.
         vehicle: its name.
         output: role of the driver's output, for the unit of K.
+        windows: how to see the estimates over sliding windows; empty: they are shown already.
 
     Example:
         >>> summary(Identified(60.0, 0.0, (), {}, ()), "a.blf", "car")[:2]
@@ -58,16 +59,13 @@ def summary(drive: Identified, log: str, vehicle: str, output: str = "") -> list
         parts.append(_Part(_method(mark, name, drive.whole[name], output), 3 if first else 1))
     if of.identifiable:
         parts += [
-            _Part(_changes(drive.headline), 1),
+            _Part(_changes(drive.headline, output), 1),
             _Part(_residuals(drive.headline), 1),
             _Part(_loop(drive.loop, of.withheld), 1),
             _Part(_orders(drive), 0),
         ]
-    parts += [
-        _Part(
-            [f"{len(drive.windows)} windows: print them with --windows, see all with --report FILE.html"], 1
-        ),
-    ]
+    if windows:
+        parts.append(_Part([f"{len(drive.windows)} windows: {windows}"], 1))
     return _cut(parts)
 
 
@@ -123,18 +121,11 @@ def _method(mark: str, name: str, found: WholeDrive | None, output: str) -> list
     if found.details.get("changes"):
         return [*lines, "  no number holds for the whole drive: see the changes"]
     for channel_name, channel in found.channels.items():
-        lines += _wrapped(f"  {_channel(channel_name, channel, output)}", "    ")
+        lines += _wrapped(f"  {estimate_text.channel(channel_name, channel, output, None)}", "    ")
     return lines
 
 
-def _channel(name: str, c: Channel, output: str) -> str:
-    if c.status is Identifiable.NOT:
-        return f"{readable(name)}: not identifiable"
-    unit = f" {gain_unit(output, name)}" if output else ""
-    return f"{readable(name)}: K {estimate_text.fixed(c.K)}{unit}  {estimate_text.delays(c)}".rstrip()
-
-
-def _changes(found: WholeDrive | None) -> list[str]:
+def _changes(found: WholeDrive | None, output: str) -> list[str]:
     """Steps of the gains, and whether each parameter is constant."""
     if found is None:
         return []
@@ -146,7 +137,7 @@ def _changes(found: WholeDrive | None) -> list[str]:
             lines.append(f"and {more} more changes")
         for segment in found.details.get("segments", ()):
             known = ", ".join(
-                f"{readable(name)} K {estimate_text.fixed(c.K)}"
+                f"{readable(name)} K {interval(c.K, gain_unit(output, name) if output else '')}"
                 for name, c in segment["channels"].items()
                 if c.status is not Identifiable.NOT
             )
@@ -182,7 +173,7 @@ def residual_sentence(tests: ResidualTests) -> str:
     if tests.statistic != tests.statistic:
         return "not tested: too few data"
     left = [
-        f"{readable(name)}{f' ({share:.0%})' if (share := tests.left_over_share.get(name)) is not None else ''}"
+        f"{readable(name)}{f' ({100 * share:.0f} %)' if (share := tests.left_over_share.get(name)) is not None else ''}"
         for name in tests.left_over
     ]
     parts = (
@@ -198,7 +189,7 @@ def string_sentence(loop: IdentifiedLoop) -> str:
     if loop.string_peak.low > 1.0:
         return "motion of the lead is amplified"
     if loop.string_peak.high > 1.0:
-        return f"amplified in {loop.amplifying:.0%} of the draws: not decided"
+        return f"amplified in {100 * loop.amplifying:.0f} % of the draws: not decided"
     return "motion of the lead is not amplified"
 
 
@@ -222,7 +213,9 @@ def _orders(drive: Identified) -> list[str]:
     """The best order of ARMAX by BIC."""
     for c in drive.orders[:1]:
         o = c.orders
-        return [f"best order of ARMAX by BIC: ({o.na},{o.nb},{o.nc}), dead time {o.nk} samples"]
+        return [
+            f"best order of ARMAX by BIC: ({o.na},{o.nb},{o.nc}), dead time {o.nk} sample{'s' * (o.nk != 1)}"
+        ]
     return []
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from canid.drive_parameters import Identified
-from canid.identification.identifiability import quotable
+from canid.identification.identifiability import gain_only, quotable
 from canid.signal_checks.signal_checks import sentence
 from canid.types import Channel, Identifiable, LearnGate, Status
 from canid.views import estimate_text
@@ -57,7 +57,7 @@ def verdict(drive: Identified, output: str = "") -> IdentificationVerdict:
         return _changed(drive, output)
     known = {} if found is None else {n: c for n, c in found.channels.items() if _SAID[c.status]}
     if not known or found is None:
-        return IdentificationVerdict("nothing", "Nothing is identifiable", "", why_nothing(drive))
+        return IdentificationVerdict("nothing", "Nothing is identifiable", "", why_nothing(drive, output))
     whole = all(c.status is Identifiable.OK for c in found.channels.values())
     says = "; ".join(f"{readable(name)}: {quoted(name, c, output)}" for name, c in known.items())
     says = f"{says[0].upper()}{says[1:]}"
@@ -66,7 +66,7 @@ def verdict(drive: Identified, output: str = "") -> IdentificationVerdict:
         if whole
         else ("partly", "The driver is identified in part")
     )
-    return IdentificationVerdict(kind, title, f"{says}.", _withheld(found.channels, _against(drive)))
+    return IdentificationVerdict(kind, title, f"{says}.", _withheld(found.channels, _against(drive), output))
 
 
 def quoted(name: str, channel: Channel, output: str) -> str:
@@ -85,8 +85,8 @@ def quoted(name: str, channel: Channel, output: str) -> str:
     )
 
 
-def why_nothing(drive: Identified) -> str:
-    """Why nothing may be quoted, and what to do."""
+def why_nothing(drive: Identified, output: str = "") -> str:
+    """Why nothing may be quoted, and what to do; `output`: role of the driver's output, for the unit of K."""
     found = drive.headline
     wrong = [sentence(one) for one in drive.findings if one.withholds]
     if wrong:
@@ -96,7 +96,7 @@ def why_nothing(drive: Identified) -> str:
     against = _against(drive)
     if against:
         return f"{against[0].upper()}{against[1:]}."
-    missing = "" if found is None else estimate_text.all_missing(found.channels)
+    missing = "" if found is None else estimate_text.all_missing(found.channels, output)
     used = f"{drive.time.usable:.0f} s are usable for identification"
     reason = (
         missing or _most_frequent(drive) or "too few data: follow a vehicle whose speed changes, for longer"
@@ -116,7 +116,7 @@ def _most_frequent(drive: Identified) -> str:
     return counts.most_common(1)[0][0] if counts else ""
 
 
-def _withheld(channels: Mapping[str, Channel], against: str) -> str:
+def _withheld(channels: Mapping[str, Channel], against: str, output: str) -> str:
     """What may not be quoted of a drive of which something may."""
     parts = []
     for name, c in channels.items():
@@ -127,7 +127,11 @@ def _withheld(channels: Mapping[str, Channel], against: str) -> str:
             Identifiable.GAIN_ONLY: "τ and θ",
             Identifiable.NOT: "K, τ and θ",
         }[c.status]
-        why = "" if c.progress is None else f" ({estimate_text.missing(c.progress)})"
+        why = (
+            ""
+            if c.progress is None
+            else f" ({estimate_text.missing(c.progress, gain_unit(output, name) if output else '')})"
+        )
         parts.append(f"{lacking} of {readable(name)}{why}")
     said = f"Not to be quoted: {'; '.join(parts)}." if parts else ""
     return " ".join(filter(None, (said, f"{against[0].upper()}{against[1:]}." if against else "")))
@@ -142,7 +146,7 @@ def _changed(drive: Identified, output: str) -> IdentificationVerdict:
     parts = []
     for segment in details["segments"]:
         known = [
-            f"{readable(name)} {quoted(name, c._replace(status=Identifiable.GAIN_ONLY), output)}"
+            f"{readable(name)} {quoted(name, gain_only(c), output)}"
             for name, c in segment["channels"].items()
             if quotable(c, "K")
         ]

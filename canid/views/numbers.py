@@ -137,6 +137,16 @@ def gain_unit(output: str, name: str) -> str:
     return f"{UNITS.get(output, '')} per {UNITS.get(name, '')}"
 
 
+def file_size(n: float) -> str:
+    """Bytes as kB, below 1 MB, or MB.
+
+    Example:
+        >>> file_size(33_920), file_size(2_500_000)
+        ('34 kB', '2.5 MB')
+    """
+    return f"{n / 1e3:.0f} kB" if n < 999_500 else f"{n / 1e6:.1f} MB"
+
+
 def _with_unit(text: str, unit: str) -> str:
     # "1" marks a parameter without a unit
     return f"{text} {unit}" if unit not in ("", "1") else text

@@ -15,9 +15,9 @@ def time(of: DriveTime) -> str:
         >>> time(DriveTime(60.0, 55.0, 50.0, 43.0))
         '60 s, driving 55 s, behind a lead 50 s, usable for identification 43 s'
     """
+    behind = f"behind a lead {of.behind_lead:.0f} s, " if of.behind_lead == of.behind_lead else ""
     return (
-        f"{of.total:.0f} s, driving {of.driving:.0f} s, behind a lead {of.behind_lead:.0f} s, "
-        f"usable for identification {of.usable:.0f} s"
+        f"{of.total:.0f} s, driving {of.driving:.0f} s, {behind}usable for identification {of.usable:.0f} s"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from canid.views.names import readable
+from canid.views.numbers import file_size
 from canid.views.terminal_view.state import HealthLine
 
 # s between a frame's arrival and its writing above which the line is red: 0.25 is promised, a busy machine adds to it
@@ -34,7 +35,7 @@ def recorder(
     lost = f"   {dropped:,} frames NOT RECORDED: the disk is too slow" if dropped else ""
     lost += f"   {events_unwritten:,} events are NOT IN THE JOURNAL" if events_unwritten else ""
     many = f" (file {files})" if files > 1 else ""
-    text = f"{state} {path}{many}   {written:,} frames, {size / 1e6:.1f} MB{late}{lost}"
+    text = f"{state} {path}{many}   {written:,} frames, {file_size(size)}{late}{lost}"
     return HealthLine(text, lag > MAX_LAG_S or dropped > 0 or events_unwritten > 0)
 
 

@@ -113,7 +113,7 @@ def test_a_large_response_that_is_left_over_keeps_delays_from_being_quoted():
     assert left.residual_tests is not None
     assert left.residual_tests.left_over_share["range_rate"] > plausibility.MAX_LEFT_OVER
     assert left.channels["range_rate"].status is Identifiable.GAIN_ONLY
-    assert any("tau and dead time may not be quoted" in line for line in left.lines)
+    assert any("τ and θ may not be quoted" in line for line in left.lines)
 
 
 def opposed(seed=3, n=1800):

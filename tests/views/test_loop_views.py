@@ -49,8 +49,8 @@ def test_text_gives_margins_with_intervals_units_and_what_they_mean() -> None:
     still = GIVEN._replace(string_peak=Interval(1.0, 1.0, 1.0), string_peak_frequency=Interval(0.0, 0.0, 0.0))
     assert "motion of the lead is not amplified" in shown(still)
     open_case = GIVEN._replace(string_peak=Interval(1.0, 1.0, 1.02), amplifying=0.3)
-    assert "amplified in 30% of the draws: not decided" in shown(open_case)
-    assert "2.5% of the draws are unstable" in shown(GIVEN._replace(unstable=0.025))
+    assert "amplified in 30 % of the draws: not decided" in shown(open_case)
+    assert "2.5 % of the draws are unstable" in shown(GIVEN._replace(unstable=0.025))
 
 
 def test_text_says_why_there_are_none() -> None:

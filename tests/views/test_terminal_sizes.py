@@ -172,7 +172,7 @@ def test_both_estimators_fit_on_80x24() -> None:
     view = View("x", lines=(HealthLine("recorder"), HealthLine("can0: open   1 frames")))
     view = with_status(view, {"state": "recording", "path": "a.blf", "buses": []})
     for name in ("armax", "fopdt"):
-        says = "headway error: K, tau and dead time; range rate: K, tau and dead time"
+        says = "headway error: K, τ and θ; range rate: K, τ and θ"
         view = update(view, Estimate(60.0, name, Status.OK, says, channels, 80.0, headline=name == "fopdt"))
     text = plain(render(view, 80, 24))
     assert text.count("[-22.28, -11.05]") >= 12

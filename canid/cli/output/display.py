@@ -64,8 +64,9 @@ class EventsOnly:
 class PlainLines:
     """One line per change of status, and one every few seconds of the log."""
 
-    def __init__(self) -> None:
-        """Nothing is shown yet."""
+    def __init__(self, output: str = "") -> None:
+        """Nothing is shown yet; `output`: role of the driver's output, for the unit of K."""
+        self._output = output
         self._shown: dict[str, Estimate] = {}
         # text without its numbers -> the text as it was last, and when (monotonic clock)
         self._trouble: dict[str, tuple[str, float]] = {}
@@ -82,7 +83,7 @@ class PlainLines:
             interval = SAME_LINE_INTERVAL_S if same else LINE_INTERVAL_S
             if before is None or before.status is not item.status or item.t - before.t >= interval - 1e-6:
                 self._shown[item.estimator] = item
-                print_line(estimate_text.estimate(item))
+                print_line(estimate_text.estimate(item, self._output))
         elif isinstance(item, MonitorReport) and item.block != self._suspected:
             self._suspected = item.block
             print_line(estimate_text.monitor_report(item))
@@ -92,6 +93,7 @@ class PlainLines:
 
     def lines(self, lines: Iterable[HealthLine], output: str = "") -> None:
         """Report what is wrong: at once, and every few seconds while it lasts and its numbers change."""
+        self._output = output or self._output
         now = time.monotonic()
         for line in lines:
             if not line.wrong:
@@ -121,7 +123,7 @@ def display(view: View, *, json: str | None, controls: Controls | None = None) -
     stream = sys.stderr if json == "-" else sys.stdout
     if is_terminal(stream):
         return LiveDisplay(view, stream, controls)
-    return EventsOnly() if json == "-" else PlainLines()
+    return EventsOnly() if json == "-" else PlainLines(view.output)
 
 
 def write_json(file: TextOutput | None, item: Estimate | MonitorReport | SignalReport) -> None:

@@ -117,6 +117,7 @@ def channel(A: Array, B: Array, nk: int, covariance: Array, dt: float) -> Channe
     # a response that begins before its cause is no answer at all
     if total < -2.0 * sum_sd:
         status = identifiability.judge(K_interval, K_sd, np.nan, np.nan, np.nan)
+        tau = rest = sum_interval = Interval()
     return identifiability.channel(status, K_interval, tau, rest, sum_interval)
 
 

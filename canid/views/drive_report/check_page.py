@@ -55,7 +55,7 @@ def page(log: CheckedLog) -> str:
     gate = strips(
         "gate",
         "The learning gate",
-        "used: would be learned from; recovery: the seconds after the gate's opening.",
+        "used: would be learned from; settling: the seconds after the gate's opening.",
         gates.gate_strip(found.gate.t, found.gate.gate, found.gate.learn, found.findings, log.step),
         span,
     )

@@ -40,7 +40,7 @@ def gate_times(gates: Sequence[LearnGate], dt: float) -> list[GateTime]:
 def gate_strip(
     t: Array, gates: Sequence[LearnGate], learned: Flags, findings: Iterable[SignalFinding], dt: float
 ) -> list[Stretch]:
-    """What is used, and why not: the gate, the seconds of recovery after it, and findings on signals.
+    """What is used, and why not: the gate, the seconds of settling after it, and findings on signals.
 
     Args:
         t: (n,) s.
@@ -52,13 +52,13 @@ def gate_strip(
     Example:
         >>> gates = [LearnGate.OPEN, LearnGate.OPEN, LearnGate.BRAKE]
         >>> [one.state for one in gate_strip(np.arange(3.0), gates, np.array([False, True, False]), (), 1.0)]
-        ['recovery', 'used', 'brake']
+        ['settling', 'used', 'brake']
     """
     used = learned & trusted(t, findings)
     states = [
         "used"
         if mine
-        else (_name(gate) if gate is not LearnGate.OPEN else ("finding" if learn else "recovery"))
+        else (_name(gate) if gate is not LearnGate.OPEN else ("finding" if learn else "settling"))
         for mine, gate, learn in zip(used.tolist(), gates, learned.tolist(), strict=True)
     ]
     out: list[Stretch] = []

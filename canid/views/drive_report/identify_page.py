@@ -147,7 +147,7 @@ def _drive(log: IdentifiedLog, anchor: str) -> dict[str, Any]:
             for what in PARAMETERS
             if any(math.isfinite(getattr(c.get(name, Channel()), what).value) for c in channels.values())
         ],
-        "missing": _missing(drive, methods),
+        "missing": _missing(drive, methods, output),
         "channel_names": trace.input_names,
         "stretches": _stretches(drive, trace.input_names, output),
         "changes": [step_watch.says(c) for c in _details(drive).get("changes", ())],
@@ -156,7 +156,8 @@ def _drive(log: IdentifiedLog, anchor: str) -> dict[str, Any]:
             "gate": strips(
                 f"{anchor}gate",
                 "What is used for identification",
-                "used: the gate is open, and the seconds after its opening are over; recovery: these seconds.",
+                "used: the gate is open, and the seconds after its opening are over; settling: these seconds, in which "
+                "earlier transients decay.",
                 gates.gate_strip(trace.t, trace.gate, trace.learn, trace.findings, trace.dt),
                 span,
             ),
@@ -187,7 +188,7 @@ def _drive(log: IdentifiedLog, anchor: str) -> dict[str, Any]:
         "coefficients": [] if armax is None else _coefficients(drive),
         "poles": "" if armax is None else ", ".join(_pole(pole) for pole in armax.fit.poles),
         "orders": drive.orders[:ORDERS_SHOWN],
-        "windows": [_window(e) for e in drive.windows],
+        "windows": [_window(e, output) for e in drive.windows],
         "fit": drive.fit_percent,
         "usable": drive.time.usable,
         "row": [
@@ -213,12 +214,10 @@ def _key(log: IdentifiedLog) -> list[tuple[str, str]]:
                 rows.append((f"{readable(name)} {SYMBOLS[what]}", interval(getattr(channel, what), unit)))
     if math.isfinite(drive.fit_percent):
         rows.append(("fit, simulated from the inputs alone", number(drive.fit_percent, "%")))
-    rows += [
-        ("drive", number(drive.time.total, "s")),
-        ("behind a lead", number(drive.time.behind_lead, "s")),
-        ("usable for identification", number(drive.time.usable, "s")),
-    ]
-    return rows
+    rows.append(("drive", number(drive.time.total, "s")))
+    if math.isfinite(drive.time.behind_lead):
+        rows.append(("behind a lead", number(drive.time.behind_lead, "s")))
+    return [*rows, ("usable for identification", number(drive.time.usable, "s"))]
 
 
 def _fit(drive: Identified, name: str) -> str:
@@ -237,7 +236,7 @@ def _quoted(channel: Channel, what: str) -> str:
     return interval(getattr(channel, what)) if quotable(channel, what) else "–"
 
 
-def _missing(drive: Identified, methods: Sequence[str]) -> list[str]:
+def _missing(drive: Identified, methods: Sequence[str], output: str) -> list[str]:
     """What each further method lacks, and what speaks against it."""
     out = []
     # the verdict has those of the first
@@ -245,9 +244,9 @@ def _missing(drive: Identified, methods: Sequence[str]) -> list[str]:
         found = drive.whole[name]
         if found is None:
             continue
-        says = estimate_text.all_missing(found.channels)
+        says = estimate_text.all_missing(found.channels, output)
         against = str(found.details.get("says", ""))
-        out += [f"{name.upper()}, {text}." for text in (says, against) if text]
+        out += [f"{name.upper()}: {text}." for text in (says, against) if text]
     return out
 
 
@@ -298,9 +297,11 @@ def _pole(pole: complex) -> str:
     return f"{pole.real:.3f}{pole.imag:+.3f}j" if pole.imag else f"{pole.real:.3f}"
 
 
-def _window(e: Any) -> tuple[str, str, str, str]:
+def _window(e: Any, output: str) -> tuple[str, str, str, str]:
     text = estimate_text.estimate(e).split("  ")
-    known = [estimate_text.channel(name, ch) for name, ch in e.channels.items() if quotable(ch, "K")]
+    known = [
+        estimate_text.channel(name, ch, output, None) for name, ch in e.channels.items() if quotable(ch, "K")
+    ]
     mark = f"{HEADLINE_MARK} " if e.headline else ""
     says = " | ".join(known) if known and e.status.value == "ok" else e.says
     return f"{e.t:.1f} s", f"{mark}{e.estimator}", readable(e.status.value), says or text[-1]

@@ -84,7 +84,7 @@ def stack(
         domain = [max(round(low, 6), 0.0), round(high, 6)]
         limits: Spec = {} if panel.range is None else {"range": list(panel.range)}
         axes[f"yaxis{axis_suffix(k)}"] = axis(
-            "", domain=domain, **({"nticks": 5} | limits | dict(panel.more))
+            "", domain=domain, **({"nticks": 5, "automargin": "left"} | limits | dict(panel.more))
         )
         font = {"size": 11, "color": "@ink"}
         titles.append(annotation(panel.title, 0.0, domain[1], xanchor="left", yanchor="bottom", font=font))

@@ -19,6 +19,7 @@ from canid.types import (
     DriveTime,
     Estimate,
     Event,
+    Identifiable,
     MonitorReport,
     SignalFinding,
     SignalReport,
@@ -82,7 +83,7 @@ def page(log: ReplayedLog) -> str:
     t = np.array(record.t)
     learn = np.array(record.learn, dtype=bool)
     span = (float(t[0]), float(t[-1])) if len(t) else (0.0, max(log.duration, 1.0))
-    time = drive_time(t, record.gates, learn, findings, log.step)
+    time = drive_time(t, record.gates, learn, findings, log.step, follows=log.task != "lane_keeping")
     states = strips("states", "What could be said, and when", _CAPTION, _states(log, t, learn, span[1]), span)
     estimates = [
         figure
@@ -91,15 +92,15 @@ def page(log: ReplayedLog) -> str:
         is not None
     ]
     signals = _signals(log, t, span)
-    title, says = _verdict(tally, findings, time, log.output)
+    kind, title, says = _verdict(tally, findings, time, log.output)
     return page_parts.render(
         "replay.html.j2",
         [states, *estimates, signals],
         title=title,
         says=says,
-        known=bool(tally.last_ok),
+        kind=kind,
         log=log,
-        standing=[_standing(name, tally) for name in sorted(tally.statuses)],
+        standing=[_standing(name, tally, log.output) for name in sorted(tally.statuses)],
         states=states,
         estimates=estimates,
         signals=signals,
@@ -121,6 +122,13 @@ _CAPTION = (
 )
 
 
+_TITLES = {
+    "identified": "Live, the driver was identified",
+    "partly": "Live, the driver was identified in part",
+    "nothing": "Live, nothing could be quoted",
+}
+
+
 def _tally(record: ReplayRecord) -> EstimateTally:
     """The last good estimates, without those of the time in which a signal was wrong and nobody knew it."""
     tally = EstimateTally()
@@ -134,32 +142,35 @@ def _tally(record: ReplayRecord) -> EstimateTally:
 
 def _verdict(
     tally: EstimateTally, findings: Sequence[SignalFinding], time: DriveTime, output: str
-) -> tuple[str, str]:
-    """Title and sentences."""
+) -> tuple[str, str, str]:
+    """Kind as of `IdentificationVerdict`, title and sentences."""
     headline = tally.last_ok.get(tally.headline)
     used = f"{number(time.usable, 's')} of {number(time.total, 's')} were usable."
     if headline is None:
         wrong = [signal_checks.sentence(one) for one in findings if one.withholds]
         if wrong:
-            return "Live, nothing could be quoted", f"{wrong[0][0].upper()}{wrong[0][1:]}. {used}"
+            return "nothing", _TITLES["nothing"], f"{wrong[0][0].upper()}{wrong[0][1:]}. {used}"
         why = Counter(e.says for e in tally.last.values()).most_common(1)
         reason = why[0][0] if why else "no sample came"
-        return "Live, nothing could be quoted", f"At the end: {reason}. {used}"
+        return "nothing", _TITLES["nothing"], f"At the end: {reason}. {used}"
     known = "; ".join(
         f"{readable(name)}: {said}"
         for name, c in headline.channels.items()
         if (said := identification_verdict.quoted(name, c, output))
     )
     known = f"{known[:1].upper()}{known[1:]}"
-    missing = estimate_text.all_missing(headline.channels)
+    missing = estimate_text.all_missing(headline.channels, output)
+    whole = all(c.status is Identifiable.OK for c in headline.channels.values())
+    kind = ("identified" if whole else "partly") if known else "nothing"
     return (
-        "Live, the driver was identified",
+        kind,
+        _TITLES[kind],
         f"{known or 'No number may be quoted'} (last headline estimate, {headline.estimator} at {headline.t:.0f} s). "
         f"{f'{missing[0].upper()}{missing[1:]}. ' if missing else ''}{used}",
     )
 
 
-def _standing(name: str, tally: EstimateTally) -> Standing:
+def _standing(name: str, tally: EstimateTally, output: str) -> Standing:
     counts = tally.statuses[name]
     total = sum(counts.values())
     shares = ", ".join(
@@ -169,7 +180,7 @@ def _standing(name: str, tally: EstimateTally) -> Standing:
     e = tally.last_ok.get(name)
     if e is None:
         return Standing(name, False, shares, "–", [f"no estimate: {tally.last[name].says}"])
-    lines = [estimate_text.channel(channel, ch) for channel, ch in e.channels.items()]
+    lines = [estimate_text.channel(channel, ch, output, None) for channel, ch in e.channels.items()]
     fit = f", fit {number(e.fit_percent, '%')} (simulated)" if e.fit_percent == e.fit_percent else ""
     at = f"{e.t:.1f} s, from {number(e.used, 's')} of driving{fit}"
     return Standing(name, name == tally.headline, shares, at, lines)

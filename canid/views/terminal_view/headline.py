@@ -150,7 +150,7 @@ def _span(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds >= 90.0 else f"{seconds:.0f} s"
 
 
-def progress(e: Estimate, columns: int, *, every: bool = False) -> list[Line]:
+def progress(e: Estimate, output: str, columns: int, *, every: bool = False) -> list[Line]:
     """What is to be known next, how far that is, and how many more seconds of such driving it takes."""
     known = [(name, ch.progress) for name, ch in e.channels.items() if ch.progress is not None]
     # what comes first: NaN is never
@@ -166,7 +166,7 @@ def progress(e: Estimate, columns: int, *, every: bool = False) -> list[Line]:
             Span("░" * (room - full), "dim"),
             Span(f" {100 * done:.0f} %"),
         )
-        _, _, missing = estimate_text.missing(one).partition(" ")
+        _, _, missing = estimate_text.missing(one, gain_unit(output, name)).partition(" ")
         out += packed([label, bar, (Span(missing, "dim"),)], columns)
     return out
 

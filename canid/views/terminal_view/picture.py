@@ -173,7 +173,12 @@ def _estimates(view: View, columns: int) -> list[Section]:
     return [
         Section("headline", tuple(forms)),
         Section(
-            "progress", ([], headline.progress(lead, columns), headline.progress(lead, columns, every=True))
+            "progress",
+            (
+                [],
+                headline.progress(lead, view.output, columns),
+                headline.progress(lead, view.output, columns, every=True),
+            ),
         ),
         Section(
             "others",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import PurePath
 
-from canid.views.numbers import clock
+from canid.views.numbers import clock, file_size
 from canid.views.status_lines import MAX_LAG_S
 from canid.views.terminal_view.spans import Line, Span, cells, fitted, packed, shortened, width, wrapped
 from canid.views.terminal_view.state import Recording, Replayed, View
@@ -42,7 +42,7 @@ def _recording(view: View, r: Recording, columns: int) -> list[Line]:
     else:
         state = NAMED.get(r.state) or (f"● REC {r.state}" if r.path else f"○ {r.state}")
     frames = f"{r.written if r.path else r.frames:,} frames"
-    size = f"{r.bytes / 1e6:.1f} MB" if r.path else ""
+    size = file_size(r.bytes) if r.path else ""
     lag = f"lag {r.lag:.2f} s" if r.path and math.isfinite(r.lag) else ""
     first = [Span(f" {state} ", f"{base} bold"), _dropped(r, base)]
     first.insert(1, Span(f" {frames}  ", base))

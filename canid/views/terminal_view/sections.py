@@ -49,7 +49,7 @@ def gate(sample: Sample | None, columns: int) -> list[Line]:
 
 
 def _value(role: str, x: float, unit: str) -> Line:
-    text = f"{x:{VALUE_WIDTH}.1f}" if x == x else f"{DASH:>{VALUE_WIDTH}}"
+    text = f"{round(x, 1) + 0.0:{VALUE_WIDTH}.1f}" if x == x else f"{DASH:>{VALUE_WIDTH}}"
     return (Span(readable(role), "dim"), Span(f"{text} {unit}", "bold"))
 
 

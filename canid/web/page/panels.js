@@ -6,6 +6,7 @@ const NOTHING = { value: null, low: null, high: null };
 // roles of the panel "Now": unit, and decimals
 const SIGNALS = [["gap", "m", 1], ["headway", "s", 1], ["range_rate", "speed", 1], ["speed", "speed", 1], ["lateral_offset", "m", 2]];
 const OF_LEAD = new Set(["gap", "headway", "range_rate"]);
+const INPUT_UNITS = { headway_error: "s", range_rate: "m/s", lateral_offset: "m" };
 // decimals of an output with this unit
 const OUTPUT_DECIMALS = { "m/s²": 2 };
 
@@ -80,17 +81,18 @@ function tentative(ch, quoted, name) {
   return [line];
 }
 
-// how near each channel is to what may be quoted next
+// how near each channel is to what may be quoted next: the share of the driving that it needs, as in the terminal view;
+// information grows as 1 / sd^2
 function drawProgress(message) {
   byId("progress").replaceChildren(...Object.entries(message.value.channels).filter(([, ch]) => ch.progress).map(([name, ch]) => {
     const { parameter: what, sd, needed, seconds } = ch.progress;
     const bar = make("div", "", "bar");
-    const unit = what === "K" ? "" : " s";
+    const unit = what === "K" ? ` ${message.units[name] || ""}`.trimEnd() : " s";
     const more = known(seconds) && seconds > 0 ? `; about ${span(seconds)} more of such driving` : "";
     bar.append(make("span", `next: ${SYMBOLS[what]} of ${readable(name)}, known to ±${fixed(sd, 2)}${unit}, needed ±${fixed(needed, 2)}${unit}${more}`));
     const share = document.createElement("progress");
     share.max = 1;
-    share.value = known(sd) && sd > 0 ? Math.min(needed / sd, 1) : 0;
+    share.value = known(sd) && sd > 0 ? Math.min((needed / sd) ** 2, 0.99) : 0;
     share.setAttribute("aria-label", `${SYMBOLS[what]} of ${readable(name)}`);
     bar.append(share);
     return bar;
@@ -126,7 +128,7 @@ export function drawEstimators(store) {
       const of = { K: ch.status !== "not_identifiable", tau: all, dead_time: all, tau_plus_dead_time: all || ch.status === "sum_only" };
       const delays = make("td");
       for (const [what, quoted] of Object.entries(of)) {
-        const text = quoted ? interval(ch[what]) : DASH;
+        const text = !quoted ? DASH : what === "K" ? `${interval(ch.K)} ${message.units[name] || ""}`.trim() : interval(ch[what]);
         const cell = what === "K" ? make("td", text) : make("span", `${SYMBOLS[what]} ${text}`, "delay");
         cell.dataset.of = `${e.estimator}.${name}.${what}`;
         cell.dataset.t = String(e.t);
@@ -139,7 +141,7 @@ export function drawEstimators(store) {
       rows.push(row);
     });
     const row = make("tr");
-    const excitation = Object.entries(e.excitation).filter(([, x]) => known(x)).map(([name, x]) => `${readable(name)} ±${Number(x.toPrecision(2))}`);
+    const excitation = Object.entries(e.excitation).filter(([, x]) => known(x)).map(([name, x]) => `${readable(name)} ±${Number(x.toPrecision(2))} ${INPUT_UNITS[name] || ""}`.trim());
     const facts = [e.says, known(e.fit_percent) ? `fit ${fixed(e.fit_percent, 0)} %` : "", known(e.used) ? `from ${fixed(e.used, 0)} s` : "",
       excitation.length ? `excitation: ${excitation.join(", ")}` : ""];
     const words = make("td", facts.filter((one) => one).join(" · "), "words");
@@ -210,7 +212,7 @@ export function drawHealth(store) {
       figure("dropped", grouped(dropped), "", dropped > 0),
     ];
     if (loads.length) shown.push(figure("bus load", fixed(100 * Math.max(...loads), 0), "%"));
-    if (status.path) shown.push(figure("file", fixed(status.bytes / 1e6, 1), "MB"));
+    if (status.path) shown.push(figure("file", ...(status.bytes < 999500 ? [fixed(status.bytes / 1e3, 0), "kB"] : [fixed(status.bytes / 1e6, 1), "MB"])));
     shown.push(figure("time", clock(status.elapsed), ""));
     byId("counts").replaceChildren(...shown);
     // on every size of screen without scrolling
@@ -220,7 +222,9 @@ export function drawHealth(store) {
     say(header, `${words} · ${grouped(status.frames)} frames · ${grouped(dropped)} dropped`);
     header.classList.toggle("wrong", lost);
   } else if (status) byId("counts").replaceChildren(figure("frames", grouped(status.frames), ""));
-  const lines = store.health ? [...store.health.lines] : [];
+  // of a replay the only line in order is the count of frames, which stands above
+  const replay = status && !("drops" in status);
+  const lines = store.health ? store.health.lines.filter((one) => one.wrong || !replay) : [];
   if (store.status && store.status.lost) lines.push({ text: `${grouped(store.status.lost)} messages did not reach this page`, wrong: true });
   byId("lines").replaceChildren(...lines.map((one) => make("li", one.text, one.wrong ? "wrong" : "")));
 }
