@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from canid.cli.output import open_terminal, streams
+from canid.errors import CanidError
 
 # sent by a closed ssh session or terminal; Windows has no such signal
 HANGUP: int | None = getattr(signal, "SIGHUP", None)
@@ -69,12 +70,15 @@ class Ended(KeyboardInterrupt):
 def ending() -> Iterator[None]:
     """Raise KeyboardInterrupt or `Ended` on a signal, for verbs without a loop that polls `Interrupt`.
 
-    A signal that the parent process ignores (nohup, a background job of a shell) stays ignored.
+    A signal that the parent process ignores (nohup, a background job of a shell) stays ignored. Libraries make errors of
+    their own of such an exception (numpy an ImportError, while it is imported): it is raised again in their place.
     """
+    raised: list[KeyboardInterrupt] = []
 
     def end(number: int, _: FrameType | None) -> None:
         streams.hurry()  # messages on the way out wait for no reader
-        raise KeyboardInterrupt if number == signal.SIGINT else Ended(number)
+        raised.append(KeyboardInterrupt() if number == signal.SIGINT else Ended(number))
+        raise raised[-1]
 
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread can set handlers
@@ -83,6 +87,12 @@ def ending() -> Iterator[None]:
     before = {number: signal.signal(number, end) for number in SIGNALS if signal.getsignal(number) in usual}
     try:
         yield
+    except (CanidError, OSError):
+        raise  # canid's own, such as of a file that could not be completed
+    except Exception:
+        if raised:
+            raise raised[-1] from None
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -51,7 +51,7 @@ def test_sentences_name_the_input_that_moved_least_and_its_unit():
     assert "hide the response" in status.by_fit({}, {"range_rate": 3.0})[1]
     kind, says = status.by_fit({"a_b": Channel(status=Identifiable.SUM_ONLY)}, {"a_b": 1.0})
     assert kind is Status.OK
-    assert says.startswith("a b: K, and tau")
+    assert says.startswith("a b: K, and τ")
 
 
 def test_lane_keeping_does_not_speak_of_leads():

@@ -1,0 +1,44 @@
+"""A signal ends a verb with its exit code, whatever a library makes of the exception that it raises."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from canid.cli.interrupt import Ended, ending
+from canid.errors import OutputError
+
+
+def interrupted_import(number: int) -> None:
+    """What numpy does when a signal comes while it is imported."""
+    try:
+        os.kill(os.getpid(), number)
+    except KeyboardInterrupt as error:
+        raise ImportError("PyCapsule_Import could not import module") from error
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_library_that_turns_a_signal_into_its_own_error_does_not_hide_it(number: int, code: int) -> None:
+    with pytest.raises(Ended) as found, ending():
+        interrupted_import(number)
+    assert found.value.code == code
+
+
+def test_ctrl_c_stays_one() -> None:
+    with pytest.raises(KeyboardInterrupt), ending():
+        interrupted_import(signal.SIGINT)
+
+
+def test_an_error_without_a_signal_stays_what_it_is() -> None:
+    with pytest.raises(ImportError), ending():
+        raise ImportError("really missing")
+
+
+def test_a_file_that_could_not_be_completed_is_still_reported() -> None:
+    with pytest.raises(OutputError), ending():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt as error:
+            raise OutputError("x.json: cannot be written") from error
