@@ -36,9 +36,14 @@ def test_an_error_without_a_signal_stays_what_it_is() -> None:
         raise ImportError("really missing")
 
 
+def unwritable(number: int) -> None:
+    """A file that is being completed on the way out, and cannot be."""
+    try:
+        os.kill(os.getpid(), number)
+    except KeyboardInterrupt as error:
+        raise OutputError("x.json: cannot be written") from error
+
+
 def test_a_file_that_could_not_be_completed_is_still_reported() -> None:
     with pytest.raises(OutputError), ending():
-        try:
-            os.kill(os.getpid(), signal.SIGTERM)
-        except KeyboardInterrupt as error:
-            raise OutputError("x.json: cannot be written") from error
+        unwritable(signal.SIGTERM)
