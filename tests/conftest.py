@@ -8,6 +8,9 @@ from types import FrameType
 import pytest
 
 from tests import seeds
+from tests.fixtures.browser import browser
+
+__all__ = ["browser"]
 
 
 def _nothing(number: int, frame: FrameType | None) -> None:

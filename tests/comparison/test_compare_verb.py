@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import os
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -151,22 +149,6 @@ def test_what_is_missing_or_contradicts_itself_is_one_line(tmp_path: Path) -> No
         assert ran.code == code, (words, ran.err)
         assert ran.err.count("\n") == 1
         assert "Traceback" not in ran.err
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    missing = pytest.fail if os.environ.get("CANID_BROWSER") else pytest.skip
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright is not installed: pip install -e '.[dev]'")
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        missing("chromium is not installed: apt-get install chromium")
-    with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
-        yield opened
-        opened.close()
 
 
 @pytest.mark.parametrize("width", [1100, 390])

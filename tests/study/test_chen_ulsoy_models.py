@@ -237,5 +237,8 @@ def test_coherence_is_that_of_the_planted_noise(seed):
     x = rng.normal(size=(60, 600))
     half = spectra(x, x + rng.normal(size=x.shape), 0.1)
     assert half.coherence[2:-2].mean() == pytest.approx(0.5, abs=0.03)
-    nothing = spectra(x, rng.normal(size=x.shape), 0.1)
-    assert (nothing.coherence[1:-1] > nothing.threshold).mean() == pytest.approx(0.05, abs=0.06)
+    above = []
+    for _ in range(20):  # 33 frequencies each
+        nothing = spectra(x, rng.normal(size=x.shape), 0.1)
+        above.append((nothing.coherence[1:-1] > nothing.threshold).mean())
+    assert np.mean(above) == pytest.approx(0.05, abs=0.04)

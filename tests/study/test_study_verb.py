@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
-import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ from canid.errors import CHECK_FAILED, DONE, NOT_WRITTEN, USAGE
 from canid.findings import Provenance
 from canid.study.artifact import Artifact, ClaimVerdict, Curve, Figure, Panel, Skipped, Study, Table
 from canid.views.study import figure_svg, study_files, study_page
-from tests.views.test_page_in_browser import FLAGS, missing
 
 # what a test of the page shows: every kind of panel, a missing number, markup in names
 STUDY = Study(
@@ -61,39 +60,28 @@ def test_a_study_is_complete_in_every_format() -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(1180, 900), (390, 844)])
-def test_the_page_in_a_browser(tmp_path: Path, width: int, height: int) -> None:
+def test_the_page_in_a_browser(browser: Any, tmp_path: Path, width: int, height: int) -> None:
     """It loads nothing, reports no error, escapes names, and is as wide as the window, on a phone as well."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright is not installed: pip install -e '.[dev]'")
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        missing("chromium is not installed: apt-get install chromium")
     file = tmp_path / "study.html"
     drawings = {(STUDY.paper, f.name): figure_svg.drawn(f) for f in STUDY.figures}
     file.write_text(study_page.page([STUDY], Provenance(), drawings), encoding="utf-8")
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        page = browser.new_page(viewport={"width": width, "height": height})
-        wrong: list[str] = []
-        asked: list[str] = []
-        page.on("console", lambda m: wrong.append(m.text))
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: asked.append(request.url))
-        page.goto(file.as_uri())
-        assert page.locator("h1").inner_text() == "Title <b>"
-        assert page.locator("figure svg").count() == 1
-        assert page.locator("figure svg").bounding_box()["height"] > 100
-        assert page.locator(".artifacts tbody tr").count() == 1
-        # every link leads somewhere
-        links = page.locator("a[href^='#']").evaluate_all(
-            "all => all.map(a => a.getAttribute('href').slice(1))"
-        )
-        assert links
-        assert all(page.locator(f"[id='{name}']").count() == 1 for name in links), links
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        browser.close()
+    page = browser.new_page(viewport={"width": width, "height": height})
+    wrong: list[str] = []
+    asked: list[str] = []
+    page.on("console", lambda m: wrong.append(m.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(file.as_uri())
+    assert page.locator("h1").inner_text() == "Title <b>"
+    assert page.locator("figure svg").count() == 1
+    assert page.locator("figure svg").bounding_box()["height"] > 100
+    assert page.locator(".artifacts tbody tr").count() == 1
+    # every link leads somewhere
+    links = page.locator("a[href^='#']").evaluate_all("all => all.map(a => a.getAttribute('href').slice(1))")
+    assert links
+    assert all(page.locator(f"[id='{name}']").count() == 1 for name in links), links
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.close()
     assert wrong == []
     assert [url for url in asked if not url.startswith("data:")] == [file.as_uri()]
 

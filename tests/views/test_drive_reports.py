@@ -15,7 +15,7 @@ from canid.errors import CHECK_FAILED, DAMAGED, DONE, USAGE
 from canid.types import Interval
 from canid.views.names import SYMBOLS, readable
 from canid.views.numbers import interval, number
-from tests.views.test_page_in_browser import OpenPage, browser  # noqa: F401
+from tests.views.test_page_in_browser import OpenPage
 
 URBAN = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
 # a file name is data: neither markup, nor a template, nor a script
@@ -56,7 +56,7 @@ def canid(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, t
 
 
 @pytest.fixture
-def opened(browser: Any) -> Iterator[Open]:  # noqa: F811
+def opened(browser: Any) -> Iterator[Open]:
     seen: list[OpenPage] = []
 
     def of(file: Path, **options: Any) -> OpenPage:

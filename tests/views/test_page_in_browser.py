@@ -1,6 +1,5 @@
 """The page in a real browser: no error, every plot drawn, light, dark and printed, and its text without JavaScript."""
 
-import os
 import re
 import shutil
 import subprocess
@@ -14,34 +13,9 @@ from canid.findings import Report, Verdict
 from canid.views.report import page
 
 ReportOf = Callable[..., Report]
-# as root and without a network: no sandbox, and no attempt to call home
-FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-]  # fmt: skip
 # ms; a busy machine may take its time, nothing here is about speed
 PATIENCE = 120_000
 A4 = (210 / 25.4 * 72, 297 / 25.4 * 72)  # points
-
-
-def missing(why: str) -> None:
-    """Skip; fail where CANID_BROWSER says that a browser must be there."""
-    (pytest.fail if os.environ.get("CANID_BROWSER") else pytest.skip)(why)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright is not installed: pip install -e '.[dev]'")
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        missing("chromium is not installed: apt-get install chromium")
-    with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")

@@ -24,36 +24,11 @@ from canid.web.live_page import LivePage
 from canid.web.requests import OF_SESSION
 
 ROOT = Path(__file__).parents[2]
-# as root and without a network: no sandbox, and no attempt to call home
-FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-]  # fmt: skip
 # markup, a direction override, and a name as long as a file system takes
 HOSTILE = "<img src=x onerror=window.pwned=1><b>\u202efdp." + "x" * 120 + ".blf"
 HOSTILE_CAR = "</h1><script>window.pwned=1</script>"
 # s of the log: both estimators have given estimates
 STOP_S = 45.0
-
-
-def missing(why: str) -> None:
-    """Skip; fail where CANID_BROWSER says that a browser must be there."""
-    (pytest.fail if os.environ.get("CANID_BROWSER") else pytest.skip)(why)
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright is not installed: pip install -e '.[dev]'")
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        missing("chromium is not installed: apt-get install chromium")
-    with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        yield opened
-        opened.close()
 
 
 class Replay(NamedTuple):
