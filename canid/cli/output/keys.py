@@ -108,6 +108,13 @@ class Keyboard:
                 # at once: not after output that a stuck terminal does not take
                 termios.tcsetattr(self._fd, termios.TCSANOW, self._saved)
 
+    def grab(self) -> None:
+        """Give keys singly from this call on, before a picture invites to press them; the process is in the foreground."""
+        if self._thread is None or self._closing.is_set():
+            return
+        with suppress(OSError):  # the terminal has gone
+            self._single_keys()
+
     def _run(self) -> None:
         with suppress(OSError, ValueError):  # the terminal has gone
             if sys.platform == "win32":
@@ -145,17 +152,20 @@ class Keyboard:
             return
         import termios
 
-        now = termios.tcgetattr(self._fd)
-        local, control = 3, 6  # of the list of termios
-        if not now[local] & termios.ICANON:
-            return
-        now[local] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)  # the last: Ctrl-Y stops it on BSD
-        now[0] &= ~termios.IXON  # Ctrl-S would freeze the picture
-        now[control][termios.VMIN], now[control][termios.VTIME] = 1, 0
-        # Ctrl-Z would stop a recorder, and lose frames; Ctrl-\ would end it without restoring the terminal
-        none = os.fpathconf(self._fd, "PC_VDISABLE").to_bytes(1, "little")
-        now[control][termios.VSUSP] = now[control][termios.VQUIT] = none
-        termios.tcsetattr(self._fd, termios.TCSANOW, now)
+        try:
+            now = termios.tcgetattr(self._fd)
+            local, control = 3, 6  # of the list of termios
+            if not now[local] & termios.ICANON:
+                return
+            now[local] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)  # the last: Ctrl-Y stops it on BSD
+            now[0] &= ~termios.IXON  # Ctrl-S would freeze the picture
+            now[control][termios.VMIN], now[control][termios.VTIME] = 1, 0
+            # Ctrl-Z would stop a recorder, and lose frames; Ctrl-\ would end it without restoring the terminal
+            none = os.fpathconf(self._fd, "PC_VDISABLE").to_bytes(1, "little")
+            now[control][termios.VSUSP] = now[control][termios.VQUIT] = none
+            termios.tcsetattr(self._fd, termios.TCSANOW, now)
+        except termios.error as error:  # which is no OSError
+            raise OSError(*error.args) from None
 
     def _run_windows(self) -> None:
         if sys.platform == "win32":

@@ -111,6 +111,8 @@ class LiveDisplay:
                 self._entered = False
             return
         if not self._entered:
+            # else Ctrl-Z would stop the recording for as long as the thread of the keys has not looked
+            self._keyboard.grab()
             open_terminal.write(self._stream, ansi.ENTER)
             self._entered = True
         columns, rows = _size(fd)
