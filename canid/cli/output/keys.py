@@ -157,7 +157,9 @@ class Keyboard:
             local, control = 3, 6  # of the list of termios
             if not now[local] & termios.ICANON:
                 return
-            now[local] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)  # the last: Ctrl-Y stops it on BSD
+            now[local] &= ~(
+                termios.ICANON | termios.ECHO | termios.IEXTEN
+            )  # the last: Ctrl-Y stops it on BSD
             now[0] &= ~termios.IXON  # Ctrl-S would freeze the picture
             now[control][termios.VMIN], now[control][termios.VTIME] = 1, 0
             # Ctrl-Z would stop a recorder, and lose frames; Ctrl-\ would end it without restoring the terminal
