@@ -1,0 +1,157 @@
+"""All signals of DBC files in a log: the frames of each message as columns, and the values of any signal in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.logs import Log
+from canid.parsing import Message, Signal
+from canid.types import Array, Columns, Flag
+from canid.vehicle.bits import payloads, raws_of
+from canid.vehicle.database import bits_of, carried, condition_of
+
+NO_DATA = int(Flag.REMOTE | Flag.ERROR)
+# frames that are sorted by message at once: numpy's overhead is spread over them
+_FRAMES_PER_ROUND = 262_144
+
+
+class MessageKey(NamedTuple):
+    """What makes frames the same message."""
+
+    bus: int
+    id: int
+    extended: bool
+
+
+class MessageFrames(NamedTuple):
+    """All data frames of one message on one bus, in the order of the log."""
+
+    t: Array  # (n,) s since the log's first frame
+    length: npt.NDArray[np.uint8]  # (n,) bytes
+    data: npt.NDArray[np.uint8]  # (n, 8) or (n, 64)
+
+
+class SignalColumn(NamedTuple):
+    """A signal as it came."""
+
+    t: Array  # (n,) s
+    value: Array  # (n,) physical, in the DBC's own unit; NaN: the frame was too short for it
+
+
+def frames_by_message(
+    log: Log,
+    *,
+    ids: Collection[int] | None = None,
+    start: float = 0.0,
+    stop: float = float("inf"),
+    progress: Callable[[float], None] | None = None,
+) -> dict[MessageKey, MessageFrames]:
+    """Read a log once; the data frames of each message, on each bus (no remote and no error frames).
+
+    Args:
+        log: from `open_log`.
+        ids: only these; None: all.
+        start: s, leave out what is earlier.
+        stop: s, leave out what is later.
+        progress: called now and then with the fraction that was read.
+
+    Returns:
+        in the order of bus and id. Memory: 17 bytes for each frame (73 where a frame of the log is longer than 8 bytes).
+
+    Raises:
+        LogError: the log cannot be read.
+
+    Example:
+        >>> from canid.logs import open_log
+        >>> from canid.vehicle.vehicle_file import shipped
+        >>> frames = frames_by_message(open_log(shipped().parent / "replay_logs" / "following_lost_lead.blf"))
+        >>> key = MessageKey(0, 0x110, False)
+        >>> frames[key].data.shape == (len(frames[key].t), 8)
+        True
+    """
+    parts: dict[MessageKey, list[MessageFrames]] = {}
+    waiting: list[Columns] = []
+    n = 0
+    for chunk in log.columns(ids):
+        waiting.append(chunk)
+        n += len(chunk.t)
+        if n >= _FRAMES_PER_ROUND:
+            _sort(waiting, ids, start, stop, parts)
+            waiting, n = [], 0
+        if progress is not None:
+            progress(log.progress)
+    _sort(waiting, ids, start, stop, parts)
+    return {key: _joined(parts[key]) for key in sorted(parts)}
+
+
+def _sort(
+    chunks: list[Columns],
+    ids: Collection[int] | None,
+    start: float,
+    stop: float,
+    parts: dict[MessageKey, list[MessageFrames]],
+) -> None:
+    for chunk in chunks:
+        kept = (chunk.flags & NO_DATA == 0) & (chunk.t >= start) & (chunk.t <= stop)
+        if ids is not None:
+            kept &= np.isin(chunk.id, list(ids))
+        rows = np.flatnonzero(kept)
+        if not rows.size:
+            continue
+        # bus, id and the flag of an extended id (1) in one number
+        key = chunk.bus[rows].astype(np.uint64) << np.uint64(32)
+        key |= (chunk.id[rows].astype(np.uint64) << np.uint64(1)) | (chunk.flags[rows] & 1).astype(np.uint64)
+        order = np.argsort(key, kind="stable")
+        sorted_key = key[order]
+        edges = np.flatnonzero(np.diff(sorted_key)) + 1
+        for piece in np.split(order, edges):
+            number = int(key[piece[0]])
+            name = MessageKey(number >> 32, (number >> 1) & 0x1FFFFFFF, bool(number & 1))
+            at = rows[piece]
+            parts.setdefault(name, []).append(MessageFrames(chunk.t[at], chunk.length[at], chunk.data[at]))
+
+
+def _joined(parts: list[MessageFrames]) -> MessageFrames:
+    if len(parts) == 1:
+        return parts[0]
+    width = max(part.data.shape[1] for part in parts)
+    data = np.zeros((sum(len(part.t) for part in parts), width), np.uint8)
+    row = 0
+    for part in parts:
+        data[row : row + len(part.t), : part.data.shape[1]] = part.data
+        row += len(part.t)
+    return MessageFrames(
+        np.concatenate([part.t for part in parts]), np.concatenate([part.length for part in parts]), data
+    )
+
+
+def decode(message: Message, signal: Signal, frames: MessageFrames) -> SignalColumn | None:
+    """Decode one signal: raw · scale + offset. A multiplexed signal has the rows of its own pages alone.
+
+    Returns:
+        None where no frame can carry the signal. Value-table entries are numbers as all others: `signal.choices`
+        says what they mean.
+    """
+    condition = condition_of(message, signal) if carried(signal) else None
+    if condition is None:
+        return None
+    t = frames.t
+    if condition:
+        rows = np.ones(len(t), bool)
+        whole = payloads(frames.data, frames.length)
+        for bits, pages in condition:
+            raw, long_enough = raws_of(bits, whole)
+            rows &= np.isin(raw, list(pages))
+            if long_enough is not None:
+                rows &= long_enough
+        t = t[rows]
+        frames = MessageFrames(t, frames.length[rows], frames.data[rows])
+    raw, long_enough = raws_of(bits_of(signal), payloads(frames.data, frames.length))
+    value = raw.astype(np.float64) * signal.scale + signal.offset
+    if long_enough is not None:
+        value[~long_enough] = np.nan
+    return SignalColumn(t, value)
