@@ -111,7 +111,7 @@ class LiveDisplay:
                 self._entered = False
             return
         if not self._entered:
-            # else Ctrl-Z would stop the recording for as long as the thread of the keys has not looked
+            # else Ctrl-Z would stop the recording for as long as the thread of the keys has not noticed
             self._keyboard.grab()
             open_terminal.write(self._stream, ansi.ENTER)
             self._entered = True
