@@ -66,6 +66,16 @@ class Signal(NamedTuple):
     is_multiplexer: bool
     multiplexer: str | None  # name of the selector
     pages: tuple[int, ...]  # raw numbers of the selector with which it comes
+    spn: int = 0  # J1939: suspect parameter number; 0: not in the file
+
+
+class Container(NamedTuple):
+    """The container frame in which a message comes (AUTOSAR container PDU)."""
+
+    name: str
+    header_id: int  # by which the message is found in it
+    long_header: bool  # 4 bytes of id and 4 of length; else 3 and 1
+    little_endian: bool  # byte order of id and length
 
 
 class Message(NamedTuple):
@@ -77,6 +87,17 @@ class Message(NamedTuple):
     length: int  # bytes
     period: float  # s; NaN: not in the file
     signals: tuple[Signal, ...]
+    protocol: str = ""  # "j1939": its frames are those of the same parameter group, from any source
+    container: Container | None = None  # in which it comes; its id is then the container's
+
+
+class Repair(NamedTuple):
+    """What a file says in a way that the format does not know, and what it was taken for."""
+
+    line: int  # from 1
+    kind: str  # see `canid.vehicle.dbc_repair`
+    was: str  # the text, shortened
+    now: str  # what was made of it, or why it was left out
 
 
 class Content(NamedTuple):
@@ -85,6 +106,8 @@ class Content(NamedTuple):
     messages: tuple[Message, ...]
     warnings: tuple[str, ...]  # by cantools
     overlapping: tuple[str, ...]  # messages whose signals overlap or do not fit their frame
+    repairs: tuple[Repair, ...] = ()
+    left_out: tuple[Repair, ...] = ()  # what has no one meaning
 
 
 class ParseError(ValueError):

@@ -1,0 +1,85 @@
+"""SAE J1939: parameter groups in 29-bit ids (J1939-21), and raw numbers that are no value (J1939-71)."""
+
+from __future__ import annotations
+
+from canid.parsing import Message, Signal
+
+PROTOCOL = "j1939"
+# below it, the PDU specific field is a destination address (PDU1), from it on a part of the group (PDU2)
+_FIRST_PDU2_FORMAT = 240
+# data pages, PDU format and PDU specific: all but priority (3 bits) and source address (8 bits)
+_GROUP_BITS = 0x3FFFF
+# parameters are 2 to 32 bits long; what is longer is text or a bit field
+_MIN_PARAMETER_BITS, _MAX_PARAMETER_BITS = 2, 32
+# lengths whose error indicators are the numbers that begin with 0xFE, and "not available" those with 0xFF
+_BYTE_WISE_LENGTHS = (8, 12, 16, 20, 24, 28, 32)
+
+
+def pgn_of(id_: int) -> int:
+    """Parameter group number of a 29-bit id: without priority, source and (PDU1) destination address.
+
+    Example:
+        >>> pgn_of(0x0CF00403), pgn_of(0x18F004FE), hex(pgn_of(0x18EA2103)), hex(pgn_of(0x18EAFF00))
+        (61444, 61444, '0xea00', '0xea00')
+    """
+    group = id_ >> 8 & _GROUP_BITS
+    return group if group >> 8 & 0xFF >= _FIRST_PDU2_FORMAT else group & ~0xFF
+
+
+def source_of(id_: int) -> int:
+    """Source address of a 29-bit id.
+
+    Example:
+        >>> source_of(0x18FEF121)
+        33
+    """
+    return id_ & 0xFF
+
+
+def with_source(id_: int, source: int | None) -> int:
+    """The id as this address sends it; None: as it is."""
+    return id_ if source is None else (id_ & ~0xFF) | source
+
+
+def matches(message: Message, id_: int, extended: bool) -> bool:
+    """Whether frames of an id carry a message: the same id, or (J1939) the same parameter group from any source.
+
+    Args:
+        message: of a DBC; `message.protocol` says whether it is J1939.
+        id_: of the frames, as `MessageKey.id`.
+        extended: whether it has 29 bits.
+
+    Example:
+        >>> one = Message("EEC1", 0x18F004FE, True, 8, 0.01, ())
+        >>> matches(one, 0x0CF00400, True), matches(one._replace(protocol=PROTOCOL), 0x0CF00400, True)
+        (False, True)
+    """
+    if message.extended != extended:
+        return False
+    if message.protocol == PROTOCOL and extended:
+        return pgn_of(message.id) == pgn_of(id_)
+    return message.id == id_
+
+
+def first_no_value(message: Message, signal: Signal) -> tuple[int, int] | None:
+    """The smallest raw numbers that mean an error, and "not available"; None: every number of this signal is a value.
+
+    J1939-71 reserves the top of the range of each parameter: 0xFE and 0xFF in the first byte, 0b10 and 0b11 of two bits.
+    Where the file numbers the suspect parameters of a message (SPN), only these follow the rule.
+
+    Example:
+        >>> speed = Signal("S", 8, 16, False, False, False, 1 / 256, 0.0, None, None, "", {}, False, None, ())
+        >>> one = Message("CCVS", 0x18FEF1FE, True, 8, 0.1, (speed,), PROTOCOL)
+        >>> [hex(raw) for raw in first_no_value(one, speed)], first_no_value(one._replace(protocol=""), speed)
+        (['0xfe00', '0xff00'], None)
+    """
+    if message.protocol != PROTOCOL or signal.floating or signal.signed or signal.is_multiplexer:
+        return None
+    if not _MIN_PARAMETER_BITS <= signal.length <= _MAX_PARAMETER_BITS:
+        return None
+    if not signal.spn and any(other.spn for other in message.signals):
+        return None
+    if signal.length in _BYTE_WISE_LENGTHS:
+        return 0xFE << (signal.length - 8), 0xFF << (signal.length - 8)
+    last = (1 << signal.length) - 1
+    return last - 1, last
