@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_opener import open_buses
 from canid.controls import Controls
-from canid.errors import CanidError, OutputError
+from canid.errors import CanidError
 from canid.estimator_process import Counts, Estimating
-from canid.files import state_file
+from canid.files import state_keeper
 from canid.recording.recorder import Recorder, Stats
 from canid.recording.rotation import Rotation
 from canid.recording.trigger_gate import TriggerGate
-from canid.saving.checksum import ours
 from canid.triggers.trigger import Trigger, needs_vehicle
 from canid.types import Estimate, Event
 
@@ -102,12 +101,12 @@ def session(
         OutputError: the state file cannot be written; found out before anything begins.
     """
     try:
-        saved = _saved(state)
+        saved = state_keeper.saved(state)
     except CanidError:
         for bus in buses:
             bus.shutdown()
         raise
-    save = _saver(state, saved)
+    save = state_keeper.saver(state, saved)
     # Not a SimpleQueue: before Python 3.13 its `get(timeout=...)` waits for ever where a signal's handler returns after
     # the timeout, on a busy machine or in a process that stood still, and the signal that should end us has no effect.
     results: Queue[Result] = Queue()
@@ -210,35 +209,6 @@ def _gate(trigger: Trigger, vehicle: object) -> TriggerGate:
     return TriggerGate(
         trigger.pre, trigger.post, evaluating=evaluating, own_events=trigger.own_events, says=says
     )
-
-
-def _saved(path: str | Path | None) -> bytes | None:
-    """What was saved before; raises where it cannot be read, or not be written later."""
-    if path is None:
-        return None
-    saved = state_file.read(path)
-    state_file.check_writable(path)
-    return saved
-
-
-def _saver(path: str | Path | None, saved: bytes | None) -> Callable[[bytes | None], str]:
-    """Save what is newer than what was saved last; says why that was not possible."""
-    last, why = saved, ""
-
-    def save(newest: bytes | None) -> str:
-        nonlocal last, why
-        if newest is None or newest is last or path is None or not (saved is None or ours(saved)):
-            return why
-        last = newest
-        try:
-            state_file.write(path, newest)
-        except OutputError as error:
-            why = str(error)
-        else:
-            why = ""
-        return why
-
-    return save
 
 
 def _note(recorder: Recorder, result: Result) -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import operator
 import struct
 import time
 from collections.abc import Callable
 from typing import Any
 
-from canid import timestamps
 from canid.buses import messages, python_can, timestamp_source
-from canid.buses.frame_check import MAX_EXTENDED_ID, ImpossibleFrameError
+from canid.buses.frame_check import ImpossibleFrameError
 from canid.buses.received_frame import Received
 from canid.buses.timestamp_source import TimestampSource
 from canid.errors import BusError, one_line
-from canid.types import Flag
 
 # What a back end raises when it cannot parse one message. Drivers and lost devices raise OSError or CanError.
 _PARSING = (ValueError, TypeError, LookupError, ArithmeticError, AssertionError, struct.error)
@@ -22,9 +19,6 @@ _PARSING = (ValueError, TypeError, LookupError, ArithmeticError, AssertionError,
 _ONLY_ERRORS_S = 2.0
 # so many of them in a row are slowed down: a back end that raises at once would take a whole core
 _MANY_ERRORS = 1000
-_MAX_DATA_BYTES = 64  # bytes
-_REMOTE, _ERROR, _FD = int(Flag.REMOTE), int(Flag.ERROR), int(Flag.FD)
-_KEPT_OF_ERRORS = int(Flag.ERROR | Flag.EXTENDED | Flag.TX)
 
 
 class PythonCanReceiver:
@@ -73,27 +67,11 @@ class PythonCanReceiver:
         self._shutdown()
 
     def _received(self, message: Any) -> Received:
-        data = message.data
-        if not isinstance(data, bytes | bytearray | memoryview):
-            raise ImpossibleFrameError(f"data of type {type(data).__name__}")
-        if len(data) > _MAX_DATA_BYTES:
-            raise ImpossibleFrameError(f"{len(data)} data bytes")
-        stamp = message.timestamp
+        received = messages.received_of(message, time.time_ns())
         if self.clock is TimestampSource.UNKNOWN:
-            self.clock = timestamp_source.of_interface(self._name.partition(" ")[0], stamped=bool(stamp))
-        # an interface that gives no time stamp: the host's clock is the next best
-        ns = timestamps.from_float(float(stamp)) if stamp else time.time_ns()
-        dlc, id_ = operator.index(message.dlc), operator.index(message.arbitration_id)
-        flags = messages.flags_of(message)
-        if flags & _ERROR:
-            # of an error frame these fields hold whatever the driver left there
-            return Received(ns, id_ & MAX_EXTENDED_ID, bytes(data[:8]), flags & _KEPT_OF_ERRORS)
-        if flags & _REMOTE:
-            return Received(ns, id_, bytes(data), flags, dlc)
-        # some back ends return eight bytes whatever the DLC; a classic frame's raw DLC may be 9 to 15
-        if dlc > len(data) and not (len(data) == 8 and dlc <= 15 and not flags & _FD):
-            raise ImpossibleFrameError("fewer data bytes than its DLC announces")
-        return Received(ns, id_, bytes(data[:dlc]), flags)
+            stamped = bool(message.timestamp)
+            self.clock = timestamp_source.of_interface(self._name.partition(" ")[0], stamped=stamped)
+        return received
 
     def _too_many(self) -> bool:
         now = time.monotonic()
