@@ -7,7 +7,7 @@ export OMP_NUM_THREADS := 1
 # one more than there are processors: some tests wait for a recording that plays in real time
 WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
-.PHONY: demo test lint types check vm-test clean
+.PHONY: demo test lint types check docs screenshots vm-test clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -27,6 +27,15 @@ types: $(VENV)/.dev
 # in a network namespace of its own, so that no packet leaves the machine
 check: $(VENV)/.dev
 	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
+
+# warnings are errors: a link or an anchor that leads nowhere, a page that is in no table of contents
+docs: $(VENV)/.dev
+	$(BIN)/sphinx-build -q -W --keep-going -n -E -j 2 -b html docs build/docs
+	@echo "build/docs/index.html"
+
+# the pictures in docs/images: of the live page, the terminal view and the pages of reports
+screenshots: $(VENV)/.dev
+	$(BIN)/python docs/screenshots.py
 
 # the tests on kernel SocketCAN: here where this kernel has it, in a virtual machine where not
 vm-test: $(VENV)/.dev

@@ -45,6 +45,7 @@ def usage() -> str:
         "Record a CAN bus without loss, and identify the driver: gain, lag and dead time, live or from logs.\n\n"
         f"{verbs}\n\n"
         "canid VERB --help lists the options of a verb, canid --version prints the version.\n"
+        "canid --print-completion bash|zsh|fish prints a completion script for the shell.\n"
         "Exit codes: 0 done, 1 a check failed, 2 usage or configuration error, 3 no bus or bus lost,\n"
         "            4 input damaged (partial result), 5 output not written, 129/130/143 interrupted,\n"
         "            files closed.\n"
@@ -105,6 +106,10 @@ def _run(args: list[str]) -> int:
     if args[0] in ("-V", "--version"):
         print_line(f"canid {__version__}")
         return DONE
+    if args[0] == "--print-completion":
+        from canid.cli import completion
+
+        return completion.run(args[1:])
     names = [name for name, _ in VERBS]
     if args[0] not in names:
         close = get_close_matches(args[0], names, n=1)
