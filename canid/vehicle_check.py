@@ -26,6 +26,7 @@ from canid.types import (
     SignalReport,
 )
 from canid.vehicle import Vehicle, decoder, mapped_ids, missing
+from canid.vehicle.roles import NEEDS, ROLES
 
 # correlation of range rate and change of the gap below which the sign of range rate is reported as wrong
 WRONG_SIGN_CORRELATION = -0.5
@@ -163,11 +164,12 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         for gate, n in Counter(judged).most_common()
     }
     problems = list(missing(vehicle, decoding))
-    problems += [
-        f"{row.role}: {row.source} came {row.readings} times, never with a valid value"
-        for row in rows
-        if row.readings and row.missing_percent == 100.0
-    ]
+    invalid = [row for row in rows if row.readings and row.missing_percent == 100.0]
+    says = {
+        row.role: f"{row.role}: {row.source} came {row.readings} times, never with a valid value"
+        for row in invalid
+    }
+    problems += [sentence for role, sentence in says.items() if _is_needed(role, vehicle)]
     problems += [event.says for event in events if event.what == "ambiguous_bus"]
     clock = state.sampler.clock
     if clock.dropped:
@@ -178,6 +180,12 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     problems += [signal_checks.sentence(one) for one in findings]
     remarks = list(signal_checks.remarks(state.signals))
     remarks += [f"{what}: {n} times" for what, n in sorted(decoding.counters.items())]
+    task = vehicle.driver.task.replace("_", " ")
+    remarks += [
+        f"{sentence}; {task} does not need it"
+        for role, sentence in says.items()
+        if not _is_needed(role, vehicle)
+    ]
     if vehicle.lead.tracks is not None:
         changes = sum(event.what == "target_change" for event in events)
         remarks.append(f"radar: {tracks} valid track reports; the lead changed {changes} times")
@@ -197,6 +205,12 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         GateSeries(grid, tuple(judged), np.array(learn, dtype=bool)),
         tuple((bus, id_, n) for (bus, id_), n in sorted(ids.items()) if id_ not in known),
     )
+
+
+def _is_needed(role: str, vehicle: Vehicle) -> bool:
+    """Whether a task goes wrong where a role is mapped and never measured: its inputs and output, and all switches."""
+    driver = vehicle.driver
+    return role in (*NEEDS[driver.task], driver.output, "speed") or ROLES[role].kind == "bool"
 
 
 def _row(role: str, vehicle: Vehicle, readings: Signal, duration: float) -> Row:

@@ -221,7 +221,7 @@ def test_radar_tracks_that_stop_coming(stale: float, tmp_path: Path) -> None:
         pytest.skip(f"measured logs are not there: {RAV4}")
     folder = ROOT / "dbc"
     text = (folder / "toyota_rav4_2017.toml").read_text()
-    text = text.replace('"../', f'"{folder.resolve()}/../')
+    text = text.replace('file = "', f'file = "{folder.resolve()}/')
     assert 'distance = "LONG_DIST"' in text
     text = text.replace('distance = "LONG_DIST"', f'distance = {{ signal = "LONG_DIST", stale = {stale} }}')
     (tmp_path / "car.toml").write_text(text)
@@ -241,7 +241,7 @@ def test_options_that_cannot_act_are_refused(tmp_path: Path) -> None:
     from canid.errors import ConfigError
 
     folder = ROOT / "dbc"
-    text = (folder / "toyota_rav4_2017.toml").read_text().replace('"../', f'"{folder.resolve()}/../')
+    text = (folder / "toyota_rav4_2017.toml").read_text().replace('file = "', f'file = "{folder.resolve()}/')
     for old, new, says in (
         ('valid = "VALID"', 'valid = { signal = "VALID", stale = 0.3 }', "lead.valid.stale: set stale in"),
         (

@@ -86,9 +86,6 @@ def test_a_lost_lead_is_no_target():
 
 def test_a_drive_on_a_car_with_radar_tracks():
     """A drive can be written as a car with radar tracks would, on its buses."""
-    data = Path(__file__).parents[2] / "../shared/data/rav4"
-    if not data.is_dir():
-        pytest.skip(f"measured data are not there: {data}")
     vehicle = read_vehicle("toyota_rav4_2017")
     log = frames(simulate(0.2, 3), vehicle)
     assert {frame.bus for frame in log} == {0, 1}

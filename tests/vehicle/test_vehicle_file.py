@@ -221,9 +221,13 @@ def test_a_range_that_cannot_be_meant_is_ignored_with_a_warning(tmp_path):
     assert vehicle.roles["speed"].valid == (-float("inf"), float("inf"))
 
 
-def test_rav4_reads_with_one_warning(measured):
+def test_rav4_reads_with_one_warning(tmp_path, measured):
     """A real DBC that fails the strict check is read, with one warning that names the message."""
-    vehicle = read_vehicle("toyota_rav4_2017")
+    text = (ROOT / "dbc/toyota_rav4_2017.toml").read_text(encoding="utf-8")
+    text = text.replace('"toyota_rav4_2017.dbc"', f'"{measured / "rav4/toyota_pt.dbc"}"')
+    text = text.replace('"toyota_rav4_2017_radar.dbc"', f'"{measured / "rav4/toyota_radar.dbc"}"')
+    (tmp_path / "car.toml").write_text(text, encoding="utf-8")
+    vehicle = read_vehicle(tmp_path / "car.toml")
     assert len(vehicle.warnings) == 1
     assert "PCS_HUD" in vehicle.warnings[0]
     assert vehicle.lead.tracks is not None
