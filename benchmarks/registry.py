@@ -23,6 +23,12 @@ BENCHMARKS = (
         "latency from frame to estimate, CPU and start-up of the live path",
     ),
     Benchmark(
+        "listener",
+        "benchmarks.listener",
+        "30 s",
+        "cost of `canid.Listener` per frame on the bus's thread, against python-can's own listeners",
+    ),
+    Benchmark(
         "web",
         "benchmarks.web",
         "2 min",
