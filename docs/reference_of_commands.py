@@ -149,7 +149,7 @@ def markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
-def man() -> str:
+def manual() -> str:
     """The man page, in the macros of man(7)."""
     lines = [
         '.\\" made from argparse by python docs/reference_of_commands.py',
@@ -191,4 +191,4 @@ def _roff(text: str) -> str:
 if __name__ == "__main__":
     MAN.parent.mkdir(exist_ok=True)
     PAGE.write_text(markdown(), encoding="utf-8")
-    MAN.write_text(man(), encoding="utf-8")
+    MAN.write_text(manual(), encoding="utf-8")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -92,10 +93,26 @@ def run(args: argparse.Namespace) -> int:
         show(line)
     found = diagnose_hidden(hidden, hidden_recording, report, show)
     show(f"full diagnosis: {report.path}")
-    show("next: canid replay replay_logs/following_urban.blf --vehicle generic")
-    show("      canid check YOUR.blf            list the contents of your own log")
-    show("      canid init YOUR.dbc             propose a vehicle file for your own car")
+    for line in next_steps(recording.path):
+        show(line)
     return code or (DONE if estimated and found else CHECK_FAILED)
+
+
+def next_steps(recording: str) -> list[str]:
+    """Commands that go on from here: they work in any folder, with what the demo has written.
+
+    Example:
+        >>> next_steps("demo_out/demo.blf")[0]
+        'next: canid replay demo_out/demo.blf --vehicle generic'
+    """
+    drive = f"{shlex.quote(recording)} --vehicle generic"
+    return [
+        f"next: canid replay {drive}",
+        f"      canid identify {drive} --report drive.html",
+        f"      canid check {drive}",
+        "then: canid check YOUR.blf            list the contents of your own log",
+        "      canid init YOUR.dbc             propose a vehicle file for your own car",
+    ]
 
 
 def play_and_watch(

@@ -1,0 +1,113 @@
+"""The pages for users do what they say: their commands and their Python run in order, and print what stands below them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from itertools import takewhile
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from canid.cli import VERBS, completion, main
+from canid.effects import CATALOGUE
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = (
+    "install", "bus_in_five_minutes", "i_have_a_log", "my_own_car", "ci_on_a_virtual_bus", "reading_a_report",
+    "recording_reliably",
+)  # fmt: skip
+# what may follow the language of a block, each with its reason
+PHYSICAL, NOT_RUN = "needs a physical bus: ", "not run: "
+
+
+class Block(NamedTuple):
+    """A fenced block."""
+
+    language: str
+    mark: str  # what follows the language
+    text: str
+
+
+def blocks(page: str) -> list[Block]:
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    return [Block(*found) for found in re.findall(r"^```(\w+) ?(.*)\n((?:.*\n)*?)```$", text, flags=re.M)]
+
+
+def commands(block: Block) -> list[list[str]]:
+    """The words of each line that is a command of canid, without a comment, a redirection and the program itself."""
+    lines = [
+        shlex.split(line, comments=True) for line in block.text.splitlines() if line.startswith("canid ")
+    ]
+    return [list(takewhile(lambda word: word not in (">", "|", "&"), words[1:])) for words in lines]
+
+
+def on_virtual(words: list[str]) -> list[str]:
+    """The same on python-can's virtual bus, for half a second."""
+    if "--duration" in words:
+        at = words.index("--duration")
+        del words[at : at + 2]
+    return [word.replace("socketcan", "virtual") for word in words] + ["--duration", "0.5"]
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `canid demo` leaves, made without its waiting; and a user's own log and database."""
+    folder = tmp_path_factory.mktemp("demo")
+    made = folder / "demo_out"
+    made.mkdir()
+    logs = ROOT / "replay_logs"
+    shutil.copy(logs / "following_urban.blf", made / "demo.blf")
+    shutil.copy(logs / "following_mixed.blf", folder / "my_drive.blf")
+    shutil.copy(ROOT / "dbc/generic.dbc", folder / "my_car.dbc")
+    hidden = next(effect.id for effect in CATALOGUE if effect.in_demo)
+    words = ["--seed", "21", "--minutes", "5", "--profile", "urban", "--hide", hidden]
+    assert main(["simulate", str(made / "hidden_recorded.blf"), *words]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_runs(
+    page: str, demo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(demo, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    printed = ""
+    for block in blocks(page):
+        assert not block.mark or block.mark.startswith((PHYSICAL, NOT_RUN)), block.mark
+        if block.language == "text":
+            assert_printed(block.text, printed)
+        elif block.language == "python":
+            exec(compile(block.text, f"{page}.md", "exec"), {"__name__": page})  # it is our own text
+        elif block.language == "sh" and not block.mark.startswith(NOT_RUN):
+            others = [
+                line for line in block.text.splitlines() if line and not line.startswith(("canid ", "#"))
+            ]
+            assert not others, f"only canid is run: {others}"
+            for words in commands(block):
+                code = main(on_virtual(words) if block.mark else words)
+                out, err = capsys.readouterr()
+                assert code == 0, (page, words, err)
+                printed = out + err
+
+
+def assert_printed(shown: str, printed: str) -> None:
+    """Every line that a page shows is among those that were printed, in whatever width."""
+    lines = {" ".join(line.split()) for line in printed.splitlines()}
+    missing = [line for line in shown.splitlines() if line != "…" and " ".join(line.split()) not in lines]
+    assert not missing, f"not printed: {missing}; printed:\n{printed}"
+
+
+@pytest.mark.parametrize("page", sorted(path.stem for path in DOCS.glob("*.md")))
+def test_every_command_of_the_tutorials_is_understood(page: str) -> None:
+    """Also of those that are not run; and no page names a verb that does not exist."""
+    parser = completion.full_parser()
+    verbs = {name for name, _ in VERBS} | {"VERB", "--version", "--help", "--print-completion"}
+    for block in blocks(page):
+        for words in commands(block) if block.language == "sh" else ():
+            assert words[0] in verbs, words
+            if page in PAGES:
+                parser.parse_args(words)

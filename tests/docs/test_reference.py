@@ -1,0 +1,48 @@
+"""The reference of commands and the man page are those of the present options; every page is in a table of contents."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    """A folder in which the script has written its two files."""
+    script = "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import reference_of_commands as r; "
+    write = "Path('page').write_text(r.markdown(), 'utf-8'); Path('man').write_text(r.manual(), 'utf-8')"
+    subprocess.run([sys.executable, "-c", script + write, DOCS], check=True, cwd=tmp_path)
+    return tmp_path
+
+
+def test_both_are_current(made: Path) -> None:
+    again = "options have changed: run python docs/reference_of_commands.py"
+    assert (made / "page").read_text("utf-8") == (DOCS / "commands.md").read_text("utf-8"), again
+    assert (made / "man").read_text("utf-8") == (DOCS / "man/canid.1").read_text("utf-8"), again
+
+
+def test_groff_takes_the_man_page_without_a_warning() -> None:
+    if shutil.which("groff") is None:
+        pytest.skip("groff is missing: apt-get install groff-base")
+    command = ["groff", "-man", "-K", "utf8", "-T", "utf8", "-ww", "-b", DOCS / "man/canid.1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "--vehicle V.toml" in re.sub(r".\x08|\x1b\[[\d;]*m", "", done.stdout)
+
+
+def test_every_page_is_in_a_table_of_contents() -> None:
+    """As `make docs` has it, which also follows every link; this takes no time."""
+    listed = {
+        entry.strip()
+        for page in DOCS.rglob("*.md")
+        for tree in re.findall(r"```\{toctree\}\n(.*?)```", page.read_text("utf-8"), flags=re.S)
+        for entry in tree.splitlines()
+    }
+    assert {path.stem for path in DOCS.glob("*.md")} - listed == {"index"}
