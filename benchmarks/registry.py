@@ -164,5 +164,6 @@ BENCHMARKS = (
         "5 min",
         "signal checks: planted faults caught and named, false alarms",
     ),
+    Benchmark("init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"),
     Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
 )

@@ -25,7 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Propose."""
-    from canid.vehicle import propose
+    from canid.proposal import propose
     from canid.views import json_values
 
     json = options.json_output(args)

@@ -3,7 +3,6 @@
 from canid.vehicle.decoding import Decoding, decoder, mapped_ids, missing
 from canid.vehicle.encoding import encoder
 from canid.vehicle.mapping import LeadConfig, RoleMap, SignalMap, TrackMap, Vehicle
-from canid.vehicle.proposal import propose
 from canid.vehicle.roles import ROLES
 from canid.vehicle.vehicle_file import locate, read_vehicle
 
@@ -20,6 +19,5 @@ __all__ = [
     "locate",
     "mapped_ids",
     "missing",
-    "propose",
     "read_vehicle",
 ]

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 from canid import child_process, parsing
 from canid.cli import main
 from canid.errors import DONE, USAGE, ConfigError
-from canid.vehicle import propose, read_vehicle
+from canid.proposal import propose
+from canid.vehicle import read_vehicle
 from canid.vehicle.vehicle_file import shipped
 from tests.fixtures import measured_process
 from tests.fixtures.measured_process import Ran

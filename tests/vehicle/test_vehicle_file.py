@@ -10,8 +10,9 @@ from canid.errors import ConfigError
 from canid.estimators.armax import ArmaxSettings
 from canid.estimators.fopdt import FopdtSettings
 from canid.parsing import Parser
+from canid.proposal import propose
 from canid.types import OutputFilter
-from canid.vehicle import propose, read_vehicle, vehicle_file
+from canid.vehicle import read_vehicle, vehicle_file
 
 ROOT = Path(__file__).parents[2]
 GENERIC = ROOT / "dbc" / "generic.dbc"

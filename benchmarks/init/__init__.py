@@ -1,0 +1,1 @@
+"""`canid init` against the right signals of public DBC files."""

@@ -1,0 +1,87 @@
+"""Proposal of a vehicle file for DBC files, by names and units, and by what a log shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from canid.logs import Log
+from canid.parsing import Parser
+from canid.proposal import log_columns
+from canid.proposal.choice import Ask, Decisions, decide
+from canid.proposal.vehicle_text import vehicle_text
+from canid.vehicle.database import MAX_DBC_BYTES, Dbc, load
+
+__all__ = ["Proposal", "propose", "proposal"]
+
+
+class Proposal(NamedTuple):
+    """A proposed vehicle file, and how each role was decided."""
+
+    text: str
+    decisions: Decisions
+    warnings: tuple[str, ...]
+
+
+def propose(
+    paths: str | Path | Sequence[str | Path], folder: str | Path | None = None, log: Log | None = None
+) -> str:
+    """Propose a vehicle file, without questions.
+
+    Args:
+        paths: DBC file, or several.
+        folder: where the vehicle file will be, for its relative paths; None: the folder of the first DBC.
+        log: a drive of the vehicle, from `open_log`; None: by names and units alone.
+
+    Returns:
+        The TOML's text: what was found, with its unit; alternatives and uncertain entries as comments. Where
+        something that canid needs was not found, or has no unit, `read_vehicle` says so again.
+
+    Raises:
+        ConfigError: a file is missing or no DBC.
+        LogError: the log cannot be read.
+
+    Example:
+        >>> from canid.vehicle.vehicle_file import shipped
+        >>> print(propose(shipped() / "generic.dbc").splitlines()[9])
+        pedal = "ENGINE_DATA.PedalPosition"  # "%"
+    """
+    return proposal(paths, folder, log).text
+
+
+def proposal(
+    paths: str | Path | Sequence[str | Path],
+    folder: str | Path | None = None,
+    log: Log | None = None,
+    ask: Ask | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Proposal:
+    """Propose a vehicle file, as `propose`, with all candidates of each role.
+
+    Args:
+        paths: as of `propose`.
+        folder: as of `propose`.
+        log: as of `propose`.
+        ask: asked where two candidates are close: role, candidates -> index, or None for none of them.
+        progress: called with the share of the log that was read.
+    """
+    paths = [paths] if isinstance(paths, str | Path) else list(paths)
+    files, warnings = databases(paths)
+    columns = log_columns.read(log, files, progress) if log is not None else None
+    decisions = decide(files, columns, ask)
+    home = Path(paths[0]).parent if folder is None else Path(folder)
+    name = log.path.name if log is not None else None
+    return Proposal(vehicle_text(paths, files, decisions, warnings, home, name), decisions, tuple(warnings))
+
+
+def databases(paths: Sequence[str | Path]) -> tuple[list[Dbc], list[str]]:
+    """Read DBC files, and what is to be said about them."""
+    files, warnings, bytes_left = [], [], MAX_DBC_BYTES
+    with Parser() as parser:
+        for path in paths:
+            file, warned, size = load(Path(path), None, parser, bytes_left)
+            bytes_left -= size
+            files.append(file)
+            warnings += warned
+    return files, warnings

@@ -1,0 +1,327 @@
+"""Choice of a signal for each role: sure, close (worth a question) or open."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from canid.proposal import log_columns, log_evidence
+from canid.proposal.log_columns import LogColumns
+from canid.proposal.log_evidence import References, Seen
+from canid.proposal.name_patterns import STRONG, USUAL
+from canid.proposal.name_score import Candidate, candidates
+from canid.proposal.signal_words import dbc_unit, words
+from canid.proposal.track_groups import TrackGroup, track_groups
+from canid.types import Array
+from canid.vehicle.database import Dbc
+from canid.vehicle.roles import ROLES
+from canid.vehicle.units import factor_to
+
+# points: a usual name with a fitting unit, or a strong name alone
+SURE = 6.0
+# below it a name is no more than similar
+CLOSE = 3.0
+# points by which the first must lead where the second may be another quantity: half a unit
+MARGIN = 1.5
+# `--yes` takes a first that is not sure where it leads by more than a message's context and a coarse resolution together
+TAKEN_SCORE, TAKEN_MARGIN = 5.0, 2.5
+# names this strong mean one quantity, so that two of them are copies of it
+_COPY_POINTS = STRONG - 1.0
+# gap and range rate of one message are one sensor's
+_SAME_MESSAGE = 1.0
+# messages of one name but for their numbers that are a radar's tracks
+_MANY = 4
+# points of a range rate whose message holds no gap
+_ALONE = -3.0
+# candidates of a role that are compared with the log
+_MOST_SEEN = 10
+# roles in the order in which each helps to judge the next
+ORDER = (
+    "speed", "accel", "steering_angle", "pedal", "gap", "range_rate", "lead_valid", "lead_speed",
+    "cruise_active", "brake", *(role for role in ROLES),
+)  # fmt: skip
+# roles about which a person is asked; without the others canid works
+ASKED = ("pedal", "speed", "gap", "range_rate", "brake", "cruise_active")
+
+State = Literal["sure", "close", "open"]
+# asks which of several candidates is the role's; its index, or None for none of them
+Ask = Callable[[str, Sequence["Choice"]], int | None]
+
+
+class Choice(NamedTuple):
+    """A candidate with what the log shows of it."""
+
+    candidate: Candidate
+    score: float  # of names, and with a log of names and log
+    log_points: float = 0.0
+    remarks: tuple[str, ...] = ()
+    values: Array | None = None  # on the log's raster, in the role's unit
+    low: float = float("nan")
+    high: float = float("nan")
+    rate: float = 0.0  # frames in a second
+
+    @property
+    def unit_is_known(self) -> bool:
+        """Whether values can be converted to the role's unit."""
+        wanted = ROLES[self.candidate.role].unit
+        return not wanted or bool(self.candidate.unit)
+
+
+class Decision(NamedTuple):
+    """What a role ends as."""
+
+    role: str
+    state: State
+    chosen: Choice | None  # written; None: nothing is
+    others: tuple[Choice, ...]  # the next best
+    absent: tuple[str, ...] = ()  # candidates that the log does not have
+    asked: bool = False
+
+
+class Decisions(NamedTuple):
+    """All roles, and the radar's tracks."""
+
+    roles: dict[str, Decision]
+    tracks: TrackGroup | None
+    track_bus: int | None = None
+    track_rate_sign: int = 1
+    columns: LogColumns | None = None
+
+
+def decide(files: Sequence[Dbc], columns: LogColumns | None = None, ask: Ask | None = None) -> Decisions:
+    """Choose a signal for each role.
+
+    Args:
+        files: the DBC files.
+        columns: the log, from `log_columns.read`; None: names alone.
+        ask: asked where two are close; None: never, as `--yes`.
+    """
+    known = _references(files, columns)
+    rates = _without_tracks(candidates("range_rate", files))
+    roles: dict[str, Decision] = {}
+    groups = [group for group in track_groups(files) if columns is None or _track_buses(group, columns)]
+    for role in dict.fromkeys(ORDER):
+        found = _without_tracks(candidates(role, files))
+        if role == "range_rate":
+            found = _paired(found, roles["gap"])
+        elif role == "gap":
+            found = _with_partner(found, rates)
+        decision = _decision(role, found, columns, known, ask if role in ASKED else None)
+        roles[role] = decision
+        known = _with(known, decision)
+    roles = _without_doubles(roles)
+    tracks = None
+    if groups and not all(_usable(roles[role]) for role in ("gap", "range_rate")):
+        tracks = groups[0]
+    made = Decisions(roles, tracks, None, 1, columns)
+    if tracks is None or columns is None:
+        return made
+    bus = _track_buses(tracks, columns)[0]
+    return made._replace(track_bus=bus, track_rate_sign=_track_sign(tracks, bus, columns))
+
+
+def _without_tracks(found: list[Candidate]) -> list[Candidate]:
+    """Leave out the signals of numbered messages: each is one of many objects, not the lead."""
+    messages: dict[tuple[int, str], set[str]] = {}
+    for each in found:
+        messages.setdefault(_numbered(each), set()).add(each.message.name)
+    return [each for each in found if len(messages[_numbered(each)]) < _MANY]
+
+
+def _numbered(candidate: Candidate) -> tuple[int, str]:
+    return candidate.file, re.sub(r"[0-9a-f]*[0-9][0-9a-f]*(?![a-z])", "#", candidate.message.name.lower())
+
+
+def _usable(decision: Decision) -> bool:
+    return decision.chosen is not None and decision.chosen.unit_is_known
+
+
+def _references(files: Sequence[Dbc], columns: LogColumns | None) -> References:
+    """Wheel speeds of the log: the median of all wheels."""
+    if columns is None:
+        return References()
+    wheels: list[Array] = []
+    units: list[str] = []
+    for file in files:
+        for message in file.messages.values():
+            for signal in message.signals:
+                if (
+                    signal.length < 8
+                    or not _WHEEL.search(words(signal.name))
+                    or _NO_WHEEL.search(words(signal.name))
+                ):
+                    continue
+                unit = dbc_unit(signal.unit)
+                keys = log_columns.keys_of(message, columns)
+                found = log_columns.column(message, signal, keys[0].bus, columns) if keys else None
+                if found is None or (unit and factor_to(unit, "m/s") is None):
+                    continue
+                wheels.append(found[1] * (factor_to(unit, "m/s") or 1.0 if unit else 1.0))
+                units.append(unit)
+    if units and any(units):
+        wheels = [wheel for wheel, unit in zip(wheels, units, strict=True) if unit]
+    if not wheels:
+        return References()
+    stacked = np.vstack(wheels)
+    ok = np.isfinite(stacked).any(axis=0)
+    middle = np.full(stacked.shape[1], np.nan)
+    middle[ok] = np.nanmedian(stacked[:, ok], axis=0)
+    return References(wheels=middle, wheels_unit=any(units))
+
+
+_WHEEL = re.compile(
+    r"\b(wheel|whl|wh) ?(spd|speed|velocity)?\w* ?(fl|fr|rl|rr|lf|rf|lr|front|rear|left|right)\b|\b(fl|fr|rl|rr|lf|rf|lr|front left|front right|rear left|rear right"
+    r"|vl|vr|hl|hr)\w* ?(wheel|whl|radgesch\w*) ?(spd|speed)?|radgeschw\w*( \w+)? (vl|vr|hl|hr)|\bvx(fl|fr|rl|rr)\b|\bwhl spd (fl|fr|rl|rr)\b"
+)
+_NO_WHEEL = re.compile(
+    r"\b(count\w*|cnt|checksum|valid|dir\w*|pulse\w*|press\w*|temp\w*|slip|torque|tq|angle|rough|stat\w*|qual\w*|qf|seat|heat\w*|edge\w*|time\w*|rpm)\b"
+)
+
+
+def _with(known: References, decision: Decision) -> References:
+    """The references, with a role that was decided."""
+    chosen = decision.chosen
+    if chosen is None or chosen.values is None or not chosen.unit_is_known:
+        if decision.role == "speed" and known.wheels is not None and known.wheels_unit:
+            return known._replace(speed=known.wheels, accel=log_evidence.slope(known.wheels))
+        return known
+    values = chosen.values
+    if decision.role == "speed":
+        return known._replace(speed=values, accel=log_evidence.slope(values))
+    if decision.role == "pedal":
+        return known._replace(pedal=values)
+    if decision.role == "cruise_active":
+        return known._replace(cruise=values)
+    if decision.role == "steering_angle":
+        return known._replace(steering=values)
+    if decision.role == "gap":
+        return known._replace(gap_rate=log_evidence.slope(values))
+    return known
+
+
+def _with_partner(found: list[Candidate], rates: list[Candidate]) -> list[Candidate]:
+    """Gaps whose message also carries a range rate are a sensor's, not a display's."""
+    partners = {(rate.file, rate.message.name) for rate in rates}
+    made = [
+        gap._replace(score=gap.score + _SAME_MESSAGE) if (gap.file, gap.message.name) in partners else gap
+        for gap in found
+    ]
+    return sorted(made, key=lambda item: -item.score)
+
+
+def _paired(found: list[Candidate], gap: Decision) -> list[Candidate]:
+    """Range rates by the message of the gap: one that comes alone may be of an object on any side."""
+    messages = {gap.chosen.candidate.message.name: 2 * _SAME_MESSAGE} if gap.chosen is not None else {}
+    for each in gap.others:
+        messages.setdefault(each.candidate.message.name, 0.0)
+    made = [rate._replace(score=rate.score + messages.get(rate.message.name, _ALONE)) for rate in found]
+    return sorted(made, key=lambda item: -item.score)
+
+
+def _decision(
+    role: str, found: list[Candidate], columns: LogColumns | None, known: References, ask: Ask | None
+) -> Decision:
+    choices, absent = [], []
+    for candidate in found[: _MOST_SEEN if columns is not None else None]:
+        if columns is None:
+            choices.append(Choice(candidate, candidate.score, 0.0, candidate.remarks))
+            continue
+        bus = log_columns.bus_of(candidate, columns)
+        shown = log_evidence.seen(candidate, bus, columns, known) if bus is not None else None
+        if shown is None:
+            absent.append(candidate.where)
+        else:
+            choices.append(_choice(shown))
+    choices.sort(key=lambda item: (-item.score, -item.rate))
+    state, taken = judged(choices)
+    chosen = choices[0] if taken else None
+    asked = False
+    if ask is not None and state == "close":
+        index = ask(role, choices[:_MOST_SEEN])
+        chosen = None if index is None else choices[index]
+        asked = True
+    if asked:
+        state = "sure" if chosen is not None else "open"
+    others = tuple(each for each in choices if each is not chosen)
+    return Decision(role, state, chosen, others, tuple(absent), asked)
+
+
+def _choice(shown: Seen) -> Choice:
+    candidate = shown.candidate
+    return Choice(
+        candidate,
+        candidate.score + shown.points,
+        shown.points,
+        (*candidate.remarks, *shown.remarks),
+        shown.values,
+        shown.low,
+        shown.high,
+        shown.rate,
+    )
+
+
+def judged(choices: Sequence[Choice]) -> tuple[State, bool]:
+    """What a role's candidates, the best first, end as; and whether the first is taken where nobody is asked."""
+    if not choices or choices[0].score < CLOSE:
+        return "open", False
+    first = choices[0]
+    points = first.candidate.name_points
+    margin = first.score - choices[1].score if len(choices) > 1 else np.inf
+    contradicted = first.log_points < -MARGIN
+    if first.score >= SURE and points >= USUAL - 1.0 and not contradicted:
+        if margin >= MARGIN:
+            return "sure", True
+        return "close", _are_copies(first, choices[1])
+    taken = first.score >= TAKEN_SCORE and margin >= TAKEN_MARGIN and points >= USUAL - 1.0
+    return "close", taken and not contradicted
+
+
+def _are_copies(first: Choice, second: Choice) -> bool:
+    """Whether two names mean one quantity."""
+    a, b = first.candidate, second.candidate
+    if a.signal.name == b.signal.name:
+        return True
+    if a.name_points == b.name_points >= USUAL and a.unit == b.unit:
+        return True
+    strongest, weakest = max(a.name_points, b.name_points), min(a.name_points, b.name_points)
+    return strongest >= _COPY_POINTS and weakest >= USUAL
+
+
+def _without_doubles(roles: dict[str, Decision]) -> dict[str, Decision]:
+    """A signal has one role: the first in `ORDER`."""
+    taken: set[str] = set()
+    made = {}
+    for role, decision in roles.items():
+        where = decision.chosen.candidate.where if decision.chosen is not None else ""
+        if where and where in taken:
+            decision = decision._replace(state="open", chosen=None)
+        taken.add(where)
+        made[role] = decision
+    return {role: made[role] for role in ROLES}
+
+
+def _track_buses(group: TrackGroup, columns: LogColumns) -> list[int]:
+    buses = [{key.bus for key in log_columns.keys_of(message, columns)} for message in group.messages]
+    counts = {bus: sum(bus in of for of in buses) for of in buses for bus in of}
+    usual = columns.file_bus[group.file]
+    return sorted(counts, key=lambda bus: (-counts[bus], bus != usual))
+
+
+def _track_sign(group: TrackGroup, bus: int, columns: LogColumns) -> int:
+    """Whether the tracks' speed is the change of their distance, or the opposite."""
+    total = weight = 0.0
+    for message in group.messages:
+        signals = {signal.name: signal for signal in message.signals}
+        distance = log_columns.column(message, signals[group.parts["distance"].signal], bus, columns)
+        rate = log_columns.column(message, signals[group.parts["rate"].signal], bus, columns)
+        if distance is None or rate is None:
+            continue
+        change = log_evidence.slope(distance[1])
+        change[np.abs(change) > log_evidence.MAX_GAP_RATE] = np.nan
+        r, _, n = log_evidence.correlation(change, rate[1])
+        if np.isfinite(r):
+            total, weight = total + r * n, weight + n
+    return -1 if weight and total / weight < -0.5 else 1
