@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from canid.vehicle.database import bits_of, carried, condition_of
 
 NO_DATA = int(Flag.REMOTE | Flag.ERROR)
 # frames that are sorted by message at once: numpy's overhead is spread over them
-_FRAMES_PER_ROUND = 262_144
+FRAMES_PER_ROUND = 262_144
 
 
 class MessageKey(NamedTuple):
@@ -74,31 +74,73 @@ def frames_by_message(
         True
     """
     parts: dict[MessageKey, list[MessageFrames]] = {}
+    for chunks in rounds(log, ids=ids, progress=progress):
+        for key, part in by_message(chunks, ids=ids, start=start, stop=stop).items():
+            parts.setdefault(key, []).append(part)
+    return {key: joined(parts[key]) for key in sorted(parts)}
+
+
+def rounds(
+    log: Log, *, ids: Collection[int] | None = None, progress: Callable[[float], None] | None = None
+) -> Iterator[list[Columns]]:
+    """Read a log once, some 260,000 frames at a time: memory is bounded however long it is.
+
+    Args:
+        log: from `open_log`.
+        ids: that are wanted; others may be left out.
+        progress: called now and then with the fraction that was read.
+
+    Yields:
+        the columns of a round, in the order of the log.
+
+    Raises:
+        LogError: the log cannot be read.
+    """
     waiting: list[Columns] = []
     n = 0
     for chunk in log.columns(ids):
         waiting.append(chunk)
         n += len(chunk.t)
-        if n >= _FRAMES_PER_ROUND:
-            _sort(waiting, ids, start, stop, parts)
-            waiting, n = [], 0
         if progress is not None:
             progress(log.progress)
-    _sort(waiting, ids, start, stop, parts)
-    return {key: _joined(parts[key]) for key in sorted(parts)}
+        if n >= FRAMES_PER_ROUND:
+            yield waiting
+            waiting, n = [], 0
+    if waiting:
+        yield waiting
 
 
-def _sort(
-    chunks: list[Columns],
-    ids: Collection[int] | None,
-    start: float,
-    stop: float,
-    parts: dict[MessageKey, list[MessageFrames]],
-) -> None:
+def by_message(
+    chunks: Iterable[Columns],
+    *,
+    ids: Collection[int] | None = None,
+    start: float = 0.0,
+    stop: float = float("inf"),
+) -> dict[MessageKey, MessageFrames]:
+    """Sort frames by message: data frames alone, the rows of each in the order of the log.
+
+    Args:
+        chunks: of a log.
+        ids: only these; None: all.
+        start: s, leave out what is earlier.
+        stop: s, leave out what is later.
+
+    Returns:
+        in the order of bus and id.
+
+    Example:
+        >>> from canid.frame_columns import columns_of
+        >>> from canid.types import Frame
+        >>> chunk = columns_of([Frame(0.0, 1, 7, b"ab"), Frame(0.1, 0, 9, b""), Frame(0.2, 1, 7, b"cd")])
+        >>> [(key.bus, key.id, frames.t.tolist()) for key, frames in by_message([chunk]).items()]
+        [(0, 9, [0.1]), (1, 7, [0.0, 0.2])]
+    """
+    wanted = None if ids is None else list(ids)
+    parts: dict[MessageKey, list[MessageFrames]] = {}
     for chunk in chunks:
         kept = (chunk.flags & NO_DATA == 0) & (chunk.t >= start) & (chunk.t <= stop)
-        if ids is not None:
-            kept &= np.isin(chunk.id, list(ids))
+        if wanted is not None:
+            kept &= np.isin(chunk.id, wanted)
         rows = np.flatnonzero(kept)
         if not rows.size:
             continue
@@ -113,9 +155,11 @@ def _sort(
             name = MessageKey(number >> 32, (number >> 1) & 0x1FFFFFFF, bool(number & 1))
             at = rows[piece]
             parts.setdefault(name, []).append(MessageFrames(chunk.t[at], chunk.length[at], chunk.data[at]))
+    return {key: joined(parts[key]) for key in sorted(parts)}
 
 
-def _joined(parts: list[MessageFrames]) -> MessageFrames:
+def joined(parts: Sequence[MessageFrames]) -> MessageFrames:
+    """Frames of one message, one part after the other."""
     if len(parts) == 1:
         return parts[0]
     width = max(part.data.shape[1] for part in parts)

@@ -10,7 +10,7 @@ CANID = Path(__file__).parents[1] / "canid"
 FLOOR = {
     "state_constraints": 0, "types": 0.2, "runs": 0,
     "errors": 0, "import_guard": 0, "child_process": 0, "one_thread": 0,
-    "parsing": 0.5, "identified_model": 0.5, "timestamps": 1,
+    "dbc_text": 0.3, "parsing": 0.5, "identified_model": 0.5, "timestamps": 1,
     "findings": 1, "log_contents": 1,
     "frame_columns": 1, "restart_time": 1, "vehicle": 2.2, "samples": 2.5, "signal_checks": 2.7, "triggers": 2.8,
     "identification": 1,

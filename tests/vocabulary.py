@@ -16,6 +16,8 @@ ALLOWED = (
     r"\bmoments? (estimator|equations?|conditions?|method|matching|of (the |a )?(residual|distribution|inertia))",
     r"\b(by|from|of) moments\b",
     r"\blook(s|ed)? ?(up|like|for|after|identifiable)\b",
+    # the verb
+    r"\b(canid|cli|test|docs)[ ./_]look\b|\blook(\.md|\.py|_text|_json|:)|[`\"']look\b|from canid.cli import look\b|`look`",
     r"\b(left|other|on) foot\b",
     r"\bfile\.tell\(\)",
     # names of tests in the stored outcomes of hidden_effects

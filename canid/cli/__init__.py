@@ -30,6 +30,7 @@ VERBS = (
     ("compare", "compare two drivers: which parameters and causes differ, by how much, beyond chance or not"),
     ("study", "check both papers behind canid, and repeat their analysis on logs next to canid's"),
     ("simulate", "write a log of a simulated drive with known parameters"),
+    ("look", "show what a log contains: ids, rates, changing bits; with DBC files their signals over time"),
     ("check", "check that a vehicle file fits a log or bus, and list what is missing"),
     ("init", "propose a vehicle file from DBC files"),
     ("recover", "write a clean copy of a damaged log, and report what is missing in it"),

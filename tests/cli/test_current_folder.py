@@ -49,6 +49,7 @@ WORDS = {
     "compare": ("drive.blf@0:2", "drive.blf@2:4", "--vehicle", "generic", "--report", "c.html"),
     "study": ("prints", "grover", "-o", "out"),
     "simulate": ("simulated.blf", "--minutes", "0.1"),
+    "look": ("drive.blf", "--dbc", "car.dbc"),
     "check": ("drive.blf", "--vehicle", "generic"),
     "init": ("car.dbc",),
     "recover": ("drive.blf",),

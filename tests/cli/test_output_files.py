@@ -36,6 +36,7 @@ WRITERS: dict[str, tuple[object, ...]] = {
     "diagnose --report": ("diagnose", "LOG", *PART, "--report"),
     "replay --json": ("replay", "LOG", *PART, "--json"),
     "replay --state": ("replay", "LOG", *PART, "--state"),
+    "look --json": ("look", "LOG", "--dbc", "DBC", "--json"),
     "check --json": ("check", "LOG", "--vehicle", "generic", "--json"),
     "recover --json": ("recover", "LOG", "-o", "COPY", "--json"),
     "recover -o": ("recover", "LOG", "-o"),
@@ -202,6 +203,7 @@ def test_earlier_results_are_replaced_and_only_by_a_result(
         ("identify", log, *PART),
         ("replay", log, "--vehicle", "generic", "--stop", 30),
         ("check", log, "--vehicle", "generic"),
+        ("look", log),
         ("init", shipped() / "generic.dbc"),
         ("record", *VIRTUAL, "-o", tmp_path / "r.blf"),
     ):

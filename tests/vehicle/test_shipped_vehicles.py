@@ -50,7 +50,7 @@ def test_a_copy_in_another_folder_is_the_same_vehicle(name: str, tmp_path: Path)
 
 
 def test_an_installed_canid_has_vehicles_and_logs(tmp_path: Path) -> None:
-    """Laid out as the wheel is, outside of the repository: check and identify work for each vehicle and its log."""
+    """In the layout of the wheel, outside of the repository: check and identify work for each vehicle and its log."""
     shutil.copytree(ROOT / "canid", tmp_path / "canid", ignore=shutil.ignore_patterns("__pycache__"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     for source, place in project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"].items():

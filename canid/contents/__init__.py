@@ -1,0 +1,5 @@
+"""What a log contains: ids, rates, changing bits, counters and checksums, and the signals of DBC files over time."""
+
+from canid.contents.survey import survey
+
+__all__ = ["survey"]

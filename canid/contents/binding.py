@@ -1,0 +1,106 @@
+"""Which DBC file describes which bus: as the command line says, or where its messages occur."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from typing import NamedTuple
+
+from canid.log_contents import Database
+from canid.parsing import Message
+from canid.signal_columns import MessageKey
+from canid.vehicle.j1939 import PROTOCOL, pgn_of
+
+# share of the messages of a file's best bus that another bus must have, for the file to be used there too: a mirrored
+# bus has all, a bus of another kind a few ids by chance
+SECOND_BUS_SHARE = 0.5
+
+
+class DbcFile(NamedTuple):
+    """A DBC file as the command line names it."""
+
+    file: str
+    bus: int | None  # it is bound to; None: where it fits
+    messages: Sequence[Message]
+
+
+class _Index(NamedTuple):
+    by_id: dict[tuple[int, bool], Message]
+    by_group: dict[int, Message]  # J1939: parameter group -> message
+
+    def find(self, key: MessageKey) -> Message | None:
+        found = self.by_id.get((key.id, key.extended))
+        if found is None and key.extended and self.by_group:
+            found = self.by_group.get(pgn_of(key.id))
+        return found
+
+
+class Binding(NamedTuple):
+    """Files on buses."""
+
+    files: tuple[DbcFile, ...]
+    indices: tuple[_Index, ...]
+    order: dict[int, tuple[int, ...]]  # bus -> numbers of the files that describe it, the best one first
+
+    def find(self, key: MessageKey) -> tuple[str, Message] | None:
+        """The message of an id, and the file that describes it; None: no file does.
+
+        Where no frame had come yet from a bus when files were bound, it has no file but those that are bound to it.
+        """
+        for number in self.order.get(key.bus, ()):
+            message = self.indices[number].find(key)
+            if message is not None:
+                return self.files[number].file, message
+        return None
+
+
+def bind(files: Sequence[DbcFile], keys: Collection[MessageKey]) -> Binding:
+    """Bind files to buses.
+
+    Args:
+        files: in the order of the command line.
+        keys: ids that occur.
+
+    Example:
+        >>> from canid.parsing import Message
+        >>> one = DbcFile("a.dbc", None, [Message("A", 1, False, 8, 0.1, ()), Message("B", 2, False, 8, 0.1, ())])
+        >>> bound = bind([one], [MessageKey(0, 1, False), MessageKey(3, 1, False), MessageKey(3, 2, False)])
+        >>> bound.order
+        {0: (0,), 3: (0,)}
+    """
+    indices = tuple(_index(one.messages) for one in files)
+    buses = sorted({key.bus for key in keys})
+    found = [
+        {bus: sum(index.find(key) is not None for key in keys if key.bus == bus) for bus in buses}
+        for index in indices
+    ]
+    order: dict[int, list[tuple[bool, int, int]]] = {}
+    for number, (one, on) in enumerate(zip(files, found, strict=True)):
+        best = max(on.values(), default=0)
+        fits = [bus for bus in buses if on[bus] and on[bus] >= SECOND_BUS_SHARE * best]
+        for bus in fits if one.bus is None else [one.bus]:
+            order.setdefault(bus, []).append((one.bus is None, -on.get(bus, 0), number))
+    ranked = {bus: tuple(number for *_, number in sorted(of)) for bus, of in sorted(order.items())}
+    return Binding(tuple(files), indices, ranked)
+
+
+def databases(bound: Binding, keys: Iterable[MessageKey]) -> tuple[Database, ...]:
+    """The files, on which buses they are used, and how many of their messages occur there."""
+    keys = list(keys)
+    out = []
+    for number, one in enumerate(bound.files):
+        on = tuple(bus for bus, numbers in bound.order.items() if number in numbers)
+        names = {
+            m.name for key in keys if key.bus in on and (m := bound.indices[number].find(key)) is not None
+        }
+        out.append(Database(one.file, on, one.bus is not None, len(one.messages), len(names)))
+    return tuple(out)
+
+
+def _index(messages: Iterable[Message]) -> _Index:
+    by_id: dict[tuple[int, bool], Message] = {}
+    by_group: dict[int, Message] = {}
+    for message in messages:
+        by_id.setdefault((message.id, message.extended), message)
+        if message.protocol == PROTOCOL and message.extended:
+            by_group.setdefault(pgn_of(message.id), message)
+    return _Index(by_id, by_group)
