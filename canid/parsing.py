@@ -18,18 +18,23 @@ import sys
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from hashlib import sha256
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from canid import child_process
+from canid.dbc_text import Container, Content, Message, Repair, Signal, containers, decoded, read_tolerantly
+from canid.dbc_text.attributes import declared
 from canid.import_guard import without
 
 if TYPE_CHECKING:
+    from cantools.database.can import Database as CantoolsDatabase
     from cantools.database.can import Message as CantoolsMessage
     from cantools.database.can import Signal as CantoolsSignal
+
+__all__ = ["Container", "Content", "Message", "ParseError", "Parser", "Repair", "Signal", "signal_fields"]
 
 # s of processor time for all files of a vehicle together. 30,000 signals take 2.6 s on a laptop, the largest public
 # DBC (J1939, 6,000 lines of signals) 0.3 s
@@ -42,72 +47,12 @@ MEMORY_BYTES = 160_000_000
 MAX_SIGNALS = 30_000
 # bytes of an answer: 30,000 signals with their texts are 10 MB
 MAX_ANSWER_BYTES = 24_000_000
+# repairs that are reported one by one; a file with more has the same one on every line
+MAX_REPAIRS = 2_000
 # s; where the system has no limit of processor time, or the child was stopped
 WALL_S = 120.0
 # answers kept, and the largest of them (bytes): reading a vehicle again takes no time
 KEPT_ANSWERS, MAX_KEPT_BYTES = 16, 2_000_000
-
-
-class Signal(NamedTuple):
-    """A signal as its file describes it."""
-
-    name: str
-    start: int
-    length: int
-    motorola: bool
-    signed: bool
-    floating: bool
-    scale: float
-    offset: float
-    minimum: float | None
-    maximum: float | None
-    unit: str
-    choices: dict[int, str]
-    is_multiplexer: bool
-    multiplexer: str | None  # name of the selector
-    pages: tuple[int, ...]  # raw numbers of the selector with which it comes
-    spn: int = 0  # J1939: suspect parameter number; 0: not in the file
-
-
-class Container(NamedTuple):
-    """The container frame in which a message comes (AUTOSAR container PDU)."""
-
-    name: str
-    header_id: int  # by which the message is found in it
-    long_header: bool  # 4 bytes of id and 4 of length; else 3 and 1
-    little_endian: bool  # byte order of id and length
-
-
-class Message(NamedTuple):
-    """A message as its file describes it."""
-
-    name: str
-    id: int
-    extended: bool
-    length: int  # bytes
-    period: float  # s; NaN: not in the file
-    signals: tuple[Signal, ...]
-    protocol: str = ""  # "j1939": its frames are those of the same parameter group, from any source
-    container: Container | None = None  # in which it comes; its id is then the container's
-
-
-class Repair(NamedTuple):
-    """What a file says in a way that the format does not know, and what it was taken for."""
-
-    line: int  # from 1
-    kind: str  # see `canid.vehicle.dbc_repair`
-    was: str  # the text, shortened
-    now: str  # what was made of it, or why it was left out
-
-
-class Content(NamedTuple):
-    """A DBC file, parsed."""
-
-    messages: tuple[Message, ...]
-    warnings: tuple[str, ...]  # by cantools
-    overlapping: tuple[str, ...]  # messages whose signals overlap or do not fit their frame
-    repairs: tuple[Repair, ...] = ()
-    left_out: tuple[Repair, ...] = ()  # what has no one meaning
 
 
 class ParseError(ValueError):
@@ -165,9 +110,19 @@ class Parser:
         Raises:
             ParseError: it is none, or takes too long.
         """
-        messages, warnings, overlapping = self._ask("dbc", suffix, data)
-        made = [Message(*of)._replace(signals=tuple([Signal(*each) for each in of[-1]])) for of in messages]
-        return Content(tuple(made), tuple(warnings), tuple(overlapping))
+        messages, warnings, overlapping, repairs, left_out = self._ask("dbc", suffix, data)
+        made = []
+        for name, id_, extended, length, period, signals, protocol, container in messages:
+            each = tuple([Signal(*signal) for signal in signals])
+            within = None if container is None else Container(*container)
+            made.append(Message(name, id_, extended, length, period, each, protocol, within))
+        return Content(
+            tuple(made),
+            tuple(warnings),
+            tuple(overlapping),
+            tuple([Repair(*one) for one in repairs]),
+            tuple([Repair(*one) for one in left_out]),
+        )
 
     def _ask(self, kind: str, suffix: str, data: bytes) -> Any:
         key = (kind, suffix, sha256(data).digest())
@@ -308,25 +263,53 @@ def _toml(data: bytes) -> dict[str, Any]:
     return tomllib.loads(data.decode("utf-8"))
 
 
-_FORMATS = {".dbc": "cp1252", ".sym": "cp1252", ".kcd": "utf-8", ".arxml": "utf-8", ".cdd": "utf-8"}
+_FORMATS = (".dbc", ".sym", ".kcd", ".arxml", ".cdd")
 
 
 def _dbc(suffix: str, data: bytes) -> Any:
     import cantools
 
-    lines = len(re.findall(rb"(?m)^[ \t]*SG_[ \t]", data))
+    text = decoded(data)
+    lines = len(re.findall(r"(?m)^[ \t]*SG_[ \t]", text))
     if lines > MAX_SIGNALS:
         raise ParseError(f"it has {lines:,} signals, more than {MAX_SIGNALS:,}")
-    text = data.decode(_FORMATS.get(suffix, "utf-8"), errors="replace")
-    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    long_headers = containers.long_headers(text) if suffix == ".arxml" else frozenset()
     with _collected("cantools") as warnings:
-        loaded = cantools.database.load_string(text, suffix[1:] if suffix in _FORMATS else None, strict=False)
+        try:
+            loaded = cantools.database.load_string(
+                containers.with_short_headers(text) if long_headers else text,
+                suffix[1:] if suffix in _FORMATS else None,
+                strict=False,
+            )
+        except Exception as error:
+            if suffix != ".dbc" or _of_limits(error):
+                raise
+            return _tolerant(text, error)
     if not isinstance(loaded, cantools.database.can.Database):
         raise ParseError("it is a diagnostics file, not a DBC")
-    if sum(len(message.signals) for message in loaded.messages) > MAX_SIGNALS:
+    every = [*loaded.messages, *(part for message in loaded.messages for part in message.contained_messages)]
+    if sum(len(message.signals) for message in every) > MAX_SIGNALS:
         raise ParseError(f"it has more than {MAX_SIGNALS:,} signals")
-    messages = [_message(message) for message in loaded.messages]
-    return messages, warnings, [message.name for message in loaded.messages if not _is_strict(message)]
+    messages = _messages(loaded, long_headers, containers.long_ids(text) if long_headers else {})
+    return messages, warnings, [message.name for message in every if not _is_strict(message)], (), ()
+
+
+def _tolerant(text: str, error: Exception) -> Any:
+    """Read a DBC that cantools refuses."""
+    content = read_tolerantly(text)
+    if not content.messages:
+        first = content.left_out[0] if content.left_out else None
+        raise ParseError(_line(error) if first is None else f"line {first.line}, {first.was!r}: {first.now}")
+    repairs = content.repairs
+    if not repairs and not content.left_out:
+        repairs = (Repair(1, "other", _line(error), "read line by line"),)
+    messages = [tuple(of) for of in content.messages]
+    return messages, (), content.overlapping, repairs[:MAX_REPAIRS], content.left_out[:MAX_REPAIRS]
+
+
+def _of_limits(error: BaseException) -> bool:
+    causes = (error, error.__cause__, error.__context__)
+    return any(isinstance(cause, MemoryError | RecursionError) for cause in causes)
 
 
 @contextmanager
@@ -358,10 +341,38 @@ def _is_strict(message: CantoolsMessage) -> bool:
     return True
 
 
-def _message(message: CantoolsMessage) -> tuple[Any, ...]:
+def _messages(
+    loaded: CantoolsDatabase, long_headers: Collection[str], long_ids: Mapping[str, int]
+) -> list[tuple[Any, ...]]:
+    """Fields of `Message` of each message; those in a container frame follow it."""
+    file_wide = _attribute(loaded, "ProtocolType")
+    out = []
+    for message in loaded.messages:
+        frame = (message.frame_id, message.is_extended_frame)
+        own = message.dbc is not None and "VFrameFormat" in message.dbc.attributes
+        frame_format = "J1939PG" if message.protocol == "j1939" else ""
+        out.append(_message(message, frame, declared(frame_format, own, file_wide, frame[1]), None))
+        for part in message.contained_messages:
+            within = containers.container_of(message, part, long_headers, long_ids)
+            out.append(_message(part, frame, "", within))
+    return out
+
+
+def _attribute(loaded: CantoolsDatabase, name: str) -> str:
+    """An attribute of the whole file, else its default."""
+    if loaded.dbc is None:
+        return ""
+    own = loaded.dbc.attributes.get(name)
+    definition = loaded.dbc.attribute_definitions.get(name)
+    return str(own.value if own is not None else (definition.default_value or "") if definition else "")
+
+
+def _message(
+    message: CantoolsMessage, frame: tuple[int, bool], protocol: str, container: Container | None
+) -> tuple[Any, ...]:
     period = message.cycle_time / 1000 if message.cycle_time else math.nan
     signals = [signal_fields(signal) for signal in message.signals]
-    return (message.name, message.frame_id, message.is_extended_frame, message.length, period, signals)
+    return (message.name, *frame, message.length, period, signals, protocol, container)
 
 
 def signal_fields(of: CantoolsSignal) -> tuple[Any, ...]:
@@ -382,6 +393,7 @@ def signal_fields(of: CantoolsSignal) -> tuple[Any, ...]:
         bool(of.is_multiplexer),
         of.multiplexer_signal,
         tuple(of.multiplexer_ids or ()),
+        int(of.spn or 0),
     )
 
 

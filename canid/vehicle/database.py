@@ -9,6 +9,7 @@ from typing import NamedTuple
 from canid.errors import ConfigError
 from canid.parsing import Message, ParseError, Parser, Signal
 from canid.vehicle.bits import Bits
+from canid.vehicle.dbc_repair import by_name, repair_report
 from canid.vehicle.file_bytes import read
 from canid.vehicle.mapping import Condition, MessageMap
 from canid.vehicle.quoting import several
@@ -21,6 +22,9 @@ _FRAME_BITS = 8 * 64
 _FLOAT_LENGTHS = (16, 32, 64)
 # warnings of cantools on one file that are passed on
 _MAX_WARNINGS = 5
+# files that one file imports, as opendbc's generator knows them: of the same folder, by their bare names
+_IMPORT = re.compile(rb'CM_[ \t]*"IMPORT ([A-Za-z0-9_][A-Za-z0-9_-]{0,100}\.dbc)"')
+_MAX_IMPORTS = 8
 # nested multiplexers; hand-written files have two
 _MAX_SELECTOR_DEPTH = 16
 
@@ -39,7 +43,7 @@ class Dbc(NamedTuple):
 
 
 def load(
-    path: Path, bus: int | None, parser: Parser, largest: int = MAX_DBC_BYTES
+    path: Path, bus: int | None, parser: Parser, largest: int = MAX_DBC_BYTES, *, imports: bool = True
 ) -> tuple[Dbc, list[str], int]:
     """Read one DBC file; one that fails the strict check is read anyway.
 
@@ -48,9 +52,11 @@ def load(
         bus: that it describes; None: any.
         parser: that parses it; all files of a vehicle share its limits.
         largest: bytes that it may have.
+        imports: whether files are read too that its comments import (opendbc's generator).
 
     Returns:
-        The file, a few warnings that name the messages which overlap or do not fit, and the file's size in bytes.
+        The file; warnings on what was repaired or left out, with line numbers, and on messages that overlap or do not
+        fit; and the file's size in bytes.
 
     Raises:
         ConfigError: the file is missing, or not a DBC, or without messages, or takes too long to parse.
@@ -60,18 +66,45 @@ def load(
         content = parser.dbc(path.suffix.lower(), data)
     except ParseError as error:
         raise ConfigError(f"{path} cannot be parsed as a DBC: {brief_sentence(str(error))}") from None
-    messages = {message.name: message for message in content.messages}
+    imported, of_imports, size = _imported(path, bus, data if imports else b"", parser, largest - len(data))
+    size += len(data)
+    messages, renamed = by_name([*imported, *content.messages])
     if not messages:
         raise ConfigError(f"{path} defines no messages")
-    warnings = [f"{path.name}: {brief_sentence(line)}" for line in content.warnings[:_MAX_WARNINGS]]
-    if len(content.warnings) > _MAX_WARNINGS:
-        warnings.append(f"{path.name}: {len(content.warnings) - _MAX_WARNINGS:,} more such warnings")
+    warnings = [f"{path.name}{brief_sentence(line)}" for line in [*repair_report(content), *renamed]]
+    warnings += of_imports
+    # names and ids that are given twice: said above
+    others = [line for line in content.warnings if not line.startswith("Overwriting message")]
+    warnings += [f"{path.name}: {brief_sentence(line)}" for line in others[:_MAX_WARNINGS]]
+    if len(others) > _MAX_WARNINGS:
+        warnings.append(f"{path.name}: {len(others) - _MAX_WARNINGS:,} more such warnings")
     if content.overlapping:
         bad = several(list(content.overlapping))
         warnings.append(
             f"{path.name}: signals overlap or do not fit their frame in {bad}; the file is read anyway"
         )
-    return Dbc(path.name, bus, messages), warnings, len(data)
+    return Dbc(path.name, bus, messages), warnings, size
+
+
+def _imported(
+    path: Path, bus: int | None, data: bytes, parser: Parser, largest: int
+) -> tuple[list[Message], list[str], int]:
+    """Read the files that opendbc's generator would put before a file: CM_ "IMPORT name.dbc", of the same folder."""
+    messages: list[Message] = []
+    warnings: list[str] = []
+    size = 0
+    for name in list(dict.fromkeys(_IMPORT.findall(data)))[:_MAX_IMPORTS]:
+        other = path.with_name(name.decode("ascii"))
+        if other.name == path.name or not other.is_file():
+            warnings.append(
+                f"{path.name}: imports {other.name}, which is not in its folder; its messages are missing"
+            )
+            continue
+        dbc, more, n = load(other, bus, parser, largest - size, imports=False)
+        messages += dbc.messages.values()
+        warnings += more
+        size += n
+    return messages, warnings, size
 
 
 def brief_sentence(text: str) -> str:
