@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student_t
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from canid.estimators import fopdt
 from canid.estimators.estimator import WholeDrive
@@ -57,7 +57,7 @@ def summarise(trace: Trace, found: WholeDrive | None, settings: fopdt.FopdtSetti
     Example:
         >>> import canid
         >>> drive = canid.read_trace("replay_logs/following_urban.blf", "generic")
-        >>> of = canid.identify(drive, select_orders=False).summary
+        >>> of = canid.identify(drive, select_orders=False).drive_summary
         >>> of.output, of.noise_sd.low < 1.5 < of.noise_sd.high, len(of.draws.K)
         ('pedal', True, 200)
     """
@@ -107,7 +107,7 @@ def noise_size(left: Array, per_block: int) -> Interval:
         return Interval(math.sqrt(square) if square > 0.0 else NAN)
     blocks = np.mean(left[: count * per_block].reshape(count, per_block) ** 2, axis=1)
     relative = float(np.std(blocks, ddof=1)) / math.sqrt(count) / square
-    half = 0.5 * float(student_t.ppf(QUANTILES[1], count - 1)) * relative
+    half = 0.5 * float(stdtrit(count - 1, QUANTILES[1])) * relative
     sd = math.sqrt(square)
     return Interval(sd, sd * math.exp(-half), sd * math.exp(half))
 
@@ -131,7 +131,7 @@ def _wanted(
     if not len(known) or count < MIN_BLOCKS:
         return Interval()
     blocks = m[: count * per_block].reshape(count, per_block).mean(axis=1)
-    half = float(student_t.ppf(QUANTILES[1], count - 1) * np.std(blocks, ddof=1)) / math.sqrt(count)
+    half = float(stdtrit(count - 1, QUANTILES[1]) * np.std(blocks, ddof=1)) / math.sqrt(count)
     middle = float(np.median(known)) + error - float(m.mean()) / K.value
     # the mean's own error at the smallest gain that is possible, and what the gain's error moves
     reach = math.hypot(half / K.low, float(m.mean()) / K.low - float(m.mean()) / K.value)

@@ -1,33 +1,79 @@
-"""`canid export LOG`: samples and estimates as tables for other programs."""
+"""`canid export LOG`: samples, estimates and signals of a log as files for other programs."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from canid.cli import options, reading
-from canid.cli.output import output_kinds, outputs
+from canid.cli.output import outputs
+from canid.cli.output.complete_files import complete_files
 from canid.cli.output.messages import info
-from canid.cli.output.outputs import Output
+from canid.errors import DAMAGED, DONE, ConfigError
+
+if TYPE_CHECKING:
+    from canid.cli.export_tables import Exported
+
+FORMATS = ("csv", "parquet", "mat", "mf4", "mcap", "vbo", "plotjuggler")
+TABLES = ("csv", "parquet")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", metavar="LOG", help=options.LOGS)
-    options.vehicle(parser)
-    parser.add_argument("--to", choices=("csv", "parquet"), default="csv", help="file format; default: csv")
+    options.vehicle(parser, required=False)
+    parser.add_argument(
+        "--dbc",
+        metavar="FILE.dbc",
+        nargs="+",
+        help="DBC files of the signals; default: those of the vehicle file. Without --vehicle: signals alone",
+    )
+    parser.add_argument("--to", choices=FORMATS, default="csv", help="file format; default: csv")
     parser.add_argument(
         "-o",
         "--output",
         metavar="NAME",
-        help="write NAME.samples.csv and NAME.estimates.csv; default: the log's name without its suffix",
+        help="write NAME.samples.csv, NAME.mat, ...; default: the log's name without its suffix",
+    )
+    parser.add_argument(
+        "--signals",
+        metavar="PATTERN",
+        nargs="*",
+        help="write the signals of the DBC files as well, each on its own times; with PATTERN those alone whose MESSAGE, "
+        "SIGNAL or MESSAGE.SIGNAL fits (* and ? stand for any letters)",
+    )
+    parser.add_argument(
+        "--raster",
+        type=options.above_zero,
+        metavar="S",
+        help="write the signals in one table with a row every S seconds; the last value is held",
+    )
+    parser.add_argument(
+        "--estimates",
+        choices=("10s", "all", "none"),
+        default="10s",
+        help="estimates every 10 s as in identify --windows, all of them as live (slow), or none; default: 10s",
+    )
+    parser.add_argument(
+        "--time",
+        choices=("log", "utc", "epoch"),
+        default="log",
+        help="csv, parquet, plotjuggler: times since the log's first frame alone, or absolute times as well, as UTC text or "
+        "as seconds since 1970; the other formats always state the start; default: log",
+    )
+    parser.add_argument(
+        "--data",
+        choices=("csv", "parquet", "mcap"),
+        default="csv",
+        help="plotjuggler: format of the file that the layout opens; default: csv",
     )
     parser.add_argument(
         "--dt",
         type=options.above_zero,
         default=0.1,
         metavar="S",
-        help="sampling interval in seconds; default: 0.1",
+        help="sampling interval of the samples in seconds; default: 0.1",
     )
     options.part(parser)
     options.force(parser)
@@ -36,31 +82,76 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Export."""
-    from canid import export
+    from canid.cli import export_files, export_tables
     from canid.views import json_values
 
-    name = args.output or str(Path(args.log).with_suffix(""))
-    kind = output_kinds.PARQUET if args.to == "parquet" else output_kinds.CSV
-    tables = {
-        what: Output("-o", f"{name}.{what}.{args.to}", kind, replace=args.force)
-        for what in ("samples", "estimates")
-    }
+    _check(args)
     json = options.json_output(args)
+    prefix = _prefix(args)
     # before the log is read: that may take minutes
-    outputs.check([json, *tables.values()], options.read_by(args))
-    drive = reading.read_drive(args.log, reading.read_vehicle(args.vehicle), args, dt=args.dt)
-    columns = {
-        "samples": export.samples_table(drive.trace),
-        "estimates": export.estimates_table(drive.estimates),
-    }
-    written = []
-    with outputs.opened(json) as sink:
-        for what, table in columns.items():
-            with outputs.opened_file(tables[what]) as file:
-                file.write(export.parquet(table) if args.to == "parquet" else export.csv_text(table))
-            path, rows = tables[what].path, len(next(iter(table.values()), ()))
-            written.append({"path": path, "rows": rows, "columns": list(table)})
-            info(f"{path}: {rows:,} rows, {len(table)} columns")
+    known = export_files.known_outputs(args, prefix)
+    outputs.check([json, *known.values()], options.read_by(args))
+    with complete_files() as files, outputs.opened(json) as sink:
+        with export_files.started(args, files, known) as writer:
+            found = export_tables.read(args)
+            written = export_files.write(args, prefix, files, known, found, writer, json)
+        files.commit()
+        for each in written:
+            tables = each.get("tables")
+            what = (
+                f"{len(tables)} tables"
+                if tables
+                else f"{each['rows']:,} rows, {len(each['columns'])} columns"
+            )
+            info(f"{each['path']}: {what}")
         if sink is not None:
-            sink.write(json_values.line(written) + "\n")
-    return reading.report_health(drive.health)
+            sink.write(json_values.document("export", written) + "\n")
+    return _report(args, found)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse options that contradict each other. Raises ConfigError."""
+    if args.vehicle is None and not args.dbc:
+        raise ConfigError(
+            "export: needs --vehicle V.toml (samples and estimates) or --dbc FILE.dbc (signals); `canid init` proposes a "
+            "vehicle file from DBC files"
+        )
+    if args.vehicle is None and args.to in ("vbo", "plotjuggler"):
+        raise ConfigError(f"export: --to {args.to} needs --vehicle: it writes samples by role")
+    if args.dbc and args.vehicle is not None and args.signals is None:
+        raise ConfigError(
+            "export: --dbc next to --vehicle needs --signals: the vehicle file names the DBC files of its roles"
+        )
+    if args.vehicle is None and args.signals is None:
+        args.signals = []
+    if args.signals is not None and args.to in ("vbo", "plotjuggler"):
+        raise ConfigError(f"export: --to {args.to} has no --signals; use csv, parquet, mat, mf4 or mcap")
+    if args.raster is not None and args.signals is None:
+        raise ConfigError("export: --raster needs --signals; --dt is the interval of the samples")
+    if args.time != "log" and args.to not in (*TABLES, "plotjuggler"):
+        raise ConfigError(f"export: --to {args.to} has no --time: it always states the start of the log")
+
+
+def _prefix(args: argparse.Namespace) -> str:
+    """What the names of all files begin with."""
+    if args.output is None:
+        return str(Path(args.log).with_suffix(""))
+    name: str = args.output
+    ending = f".{args.to}"
+    return (
+        name[: -len(ending)]
+        if args.to not in (*TABLES, "plotjuggler") and name.lower().endswith(ending)
+        else name
+    )
+
+
+def _report(args: argparse.Namespace, found: Exported) -> int:
+    """Say what was wrong with the log; returns the exit code."""
+    if found.origin.start_ns is None:
+        info(f"{args.log}: states no date; times count from its first frame")
+    if found.health is not None:
+        return reading.report_health(found.health)
+    if found.damage is not None:
+        info(found.damage.says)
+        return DAMAGED
+    return DONE

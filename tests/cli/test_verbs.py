@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import json
-import math
 import os
 import pty
 import re
@@ -20,15 +17,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import duckdb
-import numpy as np
 import pytest
 
-from canid import read_trace
 from canid.cli import VERBS
 from canid.errors import CHECK_FAILED, DONE
-from canid.export import csv_text
-from canid.logs import open_log, write_log
+from canid.logs import open_log
 from canid.vehicle import read_vehicle
 from canid.vehicle.vehicle_file import shipped
 
@@ -294,60 +287,6 @@ def test_simulate_is_reproducible(canid: Canid, tmp_path: Path) -> None:
     ran = canid("simulate", tmp_path / "d.asc", "--minutes", 0.2, "--seed", 7, "--json", "-")
     assert ran.out == truth
     assert canid("check", tmp_path / "d.asc", "--vehicle", "generic").code == DONE
-
-
-# --- export -----------------------------------------------------------------------------------------------
-
-
-def numbers(values: list[Any]) -> np.ndarray:
-    """An empty field and NULL are NaN."""
-    return np.array([math.nan if value in (None, "") else float(value) for value in values])
-
-
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_export_gives_the_numbers_of_read_trace(canid: Canid, tmp_path: Path, kind: str) -> None:
-    """Read back with csv or DuckDB: bit for bit `canid.read_trace`; NaN is an empty field or NULL."""
-    log = tmp_path / "lost.blf"
-    # the radar loses its target at 40 s
-    write_log(log, [f for f in open_log(ROOT / "replay_logs/following_lost_lead.blf") if f.t < 50.0])
-    ran = canid("export", log, "--vehicle", "generic", "-o", tmp_path / "x", "--to", kind, "--json", "-")
-    assert ran.code == DONE
-    assert [item["path"] for item in json.loads(ran.out)] == [
-        str(tmp_path / f"x.{what}.{kind}") for what in ("samples", "estimates")
-    ]
-    trace = read_trace(log, "generic")
-    path = tmp_path / f"x.samples.{kind}"
-    if kind == "csv":
-        with path.open(newline="") as file:
-            rows: list[dict[str, Any]] = list(csv.DictReader(file))
-        columns = {name: [row[name] for row in rows] for name in rows[0]}
-    else:
-        with duckdb.connect() as db:
-            got = db.execute(f"SELECT * FROM '{path}'")
-            names = [each[0] for each in got.description]
-            columns = {
-                name: list(c) for name, c in zip(names, zip(*got.fetchall(), strict=True), strict=True)
-            }
-    assert np.isnan(trace.signals["gap"]).any()
-    for role, values in trace.signals.items():
-        np.testing.assert_array_equal(numbers(columns[role]), values, err_msg=role)
-    np.testing.assert_array_equal(numbers(columns["output"]), trace.output)
-    np.testing.assert_allclose(numbers(columns["t"]), trace.t, atol=1e-6)
-    missing = np.isnan(trace.signals["gap"])
-    blank = "" if kind == "csv" else None
-    assert {columns["gap"][k] for k in np.flatnonzero(missing)} == {blank}
-    assert columns["gate"] == [gate.name.lower() for gate in trace.gate]
-
-
-def test_no_cell_becomes_a_formula() -> None:
-    """Text that a spreadsheet would run as a formula is disarmed in CSV; numbers stay numbers."""
-    evil = ["=1+1", "+A1", "-A1", "@SUM(A1)", "\tx", "plain"]
-    text = csv_text({"x": [-1.0, 2.0, math.nan, 4.0, 5.0, 6.0], "=name": evil})
-    head, *rows = list(csv.reader(io.StringIO(text, newline="")))
-    assert [row[0] for row in rows] == ["-1.0", "2.0", "", "4.0", "5.0", "6.0"]
-    for cell in (head[1], *(row[1] for row in rows)):
-        assert cell[0] not in "=+-@\t\r"
-    assert rows[-1][1] == "plain"
 
 
 # --- demo -------------------------------------------------------------------------------------------------

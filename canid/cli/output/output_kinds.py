@@ -129,9 +129,24 @@ def is_samples_or_estimates(head: bytes) -> bool:
     Example:
         >>> is_samples_or_estimates(b"t,gap,output,gate,learn\n"), is_samples_or_estimates(b"timestamp,id\n")
         (True, False)
+        >>> is_samples_or_estimates(b"utc,t [s],gap [m],learn\r\n"), is_samples_or_estimates(b"t [s],gap [m]\r\n")
+        (True, False)
     """
     columns = head.partition(b"\n")[0].strip().split(b",")
-    return columns[0] == b"t" and bool({b"learn", b"can_tell"} & set(columns))
+    of_canid = columns[0] in (b"t", b"t [s]") or columns[:2] in ([b"utc", b"t [s]"], [b"epoch [s]", b"t [s]"])
+    return of_canid and bool({b"learn", b"can_tell"} & set(columns))
+
+
+def signals_table(header: str) -> Kind:
+    """Signals as CSV, which their own columns show: another program's table has hardly the same.
+
+    Example:
+        >>> signals_table("t [s],Speed").recognise(b"t [s],Speed" + bytes([13, 10, 48]))
+        True
+    """
+    first = header.encode("utf-8", "backslashreplace")
+    kind = "a table of canid export with these columns"
+    return Kind(kind, (".csv",), lambda head: head.partition(b"\r\n")[0] == first[:HEAD_BYTES])
 
 
 def is_vehicle(head: bytes) -> bool:
@@ -151,6 +166,30 @@ STUDY_PAGE = Kind("a page of canid study", (".html", ".htm"), is_study_page)
 STUDY_FIGURE = Kind("a figure of canid study", (".svg",), is_study_figure)
 CSV = Kind("a table of canid export", (".csv",), is_samples_or_estimates)
 PARQUET = Kind("a Parquet table", (".parquet",), lambda head: head.startswith(b"PAR1"))
+# canid's own mark is in the header of each of these
+MAT = Kind(
+    "a .mat of canid export",
+    (".mat",),
+    lambda head: head.startswith(b"MATLAB 5.0 MAT-file, canid export"),
+)
+MF4 = Kind(
+    "an .mf4 of canid export", (".mf4",), lambda head: head[:3] == b"MDF" and head[16:24] == b"canid   "
+)
+MCAP = Kind(
+    "an .mcap of canid export",
+    (".mcap",),
+    lambda head: (
+        head.startswith(b"\x89MCAP0\r\n") and re.search(rb"canid[ .\w+-]{0,40} export", head[:80]) is not None
+    ),
+)
+VBO = Kind(
+    "a .vbo of canid export",
+    (".vbo",),
+    lambda head: (
+        head.startswith(b"File created on ") and re.search(rb"\ncanid[ .\w+-]{0,40} export", head) is not None
+    ),
+)
+LAYOUT = Kind("a layout of canid export", (".xml",), lambda head: b"<!-- canid export -->" in head[:200])
 VEHICLE_FILE = Kind("a vehicle file", (".toml",), is_vehicle)
 # canid.files.state_file replaces saved states only
 STATE = Kind("a saved state", (".json", ".state"), None)
@@ -169,6 +208,7 @@ FOREIGN_SUFFIXES = {
     ".htm": "a page",
     ".svg": "a plot",
     ".parquet": "a table",
+    **dict.fromkeys((".mat", ".mcap", ".vbo"), "a file of measured data"),
     ".events.jsonl": "a recording's journal",
     ".truth.json": "the truth of a simulated drive",
     ".series": "the list of a recording's files",

@@ -64,7 +64,7 @@ def check(outputs: Iterable[Output | None], inputs: Iterable[str | os.PathLike[s
             continue
         if not os.path.exists(output.path):
             _creatable(output.path)
-        elif not _is_stream(output.path):
+        elif not is_stream(output.path):
             os.close(_existing(output, os.O_RDONLY))
             if not os.access(output.path, os.W_OK):
                 raise OutputError(f"{output.path}: cannot be written (it is write-protected)")
@@ -79,7 +79,7 @@ def same_file(path: str, other: str) -> bool:
         >>> same_file("x/../a.json", "./a.json"), same_file("a.json", "b.json"), same_file("/dev/null", "/dev/null")
         (True, False, False)
     """
-    if _is_stream(path) or _is_stream(other):
+    if is_stream(path) or is_stream(other):
         return False
     with suppress(OSError):
         if os.path.samefile(path, other):
@@ -138,7 +138,7 @@ class OutputFile:
         self._written = False
         self._created = False
         self._fd = -1
-        if not _is_stream(output.path):
+        if not is_stream(output.path):
             self._open()
 
     def write(self, data: str | bytes) -> None:
@@ -146,7 +146,7 @@ class OutputFile:
         try:
             self.write_bytes(data.encode("utf-8", "backslashreplace") if isinstance(data, str) else data)
         except OSError as error:
-            raise _unwritable(self._output.path, error) from error
+            raise unwritable(self._output.path, error) from error
 
     def write_bytes(self, data: bytes) -> None:
         """Write bytes in full. Raises OSError, or OutputError where the file cannot be opened."""
@@ -175,7 +175,7 @@ class OutputFile:
         try:
             os.close(fd)
         except OSError as error:  # some file systems report here that something was not written
-            raise _unwritable(self._output.path, error) from error
+            raise unwritable(self._output.path, error) from error
 
     def _open(self) -> None:
         path = self._output.path
@@ -184,12 +184,12 @@ class OutputFile:
             self._fd = os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o666)
             self._created = True
         except FileExistsError:
-            if _is_stream(path):
+            if is_stream(path):
                 self._fd = os.open(path, flags)
             else:
                 self._fd = _existing(self._output, os.O_RDWR)
         except OSError as error:
-            raise _unwritable(path, error) from error
+            raise unwritable(path, error) from error
 
 
 class DetachedOutput:
@@ -256,7 +256,7 @@ def _existing(output: Output, flags: int) -> int:
     except FileNotFoundError as error:
         raise OutputError(f"{path}: is a link to nothing; choose another name") from error
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
     try:
         found = os.fstat(fd)
         if not stat.S_ISREG(found.st_mode):
@@ -273,7 +273,7 @@ def _existing(output: Output, flags: int) -> int:
             raise OutputError(f"{path}: exists already; choose another name or use --force")
     except OSError as error:
         os.close(fd)
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
     except OutputError:
         os.close(fd)
         raise
@@ -292,7 +292,7 @@ def _creatable(path: str) -> None:
         raise OutputError(f"{path}: cannot be written (Permission denied)")
 
 
-def _is_stream(path: str) -> bool:
+def is_stream(path: str) -> bool:
     """Whether it is a pipe, a device or a socket: nothing in it can be overwritten."""
     try:
         mode = os.stat(path).st_mode
@@ -301,5 +301,6 @@ def _is_stream(path: str) -> bool:
     return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
 
 
-def _unwritable(path: str, error: OSError) -> OutputError:
+def unwritable(path: str, error: OSError) -> OutputError:
+    """The error for a file that the system does not let write."""
     return OutputError(f"{path}: cannot be written ({error.strerror})")

@@ -1,0 +1,84 @@
+"""Parquet through DuckDB: plain column names; units, comments and the UTC start in the file's metadata."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from canid import timestamps
+from canid.errors import ConfigError
+from canid.export import names
+from canid.export.csv_table import TIME, TimeColumn, no_date
+from canid.export.table import Origin, Table, in_ns
+
+Write = Callable[..., None]
+
+
+@contextmanager
+def opened() -> Iterator[Write]:
+    """A database in memory, which writes tables to files that exist already: `write(path, table, origin, time)`.
+
+    Column `t` in s; with `time` "utc" or "epoch" also a timestamp in ns (UTC, without a zone) or s since 1970. NaN is NULL.
+    Metadata: `units` and `comments` (JSON objects by column), `start_utc` (ISO 8601), `start_ns`, `log`, `vehicle`,
+    `program`.
+
+    Raises:
+        ConfigError: duckdb is missing; of `write`: the log states no date and `time` needs one.
+        OSError: of `write`: the file cannot be written.
+    """
+    try:
+        import duckdb
+    except ImportError as error:
+        raise ConfigError("Parquet needs duckdb: pip install 'canid[export]'") from error
+    with duckdb.connect() as db:
+        yield partial(_write, db, duckdb.IOException)
+
+
+def _write(
+    db: Any, io_error: type[Exception], path: str, table: Table, origin: Origin, time: TimeColumn = "log"
+) -> None:
+    if time != "log" and origin.start_ns is None:
+        raise no_date(origin)
+    columns: dict[str, Any] = {}
+    start = origin.start_ns or 0
+    if time == "utc":
+        columns["utc"] = (in_ns(table.t) + start).astype("datetime64[ns]")
+    elif time == "epoch":
+        whole, rest = np.divmod(in_ns(table.t) + start, timestamps.NS_PER_S)
+        columns["epoch"] = whole + rest * 1e-9
+    fields = (TIME, *table.fields)
+    plain = names.unique([names.header(field.name) for field in fields], str, columns)
+    for name, values in zip(plain, [table.t, *table.values(slice(None))], strict=True):
+        # duckdb reads masked arrays with their mask as NULL
+        columns[name] = np.ma.masked_where(np.isnan(values), values) if values.dtype == np.float64 else values
+    named = list(zip(plain, fields, strict=True))
+    metadata = {
+        "units": json.dumps({name: field.unit for name, field in named}, ensure_ascii=False),
+        "comments": json.dumps({n: f.comment for n, f in named if f.comment}, ensure_ascii=False),
+        "start_utc": origin.start_text,
+        "start_ns": "" if origin.start_ns is None else str(origin.start_ns),
+        "log": origin.log,
+        "vehicle": origin.vehicle,
+        "table": table.title,
+        "program": f"{origin.program} export",
+    }
+    pairs = ", ".join(f"'{key}': {_literal(text)}" for key, text in metadata.items())
+    db.register("exported", columns)
+    try:
+        db.execute(
+            f"COPY exported TO {_literal(path)} "
+            f"(FORMAT parquet, COMPRESSION zstd, USE_TMP_FILE false, KV_METADATA {{{pairs}}})"
+        )
+    except io_error as error:
+        raise OSError(0, str(error).rpartition(": ")[2] or str(error)) from error
+
+
+def _literal(text: str) -> str:
+    """A string of SQL; a lone surrogate (bytes of a file name that are no text) is made visible."""
+    safe = text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
+    return "'" + safe.replace("'", "''") + "'"
