@@ -75,7 +75,7 @@ class SignalContents(NamedTuple):
         int  # readings without a value: an entry of the value table, not available, or the frame is too short
     )
     is_state: bool  # every value is an entry of the value table
-    protects: str  # "counter", "checksum": of the message, not a quantity; else ""
+    protects: str  # "counter", "checksum", "selector": of the message, not a quantity; else ""
     course: Array  # (n,) means over time, from the start to the end of what was read; NaN: nothing came
 
 

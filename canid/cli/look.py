@@ -21,7 +21,7 @@ from canid.errors import DAMAGED, DONE, ConfigError
 
 if TYPE_CHECKING:
     from canid.contents.binding import DbcFile
-    from canid.contents.survey import Wanted
+    from canid.contents.log_survey import Wanted
     from canid.log_contents import LogContents
     from canid.logs import Log
     from canid.views.look_text import Head
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     print_line(f"next: {command}")
     with outputs.opened(json) as sink:
         if sink is not None:
-            sink.write(json_values.line(look_json.values(found, head) | {"next": command}) + "\n")
+            sink.write(json_values.document("look", look_json.values(found, head) | {"next": command}) + "\n")
     say_nothing_found(args, found)
     if log.others_says:
         info(f"no CAN frames: {log.others_says}")
@@ -148,7 +148,7 @@ def bound(name: str) -> tuple[str, int | None]:
 
 def wanted(args: argparse.Namespace) -> Wanted:
     """The part of a log that is shown."""
-    from canid.contents.survey import Wanted
+    from canid.contents.log_survey import Wanted
 
     by_name = None if args.signals is None else matcher(args.signals)
     return Wanted(args.start, args.stop, frozenset(args.bus), frozenset(args.id), by_name)

@@ -125,7 +125,8 @@ def _checksum(data: Bytes) -> Field | None:
     width = data.shape[1]
     if width < 2:
         return None
-    for at in dict.fromkeys((width - 1, 0)):
+    # an XOR makes each byte one of all others: the one with more values is it, a counter has few
+    for at in sorted((width - 1, 0), key=lambda byte: -np.unique(data[:, byte]).size):
         check = data[:, at]
         others = np.delete(data, at, axis=1)
         if np.unique(others, axis=0).shape[0] < MIN_VALUES or np.unique(check).size < MIN_VALUES:

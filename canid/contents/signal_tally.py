@@ -166,7 +166,9 @@ def contents(tally: SignalTally, used: int, fields: Mapping[MessageKey, tuple[Fi
 
 
 def _protects(tally: SignalTally, fields: tuple[Field, ...]) -> str:
-    """Counter or checksum: by what the frames show at its place, or by its name."""
+    """Counter, checksum or selector: by what the frames show at its place, or by its name."""
+    if tally.signal.is_multiplexer:
+        return "selector"
     named = _PROTECTION_NAME.search(tally.signal.name)
     if named:
         return "counter" if named["counter"] else "checksum"

@@ -33,7 +33,7 @@ MAX_DRAWN_BYTES = 16
 # s after the start (before the end) of the log from which on the first (last) frame is shown
 LATE_S = 1.0
 SORTS = ("id", "rate", "changes")
-DIGITS = 4
+DIGITS, FINE_DIGITS = 4, 7
 
 
 class Head(NamedTuple):
@@ -129,7 +129,7 @@ def _messages(found: LogContents, width: int, sort: str, everything: bool) -> li
     if len(shown) < len(messages):
         out.append(f"… {len(messages) - len(shown):,} more (--all)")
     if any("█" in row[-2] or "▁" in row[-2] for row in rows):
-        out.append("bits: of each byte that have changed, · none, ▁ one, █ all; c counter, x checksum")
+        out.append("bits of a byte that change: · none ▁ 1 █ 8; c counter, x checksum")
     return out
 
 
@@ -224,7 +224,7 @@ def _signals(found: LogContents, width: int, sort: str, everything: bool) -> lis
     left = [
         (len(moving) - len(shown), "more"),
         (0 if everything else len(constant), "that never changed"),
-        (0 if everything else len(protecting), "counters and checksums"),
+        (0 if everything else len(protecting), "counters, checksums and selectors"),
     ]
     if any(n for n, _ in left):
         out.append("… " + ", ".join(f"{n:,} {what}" for n, what in left if n) + " (--all)")
@@ -234,8 +234,11 @@ def _signals(found: LogContents, width: int, sort: str, everything: bool) -> lis
 
 
 def _signal(one: SignalContents, chars: int) -> list[str]:
+    # a position hardly moves: as many digits as show that it does
+    same = one.low != one.high and number(one.low, digits=DIGITS) == number(one.high, digits=DIGITS)
+    digits = FINE_DIGITS if same else DIGITS
     texts = [
-        _cut(text, chars) or number(value, digits=DIGITS)
+        _cut(text, chars) or number(value, digits=digits)
         for text, value in ((one.low_text, one.low), (one.high_text, one.high), (one.last_text, one.last))
     ]
     return [_cut(one.unit, chars), *texts, f"{one.changes:,}"]
