@@ -8,7 +8,7 @@ from pathlib import Path
 
 CANID = Path(__file__).parents[1] / "canid"
 FLOOR = {
-    "state_constraints": 0, "types": 0.2, "runs": 0,
+    "state_constraints": 0, "interval_text": 0, "presentation": 0, "types": 0.2, "runs": 0,
     "errors": 0, "import_guard": 0, "child_process": 0, "one_thread": 0,
     "dbc_text": 0.3, "parsing": 0.5, "identified_model": 0.5, "timestamps": 1,
     "findings": 1, "log_contents": 1,
@@ -18,10 +18,10 @@ FLOOR = {
     "estimators": 2, "monitor": 2, "simulation": 3,
     "pipeline": 3, "drive_summary": 3.5, "drive_parameters": 4, "drive_series": 4.2,
     "vehicle_check": 4, "saving": 4, "diagnosis": 4,
-    "study": 4.5, "comparison": 4.5, "views": 5, "controls": 5,
+    "study": 4.5, "comparison": 4.5, "views": 5, "schemas": 5.5, "controls": 5,
     "files": 5, "buses": 6, "logs": 7, "recording": 8, "export": 8.2, "estimator_process": 5,
     "trigger_process": 5.2, "publishing": 6,
-    "signal_columns": 7.5, "contents": 7.7, "proposal": 8.5, "drive_reader": 8, "tables": 8.3, "session": 9, "playback": 9, "web": 9.5,
+    "signal_columns": 7.5, "contents": 7.7, "proposal": 8.5, "drive_reader": 8, "tables": 8.3, "drive_results": 9, "session": 9, "playback": 9, "web": 9.5,
     "cli": 10, "__init__": 11, "__main__": 11,
 }  # fmt: skip
 WORLD = {"socket", "subprocess", "threading", "time", "multiprocessing", "can"}

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, reading, report_option
+from canid.cli import drive_source, options, report_option
 from canid.cli.output import outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
@@ -15,6 +15,7 @@ from canid.errors import CHECK_FAILED, DAMAGED, DONE, ConfigError
 from canid.types import Frame
 
 if TYPE_CHECKING:
+    from canid.logs import Log
     from canid.types import Damage
     from canid.vehicle import Vehicle
     from canid.vehicle_check import Check
@@ -31,6 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="log to check; without LOG: the bus of -i and -c, or the vehicle file alone",
     )
     options.vehicle(parser, required=False)
+    drive_source.arguments(parser)
     parser.add_argument(
         "--duration",
         type=options.seconds,
@@ -50,13 +52,19 @@ def run(args: argparse.Namespace) -> int:
     from canid.logs import open_log
 
     report = report_option.output(args, "check")
-    if report is not None and (args.vehicle is None or not (args.log or named(args))):
+    car = drive_source.car(args, "check")
+    table = bool(args.log) and drive_source.is_table(args.log)
+    if report is not None and not table and (args.vehicle is None or not (args.log or named(args))):
         raise ConfigError("check: --report shows a vehicle file on a log or a bus; name both")
     outputs.check([options.json_output(args), report], options.read_by(args))
-    vehicle = reading.read_vehicle(args.vehicle) if args.vehicle else None
+    vehicle = car.vehicle
     if not args.log and not named(args):
         return check_alone(args, vehicle)
-    log = open_log(args.log) if args.log else None
+    log: Log | None
+    if table:
+        log, vehicle = drive_source.opened(args.log, car)
+    else:
+        log = open_log(args.log) if args.log else None
     with Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s") as bar:
         if log is None:
             text, values, checked = check_frames(listen(args), vehicle)
@@ -130,14 +138,14 @@ def check_alone(args: argparse.Namespace, vehicle: Vehicle | None) -> int:
 
 def show(args: argparse.Namespace, text: list[str], values: dict[str, Any]) -> None:
     """Print the lines, and write the JSON."""
-    from canid.views.json_values import line
+    from canid.views.json_values import document
 
     print_line = line_printer(args.json)
     for each in text:
         print_line(each)
     with outputs.opened(options.json_output(args)) as sink:
         if sink is not None:
-            sink.write(line(values) + "\n")
+            sink.write(document("check", values) + "\n")
 
 
 def listen(args: argparse.Namespace) -> Iterator[Frame]:

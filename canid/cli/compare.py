@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from canid.cli import compare_sides, options
+from canid.cli import compare_sides, drive_source, options
 from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
@@ -33,6 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.vehicle(parser, required=False)
     parser.add_argument("--vehicle-a", metavar="V.toml", help="vehicle file of A's logs, where they differ")
     parser.add_argument("--vehicle-b", metavar="V.toml", help="vehicle file of B's logs")
+    drive_source.arguments(parser)
     options.part(parser)
     parser.add_argument(
         "--diagnose", action="store_true", help="diagnose the logs, and compare causes as well; takes minutes"
@@ -72,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     with outputs.opened(json) as sink:
         if sink is not None:
             of = {**comparison_json.to_json(found), "command": command(args)}
-            sink.write(json_values.line(of) + "\n")
+            sink.write(json_values.document("compare", of) + "\n")
     if page is not None:
         from canid.views.comparison_report.comparison_page import page as written
 
@@ -100,6 +101,7 @@ def command(args: argparse.Namespace) -> str:
     ]
     for key in ("vehicle", "vehicle_a", "vehicle_b"):
         words += [f"--{key.replace('_', '-')}", getattr(args, key)] if getattr(args, key) else []
+    words += drive_source.words(argparse.Namespace(**{**vars(args), "vehicle": None}))
     words += ["--start", f"{args.start:g}"] if args.start > 0 else []
     words += ["--stop", f"{args.stop:g}"] if args.stop < float("inf") else []
     words += ["--diagnose"] if args.diagnose else []

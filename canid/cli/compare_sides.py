@@ -10,12 +10,13 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from canid.cli import reading
+from canid.cli import drive_source, reading
 from canid.cli.output.progress import Progress
 from canid.errors import DONE, ConfigError, LogError
 from canid.logs import formats
 
 if TYPE_CHECKING:
+    from canid.cli.drive_source import Car
     from canid.comparison.drive import DriveEstimates, Side
     from canid.types import Trace
     from canid.vehicle import Vehicle
@@ -58,7 +59,9 @@ def named(words: str) -> list[Named]:
 def _named(part: str) -> list[Named]:
     if os.path.isdir(part):
         files = sorted(
-            str(path) for path in Path(part).iterdir() if formats.log_suffix(path) in formats.read_suffixes()
+            str(path)
+            for path in Path(part).iterdir()
+            if formats.log_suffix(path) in (*formats.read_suffixes(), ".parquet", ".vbo")
         )
         if not files:
             raise ConfigError(f"{part}: holds no log ({formats.described()})")
@@ -91,34 +94,32 @@ def read(args: argparse.Namespace, sides: list[list[Named]]) -> tuple[tuple[Side
     """
     from canid.comparison.drive import Side
 
-    vehicles = [_vehicle(args, label, side) for label, side in zip("ab", sides, strict=False)]
+    cars = [_car(args, label, side) for label, side in zip("ab", sides, strict=False)]
     if len(sides) == 1:
-        return _halves(args, sides[0], vehicles[0])
+        return _halves(args, sides[0], cars[0])
     made, code = [], DONE
-    for label, side, vehicle in zip("AB", sides, vehicles, strict=True):
+    for label, side, car in zip("AB", sides, cars, strict=True):
         drives: list[DriveEstimates] = []
         for one in side:
             if one.is_json:
                 drives += _from_json(one.path)
                 continue
-            assert vehicle is not None
-            name, trace, health = _trace(args, one, vehicle)
+            assert car is not None
+            name, trace, health, vehicle = _trace(args, one, car)
             code = health or code
             drives.append(_estimated(args, trace, name, vehicle))
         made.append(Side(label, tuple(drives)))
     return (made[0], made[1]), code
 
 
-def _halves(
-    args: argparse.Namespace, side: list[Named], vehicle: Vehicle | None
-) -> tuple[tuple[Side, Side], int]:
+def _halves(args: argparse.Namespace, side: list[Named], car: Car | None) -> tuple[tuple[Side, Side], int]:
     """Both halves of one drive, with as much usable driving in each."""
     from canid.comparison import halves
     from canid.comparison.drive import Side
 
-    if len(side) != 1 or side[0].is_json or vehicle is None:
+    if len(side) != 1 or side[0].is_json or car is None:
         raise ConfigError("compare: only a log has halves; name a second side, or one log")
-    _, trace, code = _trace(args, side[0], vehicle)
+    _, trace, code, vehicle = _trace(args, side[0], car)
     first, second = halves.halves(trace)
     if not (len(first.t) and len(second.t)):
         raise LogError(f"{side[0].path}: holds no drive that could be halved")
@@ -129,25 +130,25 @@ def _halves(
     return (made[0], made[1]), code
 
 
-def _vehicle(args: argparse.Namespace, label: str, side: list[Named]) -> Vehicle | None:
+def _car(args: argparse.Namespace, label: str, side: list[Named]) -> Car | None:
     if all(one.is_json for one in side):
         return None
     name = getattr(args, f"vehicle_{label}") or args.vehicle
-    if name is None:
+    if name is None and not any(drive_source.is_table(one.path) for one in side if not one.is_json):
         raise ConfigError("compare: --vehicle V.toml is missing; generic and generic_lane are built in")
-    return reading.read_vehicle(name)
+    return drive_source.car(args, "compare", name)
 
 
-def _trace(args: argparse.Namespace, one: Named, vehicle: Vehicle) -> tuple[str, Trace, int]:
+def _trace(args: argparse.Namespace, one: Named, car: Car) -> tuple[str, Trace, int, Vehicle]:
     part = argparse.Namespace(
         start=args.start if math.isnan(one.start) else one.start,
         stop=args.stop if math.isnan(one.stop) else one.stop,
     )
-    drive = reading.read_drive(one.path, vehicle, part, estimating=False)
+    drive, vehicle = drive_source.read_drive(one.path, car, part, estimating=False)
     code = reading.report_health(drive.health, one.path)
     whole = part.start <= 0.0 and math.isinf(part.stop)
     stop = "" if math.isinf(part.stop) else f"{part.stop:g}"
-    return (one.path if whole else f"{one.path}@{part.start:g}:{stop}"), drive.trace, code
+    return (one.path if whole else f"{one.path}@{part.start:g}:{stop}"), drive.trace, code, vehicle
 
 
 def _estimated(args: argparse.Namespace, trace: Trace, name: str, vehicle: Vehicle) -> DriveEstimates:

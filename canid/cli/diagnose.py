@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from canid.cli import options, reading
+from canid.cli import drive_source, options, reading
 from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
@@ -17,6 +17,7 @@ from canid.cli.output.progress import Progress
 from canid.errors import CHECK_FAILED, DONE, ConfigError
 
 if TYPE_CHECKING:
+    from canid.cli.drive_source import Car
     from canid.drive_reader import Drive
     from canid.findings import Report
     from canid.vehicle import Vehicle
@@ -28,7 +29,8 @@ PAGE_SUFFIXES = (".html", ".htm")
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help=options.LOGS)
-    options.vehicle(parser)
+    options.vehicle(parser, required=False)
+    drive_source.arguments(parser)
     options.part(parser)
     options.json_file(parser)
     parser.add_argument(
@@ -76,18 +78,18 @@ def run(args: argparse.Namespace) -> int:
     reports: list[Output | None] = [Output("--report", name, output_kinds.PAGE) for name in pages.values()]
     reports = reports or [None] * len(groups)
     outputs.check([json, *reports], options.read_by(args))
-    vehicle = reading.read_vehicle(args.vehicle)
+    car = drive_source.car(args, "diagnose")
     show = line_printer(args.json)
     objects = []
     damaged = DONE
     adequate = True
     with outputs.opened(json) as sink:
         diagnosed = (
-            diagnosed_together(args, vehicle)
-            if args.same == "car"
-            else diagnosed_in_turn(args, vehicle, groups)
+            diagnosed_together(args, car) if args.same == "car" else diagnosed_in_turn(args, car, groups)
         )
-        for k, (logs, target, (drives, report)) in enumerate(zip(groups, reports, diagnosed, strict=True)):
+        for k, (logs, target, (drives, vehicle, report)) in enumerate(
+            zip(groups, reports, diagnosed, strict=True)
+        ):
             name, read = ", ".join(logs), args.logs if args.same else logs
             report = report._replace(provenance=provenance(logs, vehicle, command(args, *read)))
             for line in [""] * (k > 0) + diagnosis_text.text(report, name, vehicle.name):
@@ -103,16 +105,17 @@ def run(args: argparse.Namespace) -> int:
             found = report.verdict in (Verdict.NAMED, Verdict.ONE_OF)
             adequate &= report.verdict is Verdict.ADEQUATE or (found and not extends(report))
         if sink is not None:
-            sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
+            sink.write(json_values.document("diagnose", objects[0] if len(objects) == 1 else objects) + "\n")
     return damaged or (CHECK_FAILED if args.check and not adequate else DONE)
 
 
 def diagnosed_in_turn(
-    args: argparse.Namespace, vehicle: Vehicle, groups: list[tuple[str, ...]]
-) -> Iterator[tuple[list[Drive], Report]]:
+    args: argparse.Namespace, car: Car, groups: list[tuple[str, ...]]
+) -> Iterator[tuple[list[Drive], Vehicle, Report]]:
     """Read and diagnose one drive after the other, or several of one driver as one."""
     for logs in groups:
-        drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in logs]
+        read = [drive_source.read_drive(path, car, args, estimating=False) for path in logs]
+        drives = [drive for drive, _ in read]
         traces = [drive.trace for drive in drives]
         with Progress(f"diagnosing {', '.join(logs)}") as bar:
             if args.same:
@@ -123,19 +126,20 @@ def diagnosed_in_turn(
                 from canid.diagnosis.diagnose import diagnose
 
                 report = diagnose(traces[0], rivals=args.rivals, progress=bar.to)
-        yield drives, report
+        yield drives, read[0][1], report
 
 
-def diagnosed_together(args: argparse.Namespace, vehicle: Vehicle) -> Iterator[tuple[list[Drive], Report]]:
+def diagnosed_together(args: argparse.Namespace, car: Car) -> Iterator[tuple[list[Drive], Vehicle, Report]]:
     """Read all drives of one car and diagnose them, sensors and car on all of them."""
     from canid.diagnosis.diagnose import diagnose_car
 
-    drives = [reading.read_drive(path, vehicle, args, estimating=False) for path in args.logs]
+    read = [drive_source.read_drive(path, car, args, estimating=False) for path in args.logs]
+    drives = [drive for drive, _ in read]
     with Progress(f"diagnosing {len(drives)} drives of one car") as bar:
         traces = [drive.trace for drive in drives]
         reports = diagnose_car(traces, args.logs, rivals=args.rivals, progress=bar.to)
-    for drive, report in zip(drives, reports, strict=True):
-        yield [drive], report
+    for (drive, vehicle), report in zip(read, reports, strict=True):
+        yield [drive], vehicle, report
 
 
 def report_names(logs: list[str], asked: str | None) -> dict[str, str]:
@@ -176,7 +180,7 @@ def command(args: argparse.Namespace, *logs: str) -> str:
         >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0, rivals=False, same=None), "drive 7.blf")
         "canid diagnose 'drive 7.blf' --vehicle generic --stop 60"
     """
-    words = ["canid", "diagnose", *logs, "--vehicle", str(args.vehicle)]
+    words = ["canid", "diagnose", *logs, *drive_source.words(args)]
     words += ["--same", args.same] if args.same else []
     words += ["--start", f"{args.start:g}"] if args.start > 0 else []
     words += ["--stop", f"{args.stop:g}"] if args.stop < float("inf") else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from canid.cli import options, reading, report_option
+from canid.cli import drive_source, options, reading, report_option
 from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help=options.LOGS)
-    options.vehicle(parser)
+    options.vehicle(parser, required=False)
+    drive_source.arguments(parser)
     options.part(parser)
     parser.add_argument(
         "--windows",
@@ -63,14 +64,14 @@ def run(args: argparse.Namespace) -> int:
     plot = Output("--plot", args.plot, output_kinds.PLOT) if args.plot else None
     report = report_option.output(args, "identify")
     outputs.check([json, plot, report], options.read_by(args))
-    vehicle = reading.read_vehicle(args.vehicle)
-    output = vehicle.driver.output
+    car = drive_source.car(args, "identify")
     show = line_printer(args.json)
     objects, verdicts, drives = [], [], []
     code = DONE
     with outputs.opened(json) as sink:
         for k, path in enumerate(args.logs):
-            drive = reading.read_drive(path, vehicle, args, estimating=False)
+            drive, vehicle = drive_source.read_drive(path, car, args, estimating=False)
+            output = vehicle.driver.output
             with Progress(f"identifying {path}"):
                 identified = identify(drive.trace, **vehicle.estimators)
             lines = identification_summary.summary(identified, path, vehicle.name, output, _where(args))
@@ -91,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
             for line in ["", *identification_summary.several(named)]:
                 show(line)
         if sink is not None:
-            sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
+            sink.write(json_values.document("identify", objects[0] if len(objects) == 1 else objects) + "\n")
     # after the numbers: a full disk must not lose them
     if report is not None:
         from canid.views.drive_report import identify_page

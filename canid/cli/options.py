@@ -223,5 +223,5 @@ def json_output(args: argparse.Namespace) -> Output | None:
 
 def read_by(args: argparse.Namespace) -> list[str]:
     """All files that the command line names for reading: no output may be one of them."""
-    named = [getattr(args, name, None) for name in ("log", "logs", "vehicle", "dbc")]
+    named = [getattr(args, name, None) for name in ("log", "logs", "vehicle", "columns", "dbc")]
     return [each for value in named if value for each in (value if isinstance(value, list) else [value])]

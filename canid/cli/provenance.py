@@ -56,15 +56,16 @@ def recorded(log: str | Path) -> str:
     return f"{datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def provenance(logs: Sequence[str], vehicle: Vehicle, command: str) -> Provenance:
-    """Provenance of the diagnosis of one log, or of several together."""
+def provenance(logs: Sequence[str], vehicle: Vehicle | None, command: str) -> Provenance:
+    """Provenance of the diagnosis of one log, or of several together; of tables, without a vehicle file."""
+    path = vehicle.path if vehicle is not None else ""
     return Provenance(
         log=", ".join(logs),
         log_sha256=", ".join(map(sha256, logs)),
-        vehicle=vehicle.path,
-        vehicle_sha256=sha256(vehicle.path),
+        vehicle=path,
+        vehicle_sha256=sha256(path) if path else "",
         command=command,
         versions=versions(),
-        dbc_sha256={file: sha256(file) for file in vehicle.dbc},
+        dbc_sha256={file: sha256(file) for file in (vehicle.dbc if vehicle is not None else ())},
         recorded=", ".join(filter(None, map(recorded, logs))),
     )

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options, publish_options, reading, report_option, web_options
+from canid.cli import drive_source, options, publish_options, reading, report_option, web_options
 from canid.cli.output import display, output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output, TextOutput
@@ -31,6 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("log", metavar="LOG", help=options.LOGS)
     options.vehicle(parser, required=False)
+    drive_source.arguments(parser)
     parser.add_argument(
         "--speed",
         type=options.speed,
@@ -64,9 +65,8 @@ def run(args: argparse.Namespace) -> int:
         if args.publish:
             raise ConfigError("replay: --onto sends frames and estimates nothing; leave out --publish")
         return onto(args)
-    if args.vehicle is None:
+    if args.vehicle is None and not drive_source.is_table(args.log):
         raise ConfigError("replay needs --vehicle V.toml (`canid init FILE.dbc` proposes one)")
-    from canid.logs import open_log
     from canid.signal_checks import signal_checks
     from canid.views import end_summary, signal_text
 
@@ -75,8 +75,7 @@ def run(args: argparse.Namespace) -> int:
     report = report_option.output(args, "replay")
     outputs.check([json, state, report], options.read_by(args))
     publish_options.check(args)
-    vehicle = reading.read_vehicle(args.vehicle)
-    log = open_log(args.log)
+    log, vehicle = drive_source.opened(args.log, drive_source.car(args, "replay"))
     tally = end_summary.EstimateTally()
     reports: list[SignalReport] = []
     record = _record() if report is not None else None
@@ -281,6 +280,6 @@ def onto(args: argparse.Namespace) -> int:
     with outputs.opened(json) as sink:
         sent = send(args, frames, speed=args.speed or 1.0, arm=args.arm)
         if sink is not None:
-            sink.write(json_values.line({"log": args.log, "sent": sent}) + "\n")
+            sink.write(json_values.document("onto", {"log": args.log, "sent": sent}) + "\n")
     info(f"{sent:,} frames of {args.log} sent")
     return DAMAGED if log.damage else DONE

@@ -6,6 +6,7 @@ import argparse
 import shlex
 from pathlib import Path
 
+from canid.cli import drive_source
 from canid.cli.output import output_kinds
 from canid.cli.output.outputs import Output
 from canid.errors import ConfigError
@@ -43,7 +44,7 @@ def command(args: argparse.Namespace, verb: str, *logs: str) -> str:
         >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0), "identify", "drive 7.blf")
         "canid identify 'drive 7.blf' --vehicle generic --stop 60"
     """
-    words = ["canid", verb, *logs, "--vehicle", str(args.vehicle)]
+    words = ["canid", verb, *logs, *drive_source.words(args)]
     start, stop = getattr(args, "start", 0.0), getattr(args, "stop", float("inf"))
     words += ["--start", f"{start:g}"] if start > 0 else []
     words += ["--stop", f"{stop:g}"] if stop < float("inf") else []

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from canid.cli import options, reading, study_runs
+from canid.cli import drive_source, options, reading, study_runs
 from canid.cli.output import output_kinds, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.outputs import Output
@@ -76,6 +76,7 @@ def _of_logs(parser: argparse.ArgumentParser, minutes: str) -> None:
     """Options of a study of logs."""
     parser.add_argument("logs", metavar="LOG", nargs="*", help=options.LOGS)
     options.vehicle(parser, required=False)
+    drive_source.arguments(parser)
     options.part(parser)
     parser.add_argument(
         "--reproduce",
@@ -128,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
     with outputs.opened(json) as sink:
         if sink is not None:
             objects = [study_files.to_json(study, line) for study in made]
-            sink.write(json_values.line(objects[0] if len(objects) == 1 else objects) + "\n")
+            sink.write(json_values.document("study", objects[0] if len(objects) == 1 else objects) + "\n")
     if folder is not None:
         _write(folder, made, _provenance(args))
         info(f"{folder / 'study.html'} written")
@@ -149,14 +150,14 @@ def _studied(args: argparse.Namespace) -> tuple[Sequence[Study], int]:
             if not args.logs
             else f"study {args.what}: --reproduce makes its own logs: leave out {args.logs[0]}"
         )
-    if args.logs and args.vehicle is None:
+    if args.logs and args.vehicle is None and not any(map(drive_source.is_table, args.logs)):
         raise ConfigError(
             f"study {args.what}: --vehicle V.toml is missing; generic and generic_lane are built in"
         )
     if args.reproduce:
         vehicle = reading.read_vehicle(args.vehicle or SIMULATED[args.what])
         return [study_runs.reproduced(args, vehicle)], DONE
-    return study_runs.of_logs(args, reading.read_vehicle(args.vehicle))
+    return study_runs.of_logs(args, drive_source.car(args, f"study {args.what}"))
 
 
 def _folder(name: str) -> Path:
@@ -192,6 +193,8 @@ def command(args: argparse.Namespace) -> str:
     for key, value in shown.items():
         if value is True:
             words.append(f"--{key.replace('_', '-')}")
+        elif isinstance(value, list):
+            words += [word for one in value for word in (f"--{key}", one)]
         elif value not in (None, False, DEFAULTS.get(key)):
             words += [f"--{key.replace('_', '-')}", str(value)]
     return shlex.join(words)
@@ -208,7 +211,8 @@ def _provenance(args: argparse.Namespace) -> Provenance:
     logs = getattr(args, "logs", [])
     if not logs:
         return Provenance(command=command(args), versions=provenance.versions())
-    return provenance.provenance(logs, reading.read_vehicle(args.vehicle), command(args))
+    vehicle = drive_source.car(args, "study").vehicle
+    return provenance.provenance(logs, vehicle, command(args))
 
 
 def _write(folder: Path, made: Sequence[Study], of: Provenance) -> None:
@@ -220,7 +224,7 @@ def _write(folder: Path, made: Sequence[Study], of: Provenance) -> None:
     drawings = {(study.paper, f.name): figure_svg.drawn(f) for study in made for f in study.figures}
     texts = {
         "study.json": (
-            json_values.line(objects[0] if len(objects) == 1 else objects) + "\n",
+            json_values.document("study", objects[0] if len(objects) == 1 else objects) + "\n",
             output_kinds.JSON,
         ),
         "study.html": (study_page.page(made, of, drawings), output_kinds.STUDY_PAGE),

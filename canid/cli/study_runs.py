@@ -12,11 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import reading
+from canid.cli import drive_source, reading
 from canid.cli.output.progress import Progress
 from canid.errors import DONE, CanidError, ConfigError
 
 if TYPE_CHECKING:
+    from canid.cli.drive_source import Car
     from canid.drive_reader import Drive
     from canid.simulation import Simulation
     from canid.study.artifact import Skipped, Study
@@ -30,7 +31,7 @@ DRIVERS = 12
 REPLICATES = 40
 
 
-def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], int]:
+def of_logs(args: argparse.Namespace, car: Car) -> tuple[list[Study], int]:
     """Study recorded logs; also the exit code that the damaged ones among them deserve.
 
     A log that cannot be read is skipped and reported, where there are others. Raises the first
@@ -44,7 +45,7 @@ def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], in
     damaged = DONE
     with _mapped(args.jobs if len(args.logs) > 1 else 1) as run:
         with Progress(f"reading {len(args.logs)} logs") as bar:
-            read = partial(_read, vehicle=vehicle, start=args.start, stop=args.stop)
+            read = partial(_read, car=car, start=args.start, stop=args.stop)
             for k, (path, drive) in enumerate(zip(args.logs, run(read, args.logs), strict=True), 1):
                 bar.to(k / len(args.logs))
                 if isinstance(drive, CanidError):
@@ -60,12 +61,12 @@ def of_logs(args: argparse.Namespace, vehicle: Vehicle) -> tuple[list[Study], in
     return [study._replace(skipped=(*skipped, *study.skipped))], damaged
 
 
-def _read(path: str, vehicle: Vehicle, start: float, stop: float) -> Drive | CanidError:
+def _read(path: str, car: Car, start: float, stop: float) -> Drive | CanidError:
     """Read one log, in a process of its own; an error says why it cannot be read."""
-    from canid import drive_reader
-
     try:
-        return drive_reader.read_drive(path, vehicle, start=start, stop=stop, estimating=False)
+        return drive_source.read_drive(
+            path, car, argparse.Namespace(start=start, stop=stop), estimating=False
+        )[0]
     except CanidError as error:
         return error
 

@@ -1,0 +1,180 @@
+"""What a verb reads: a CAN log with its vehicle file, or a table of named columns, which brings its own."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from canid.cli import reading
+from canid.cli.output.messages import info
+from canid.cli.output.progress import Progress
+from canid.errors import ConfigError
+
+if TYPE_CHECKING:
+    from canid.drive_reader import Drive
+    from canid.logs import Log
+    from canid.tables.column_map import ColumnMap
+    from canid.tables.table import Selection
+    from canid.vehicle import Vehicle
+
+# a vehicle file has no such section
+_COLUMNS = re.compile(rb"^\s*\[\s*columns\b|^\s*columns\s*[.=]", re.MULTILINE)
+# bytes in which it is looked for
+_BEGIN_BYTES = 256_000
+
+
+class Car(NamedTuple):
+    """The vehicle file or the column map of the command line, and the selection of rows."""
+
+    verb: str
+    vehicle: Vehicle | None
+    columns: ColumnMap | None
+    selection: Selection
+
+    @property
+    def given(self) -> str:
+        """Options that hold for tables alone, as far as they are given."""
+        chosen = self.selection
+        options = ("--columns" * bool(self.columns), "--where" * bool(chosen.where))
+        return ", ".join(filter(None, (*options, "--vehicle-id" * (chosen.vehicle_id is not None))))
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """--columns, --where, --vehicle-id."""
+    group = parser.add_argument_group(
+        "tables",
+        "LOG may be .csv, .tsv, .parquet or .vbo with named columns: time, pedal, speed [km/h], gap, range_rate, ...",
+    )
+    group.add_argument(
+        "--columns",
+        metavar="MAP",
+        help="which column is which: a TOML file with [columns], or one of ngsim, highd, openacc, openpilot, follownet",
+    )
+    group.add_argument(
+        "--where",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="only rows whose column NAME is VALUE; may be repeated",
+    )
+    group.add_argument("--vehicle-id", metavar="ID", help="the vehicle, in a table of several")
+
+
+def car(args: argparse.Namespace, verb: str, vehicle: str | None = None) -> Car:
+    """Read what --vehicle and --columns name, and report its warnings.
+
+    Args:
+        args: of the verb.
+        verb: for messages.
+        vehicle: instead of --vehicle.
+
+    Raises:
+        ConfigError: a file is wrong, or both name columns.
+    """
+    from canid.tables.table import Selection
+
+    named = vehicle if vehicle is not None else args.vehicle
+    columns = getattr(args, "columns", None)
+    chosen = Selection(tuple(getattr(args, "where", ())), getattr(args, "vehicle_id", None))
+    if named is not None and _is_map(named):
+        if columns is not None:
+            raise ConfigError(f"{verb}: --vehicle {named} names columns; leave out --columns")
+        columns, named = named, None
+    if columns is None:
+        return Car(verb, reading.read_vehicle(named) if named is not None else None, None, chosen)
+    if named is not None:
+        raise ConfigError(f"{verb}: --columns {columns} brings its own driver; leave out --vehicle {named}")
+    from canid.tables.column_map import read_map
+
+    return Car(verb, None, read_map(columns), chosen)
+
+
+def _is_map(name: str) -> bool:
+    try:
+        with Path(name).open("rb") as file:
+            return bool(_COLUMNS.search(file.read(_BEGIN_BYTES)))
+    except (OSError, ValueError):
+        return False
+
+
+def is_table(path: str) -> bool:
+    """Whether a file is a table; see `tables.kinds`."""
+    from canid.tables import kinds
+
+    return kinds.is_table(path)
+
+
+def opened(path: str, of: Car) -> tuple[Log, Vehicle]:
+    """Open a log or a table.
+
+    Raises:
+        ConfigError: no vehicle was named for a log; a column of a table is missing.
+        LogError: it cannot be read.
+    """
+    if not is_table(path):
+        return _log(path, of)
+    from canid.tables import column_map
+    from canid.tables.table import open_table
+
+    by, vehicle = of.columns, of.vehicle
+    if by is None and vehicle is not None:
+        stale = {role: how.stale for role, how in vehicle.roles.items()}
+        by = column_map.of_vehicle(vehicle.driver, vehicle.estimators, vehicle.name, stale)
+    with Progress(f"reading {path}") as bar:
+        table = open_table(path, by, of.selection, bar.to)
+    info(f"{path}: {table.columns}")
+    for note in table.notes:
+        info(note)
+    return table.log, table.vehicle
+
+
+def _log(path: str, of: Car) -> tuple[Log, Vehicle]:
+    from canid.logs import open_log
+
+    log = open_log(path)
+    if of.given:
+        raise ConfigError(f"{of.verb}: {path} is a log of CAN frames: {of.given} is for tables")
+    if of.vehicle is None:
+        raise ConfigError(
+            f"{of.verb}: {path} is a log of CAN frames: --vehicle V.toml is missing (`canid init FILE.dbc` proposes one)"
+        )
+    return log, of.vehicle
+
+
+def read_drive(path: str, of: Car, args: argparse.Namespace, **settings: Any) -> tuple[Drive, Vehicle]:
+    """Read the part of a log or a table from --start to --stop, with a progress bar.
+
+    Args:
+        path: of the log or table.
+        of: from `car`.
+        args: with `start` and `stop`, s.
+        settings: of `drive_reader.read_drive`.
+
+    Raises:
+        ConfigError: no vehicle was named for a log; a column of a table is missing.
+        LogError: nothing can be read.
+    """
+    from canid import drive_reader
+
+    log, vehicle = opened(path, of)
+    with Progress(f"reading {path}") as bar:
+        drive = drive_reader.read_drive(
+            path, vehicle, start=args.start, stop=args.stop, log=log, progress=bar.to, **settings
+        )
+    return drive, vehicle
+
+
+def words(args: argparse.Namespace) -> list[str]:
+    """The options of a command that gives the same numbers: --vehicle, --columns, --where, --vehicle-id.
+
+    Example:
+        >>> words(argparse.Namespace(vehicle=None, columns="highd", where=[], vehicle_id="12"))
+        ['--columns', 'highd', '--vehicle-id', '12']
+    """
+    out = ["--vehicle", str(args.vehicle)] if getattr(args, "vehicle", None) else []
+    out += ["--columns", str(args.columns)] if getattr(args, "columns", None) else []
+    for one in getattr(args, "where", ()):
+        out += ["--where", one]
+    return out + (["--vehicle-id", args.vehicle_id] if getattr(args, "vehicle_id", None) is not None else [])

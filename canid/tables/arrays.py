@@ -1,0 +1,205 @@
+"""Traces of arrays and of data frames, through the same path as a CAN log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from canid import pipeline
+from canid.errors import CanidError
+from canid.tables.array_source import ArraySource
+from canid.tables.column_map import ColumnMap
+from canid.tables.headings import EXTRA, TIME
+from canid.tables.table import Selection, table_of, trace_of
+from canid.types import Driver, OutputFilter, Trace
+from canid.vehicle.roles import OUTPUTS, ROLES
+from canid.vehicle.schema import did_you_mean
+
+_TASKS = ("car_following", "lane_keeping")
+
+
+def from_arrays(
+    *,
+    time: Any,
+    task: Literal["car_following", "lane_keeping"] | None = None,
+    output: str | None = None,
+    units: Mapping[str, str] | None = None,
+    headway_desired: float = 2.0,
+    output_filter: OutputFilter | None = None,
+    dt: float = pipeline.DT,
+    **columns: Any,
+) -> Trace:
+    """Make a trace of arrays: sampled, the lead smoothed, gates judged, signals checked as those of a CAN log.
+
+    Args:
+        time: (n,) s, or whatever `units` says; or datetime64. NaN in another column: no value in this row.
+        task: None: judged from the columns.
+        output: the driver's: pedal, accel, accel_command or steering_angle; None: pedal, else accel (of the speed, where no
+            acceleration is given), else steering_angle.
+        units: column -> its unit, such as {"speed": "km/h"}; otherwise SI, pedal and grade in %, steering_angle in degrees.
+        headway_desired: s, a convention: only K1 times it, plus the offset, is identified.
+        output_filter: how the output was smoothed before it was recorded; None: not stated.
+        dt: step of the grid, s.
+        **columns: by role: pedal, speed, gap (or headway), range_rate (or lead_speed), lead_valid, cruise_active, brake, ...
+
+    Returns:
+        a `Trace`, for `canid.identify` and `canid.diagnose`.
+
+    Raises:
+        ValueError: names the argument, and the remedy.
+
+    Example:
+        >>> import numpy as np
+        >>> t = np.arange(0.0, 60.0, 0.1)
+        >>> trace = from_arrays(time=t, pedal=20 + 0 * t, speed=72 + 0 * t, gap=30 + 0 * t, range_rate=0 * t,
+        ...     units={"speed": "km/h"})
+        >>> round(float(trace.signals["headway"][100]), 6), trace.dt
+        (1.5, 0.1)
+    """
+    given = {TIME: time, **{name: x for name, x in columns.items() if x is not None}}
+    return _trace(given, units or {}, task, output, headway_desired, output_filter, dt, "from_arrays")
+
+
+def from_frame(
+    frame: Any,
+    columns: Mapping[str, str] | None = None,
+    *,
+    units: Mapping[str, str] | None = None,
+    task: Literal["car_following", "lane_keeping"] | None = None,
+    output: str | None = None,
+    headway_desired: float = 2.0,
+    output_filter: OutputFilter | None = None,
+    dt: float = pipeline.DT,
+) -> Trace:
+    """Make a trace of a data frame, as `from_arrays` does of arrays.
+
+    Args:
+        frame: of pandas or polars, or anything with named columns: `frame.columns` and `frame[name]`; or a mapping.
+        columns: role -> the frame's column, such as {"speed": "v_ego"}; None: by the usual names, as in a CSV file.
+        units: role -> unit, where the column's name (speed [km/h]) does not state it.
+        task: as in `from_arrays`.
+        output: as in `from_arrays`.
+        headway_desired: s.
+        output_filter: as in `from_arrays`.
+        dt: step of the grid, s.
+
+    Returns:
+        a `Trace`.
+
+    Raises:
+        ValueError: names the column, and the remedy.
+
+    Example:
+        >>> import numpy as np
+        >>> t = np.arange(0.0, 60.0, 0.1)
+        >>> frame = {"t": t, "gas": 20 + 0 * t, "v [km/h]": 72 + 0 * t, "gap": 30 + 0 * t, "v_rel": 0 * t}
+        >>> round(float(from_frame(frame).signals["headway"][100]), 6)
+        1.5
+    """
+    names = list(frame.keys() if isinstance(frame, Mapping) else getattr(frame, "columns", ()))
+    if not names:
+        raise ValueError(
+            "from_frame: the frame has no columns; give a data frame of pandas or polars, or a mapping"
+        )
+    if columns is None:
+        taken = {str(name): frame[name] for name in names}
+        return _trace(
+            taken, units or {}, task, output, headway_desired, output_filter, dt, "from_frame", named=False
+        )
+    wrong = [role for role in columns if role not in ROLES and role not in EXTRA]
+    if wrong:
+        raise ValueError(
+            f"from_frame: columns: unknown role {wrong[0]!r}{did_you_mean(str(wrong[0]), (*ROLES, *EXTRA))}"
+        )
+    lacking = [name for name in columns.values() if name not in names]
+    if lacking:
+        hint = did_you_mean(str(lacking[0]), [str(name) for name in names])
+        raise ValueError(f"from_frame: columns: the frame has no column {lacking[0]!r}{hint}")
+    from canid.tables.headings import heading
+
+    given = {role: frame[name] for role, name in columns.items()}
+    stated = {role: unit for role, name in columns.items() if (unit := heading(str(name)).unit) is not None}
+    return _trace(
+        given, {**stated, **(units or {})}, task, output, headway_desired, output_filter, dt, "from_frame"
+    )
+
+
+def _trace(
+    given: Mapping[str, Any],
+    units: Mapping[str, str],
+    task: str | None,
+    output: str | None,
+    headway_desired: float,
+    output_filter: OutputFilter | None,
+    dt: float,
+    verb: str,
+    named: bool = True,
+) -> Trace:
+    """Check the arguments and make the trace; `named`: the keys are roles, not any columns."""
+    known = (*ROLES, *EXTRA)
+    if named:
+        wrong = [name for name in given if name not in known]
+        if wrong:
+            raise ValueError(
+                f"{verb}: unknown column {wrong[0]!r}{did_you_mean(wrong[0], known)}; known: {', '.join(known)}"
+            )
+        wrong = [name for name in units if name not in given]
+        if wrong:
+            raise ValueError(
+                f"{verb}: units: there is no column {wrong[0]!r}{did_you_mean(wrong[0], list(given))}"
+            )
+    if task is not None and task not in _TASKS:
+        raise ValueError(f"{verb}: task={task!r} is not one of {', '.join(_TASKS)}")
+    if output is not None and output not in OUTPUTS:
+        raise ValueError(f"{verb}: output={output!r} is not one of {', '.join(OUTPUTS)}")
+    if not 0.01 <= headway_desired <= 60.0:
+        raise ValueError(
+            f"{verb}: headway_desired={headway_desired!r} is no headway in s; give one such as 2.0"
+        )
+    if not 0.01 <= dt <= 1.0:
+        raise ValueError(f"{verb}: dt={dt!r} is no step of the grid in s; give one of 0.01 to 1, such as 0.1")
+    headings = {_with_unit(name, units, named): x for name, x in given.items()}
+    driver = _driver(given, task, output, headway_desired, output_filter, named)
+    try:
+        table = table_of(ArraySource(headings, verb), ColumnMap(driver=driver), Selection())
+        if driver is None:
+            table = table._replace(
+                vehicle=table.vehicle._replace(
+                    driver=table.vehicle.driver._replace(headway_desired=headway_desired)
+                )
+            )
+        return trace_of(table, dt)
+    except CanidError as error:
+        raise ValueError(str(error)) from None
+
+
+def _with_unit(name: str, units: Mapping[str, str], named: bool) -> str:
+    from canid.tables.headings import heading, role_of
+
+    role = name if named else role_of(heading(name))
+    unit = units.get(name, units.get(role or "", None))
+    if unit is None:
+        return name
+    return f"{name if named else heading(name).name} [{unit}]"
+
+
+def _driver(
+    given: Mapping[str, Any],
+    task: str | None,
+    output: str | None,
+    headway_desired: float,
+    output_filter: OutputFilter | None,
+    named: bool,
+) -> Driver | None:
+    """The driver that the arguments state; None: judged from the columns."""
+    if task is None and output is None and output_filter is None:
+        return None
+    if task is None:
+        task = "lane_keeping" if output == "steering_angle" else "car_following"
+    if output is None:
+        output = (
+            "steering_angle"
+            if task == "lane_keeping"
+            else ("pedal" if "pedal" in given or not named else "accel")
+        )
+    return Driver(task, output, headway_desired, output_filter)
