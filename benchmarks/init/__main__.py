@@ -39,7 +39,9 @@ class Outcome(NamedTuple):
     written: str
 
 
-def judge(decisions: Decisions, truth: Mapping[str, Any], half: str, file: str, held: Collection[str]) -> Iterator[Outcome]:
+def judge(
+    decisions: Decisions, truth: Mapping[str, Any], half: str, file: str, held: Collection[str]
+) -> Iterator[Outcome]:
     """Compare one proposal with the truth.
 
     Args:
@@ -75,7 +77,12 @@ def outcomes(folders: Sequence[Path]) -> Iterator[Outcome]:
                 continue
             try:
                 decisions = proposal(path).decisions
-                held = {f"{m.name}.{s.name}" for f in databases([path])[0] for m in f.messages.values() for s in m.signals}
+                held = {
+                    f"{m.name}.{s.name}"
+                    for f in databases([path])[0]
+                    for m in f.messages.values()
+                    for s in m.signals
+                }
             except CanidError as error:
                 print(f"{file}: {error}")
                 continue

@@ -35,7 +35,7 @@ _SAME_MESSAGE = 1.0
 # messages of one name but for their numbers that are a radar's tracks
 _MANY = 4
 # points of a range rate whose message holds no gap
-_ALONE = -3.0
+_ALONE = -4.0
 # candidates of a role that are compared with the log
 _MOST_SEEN = 10
 # roles in the order in which each helps to judge the next
@@ -273,10 +273,12 @@ def judged(choices: Sequence[Choice]) -> tuple[State, bool]:
     contradicted = first.log_points < -MARGIN
     if first.score >= SURE and points >= USUAL - 1.0 and not contradicted:
         if margin >= MARGIN:
-            return "sure", True
-        return "close", _are_copies(first, choices[1])
-    taken = first.score >= TAKEN_SCORE and margin >= TAKEN_MARGIN and points >= USUAL - 1.0
-    return "close", taken and not contradicted
+            return ("close", margin >= TAKEN_MARGIN) if first.candidate.against else ("sure", True)
+        return "close", not first.candidate.against and _are_copies(first, choices[1])
+    leads = margin >= TAKEN_MARGIN and points >= USUAL - 1.0
+    copied = len(choices) > 1 and points >= _COPY_POINTS and _are_copies(first, choices[1])
+    taken = first.score >= TAKEN_SCORE and (leads or copied)
+    return "close", taken and not contradicted and not first.candidate.against
 
 
 def _are_copies(first: Choice, second: Choice) -> bool:

@@ -41,7 +41,7 @@ NEVER = (
     r"|qlty|inval\w*|fault\w*|flt|falt|fail\w*|failure|err|error\w*|defect|def|plaus\w*|unplaus\w*|spare|reserv\w*|unused|calib\w*"
     r"|cal|reset|dtc|timeout|button|btn|taste\w*|stored|saved|history|unit|einheit\w*|toggle|menu|config\w*|cfg|installed"
     r"|existence|exist|serial|version|sensitivity|zaehler|frei|fehler\w*|komplement|complement|backup|inhibit\w*|inh"
-    r"|avail\w*|capab\w*|supported|protect\w*|crypt\w*|mac|freshness|selfcheck|odo\w*|trip|threshold|thresh|tolerance)\b"
+    r"|avail\w*|capab\w*|supported|protect\w*|crypt\w*|mac|freshness|selfcheck|unknown|maybe|perhaps|odd|review|undefined|invert\w*|inv|q|odo\w*|trip|threshold|thresh|tolerance)\b"
 )
 _NOT_MEASURED = (
     r"\b(req|reqd|requ|request\w*|rq\w*|cmd|command\w*|desired|des|demand\w*|dmd|wunsch\w*|soll\w*|consigne|set|setp\w*|setpoint|target|trgt"
@@ -72,16 +72,24 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
                 USUAL,
             ),
             (r"\bpedalwert\b|enfoncement ?(pedale)?|position ?pedale|\bpedalstellung\b", USUAL),
-            (r"\baccel\w* ?(pos\w*|posn|position|opening|pct|percent\w*)\b|\be ?accp\b|\bpv av\b", USUAL),
+            (
+                r"\baccel\w* ?(actu\w* )?(pos\w*|posn|position|opening|pct|percent\w*)\b|\be ?accp\b|\bpv av\b",
+                USUAL,
+            ),
             (r"^(\w+ )?pedal$", USUAL),
             (r"\bapp\d?\b( (pos|pct|percent|position|r|angle))?", USUAL),
-            (r"\bgas( pos\w*)?$", POSSIBLE),
+            (
+                r"\b(driver|drv|drvr|human|user) ?(gas|throttle|accel\w*)\b|\b(gas|throttle) ?(human|driver|user)\b",
+                USUAL + 1,
+            ),
+            (r"\bgas ?(pos\w*|posn)$", USUAL),
+            (r"\bgas$", POSSIBLE),
             (r"\b(throttle|tps|papillon)\b", POSSIBLE),
         ),
         rf"{NEVER}|{_NOT_MEASURED}|{_SHOWN}|\b(bra?k\w*|brake\w*|brem\w*|b ?ped|frein|clutch|clu\w*|kuppl\w*|embrayage|cl)\b"
         r"|\b(press|pressed|released|rel|depress\w*|active|inactive|act|on|off|kick ?down|kd|idle|switch|sw|stat\w*|sts|status|state|flag)\b"
         r"|\b(grad|gradient\w*|fahrpedalgradient|rate|speed|spd|pc ?rate|derivative|dt|cruise|acc torque|pcm|volt\w*|voltage|current"
-        r"|remote|pedestrian\w*|valve|override|overr\w*|learn\w*|cc|user|lvl|level|hpc|body|plate|combo|full|maybe|safety|fahrpedalwerte|ungenau\w*|force|kraft|torque|mom\w*|feedback|haptic|warning|warn|drosselklapp\w*)\b",
+        r"|remote|pedestrian\w*|valve|override|overr\w*|learn\w*|cc|acc gas|lvl|level|hpc|body|plate|combo|full|maybe|safety|fahrpedalwerte|ungenau\w*|force|kraft|torque|mom\w*|feedback|haptic|warning|warn|drosselklapp\w*)\b",
         r"\b(engine|eng\w*|ems\d*|motor|mo|gas|throttle|pedal\w*|accel\w*|ecm|pcm|powertrain|power|pt|di|vcu|mcu|inverter|eec2|ecu\d*|drive\w*|accped|acc)\b",
         rf"{_SHOWN_BY}|\b(hud|cruise|command|cmd|control)\b",
         16,
@@ -113,7 +121,7 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
             (r"^(\w+ )?speed( \d)?$", POSSIBLE),
         ),
         rf"{NEVER}|{_NOT_MEASURED}|{_SHOWN}|\b(lead|obj\w*|object|track|rel|relative|relativ\w*|opp|other|preceding|ahead|fwd)\b|\bv?zielfahrzeug"
-        r"|\b(wheel(?! based)|whl\w*|rad(?! kmh)|radgesch\w*|raddreh\w*|roue\w*|axle|shaft|turbine|turb|pump|fan|blower|wiper|wischer\w*|engine|eng (spd|speed)|motor|mot|rotor|gen)\b"
+        r"|\b(wheel(?! based)|whl\w*|rad(?! kmh)|radgesch\w*|raddreh\w*|(?<!vehicule )roue\w*|axle|shaft|turbine|turb|pump|fan|blower|wiper|wischer\w*|engine|eng (spd|speed)|motor|mot|rotor|gen)\b"
         r"|\b(yaw|gier\w*|lat|lateral|latrl|vy|vert|roll|rol|pitch|steer\w*|strg|str|sas|angle|angl|angular|ang|lenk\w*|volant|an|w|a)\b"
         r"|\b(cruise|cc|ccs|acc|gra|regel\w*|begrenz\w*|legal|road|map|fleet|gps|gnss|nav\w*|mpp|urea|pedal|window|seat|charge|limp|trailer|trlr|over speed|overspeed|warn\w*|wrn|alert|sign|zone|switch|sw)\b"
         r"|\b(stat|status|state|flag|direction|dir|fahrtrichtung|sign|decimal|inverse|offset|slider|mode|mde|valid|vld|change|step|gear|shift|scale|factor|comp|corr|low ?speed|high ?speed|up|down|zero|standstill|stop\w*|diff\w*|err|energy|e|pw|eff|id|on|l|l?ck|lock|strt|start|time|rpm|uint|ueberw|ersatz|abbruch|stab|drv dir|qualifier|calc ?qf|tmp|vr)\b",
@@ -133,10 +141,12 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
                 STRONG,
             ),
             (r"\b(long|longitudinal|lgt) ?(dist|distance|pos|position|range)\b|\bdistance long\b", USUAL),
+            (r"\binter ?veh\w* ?(dist\w*|gap)\b|\bdistance ?inter\w*", STRONG),
+            (r"\bdistance gap\b", USUAL),
             (r"^(\w{1,5} )?(range|distance|dist|gap|abstand|headway dist\w*|following distance)$", USUAL - 1),
         ),
         rf"{NEVER}|{_SIDE}|{_SHOWN}|\b(lat|lateral|latrl|dy|y|vert|height|width|length|rate|rt|spd|speed|vel\w*|v|accel\w*|a|setting|set\w*|sel\w*|req\w*|rq\w*|cmd|command|desired|des|soll|wunsch"
-        r"|park\w*|pas|pdc|ultra\w*|uss|sonar|curb|obst\w*|closest|(?<!same )lane|stop ?line|line|sign|total|travel\w*|remain\w*|fuel|el|nut|stopover|next|nav\w*|time|zeit\w*|bar|level|lvl|index\w*|warn\w*|wrn"
+        r"|park\w*|pas|pdc|ultra\w*|uss|sonar|curb|obst\w*|closest|(?<!same )lane|trk\d*|track\w*|stop ?line|line|sign|total|travel\w*|remain\w*|fuel|el|nut|stopover|next|nav\w*|time|zeit\w*|bar|level|lvl|index\w*|warn\w*|wrn"
         r"|valid|vld|stat|status|state|sts|conf\w*|std\w*|sigma|var|press|pressed|incr|decr|up|down|inc|dec|stopped|alert|swap|follow|beam|maybe|oil|service|view|coverage|mode|mde|class|type|branch|hdg|highlight"
         r"|offramp|solar|light|alt|tau|exit|turn|hazard|raw power|virtual|end|spacing|cross\w*|hitch\w*|lc|fap|lsc|ntfy|fcw|min|max|mx|mn|lim\w*|threshold|num|numb|rear|anz\w*|tempor\w*|mod)\b",
         r"\b(radar\w*|rdr|mrr|lrr|srr|acc\w*|scc\d*|lead\w*|fwd|front|object\w*|obj\w*|adas|camera|cam|fcm|fr cmr|cmbb|distronic|adr|ds1\w*|aebs\d*)\b",
@@ -164,7 +174,7 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
                 USUAL - 1,
             ),
         ),
-        rf"{NEVER}|{_SIDE}|{_SHOWN}|\b(lat|lateral|latrl|vy|dy|accel\w*|accn|steer\w*|stw|wheel|whl\w*|yaw|angle|ang|an|valid|vld|stat|status|state|std\w*|sigma|var|req\w*|cmd|set\w*|warn\w*|pressure|max|min|mx|mn|lim\w*|desired|rear|torque|fan)\b",
+        rf"{NEVER}|{_SIDE}|{_SHOWN}|\b(lat|lateral|latrl|vy|dy|trk\d*|track\w*|accel\w*|accn|steer\w*|stw|wheel|whl\w*|yaw|angle|ang|an|valid|vld|stat|status|state|std\w*|sigma|var|req\w*|cmd|set\w*|warn\w*|pressure|max|min|mx|mn|lim\w*|desired|rear|torque|fan)\b",
         r"\b(radar\w*|rdr|mrr|lrr|acc\w*|scc\d*|lead\w*|fwd|front|object\w*|obj\w*|adas|camera|cam|fcm|cmbb|adr|ds1\w*|aebs\d*|pcr\w*)\b",
         r"\b(cluster|hud|park\w*|pas\d*|corner|side|blind|bsm|bsd|rcta|pcr|rear|steer\w*)\b",
         24,
@@ -177,7 +187,7 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
                 STRONG + 0.5,
             ),
             (
-                rf"\b{_BRAKE} ?(pedal|ped|pedl|pdl)? ?(is )?(pressed|prssed|press|psd|depressed|applied|appl|apply|drv appl|actuated|betaetigt|activated)\b",
+                rf"\b{_BRAKE} ?(pedal|ped|pedl|pdl)? ?(is )?(pressed|prssed|press|psd|depressed|applied|appd|appl|apply|drv appl|drvr appd|actuated|betaetigt|activated)\b",
                 STRONG,
             ),
             (
@@ -193,17 +203,21 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
                 USUAL,
             ),
             (
-                r"\b(stop|brake) ?(light|lamp)s? ?(sw\w*|switch|on|stat\w*|active)?$|\bbrake ?light\w*$|\bstoplamp\w*|\bbremslicht\b|\bstp ?sw\b",
+                r"\b(main|service) ?(brake|brk)( switch| sw)?\b|\b(brake|brk) ?(signal|sig)( \d)?$|\b(human ?brak\w*|brak\w* ?human)\b",
+                USUAL + 1,
+            ),
+            (
+                r"\b(stop|brake) ?(light|lamp)s? ?(sw\w*|switch|on|stat\w*|active)?$|\b(brake|break) ?light\w*$|\bstoplamp\w*|\bbremslicht\b|\bstp ?sw\b",
                 USUAL,
             ),
             (r"^(\w{1,4} )?(brake|brk|brakes|bremse|breaking|braking|brake act|brk act)( \d)?$", USUAL + 1),
         ),
-        rf"{NEVER}|\b(park\w*|hand\w*|handbremse|epb|pb|pbrake|prk\w*|hold|hld|avh|ahb|acc|cruise|crz|cmbb|aeb|anb|awv|fcw|fcam?|pcs|ped brake|es|tsk|adr|req|rq\w*|request\w*|cmd|command\w*|ctl|ctrl|control|computer"
+        rf"{NEVER}|\b(park\w*|hand\w*|handbremse|epb|pb|pbrake|prk\w*|hold|hld|avh|ahb|acc|cruise|crz|cmbb|aeb|anb|awv|fcw|fcam?|pcs|ped brake|es|tsk|adr|erron\w*|defaut\w*|process|req|rq\w*|request\w*|cmd|command\w*|ctl|ctrl|control|computer"
         r"|fluid|wear|pad|belag|temp\w*|bremsentemp|warn\w*|wrn|lining|trailer|trlr\w*|trl|anhaenger|aag|emerg\w*|emgcy|not|notbrems\w*|no|abs|esc|stab|prefill|prchg|pre|pressure|pressur|preasure|druck|bremsdruck|decel|dec|wip\w*"
         r"|assist|asst|bas|bst|bstr|booster|konsistenz|regen\w*|rgen|rekup\w*|reku|ecd|exh|exhaust|eng brk|retarder|eco|chime|msg\w*|txt|allw|deny|dis|dny|disabled|bias|force|torque|tq|mom\w*|percent|pct|pos|position|amount|level|lvl|related"
         r"|hint|prompt|text|ind|indic\w*|icon|sound|system|sys|type|off|released|unavail\w*|hw|redundant|target|trg|limit|lim|lh|rh|open|li|re|vac\w*|thermal|circuit|gain|mode|mde|drum|disc|disk|vehicle hold|release|rel|status bits|shift lock|lck|lock|interlock|to|left|right|rear|bulb|ahead|lead|veh\w* ahead|blink\w*|high|esf|cnt|move|wheel|brake 2|mass)\b",
         r"\b(engine\w*|eng|ems\d*|motor|esp\w*|esc\d*|vsc\w*|brake\w*|brk\w*|bremse\w*|pedal\w*|abs\w*|ebcm|powertrain|pt|tcs\d*|vdc|vsa|di|ibst|ccvs\d*|ebs|dynamics|dscs?)\b",
-        r"\b(park\w*|epb|trailer\w*|trlr\w*|anhaenger|hud|camera|adas|acc\w*|aeb|fcw|lkas|lka|es|cruise|crz|radar|collision|cluster|clu\d*|dash\w*|kombi|light\w*|licht\w*|lamp\w*|seat\w*|door\w*|command|cmd|body|obd\w*|diag\w*|hold|elv|apa)\b",
+        r"\b(park\w*|epb|trailer\w*|trlr\w*|anhaenger|hud|camera|adas|acc\w*|aeb|fcw|lkas|lka|es|cruise|crz|radar|collision|cluster|clu\d*|dash\w*|kombi|light\w*|licht\w*|lamp\w*|seat\w*|door\w*|command|cmd|body|obd\w*|diag\w*|hold|elv|apa|\w*pilot\w*|assist\w*|aebfb)\b",
         4,
         1,
     ),

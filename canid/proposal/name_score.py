@@ -9,7 +9,7 @@ from functools import cache
 from typing import NamedTuple
 
 from canid.parsing import Message, Signal
-from canid.proposal.name_patterns import ROLE_PATTERNS, RolePatterns
+from canid.proposal.name_patterns import ROLE_PATTERNS, STRONG, RolePatterns
 from canid.proposal.optional_patterns import OPTIONAL_PATTERNS
 from canid.proposal.signal_words import EITHER_SPEED, dbc_unit, words
 from canid.vehicle.database import Dbc, carried, condition_of
@@ -20,7 +20,9 @@ from canid.vehicle.units import factor_to, unit_of
 PATTERNS: dict[str, RolePatterns] = {**ROLE_PATTERNS, **OPTIONAL_PATTERNS}
 
 # points, in the same unit as those of the names (2, 4, 6)
-_UNIT_FITS, _MESSAGE_FITS, _MESSAGE_AGAINST = 3.0, 1.0, -3.0
+_UNIT_FITS, _MESSAGE_FITS, _MESSAGE_AGAINST, _MESSAGE_BOTH = 3.0, 1.0, -3.0, -1.0
+# a range of 0 to 100 without a unit is that of a share
+_RANGE_FITS = 1.0
 # a coarse copy of a value that comes finely elsewhere: displays and old protocols
 _COARSE = -1.5
 # each word that the pattern does not explain makes another quantity likelier
@@ -73,6 +75,7 @@ class Candidate(NamedTuple):
     on: tuple[int, ...] | None = None  # switches: the values that mean true; None: all but 0
     remarks: tuple[str, ...] = ()
     bus: int | None = None  # where the log has it
+    against: bool = False  # its message is that of another quantity
 
     @property
     def where(self) -> str:
@@ -108,15 +111,24 @@ def candidate(role: str, file: int, message: Message, signal: Signal) -> Candida
     if not patterns.narrowest <= signal.length <= patterns.widest or signal.is_multiplexer:
         return None
     name = words(signal.name)
+    message_words = _message_words(message.name)
     points, unexplained = name_points(role, name)
     if points <= 0.0 or not carried(signal) or condition_of(message, signal) is None:
         return None
-    message_words = _message_words(message.name)
-    score = points + max(_MOST_UNEXPLAINED, _UNEXPLAINED_WORD * unexplained)
-    if re.search(patterns.elsewhere, message_words):
-        score += _MESSAGE_AGAINST
-    elif re.search(patterns.here, message_words):
-        score += _MESSAGE_FITS
+    left = sum(word not in message_words.split() for word in unexplained)
+    score = points + max(_MOST_UNEXPLAINED, _UNEXPLAINED_WORD * left)
+    here, elsewhere = re.search(patterns.here, message_words), re.search(patterns.elsewhere, message_words)
+    # a pedal or a brake of the driver is one in any message; a speed or a gap that a display sends is not
+    mild = (here and role == "pedal") or points > STRONG
+    against = bool(elsewhere) and not mild
+    score += _MESSAGE_AGAINST if against else _MESSAGE_BOTH if elsewhere else _MESSAGE_FITS if here else 0.0
+    made = _made(role, file, message, signal, points, score)
+    return made._replace(against=against) if made is not None else None
+
+
+def _made(
+    role: str, file: int, message: Message, signal: Signal, points: float, score: float
+) -> Candidate | None:
     if ROLES[role].kind == "bool":
         return _switch(role, file, message, signal, points, score)
     if ROLES[role].kind == "state":
@@ -130,22 +142,23 @@ def _message_words(name: str) -> str:
 
 
 @cache
-def name_points(role: str, name: str) -> tuple[float, int]:
-    """Points of a name in words, and how many of its words nothing explains.
+def name_points(role: str, name: str) -> tuple[float, tuple[str, ...]]:
+    """Points of a name in words, and the words that nothing explains.
 
     Example:
         >>> name_points("pedal", "accelerator pedal position"), name_points("speed", "speed up button")
-        ((6.0, 0), (0.0, 0))
+        ((6.0, ()), (0.0, ()))
     """
     patterns = PATTERNS[role]
-    best, rest = 0.0, 0
+    best: float = 0.0
+    rest: tuple[str, ...] = ()
     for pattern, points in patterns.found:
         match = re.search(pattern, name)
         if match and points > best:
             left = _NEUTRAL.sub(" ", f"{name[: match.start()]} {name[match.end() :]}").split()
-            best, rest = points, len(left)
+            best, rest = points, tuple(left)
     if best and re.search(patterns.excluded, name):
-        return 0.0, 0
+        return 0.0, ()
     return best, rest
 
 
@@ -262,7 +275,9 @@ def _pedal_share(made: Candidate, high: float) -> Candidate | None:
     if 0.9 <= high <= 1.1:
         return made._replace(unit="0..1", remarks=("no unit in the DBC; its range is 0 to 1",))
     if 90.0 <= high <= 110.0:
-        return made._replace(unit="%", remarks=("no unit in the DBC; its range is that of %",))
+        return made._replace(
+            unit="%", score=made.score + _RANGE_FITS, remarks=("no unit in the DBC; its range is that of %",)
+        )
     if not math.isfinite(high) or high <= 0.0 or signal.length > 12 or signal.signed:
         return made._replace(score=made.score - 1.0)
     scale = float(f"{100.0 / high:.4g}")
