@@ -1,34 +1,70 @@
-"""canid records a CAN bus without loss and reports how the driver is driving.
+"""canid records a CAN bus and estimates how the driver drives: gain K, lag τ, dead time θ, with 95 % intervals.
 
-The verbs of the command line, as functions; each is imported when it is first used.
+A log and a vehicle file in, numbers out (times in s since the log's first frame, SI units, NaN: not measured):
+
+    >>> import canid
+    >>> found = canid.identify("replay_logs/following_urban.blf", "generic", sliding=False)
+    >>> print("K of range rate:", found.channels["range_rate"].K)
+    K of range rate: 5.6 [5.0, 6.2]
+
+    read_vehicle(path)              a vehicle file: which signal of which DBC is the pedal, the gap, ...
+    read_signals(log, vehicle)      every mapped signal as it came
+    read_trace(log, vehicle)        uniform samples, the lead chosen, gates judged: a Trace
+    read_drive(log, vehicle)        the same with the estimates and what was wrong with the log
+    from_arrays(time=..., ...)      a Trace from your own arrays; from_frame(frame): from pandas or polars
+    identify(log, vehicle)          the driver of a drive: K, τ, θ per input; a Trace goes as well
+    diagnose(log, vehicle)          what the simulation gets wrong, why, and a better model
+    compare(a, b)                   two drivers, from what identify or diagnose found
+    replay(log, vehicle)            estimates one by one, as they would have come live
+    live(channel, interface, ...)   estimates from a bus; nothing is ever sent
+    Listener(vehicle, callback)     the same behind python-can's Notifier, into a callback or an asyncio queue
+    simulate(...)                   a drive with a known driver; read_model, simulate_model: with an identified one
+    recover(log)                    a damaged log, as far as it can be read
+    json_schema(name)               the JSON Schema of what `canid VERB --json` writes
+    CanidError                      what the user can correct: one line, `str(error)`
+
+Results print short and show themselves in a notebook; result.summary() is the text of the command line,
+result.plot() a plotly figure, trace.to_frame() a data frame. help(canid.identify) and the like say more;
+docs/python.md has examples. All other modules of the package may change between releases.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING
+
+from canid import presentation as _presentation
 
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from canid.diagnosis.diagnose import diagnose as diagnose
-    from canid.drive_parameters import identify as identify
+    from typing import Any
+
+    from canid.buses.listener import Listener as Listener
     from canid.drive_reader import read_drive as read_drive
     from canid.drive_reader import read_signals as read_signals
     from canid.drive_reader import read_trace as read_trace
     from canid.drive_reader import replay as replay
+    from canid.drive_results import compare as compare
+    from canid.drive_results import diagnose as diagnose
+    from canid.drive_results import identify as identify
     from canid.errors import CanidError as CanidError
     from canid.files.model_file import read_model as read_model
     from canid.logs.recovery import recover as recover
+    from canid.schemas import json_schema as json_schema
     from canid.session import live as live
     from canid.simulation import simulate as simulate
     from canid.simulation.model_drive import simulate_model as simulate_model
     from canid.vehicle import read_vehicle as read_vehicle
 
+# each name is imported when it is first used: mathematics takes seconds to import, recording must not wait for it
 _HOME = {
     "CanidError": "errors",
-    "diagnose": "diagnosis.diagnose",
-    "identify": "drive_parameters",
+    "Listener": "buses.listener",
+    "compare": "drive_results",
+    "diagnose": "drive_results",
+    "identify": "drive_results",
+    "json_schema": "schemas",
     "live": "session",
     "read_drive": "drive_reader",
     "read_model": "files.model_file",
@@ -40,16 +76,28 @@ _HOME = {
     "simulate": "simulation",
     "simulate_model": "simulation.model_drive",
 }
-__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
+    if (
+        name == "__all__"
+    ):  # for `from canid import *`; help() asks for it as well, and the text above is its one screen
+        return sorted(_HOME)
     if name not in _HOME:
         raise AttributeError(f"module 'canid' has no attribute {name!r}")
-    value = getattr(import_module(f"canid.{_HOME[name]}"), name)
+    value = getattr(_import_module(f"canid.{_HOME[name]}"), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *__all__]
+    return ["__doc__", "__file__", "__name__", "__path__", "__version__", *sorted(_HOME)]
+
+
+def _presenters() -> _presentation.Find:
+    from canid.views import presenters
+
+    return presenters.find
+
+
+_presentation.provide(_presenters)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from canid import presentation
 from canid.drive_summary import DriveSummary, summarise
 from canid.estimators import ESTIMATORS, agreement, plausibility, pooling
 from canid.estimators.estimator import AnyEstimator, AnyRunning, WholeDrive
@@ -50,7 +51,35 @@ class Identified(NamedTuple):
     time: DriveTime = DriveTime(0.0, 0.0, 0.0, 0.0)
     findings: tuple[SignalFinding, ...] = ()  # on the signals
     loop: IdentifiedLoop = IdentifiedLoop()  # margins and string stability with the car
-    summary: DriveSummary = DriveSummary()  # conditions, noise and draws, for comparisons of drives
+    drive_summary: DriveSummary = DriveSummary()  # conditions, noise and draws, for comparisons of drives
+    log: str = ""  # name of the log; "": not known, the drive came as a `Trace`
+    vehicle: str = ""  # name of the vehicle
+
+    def __repr__(self) -> str:
+        name = self.ranked[0] if self.whole else "no estimator"
+        of = f"{self.log}: " if self.log else ""
+        lines = [f"Identified({of}{self.duration:.0f} s, {self.driver_time:.0f} s usable, {name}"]
+        lines += [f"  {channel}: {found!r}" for channel, found in self.channels.items()]
+        return "\n".join(lines) + ")"
+
+    def to_frame(self, library: Literal["pandas", "polars", ""] = "") -> Any:
+        """The headline's parameters as a data frame, one row each: input, parameter, value, low, high, unit, quotable.
+
+        Args:
+            library: as in `Trace.to_frame`.
+        """
+        return presentation.frame(self, library)
+
+    def summary(self) -> str:
+        """The result as text, as `canid identify` prints it."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """The parameters over the windows of the drive, with those of the whole drive, as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
 
     @property
     def ranked(self) -> list[str]:
@@ -138,7 +167,7 @@ def identify(
         time=time,
         findings=trace.findings,
         loop=_loop(whole[FOPDT.name], trusted, settings_of(FOPDT, trace, settings).output),
-        summary=summarise(trusted, whole[FOPDT.name], settings_of(FOPDT, trace, settings)),
+        drive_summary=summarise(trusted, whole[FOPDT.name], settings_of(FOPDT, trace, settings)),
     )
 
 

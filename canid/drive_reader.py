@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -74,6 +74,38 @@ class Drive(NamedTuple):
     trace: Trace
     estimates: tuple[Estimate, ...]
     health: Health
+
+    def __repr__(self) -> str:
+        return f"Drive({self.trace!r}, {len(self.estimates)} estimates, {self.health.frames:,} frames)"
+
+    def to_frame(self, library: Literal["pandas", "polars", ""] = "") -> Any:
+        """The trace as a data frame; see `Trace.to_frame`."""
+        from canid.views.data_frame import trace_frame
+
+        return trace_frame(self.trace, library)
+
+    def summary(self) -> str:
+        """What the drive holds, its last estimates, and what was wrong with the log, as text."""
+        from canid.views.notebook.drive_fragment import drive_lines
+
+        return "\n".join(drive_lines(self.trace, self.estimates, self._problems()))
+
+    def plot(self) -> Any:
+        """The estimates over time, as a plotly Figure."""
+        from canid.views.plots import drive_plot
+
+        return drive_plot(self.trace, self.estimates)
+
+    def _repr_html_(self) -> str:
+        from canid.views.notebook.drive_fragment import drive_html
+
+        return drive_html(self.trace, self.estimates, self._problems())
+
+    def _problems(self) -> list[str]:
+        from canid.views.end_summary import health as says
+
+        of = self.health
+        return says(of.damage, of.back_in_time, of.counters, of.missing)
 
 
 def window(frames: Iterable[Frame], start: float, stop: float) -> Iterator[Frame]:

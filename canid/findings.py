@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from canid import presentation
 from canid.identified_model import IdentifiedModel
 from canid.types import NAN, Array, Channel, DriveTime, Interval, SignalFinding
 
@@ -42,6 +43,10 @@ class Fit(NamedTuple):
     simulated: Array  # (n,) output unit; NaN where nothing can be simulated
     noise_sd: float  # output unit; of the unexplained part of the output
     form: BaselineForm | None = None  # None: nothing was fitted
+
+    def __repr__(self) -> str:
+        known = [f"fit {self.fit_percent:.0f} %", *(f"{name}: {ch!r}" for name, ch in self.channels.items())]
+        return f"Fit({', '.join(known)})"
 
 
 class NullGain(NamedTuple):
@@ -281,6 +286,22 @@ class Report(NamedTuple):
     drives: tuple[DriveShare, ...] = ()  # where several were diagnosed together
     differ: tuple[str, ...] = ()  # sentences: what is not the same on all of them
     visible: tuple[Visible, ...] = ()  # what a diagnosis of the driver that passes its tests could have seen
+
+    def __repr__(self) -> str:
+        lines = [f"Report({self.says}"]
+        lines += [f"  {name}: {channel!r}" for name, channel in self.extended.channels.items()]
+        return "\n".join(lines) + ")"
+
+    def summary(self) -> str:
+        """The diagnosis as text, as `canid diagnose` prints it."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """Measured and simulated output over time, as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
 
 
 def extends(report: Report) -> bool:

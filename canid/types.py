@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum, IntFlag
-from typing import Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from canid import presentation
+from canid.interval_text import interval_text
 from canid.state_constraints import TIME
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
 
 Array = npt.NDArray[np.float64]
 NAN = float("nan")
@@ -166,6 +172,44 @@ class Trace(NamedTuple):
     variance: Array | None = None  # (n, 1 + m) of the measurement noise of output and inputs; None: not known
     findings: tuple[SignalFinding, ...] = ()  # about the signals, by the time at which each was raised
 
+    def __repr__(self) -> str:
+        n, span = len(self.t), float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
+        of = f"{span:.1f} s at {self.dt:g} s, {n} samples, {int(self.learn.sum())} to learn from"
+        return f"Trace({of}; inputs {', '.join(self.input_names)}; signals {', '.join(self.signals)})"
+
+    @overload
+    def to_frame(self, library: Literal["pandas"]) -> pandas.DataFrame: ...
+    @overload
+    def to_frame(self, library: Literal["polars"]) -> polars.DataFrame: ...
+    @overload
+    def to_frame(self, library: Literal[""] = "") -> Any: ...
+    def to_frame(self, library: str = "") -> Any:
+        """The columns as a data frame: `t`, `output`, the inputs, every signal, `learn`, `segment` and `gate`.
+
+        Args:
+            library: "pandas" or "polars"; "": pandas where it is installed, else polars.
+
+        Returns:
+            a pandas DataFrame with the units in `frame.attrs["units"]`; a polars one, which has no attributes, with
+            units in the names of its columns: "speed [m/s]".
+
+        Raises:
+            ConfigError: it is not installed.
+            ValueError: another library.
+        """
+        return presentation.frame(self, library)
+
+    def summary(self) -> str:
+        """What the drive holds, and the range of every signal, as text."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """Output, inputs and what is used of them over time, as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
+
 
 class DriveTime(NamedTuple):
     """What a drive holds, s; defined in `signal_checks.drive_time`, for all verbs."""
@@ -182,16 +226,40 @@ class Signal(NamedTuple):
     t: Array  # (n,) s
     value: Array  # (n,)
 
+    def __repr__(self) -> str:
+        n = len(self.t)
+        return f"Signal({n} values{f' from {self.t[0]:.1f} to {self.t[-1]:.1f} s' if n else ''})"
+
 
 # --- estimated -------------------------------------------------------------------------------------
 
 
 class Interval(NamedTuple):
-    """A number with its 95 % interval. NaN: not identifiable."""
+    """A number with its 95 % interval. NaN: not identifiable.
+
+    `repr` has all digits, `str` those that the interval supports:
+
+    >>> print(Interval(5.6213, 5.3342, 5.9187))
+    5.62 [5.33, 5.92]
+    """
 
     value: float = NAN
     low: float = NAN
     high: float = NAN
+
+    def __str__(self) -> str:
+        return interval_text(*self)
+
+    def summary(self) -> str:
+        """Value and interval, as text."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """The interval as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
 
 
 class Status(Enum):
@@ -240,6 +308,30 @@ class Channel(NamedTuple):
     )
     progress: Progress | None = None  # None: all may be quoted, or nothing is known of what is missing
 
+    def __repr__(self) -> str:
+        known = [f"{name}={getattr(self, name)}" for name in QUOTED[self.status]]
+        return f"Channel({', '.join([*known, self.status.value])})"
+
+    def summary(self) -> str:
+        """What may be quoted, as text."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """What may be quoted, as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
+
+
+# the parameters of a channel that may be quoted, by its status
+QUOTED: Mapping[Identifiable, tuple[str, ...]] = {
+    Identifiable.OK: ("K", "tau", "dead_time"),
+    Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
+    Identifiable.GAIN_ONLY: ("K",),
+    Identifiable.NOT: (),
+}
+
 
 class ResidualTests(NamedTuple):
     """Residual tests over the data used, of ARMAX over the last minute; see `identification.residual_tests`."""
@@ -279,6 +371,24 @@ class Estimate(NamedTuple):
     residual_tests: ResidualTests | None = None
     headline: bool = False  # the headline estimate, by the rule in estimators/agreement.py
     change: GainChange | None = None  # the last step of the gains, for a minute after it was detected
+
+    def __repr__(self) -> str:
+        mark = ", headline" if self.headline else ""
+        lines = [f"Estimate({self.t:.1f} s, {self.estimator}, {self.status.value}{mark}: {self.says}"]
+        if self.status is Status.OK:
+            lines += [f"  {name}: {channel!r}" for name, channel in self.channels.items()]
+        return "\n".join(lines) + ")"
+
+    def summary(self) -> str:
+        """The estimate in one line, as `canid replay` prints it."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """The parameters with their intervals, as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
 
 
 # --- monitored -------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from canid.logs import open_log
 from canid.types import Channel, Estimate, Interval, Sample, Status
 from canid.vehicle import read_vehicle
 from canid.views import identification_json, identification_text, json_values
+from tests.exact import exact
 
 REPO = Path(__file__).parents[1]
 LOG = REPO / "replay_logs" / "following_urban.blf"
@@ -46,7 +47,7 @@ def check_same() -> list[Estimate]:
     along = windows()
     assert len(along) >= 2 * (UNTIL // status.REPORT_EVERY_S - 1)
     for e in along:
-        assert repr(by_time[e.estimator, round(e.t, 6)]) == repr(e)
+        assert exact(by_time[e.estimator, round(e.t, 6)]) == exact(e)
     return reported
 
 
@@ -128,4 +129,4 @@ def test_windows_are_live_estimates_where_the_driver_stops_and_goes() -> None:
     along = drive_parameters.windows(trace, **vehicle.estimators)
     assert len(along) > 10
     for e in along:
-        assert repr(reported[e.estimator, round(e.t, 6)]) == repr(e)
+        assert exact(reported[e.estimator, round(e.t, 6)]) == exact(e)

@@ -19,6 +19,7 @@ from canid.frame_columns import chunks
 from canid.logs import open_log
 from canid.types import Estimate, Frame, Identifiable, LearnGate, Sample, Status
 from canid.vehicle import read_vehicle
+from tests.exact import exact
 
 REPO = Path(__file__).parents[1]
 LOG = REPO / "replay_logs" / "following_urban.blf"
@@ -40,7 +41,7 @@ def outputs(frames: list[Frame], vehicle: str = "generic", cut: int | None = Non
 
 def same(a: list, b: list) -> bool:
     """Equal to the last bit, NaN included."""
-    return len(a) == len(b) and all(repr(x) == repr(y) for x, y in zip(a, b, strict=True))
+    return len(a) == len(b) and all(exact(x) == exact(y) for x, y in zip(a, b, strict=True))
 
 
 def test_the_stream_may_be_cut_anywhere() -> None:

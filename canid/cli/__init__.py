@@ -35,6 +35,7 @@ VERBS = (
     ("init", "propose a vehicle file from DBC files"),
     ("recover", "write a clean copy of a damaged log, and report what is missing in it"),
     ("export", "write signals and estimates as CSV or Parquet"),
+    ("schema", "print the JSON Schema of what a verb writes with --json"),
 )
 
 

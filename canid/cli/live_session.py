@@ -241,7 +241,7 @@ class SessionOutput:
     def write_json(self, value: dict[str, Any]) -> None:
         """Write one line of JSON."""
         if self._sink is not None:
-            self._sink.write(json_values.line(value) + "\n")
+            self._sink.write(json_values.document("record", value) + "\n")
 
     def close(self) -> None:
         """Close the display and the observers."""

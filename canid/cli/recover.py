@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         if found.others:
             info(f"not in the copy: {found.others_says}")
         if sink is not None:
-            sink.write(json_values.line(to_json(args.log, found)) + "\n")
+            sink.write(json_values.document("recover", to_json(args.log, found)) + "\n")
     return DAMAGED if found.damage else DONE
 
 

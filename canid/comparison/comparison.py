@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import spearmanr
 
+from canid import presentation
 from canid.comparison import between_drives, causes, conditions, loop_margins, multiplicity
 from canid.comparison.causes import CauseCompared
 from canid.comparison.conditions import Condition
@@ -62,6 +63,22 @@ class Comparison(NamedTuple):
     remarks: tuple[str, ...]
     critical: float  # half-width of the intervals that hold together, in standard deviations
     point: loop_margins.Point | None  # where margins were computed
+
+    def __repr__(self) -> str:
+        lines = [f"Comparison({self.verdict}, {sum(row.compared for row in self.rows)} parameters compared"]
+        lines += [f"  {row.name}: A {row.a}, B {row.b}, p {row.p_adjusted:.2g}" for row in self.different]
+        return "\n".join(lines) + ")"
+
+    def summary(self) -> str:
+        """The comparison as text, as `canid compare` prints it."""
+        return presentation.summary(self)
+
+    def plot(self) -> Any:
+        """Every parameter of both sides with its interval, as a plotly Figure."""
+        return presentation.plot(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.html(self)
 
     @property
     def different(self) -> tuple[Row, ...]:

@@ -32,6 +32,11 @@ class WholeDrive(NamedTuple):
     # how fit_percent was made: the output simulated from the inputs alone, or predicted from its own past, one step ahead
     fit_kind: Literal["simulated", "one_step"] = "simulated"
 
+    def __repr__(self) -> str:
+        fit = "" if self.fit_percent is None else f"fit {self.fit_percent:.0f} %"
+        lines = [fit] * bool(fit) + [f"{name}: {channel!r}" for name, channel in self.channels.items()]
+        return f"WholeDrive({', '.join(lines)})"
+
 
 class Running(NamedTuple, Generic[State]):
     """An estimator bound to its inputs, its grid and its settings."""

@@ -21,7 +21,7 @@ def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
     return {
         "log": log,
         "vehicle": vehicle,
-        "verdict": identification_verdict.verdict(drive, drive.summary.output)._asdict(),
+        "verdict": identification_verdict.verdict(drive, drive.drive_summary.output)._asdict(),
         "duration": drive.duration,
         "driver_time": drive.driver_time,
         "time": json_values.plain(drive.time),
@@ -43,7 +43,7 @@ def to_json(drive: Identified, log: str, vehicle: str) -> dict[str, Any]:
 
 def _summary(drive: Identified) -> dict[str, Any]:
     """Output and its unit, and what a comparison of drives needs (`canid compare`)."""
-    of = drive.summary
+    of = drive.drive_summary
     output = {"output": of.output, "unit": role_unit(of.output) if of.output else ""}
     summary = {key: value for key, value in of._asdict().items() if key not in ("output", "draws")}
     draws = None if of.draws is None else {key: _short(x) for key, x in of.draws._asdict().items()}

@@ -9,18 +9,10 @@ from typing import NamedTuple
 from canid.drive_parameters import Identified
 from canid.identification.identifiability import gain_only, quotable
 from canid.signal_checks.signal_checks import sentence
-from canid.types import Channel, Identifiable, LearnGate, Status
+from canid.types import QUOTED, Channel, Identifiable, LearnGate, Status
 from canid.views import estimate_text
 from canid.views.names import SYMBOLS, readable
 from canid.views.numbers import gain_unit, interval
-
-# which of a channel's numbers a sentence gives, by its status
-_SAID = {
-    Identifiable.OK: ("K", "tau", "dead_time"),
-    Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
-    Identifiable.GAIN_ONLY: ("K",),
-    Identifiable.NOT: (),
-}
 
 
 class IdentificationVerdict(NamedTuple):
@@ -55,7 +47,7 @@ def verdict(drive: Identified, output: str = "") -> IdentificationVerdict:
     found = drive.headline
     if found is not None and found.details.get("changes"):
         return _changed(drive, output)
-    known = {} if found is None else {n: c for n, c in found.channels.items() if _SAID[c.status]}
+    known = {} if found is None else {n: c for n, c in found.channels.items() if QUOTED[c.status]}
     if not known or found is None:
         return IdentificationVerdict("nothing", "Nothing is identifiable", "", why_nothing(drive, output))
     whole = all(c.status is Identifiable.OK for c in found.channels.values())
@@ -81,7 +73,7 @@ def quoted(name: str, channel: Channel, output: str) -> str:
     unit = gain_unit(output, name) if output else ""
     return ", ".join(
         f"{SYMBOLS[what]} {interval(getattr(channel, what), unit if what == 'K' else 's')}"
-        for what in _SAID[channel.status]
+        for what in QUOTED[channel.status]
     )
 
 

@@ -24,6 +24,23 @@ from canid.types import (
 )
 
 
+# of each kind of JSON that a verb writes: grows when a name goes or changes its meaning, never for a name that is added
+SCHEMA_VERSIONS = {
+    "check": 1,
+    "compare": 1,
+    "diagnose": 1,
+    "export": 1,
+    "identify": 1,
+    "init": 1,
+    "look": 1,
+    "onto": 1,
+    "record": 1,
+    "recover": 1,
+    "replay": 1,
+    "study": 1,
+}
+
+
 def number(x: float) -> float | None:
     """The number, or None if it is not finite.
 
@@ -172,6 +189,21 @@ def signal_report(r: SignalReport) -> dict[str, Any]:
 def event(e: Event) -> dict[str, Any]:
     """An event, as a line of its own."""
     return {"t": number(round(e.t, 6)), "event": e.what, "says": e.says}
+
+
+def document(name: str, value: dict[str, Any] | list[dict[str, Any]]) -> str:
+    """What a verb writes, on one line: an object or a list of objects, each with the name and version of its schema.
+
+    Args:
+        name: of a schema, see `SCHEMA_VERSIONS`.
+        value: without its schema.
+
+    Example:
+        >>> document("replay", {"t": 1.0})
+        '{"schema": "canid/replay/1", "t": 1.0}'
+    """
+    mark = {"schema": f"canid/{name}/{SCHEMA_VERSIONS[name]}"}
+    return line([mark | one for one in value] if isinstance(value, list) else mark | value)
 
 
 def line(value: dict[str, Any] | list[dict[str, Any]]) -> str:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
+from canid import interval_text
+from canid.interval_text import DASH as DASH
 from canid.types import Interval
 
 # significant digits of a number without an interval
 PLAIN_DIGITS = 3
-# decimals that a reader can still take in, however narrow the interval
-MAX_DECIMALS = 6
-# in the place of an unknown number
-DASH = "–"
 # Units of the model's inputs and outputs and of derived quantities. All other roles have theirs in `vehicle.roles`, which
 # imports cantools: too slow for the start of a recording.
 UNITS = {
@@ -36,10 +34,7 @@ def decimals(iv: Interval) -> int:
         >>> decimals(Interval(0.34, 0.28, 0.41)), decimals(Interval(31.4, 24.0, 37.0))
         (2, 0)
     """
-    width = iv.high - iv.low
-    if not (math.isfinite(width) and width > 0.0):
-        return 2
-    return min(max(1 - math.floor(math.log10(width)), 0), MAX_DECIMALS)
+    return interval_text.decimals(iv.low, iv.high)
 
 
 def interval(iv: Interval, unit: str = "", places: int | None = None) -> str:
@@ -59,9 +54,7 @@ def interval(iv: Interval, unit: str = "", places: int | None = None) -> str:
     """
     if not math.isfinite(iv.value):
         return DASH
-    digits = decimals(iv) if places is None else places
-    low, high = (f"{x:.{digits}f}" if math.isfinite(x) else DASH for x in (iv.low, iv.high))
-    return _with_unit(f"{iv.value:.{digits}f} [{low}, {high}]", unit)
+    return _with_unit(interval_text.interval_text(*iv, places), unit)
 
 
 def percent(iv: Interval) -> str:

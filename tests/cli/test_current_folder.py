@@ -54,6 +54,7 @@ WORDS = {
     "init": ("car.dbc",),
     "recover": ("drive.blf",),
     "export": ("drive.blf", *PART, "--to", "parquet"),
+    "schema": ("identify",),
 }
 
 

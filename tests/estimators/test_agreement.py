@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from canid.estimators import agreement
 from canid.types import Channel, Estimate, Identifiable, Interval, Status
+from tests.exact import exact
 
 SILENT = (Status.CONVERGING, Status.NOT_EXCITED, Status.NO_LEAD, Status.NO_DRIVER, Status.STALE)
 
@@ -205,7 +206,7 @@ def test_whatever_they_say_no_number_is_touched_and_one_is_read_at_most(turns):
         new, checked = agreement.step(state, estimates)
         assert pickle.dumps(state) == before
         again = agreement.step(pickle.loads(before), estimates)
-        assert repr(again) == repr((new, checked))
+        assert exact(again) == exact((new, checked))
         state = new
         assert sum(e.headline for e in checked) <= 1
         assert not (
@@ -213,7 +214,7 @@ def test_whatever_they_say_no_number_is_touched_and_one_is_read_at_most(turns):
         )
         for e, judged in zip(estimates, checked, strict=True):
             plain = judged._replace(status=e.status, says=e.says, headline=False)
-            assert repr(plain) == repr(e)
+            assert exact(plain) == exact(e)
             if e.status is not Status.OK:
                 assert judged == e
         contradicted = [e for e in checked if e.status is Status.INCONSISTENT]

@@ -13,6 +13,7 @@ from canid.estimators import ESTIMATORS, status
 from canid.saving.state_codec import codec
 from canid.types import Identifiable, LearnGate, Sample, Status
 from canid.vehicle import schema
+from tests.exact import exact
 
 DT = 0.1
 NAMES = ("headway_error", "range_rate")
@@ -105,7 +106,7 @@ def test_same_answer_wherever_the_stream_is_cut(estimator, driven, estimates):
     for cut in (1, 203, 311):
         first, state = estimates(estimator, samples[:cut])
         rest, _ = estimates(estimator, samples[cut:], pickle.loads(pickle.dumps(state)))
-        assert repr(first + rest) == repr(whole)
+        assert exact(first + rest) == exact(whole)
 
 
 def test_a_step_changes_nothing_it_was_given(estimator, driven):
@@ -117,7 +118,7 @@ def test_a_step_changes_nothing_it_was_given(estimator, driven):
         if before is not None:
             assert pickle.dumps(state) == before
             again = estimator.step(pickle.loads(before), sample)
-            assert repr(again) == repr((new, estimate))
+            assert exact(again) == exact((new, estimate))
         state = new
 
 
@@ -257,7 +258,7 @@ def test_the_state_is_saved_and_restored(estimator, driven, estimates):
     state_codec = codec(type(state))
     restored = state_codec.decode(state_codec.encode(state))
     assert list(estimator.check_state(restored)) == []
-    assert repr(estimates(estimator, samples[300:], restored)) == repr(
+    assert exact(estimates(estimator, samples[300:], restored)) == exact(
         estimates(estimator, samples[300:], state)
     )
 

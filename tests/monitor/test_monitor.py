@@ -22,6 +22,7 @@ from canid.vehicle import read_vehicle
 from canid.views.terminal_view.picture import render
 from canid.views.terminal_view.spans import plain
 from canid.views.terminal_view.state import View, update
+from tests.exact import exact
 from tests.plants import measurement, plant_one, plant_two
 from tests.plants.changes import CHANGES, Changed, Scene
 from tests.plants.monitor_runs import Alarm, alarms, kinds, reports, samples
@@ -231,10 +232,10 @@ def test_its_state_survives_saving_to_the_last_bit() -> None:
     after = int(np.searchsorted([s.t for s in every], changed.at + 20.0))
     for k in (0, 3, 700, after, *rng.integers(800, len(every) - 200, 3).tolist()):
         back = plain.decode(plain.encode(states[k]))
-        assert repr(back) == repr(states[k])
+        assert exact(back) == exact(states[k])
         for i in range(k + 1, min(k + 200, len(every))):
             back, now = monitor.step(back, every[i])
-            assert repr(now) == repr(reported[i])
+            assert exact(now) == exact(reported[i])
     assert any(s is not None and not s.fits for s in reported)
 
 

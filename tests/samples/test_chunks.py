@@ -17,6 +17,7 @@ from canid.frame_columns import columns_of
 from canid.logs import open_log, write_log
 from canid.types import Estimate, Event, Flag, Frame, Sample
 from canid.vehicle import Vehicle, read_vehicle
+from tests.exact import exact
 
 REPO = Path(__file__).parents[2]
 DATA = REPO / "../shared/data"
@@ -35,7 +36,7 @@ def outputs(
             break
         state, out = running.step(state, columns_of(part))
         # repr: NaN is NaN, -0.0 is not 0.0, and a numpy number is no float
-        rows += [repr((part[row].t, item)) for row, item in out]
+        rows += [exact((part[row].t, item)) for row, item in out]
         items += [item for _, item in out]
         k += len(part)
     return rows, items, state
@@ -62,7 +63,7 @@ def check_same(
         assert other == rows, seed
         assert other_state.sampler.clock == state.sampler.clock
         assert other_state.sampler.decoding == state.sampler.decoding
-        assert repr(pipeline.known(other_state)) == repr(pipeline.known(state))
+        assert exact(pipeline.known(other_state)) == exact(pipeline.known(state))
     return items
 
 
@@ -210,7 +211,7 @@ def test_a_part_of_a_log(part: dict[str, float]) -> None:
         events += [item for item in out if isinstance(item, Event)]
         state, frames, last = after, frames + len(chunk.t), float(chunk.t[-1])
     trace = drive_reader.trace(samples, vehicle.driver, part.get("dt", 0.1))
-    assert repr(drive_reader.health(log, vehicle, state, frames, last, events)) == repr(drive.health)
+    assert exact(drive_reader.health(log, vehicle, state, frames, last, events)) == exact(drive.health)
     assert len(trace.t) > 100
     for ours, theirs in zip(trace[1:4], drive.trace[1:4], strict=True):
         assert np.array_equal(ours, theirs, equal_nan=True)

@@ -15,6 +15,7 @@ from canid.simulation.car import Car
 from canid.simulation.lane import Steering, keep_lane
 from canid.types import Sample
 from canid.vehicle import read_vehicle
+from tests.exact import exact
 
 DT = 0.1
 SECONDS = 21.0
@@ -102,7 +103,7 @@ def test_steering_does_not_depend_on_chunks(seed: int) -> None:
         while k < len(said):
             size = rng.choice(sizes)
             state, more = built.step(state, columns_of(said[k : k + size]))
-            out += [repr(x) for _, x in more if isinstance(x, Sample)]
+            out += [exact(x) for _, x in more if isinstance(x, Sample)]
             k += size
         seen.append(out)
     assert seen[0] == seen[1] == seen[2]

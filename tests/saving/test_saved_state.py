@@ -20,6 +20,7 @@ from canid.saving.saved_state import MAX_AGE_S, Restored, resume, saver
 from canid.types import Estimate, Interval, Status
 from canid.vehicle import read_vehicle
 from canid.vehicle.vehicle_file import shipped
+from tests.exact import exact
 
 NOW = 1.8e9  # s since 1970
 
@@ -45,11 +46,11 @@ def test_saved_at_any_time_it_continues_with_the_same_numbers_to_the_last_bit(dr
         assert isinstance(found, Restored)
         # the same bytes again: nothing was lost on the way
         assert saving.save(found.known, NOW) == bytes_
-        assert repr(found.known) == repr(known)
+        assert exact(found.known) == exact(known)
         state = state._replace(**found.known._asdict())
         for i in range(k + 1, driven.at(t + 5.0)):
             state, out = driven.running.step(state, driven.chunks[i])
-            assert repr([item for _, item in out]) == repr(driven.outputs[i])
+            assert exact([item for _, item in out]) == exact(driven.outputs[i])
 
 
 def test_nothing_is_saved_before_there_is_anything_new(driven) -> None:
@@ -105,7 +106,7 @@ def test_what_is_refused_is_not_used_at_all(driven, whole) -> None:
     flipped = whole.replace(b'"known"', b'"knowN"', 1)
     assert flipped != whole
     state, event = resume(driven.running, saving, flipped, NOW)
-    assert repr(state) == repr(driven.running.init())
+    assert exact(state) == exact(driven.running.init())
     assert event.what == "state_refused"
     assert event.says == "the saved state is damaged: its checksum does not fit; the estimators start fresh"
 

@@ -22,6 +22,7 @@ from canid.signal_checks.drive_time import of_trace
 from canid.types import Estimate, Frame, SignalReport, Status
 from canid.vehicle import Vehicle, read_vehicle
 from canid.vehicle_check import check
+from tests.exact import exact
 
 REPO = Path(__file__).parents[2]
 LOG = REPO / "replay_logs" / "following_urban.blf"
@@ -66,8 +67,8 @@ def test_findings_do_not_depend_on_the_chunks(wrong: Vehicle, seed: int) -> None
     other, other_state = run(wrong, sizes, estimating=False)
     reports = [item for item in one if isinstance(item, SignalReport)]
     assert reports
-    assert repr(reports) == repr([item for item in other if isinstance(item, SignalReport)])
-    assert repr(one_state.signals) == repr(other_state.signals)
+    assert exact(reports) == exact([item for item in other if isinstance(item, SignalReport)])
+    assert exact(one_state.signals) == exact(other_state.signals)
 
 
 def test_no_estimate_is_ok_while_a_finding_stands(wrong: Vehicle, tmp_path: Path) -> None:
@@ -119,7 +120,7 @@ def test_a_restart_keeps_a_finding(wrong: Vehicle) -> None:
     assert known is not None
     restored = saving.restore(saving.save(known, 1e9), 1e9 + 60.0)
     assert isinstance(restored, Restored), restored
-    assert repr(restored.known.signals) == repr(known.signals)
+    assert exact(restored.known.signals) == exact(known.signals)
     resumed = running.resume(running.init(), restored.known)
     assert signal_checks.findings(resumed.signals)
 

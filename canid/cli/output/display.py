@@ -136,4 +136,4 @@ def write_json(file: TextOutput | None, item: Estimate | MonitorReport | SignalR
         value = json_values.monitor_report(item)
     else:
         value = json_values.estimate(item)
-    file.write(json_values.line(value) + "\n")
+    file.write(json_values.document("replay", value) + "\n")

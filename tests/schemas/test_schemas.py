@@ -1,0 +1,109 @@
+"""The shipped JSON Schema describes what each verb writes, and not anything else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import canid
+from canid.cli import main
+from canid.schemas import names
+from canid.schemas.__main__ import text
+from canid.views.json_values import SCHEMA_VERSIONS
+
+REPO = Path(__file__).parents[2]
+LOGS = REPO / "replay_logs"
+CAR, LANE = ("--vehicle", "generic"), ("--vehicle", "generic_lane")
+URBAN, LOST, STEERING = (
+    str(LOGS / f"{n}.blf") for n in ("following_urban", "following_lost_lead", "lane_keeping")
+)
+# schema, words, expected exit code; good drives, a drive that is too short, no lead, steering, several logs
+RUNS: list[tuple[str, tuple[str, ...], int]] = [
+    ("replay", ("replay", LOST, *CAR, "--start", "60", "--stop", "100"), 0),
+    ("replay", ("replay", STEERING, *LANE, "--stop", "8"), 0),
+    ("identify", ("identify", URBAN, *CAR, "--stop", "90"), 0),
+    ("identify", ("identify", URBAN, LOST, *CAR, "--stop", "4"), 0),
+    ("identify", ("identify", STEERING, *LANE, "--stop", "60"), 0),
+    ("diagnose", ("diagnose", URBAN, *CAR, "--stop", "5"), 0),
+    ("diagnose", ("diagnose", URBAN, *CAR, "--stop", "90"), 0),
+    ("check", ("check", URBAN, *CAR), 0),
+    ("check", ("check", STEERING, *CAR), 1),
+    ("check", ("check", URBAN), 0),
+    ("look", ("look", URBAN, "--dbc", str(REPO / "dbc/generic.dbc")), 0),
+    ("init", ("init", str(REPO / "dbc/generic.dbc")), 0),
+    ("compare", ("compare", f"{URBAN}@0:90", f"{URBAN}@90:170", *CAR), 0),
+    ("compare", ("compare", f"{URBAN}@0:4", f"{URBAN}@4:8", *CAR), 0),
+    ("export", ("export", URBAN, *CAR, "--stop", "5", "--to", "csv", "-o", "out"), 0),
+    ("recover", ("recover", "damaged.blf"), 4),
+    ("identify", ("identify", "damaged.blf", *CAR), 4),
+]
+
+
+def objects(file: Path) -> list[dict[str, Any]]:
+    """Every object of a file: one, a list, or a line each."""
+    found = [json.loads(line) for line in file.read_text().splitlines()]
+    return [one for of in found for one in (of if isinstance(of, list) else [of])]
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "code"), RUNS, ids=lambda value: str(value)[:40] if isinstance(value, str) else ""
+)
+def test_what_a_verb_writes_is_what_its_schema_says(
+    name: str, words: tuple[str, ...], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The real output of every verb validates, that of short, damaged and leadless drives included."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "damaged.blf").write_bytes(Path(URBAN).read_bytes()[:100_000])
+    assert main([*words, "--json", "out.json"]) == code
+    validator = Draft202012Validator(canid.json_schema(name))
+    written = objects(tmp_path / "out.json")
+    assert written
+    for one in written:
+        validator.validate(one)
+        assert one["schema"] == f"canid/{name}/{SCHEMA_VERSIONS[name]}"
+    # a name that is added is free, one that goes is not
+    one = {**written[0], "windows": written[0].get("windows", [])[:1]}
+    validator.validate({**one, "added later": 1})
+    for key in validator.schema["required"]:
+        assert not validator.is_valid({other: of for other, of in one.items() if other != key}), key
+    assert not validator.is_valid({**one, "schema": "canid/another/1"})
+
+
+def test_a_recordings_line_validates() -> None:
+    """What `record --json` writes at its end, made of the recorder's own numbers."""
+    from canid.buses.bus_opener import open_buses
+    from canid.cli.live_session import to_json
+    from canid.session import World, session
+    from canid.views import json_values
+
+    buses = open_buses([{"interface": "virtual", "channel": "schema"}])
+    *_, last = session(buses, None, duration=0.1)
+    assert isinstance(last, World)
+    Draft202012Validator(canid.json_schema("record")).validate(
+        json.loads(json_values.document("record", to_json(last)))
+    )
+
+
+def test_the_files_are_current_and_valid() -> None:
+    """`NAME.json` in the package is what `canid schema NAME` prints: run `python -m canid.schemas` after a change."""
+    files = {file.stem: file for file in (REPO / "canid/schemas").glob("*.json")}
+    assert sorted(files) == names()
+    for name, file in files.items():
+        assert file.read_text(encoding="utf-8") == text(name)
+        Draft202012Validator.check_schema(json.loads(text(name)))
+
+
+def test_the_verb_prints_a_schema_and_refuses_others(capfd: pytest.CaptureFixture[str]) -> None:
+    """`canid schema identify` is JSON; a name that does not exist is one line with those that do."""
+    assert main(["schema", "identify"]) == 0
+    assert json.loads(capfd.readouterr().out) == canid.json_schema("identify")
+    assert main(["schema"]) == 0
+    assert len(capfd.readouterr().out.splitlines()) == len(names())
+    assert main(["schema", "nothing"]) == 2
+    error = capfd.readouterr().err
+    assert error.count("\n") == 1
+    assert "identify" in error
