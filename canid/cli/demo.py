@@ -35,8 +35,10 @@ DEFAULT_SPEED = 6.0
 DRIVE = "following_urban"
 CHANNEL = "canid-demo"
 HIDDEN_CHANNEL = "canid-demo-hidden"
-# random seed of the drive with a hidden effect
+# the drive with a hidden effect
 HIDDEN_SEED = 21
+HIDDEN_MINUTES = 5
+HIDDEN_PROFILE = "urban"
 # lines of the diagnosis that are shown: verdict, and the first finding
 LINES_SHOWN = 6
 # s for the last frames to arrive
@@ -182,11 +184,12 @@ def diagnose_hidden(
     from canid.views.report import page
 
     info(
-        "now a simulated drive of 5 minutes with a hidden effect: onto the bus at once, recorded, and diagnosed"
+        f"now a simulated drive of {HIDDEN_MINUTES} minutes with a hidden effect: "
+        "onto the bus at once, recorded, and diagnosed"
     )
     vehicle = read_vehicle("generic")
     effect = next(each.id for each in CATALOGUE if each.in_demo)
-    simulation = simulate(minutes=5, seed=HIDDEN_SEED, profile="urban", hide={effect: ()})
+    simulation = simulate(minutes=HIDDEN_MINUTES, seed=HIDDEN_SEED, profile=HIDDEN_PROFILE, hide={effect: ()})
     write(*hidden, simulation, vehicle)
     recorder = record_at_once(hidden[0].path, recording.path).recorder
     log = str(recorder.path)

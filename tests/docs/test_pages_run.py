@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 
 from canid.cli import VERBS, completion, main
-from canid.effects import CATALOGUE
+from tests.fixtures.demo_folder import made_by_demo
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -57,15 +57,9 @@ def on_virtual(words: list[str]) -> list[str]:
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `canid demo` leaves, made without its waiting; and a user's own log and database."""
     folder = tmp_path_factory.mktemp("demo")
-    made = folder / "demo_out"
-    made.mkdir()
-    logs = ROOT / "replay_logs"
-    shutil.copy(logs / "following_urban.blf", made / "demo.blf")
-    shutil.copy(logs / "following_mixed.blf", folder / "my_drive.blf")
+    made_by_demo(folder / "demo_out")
+    shutil.copy(ROOT / "replay_logs/following_mixed.blf", folder / "my_drive.blf")
     shutil.copy(ROOT / "dbc/generic.dbc", folder / "my_car.dbc")
-    hidden = next(effect.id for effect in CATALOGUE if effect.in_demo)
-    words = ["--seed", "21", "--minutes", "5", "--profile", "urban", "--hide", hidden]
-    assert main(["simulate", str(made / "hidden_recorded.blf"), *words]) == 0
     return folder
 
 
