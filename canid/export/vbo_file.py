@@ -120,19 +120,20 @@ def course(lat: Array, lon: Array) -> Array:
     """Course over the ground in degrees clockwise from north; that of the last movement at rest.
 
     Example:
-        >>> course(np.array([0.0, 0.0, 0.001]), np.array([0.0, 0.001, 0.001])).round().tolist()
-        [90.0, 90.0, 0.0]
+        >>> course(np.array([47.0, 47.0, 47.001, 47.0]), np.array([16.0, 16.001, 16.001, 16.001])).tolist()
+        [90.0, 90.0, 0.0, 180.0]
     """
-    north = lat * M_PER_DEG
-    east = lon * M_PER_DEG * np.cos(np.radians(lat))
-    out = np.zeros(len(lat))
+    out = np.full(len(lat), np.nan)
+    narrower = np.cos(np.radians(lat))  # m of east per m of north, of a degree
     heading, k = np.nan, 0
     for n in range(1, len(lat)):
-        d_north, d_east = north[n] - north[k], east[n] - east[k]
-        if np.hypot(d_north, d_east) >= COURSE_M:
-            heading, k = float(np.degrees(np.arctan2(d_east, d_north))) % 360.0, n
+        north = (lat[n] - lat[k]) * M_PER_DEG
+        # the shorter way around the earth
+        east = ((lon[n] - lon[k] + 180.0) % 360.0 - 180.0) * M_PER_DEG * narrower[n]
+        if np.hypot(north, east) >= COURSE_M:
+            heading, k = float(np.degrees(np.arctan2(east, north))) % 360.0, n
         out[n] = heading
-    moving = np.flatnonzero(np.isfinite(out[1:])) + 1
+    moving = np.flatnonzero(np.isfinite(out))
     if not moving.size:
         return np.zeros(len(lat))
     out[: moving[0]] = out[moving[0]]

@@ -85,7 +85,7 @@ def complete_files() -> Iterator[CompleteFiles]:
 def _opened(output: Output) -> Part:
     # a link stays one: what it leads to is replaced
     target = Path(os.path.realpath(output.path))
-    # beside a device nothing is renamed
+    # in the folder of a device nothing is renamed
     folder = Path(tempfile.gettempdir()) if is_stream(output.path) else target.parent
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
     for _ in range(_TRIES):
