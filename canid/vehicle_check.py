@@ -81,6 +81,9 @@ class Check(NamedTuple):
     signals: Mapping[str, Signal] = {}
     gate: GateSeries = GateSeries(np.zeros(0), (), np.zeros(0, dtype=bool))
     unmapped: tuple[tuple[int, int, int], ...] = ()  # (bus, id, frames) that the vehicle file does not name
+    left_out: Mapping[str, Mapping[str, int]] = {}  # role -> why a reading has no value -> how often
+    lead_changes: tuple[float, ...] = ()  # s, when another vehicle ahead was followed
+    output: str = ""  # role that the driver acts by
 
 
 class Contents(NamedTuple):
@@ -204,7 +207,20 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         readings | sampled_roles,
         GateSeries(grid, tuple(judged), np.array(learn, dtype=bool)),
         tuple((bus, id_, n) for (bus, id_), n in sorted(ids.items()) if id_ not in known),
+        _left_out(decoding.counters, vehicle),
+        tuple(event.t for event in events if event.what == "target_change"),
+        vehicle.driver.output,
     )
+
+
+def _left_out(counters: Mapping[str, int], vehicle: Vehicle) -> dict[str, dict[str, int]]:
+    """Why readings of each role have no value; the decoder counts them as "role: why"."""
+    found: dict[str, dict[str, int]] = {}
+    for what, n in sorted(counters.items()):
+        role, _, why = what.partition(": ")
+        if role in vehicle.roles and why:
+            found.setdefault(role, {})[why] = n
+    return found
 
 
 def _is_needed(role: str, vehicle: Vehicle) -> bool:

@@ -64,6 +64,7 @@ def check_json(found: Check) -> dict[str, Any]:
                 "high": json_values.number(row.high),
                 "longest_gap": json_values.number(row.longest_gap),
                 "stale_percent": json_values.number(row.stale_percent),
+                "left_out": dict(found.left_out.get(row.role, {})),
             }
             for row in found.rows
         },
@@ -72,6 +73,7 @@ def check_json(found: Check) -> dict[str, Any]:
         "signals": [json_values.signal_finding(one) for one in found.findings],
         "problems": list(found.problems),
         "remarks": list(found.remarks),
+        "lead_changes": list(found.lead_changes),
         "unmapped": [{"bus": bus, "id": id_, "frames": n} for bus, id_, n in found.unmapped],
     }
 

@@ -137,7 +137,7 @@ def test_text_fits_its_width_and_is_bounded(
         monkeypatch.setattr("canid.cli.look.width", lambda columns=columns: columns)
         rows = canid("look", URBAN, "--dbc", GENERIC).out.splitlines()[4:-2]
         assert max(len(row) for row in rows if not row.startswith(("bits of", "…"))) <= columns
-        assert sum(bool(re.search("[▁-█]", row)) for row in rows) > 20
+        assert columns < 80 or sum(bool(re.search("[▁-█]", row)) for row in rows) > 20
 
 
 def test_filters(canid: Canid) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,16 +11,18 @@ from canid.findings import Provenance
 from canid.types import Signal
 from canid.vehicle_check import Check, Row
 from canid.views import signal_text
-from canid.views.drive_report import gates, page_parts
-from canid.views.drive_report.panels import Panel, signal, stack
+from canid.views.drive_report import enough, gates, page_parts
+from canid.views.drive_report.panels import Panel, instants, signal, stack
 from canid.views.drive_report.strips import strips
 from canid.views.names import readable
 from canid.views.numbers import number, role_unit
-from canid.views.report.figure import Figure
+from canid.views.report.figure import Figure, Spec, times
 
 # points of a line: a log has some ten roles
 MAX_POINTS = 3000
 PANEL_PX = 78
+# changes of the lead that are drawn, and marks of readings that were left out: more are a band of ink
+MAX_CHANGES_DRAWN, MAX_MARKS = 40, 400
 # significant digits: enough to see an offset of 0.1 in 100
 TABLE_DIGITS = 4
 # share of the time from which on a role that is stale is marked
@@ -67,7 +69,8 @@ def page(log: CheckedLog) -> str:
         title=f"{count} problem{'s' * (count > 1)}" if count else "The vehicle file fits",
         fits=not count,
         summary=_summary(found),
-        rows=[_row(row) for row in found.rows],
+        rows=[_row(row, found.left_out.get(row.role, {})) for row in found.rows],
+        needs=enough.needs(found.time, found.output),
         chosen=[role for role in found.signals if role not in {row.role for row in found.rows}],
         signals=signals,
         gate=gate,
@@ -89,7 +92,7 @@ def _summary(found: Check) -> str:
     )
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: Row, left_out: Mapping[str, int]) -> dict[str, Any]:
     """One role of the table."""
     stale = row.stale_percent
     state = "found"
@@ -109,14 +112,24 @@ def _row(row: Row) -> dict[str, Any]:
         "range": f"{number(row.low, digits=TABLE_DIGITS)} to {number(row.high, digits=TABLE_DIGITS)}",
         "median": number(row.median, digits=TABLE_DIGITS),
         "missing": number(row.missing_percent, "%"),
+        "why": _why(left_out),
         "gap": number(row.longest_gap, "s"),
         "stale": number(stale, "%"),
     }
 
 
+def _why(left_out: Mapping[str, int]) -> str:
+    """Reasons for readings without a value."""
+    return ", ".join(f"{why} {n:,} times" for why, n in left_out.items())
+
+
 def _signals(found: Check, span: tuple[float, float]) -> Figure | None:
     """The decoded signals, one panel each."""
-    panels = [_panel(role, of) for role, of in found.signals.items() if np.isfinite(of.value).any()]
+    panels = [
+        _panel(role, of, found.left_out.get(role, {}))
+        for role, of in found.signals.items()
+        if np.isfinite(of.value).any()
+    ]
     if not panels:
         return None
     longest = max(len(of.t) for of in found.signals.values())
@@ -125,16 +138,21 @@ def _signals(found: Check, span: tuple[float, float]) -> Figure | None:
         if longest > MAX_POINTS
         else ""
     )
+    few = len(found.lead_changes) <= MAX_CHANGES_DRAWN
+    shapes = instants([(t, "") for t in found.lead_changes], "muted")[0] if few else []
+    changed = " Dashed: another vehicle ahead." if shapes else ""
     return stack(
         "signals",
         "Decoded signals",
-        f"As they came, decoded and converted; a gap is a reading without a value (such as: no target).{thinned}",
+        "As they came, decoded and converted. A mark below a line is a reading that was left out, for the reason in the "
+        f"panel's title.{changed}{thinned}",
         panels,
         span=span,
+        shapes=shapes,
     )
 
 
-def _panel(role: str, of: Signal) -> Panel:
+def _panel(role: str, of: Signal, left_out: Mapping[str, int]) -> Panel:
     unit = role_unit(role)
     values = of.value[np.isfinite(of.value)]
     switch = not unit and set(np.unique(values).tolist()) <= {0.0, 1.0}
@@ -142,10 +160,24 @@ def _panel(role: str, of: Signal) -> Panel:
     if switch:
         line = line | {"line": {"color": "@after", "width": 1.2, "shape": "hv"}}
     title = f"{readable(role)} ({unit})" if unit else readable(role)
+    if why := _why(left_out):
+        title += f" · left out: {why}"
     return Panel(
         title,
-        [line],
+        [line, *_marks(of, readable(role), 0.0 if switch else float(values.min()))],
         PANEL_PX // 2 if switch else PANEL_PX,
         (-0.15, 1.15) if switch else None,
         {"tickvals": [0, 1], "ticktext": ["off", "on"]} if switch else {"nticks": 4},
     )
+
+
+def _marks(of: Signal, name: str, at: float) -> list[Spec]:
+    """Where readings were left out: a mark at the lower end of the panel for each, or for one of several."""
+    lost = of.t[~np.isfinite(of.value)]
+    if not lost.size:
+        return []
+    lost = lost[:: -(-lost.size // MAX_MARKS)]
+    return [{
+        "type": "scatter", "mode": "markers", "x": times(lost), "y": [at] * lost.size, "name": f"{name}, left out",
+        "marker": {"symbol": "line-ns-open", "size": 5, "color": "@muted"}, "showlegend": False, "hoverinfo": "skip",
+    }]  # fmt: skip
