@@ -38,6 +38,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("curvature", 0.001, ("1/km", "km-1")),
     ("acceleration", 9.80665, ("g", "g's")),
     ("acceleration", 0.00980665, ("mg",)),
+    ("acceleration", 0.3048, ("ft/s2", "ft/s^2", "ft/s²", "fps2")),
     ("acceleration", _KMH, ("km/h/s", "kph/s")),
     ("angle", 1.0, ("rad", "radian", "radians")),
     ("angle", 0.001, ("mrad",)),
