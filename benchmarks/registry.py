@@ -52,6 +52,7 @@ BENCHMARKS = (
     Benchmark(
         "reading", "benchmarks.reading", "3 min", "reading and decoding logs, against python-can and asammdf"
     ),
+    Benchmark("look", "benchmarks.look", "20 s", "a first look at a log, against python-can and cantools"),
     Benchmark(
         "recording", "benchmarks.recording", "2 min", "CPU and losses of `canid record`, against can.logger"
     ),
@@ -164,6 +165,8 @@ BENCHMARKS = (
         "5 min",
         "signal checks: planted faults caught and named, false alarms",
     ),
-    Benchmark("init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"),
+    Benchmark(
+        "init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"
+    ),
     Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
 )

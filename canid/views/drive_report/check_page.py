@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -161,7 +162,8 @@ def _panel(role: str, of: Signal, left_out: Mapping[str, int]) -> Panel:
         line = line | {"line": {"color": "@after", "width": 1.2, "shape": "hv"}}
     title = f"{readable(role)} ({unit})" if unit else readable(role)
     if why := _why(left_out):
-        title += f" · left out: {why}"
+        # the reason may be a text of a value table, and plotly reads marks of HTML in titles
+        title += f" · left out: {escape(why, quote=False)}"
     return Panel(
         title,
         [line, *_marks(of, readable(role), 0.0 if switch else float(values.min()))],
