@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import sys
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,10 @@ html_static_path: list[str] = []
 # the pages link to sources of the repository as plain Markdown does; without this each would be copied as a download
 html_copy_source = False
 
+# quotation marks are those of commands and Python; `names` in docstrings are code
+smartquotes = False
+default_role = "code"
+
 # ids of headings as the forges make them: links with a # work there and here
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
@@ -39,29 +44,61 @@ autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
 napoleon_use_rtype = False
 napoleon_use_param = False
-# names in signatures that have no page: types of numpy, of the standard library and of canid's inner parts
-nitpick_ignore_regex = [(r"py:.*", r".*")]
+# classes in signatures that have no entry: of other packages, and of canid's inner parts
+nitpick_ignore_regex = [("py:(class|obj)", ".*")]
 
 PUBLIC_NAMES = "<!-- public names -->"
+RESULT_TYPES = "<!-- result types -->"
+ERRORS = "<!-- errors -->"
+# fields are in the signature; what they mean stands in the docstring
+TYPES = (
+    "canid.types.Interval", "canid.types.Channel", "canid.types.Estimate", "canid.types.Status",
+    "canid.types.Identifiable", "canid.types.Trace", "canid.drive_parameters.Identified", "canid.findings.Report",
+    "canid.findings.Finding",
+)  # fmt: skip
 
 
 def public_names() -> str:
-    """One directive per public name: what `from canid import *` gives."""
-    lines = []
-    for name in canid.__all__:
-        kind = "autoclass" if inspect.isclass(getattr(canid, name)) else "autofunction"
-        lines += [f"```{{eval-rst}}\n.. {kind}:: canid.{name}"]
-        if kind == "autoclass":
-            lines += ["   :members:"]
-        lines += ["```\n"]
-    return "\n".join(lines)
+    """One directive per function and class of canid's own that `from canid import *` gives, functions first."""
+    functions = [name for name in canid.__all__ if inspect.isfunction(getattr(canid, name))]
+    classes = [name for name in canid.__all__ if name not in functions and not is_value(getattr(canid, name))]
+    return rst(
+        [f".. autofunction:: canid.{name}" for name in functions]
+        + [f".. autoclass:: canid.{name}\n   :members:" for name in classes]
+    )
+
+
+def result_types() -> str:
+    """The types of results: the public ones, and further ones that public functions return."""
+    public = [f"canid.{name}" for name in canid.__all__ if is_value(getattr(canid, name))]
+    further = [name for name in TYPES if name.rpartition(".")[2] not in canid.__all__]
+    return rst([f".. autoclass:: {name}" for name in (*public, *further)])
+
+
+def errors() -> str:
+    """The errors that a user can correct, from their base on."""
+    return rst(
+        [f".. autoexception:: canid.errors.{each.__name__}" for each in canid.CanidError.__subclasses__()]
+    )
+
+
+def is_value(item: object) -> bool:
+    """Whether it is a NamedTuple or an Enum: its fields, or its names, are its documentation."""
+    return inspect.isclass(item) and issubclass(item, (tuple, Enum))
+
+
+def rst(directives: list[str]) -> str:
+    """Directives of reStructuredText within a page of Markdown."""
+    return "\n".join(f"```{{eval-rst}}\n{each}\n```\n" for each in directives)
 
 
 def setup(app: Any) -> None:
-    """Fill in what is generated: the notebooks as pages, and the list of public names."""
+    """Fill in what is made from the code: the names of the API."""
 
     def source_read(_: Any, page: str, source: list[str]) -> None:
         if page == "api":
-            source[0] = source[0].replace(PUBLIC_NAMES, public_names())
+            made = {PUBLIC_NAMES: public_names(), RESULT_TYPES: result_types(), ERRORS: errors()}
+            for mark, text in made.items():
+                source[0] = source[0].replace(mark, text)
 
     app.connect("source-read", source_read)
