@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import sys
 from enum import Enum
 from pathlib import Path
@@ -14,6 +15,8 @@ ROOT = DOCS.parent
 sys.path[:0] = [str(ROOT), str(DOCS)]
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from notebook_page import markdown  # noqa: E402
+
 import canid  # noqa: E402
 
 project = "canid"
@@ -22,7 +25,7 @@ project_copyright = author
 version = release = canid.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-exclude_patterns = ["images", "man"]
+exclude_patterns = ["images", "man", "notebooks"]
 html_theme = "furo"
 html_title = f"canid {release}"
 html_static_path: list[str] = []
@@ -50,6 +53,7 @@ nitpick_ignore_regex = [("py:(class|obj)", ".*")]
 PUBLIC_NAMES = "<!-- public names -->"
 RESULT_TYPES = "<!-- result types -->"
 ERRORS = "<!-- errors -->"
+NOTEBOOK = re.compile(r"<!-- notebook (\S+) -->")
 # fields are in the signature; what they mean stands in the docstring
 TYPES = (
     "canid.types.Interval", "canid.types.Channel", "canid.types.Estimate", "canid.types.Status",
@@ -93,12 +97,14 @@ def rst(directives: list[str]) -> str:
 
 
 def setup(app: Any) -> None:
-    """Fill in what is made from the code: the names of the API."""
+    """Fill in what is made from the code, the names of the API, and the notebook on its page."""
 
     def source_read(_: Any, page: str, source: list[str]) -> None:
         if page == "api":
             made = {PUBLIC_NAMES: public_names(), RESULT_TYPES: result_types(), ERRORS: errors()}
             for mark, text in made.items():
                 source[0] = source[0].replace(mark, text)
+
+        source[0] = NOTEBOOK.sub(lambda found: markdown(DOCS / found[1]), source[0])
 
     app.connect("source-read", source_read)

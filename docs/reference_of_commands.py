@@ -127,7 +127,7 @@ def markdown() -> str:
     for each in commands():
         level = "###" if " " in each.name else "##"
         arguments = " ".join(("canid", each.name, *each.arguments))
-        lines += [f"{level} {each.name}", "", f"`{arguments} [options]`: {_escaped(each.text)}.", ""]
+        lines += [f"{level} canid {each.name}", "", f"`{arguments} [options]`: {_escaped(each.text)}.", ""]
         for title, description, options in each.groups:
             if title:
                 lines += [f"**{_escaped(title)}** {_escaped(description)}".strip(), ""]
