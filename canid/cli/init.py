@@ -85,7 +85,9 @@ def _report(args: argparse.Namespace, made: Proposal) -> None:
         info(sentence)
     if args.output:
         log = args.log or "LOG"
-        info(f"{args.output} written: read its comments, then run `canid check --vehicle {args.output} {log}`")
+        info(
+            f"{args.output} written: read its comments, then run `canid check --vehicle {args.output} {log}`"
+        )
 
 
 def _values(args: argparse.Namespace, made: Proposal) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from canid.proposal.choice import Ask, Decisions, decide
 from canid.proposal.vehicle_text import vehicle_text
 from canid.vehicle.database import MAX_DBC_BYTES, Dbc, load
 
-__all__ = ["Proposal", "propose", "proposal"]
+__all__ = ["Proposal", "proposal", "propose"]
 
 
 class Proposal(NamedTuple):

@@ -10,15 +10,15 @@ import numpy as np
 
 from canid.proposal import log_columns, log_evidence
 from canid.proposal.log_columns import LogColumns
-from canid.proposal.log_evidence import References, Seen
+from canid.proposal.log_evidence import Seen
 from canid.proposal.name_patterns import STRONG, USUAL
 from canid.proposal.name_score import Candidate, candidates
-from canid.proposal.signal_words import dbc_unit, words
+from canid.proposal.signal_agreement import References, correlation, slope
 from canid.proposal.track_groups import TrackGroup, track_groups
+from canid.proposal.wheel_reference import wheel_reference
 from canid.types import Array
 from canid.vehicle.database import Dbc
 from canid.vehicle.roles import ROLES
-from canid.vehicle.units import factor_to
 
 # points: a usual name with a fitting unit, or a strong name alone
 SURE = 6.0
@@ -99,7 +99,7 @@ def decide(files: Sequence[Dbc], columns: LogColumns | None = None, ask: Ask | N
         columns: the log, from `log_columns.read`; None: names alone.
         ask: asked where two are close; None: never, as `--yes`.
     """
-    known = _references(files, columns)
+    known = wheel_reference(files, columns)
     rates = _without_tracks(candidates("range_rate", files))
     roles: dict[str, Decision] = {}
     groups = [group for group in track_groups(files) if columns is None or _track_buses(group, columns)]
@@ -139,58 +139,16 @@ def _usable(decision: Decision) -> bool:
     return decision.chosen is not None and decision.chosen.unit_is_known
 
 
-def _references(files: Sequence[Dbc], columns: LogColumns | None) -> References:
-    """Wheel speeds of the log: the median of all wheels."""
-    if columns is None:
-        return References()
-    wheels: list[Array] = []
-    units: list[str] = []
-    for file in files:
-        for message in file.messages.values():
-            for signal in message.signals:
-                if (
-                    signal.length < 8
-                    or not _WHEEL.search(words(signal.name))
-                    or _NO_WHEEL.search(words(signal.name))
-                ):
-                    continue
-                unit = dbc_unit(signal.unit)
-                keys = log_columns.keys_of(message, columns)
-                found = log_columns.column(message, signal, keys[0].bus, columns) if keys else None
-                if found is None or (unit and factor_to(unit, "m/s") is None):
-                    continue
-                wheels.append(found[1] * (factor_to(unit, "m/s") or 1.0 if unit else 1.0))
-                units.append(unit)
-    if units and any(units):
-        wheels = [wheel for wheel, unit in zip(wheels, units, strict=True) if unit]
-    if not wheels:
-        return References()
-    stacked = np.vstack(wheels)
-    ok = np.isfinite(stacked).any(axis=0)
-    middle = np.full(stacked.shape[1], np.nan)
-    middle[ok] = np.nanmedian(stacked[:, ok], axis=0)
-    return References(wheels=middle, wheels_unit=any(units))
-
-
-_WHEEL = re.compile(
-    r"\b(wheel|whl|wh) ?(spd|speed|velocity)?\w* ?(fl|fr|rl|rr|lf|rf|lr|front|rear|left|right)\b|\b(fl|fr|rl|rr|lf|rf|lr|front left|front right|rear left|rear right"
-    r"|vl|vr|hl|hr)\w* ?(wheel|whl|radgesch\w*) ?(spd|speed)?|radgeschw\w*( \w+)? (vl|vr|hl|hr)|\bvx(fl|fr|rl|rr)\b|\bwhl spd (fl|fr|rl|rr)\b"
-)
-_NO_WHEEL = re.compile(
-    r"\b(count\w*|cnt|checksum|valid|dir\w*|pulse\w*|press\w*|temp\w*|slip|torque|tq|angle|rough|stat\w*|qual\w*|qf|seat|heat\w*|edge\w*|time\w*|rpm)\b"
-)
-
-
 def _with(known: References, decision: Decision) -> References:
     """The references, with a role that was decided."""
     chosen = decision.chosen
     if chosen is None or chosen.values is None or not chosen.unit_is_known:
         if decision.role == "speed" and known.wheels is not None and known.wheels_unit:
-            return known._replace(speed=known.wheels, accel=log_evidence.slope(known.wheels))
+            return known._replace(speed=known.wheels, accel=slope(known.wheels))
         return known
     values = chosen.values
     if decision.role == "speed":
-        return known._replace(speed=values, accel=log_evidence.slope(values))
+        return known._replace(speed=values, accel=slope(values))
     if decision.role == "pedal":
         return known._replace(pedal=values)
     if decision.role == "cruise_active":
@@ -198,7 +156,7 @@ def _with(known: References, decision: Decision) -> References:
     if decision.role == "steering_angle":
         return known._replace(steering=values)
     if decision.role == "gap":
-        return known._replace(gap_rate=log_evidence.slope(values))
+        return known._replace(gap_rate=slope(values))
     return known
 
 
@@ -321,9 +279,9 @@ def _track_sign(group: TrackGroup, bus: int, columns: LogColumns) -> int:
         rate = log_columns.column(message, signals[group.parts["rate"].signal], bus, columns)
         if distance is None or rate is None:
             continue
-        change = log_evidence.slope(distance[1])
+        change = slope(distance[1])
         change[np.abs(change) > log_evidence.MAX_GAP_RATE] = np.nan
-        r, _, n = log_evidence.correlation(change, rate[1])
+        r, _, n = correlation(change, rate[1])
         if np.isfinite(r):
             total, weight = total + r * n, weight + n
     return -1 if weight and total / weight < -0.5 else 1

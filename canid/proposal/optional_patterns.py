@@ -26,7 +26,8 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "lead_valid": RolePatterns(
         (
             (
-                r"\b(lead|target|obj\w*|tgt) ?(veh\w* )?(is )?(valid|vld|validity|detected|present|exists?|available|found|acquired)\b",
+                r"\b(lead|target|obj\w*|tgt) ?(veh\w* )?(is )?(valid|vld|validity|detected|present|"
+                r"exists?|available|found|acquired)\b",
                 STRONG,
             ),
         ),
@@ -37,20 +38,26 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "cruise_active": RolePatterns(
         (
             (
-                r"\b(cruise|acc|ccs?|tempomat|gra|rvv|aacc|tsk) ?(control |ctrl |ctl |sys |system |set |func )?(is )?(active|actv|activated|engaged|engage|enabled|regelt|regulating|operating)\b",
+                r"\b(cruise|acc|ccs?|tempomat|gra|rvv|aacc|tsk) ?(control |ctrl |ctl |sys |system |set |"
+                r"func )?(is )?(active|actv|activated|engaged|engage|enabled|regelt|regulating|"
+                r"operating)\b",
                 STRONG,
             ),
             (r"\bcruise ?(control )?(on|state|status)\b|\bacc ?(on|status|sts|state|mode)\b", USUAL),
         ),
-        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(accel\w*|pedal|brake\w*|brk|main|standby|cancel|available|ready|ignition|key|type|warn\w*|speed|lead|stopped|torque|gas|throttle|relay|resume|sw\w*|fcw|aeb|non|not|inactive|gap|dist\w*|lkas?|prchg|deny|dis)\b",
-        elsewhere=r"\b(button\w*|switch\w*|hud|cluster|clu\d*|key\w*|ignition|terminal\w*|power|climate|hvac)\b",
+        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(accel\w*|pedal|brake\w*|brk|main|standby|cancel|"
+        r"available|ready|ignition|key|type|warn\w*|speed|lead|stopped|torque|gas|throttle|relay|"
+        r"resume|sw\w*|fcw|aeb|non|not|inactive|gap|dist\w*|lkas?|prchg|deny|dis)\b",
+        elsewhere=r"\b(button\w*|switch\w*|hud|cluster|clu\d*|key\w*|ignition|terminal\w*|power|climate|"
+        r"hvac)\b",
         widest=4,
         narrowest=1,
     ),
     "clutch": RolePatterns(
         (
             (
-                r"\b(clutch|kupplung\w*|clu|embrayage|clth) ?(pedal |pdl |ped )?(pressed|prssed|switch|sw|swtch|depressed|actuated|applied|betaetigt)\b",
+                r"\b(clutch|kupplung\w*|clu|embrayage|clth) ?(pedal |pdl |ped )?(pressed|prssed|switch|sw|"
+                r"swtch|depressed|actuated|applied|betaetigt)\b",
                 STRONG,
             ),
         ),
@@ -61,27 +68,33 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "accel": RolePatterns(
         (
             (
-                r"\b(long|longitudinal|lgt|lng|longt|longitud) ?(comp )?(accel\w*|acc|accn|acce|beschl\w*|a)\b|laengsbeschl\w*|l.ngsbeschl\w*",
+                r"\b(long|longitudinal|lgt|lng|longt|longitud) ?(comp )?(accel\w*|acc|accn|acce|beschl\w*|"
+                r"a)\b|laengsbeschl\w*|l.ngsbeschl\w*",
                 STRONG,
             ),
             (
-                r"\b(accel\w*|acc|accn|a) ?(x|long|longitudinal|lgt|lng|veh)\b|\bveh\w* ?(lgt |long )?(accel\w*|a)\b",
+                r"\b(accel\w*|acc|accn|a) ?(x|long|longitudinal|lgt|lng|veh)\b|\bveh\w* ?(lgt |"
+                r"long )?(accel\w*|a)\b",
                 STRONG - 1,
             ),
             (r"^(accel|acceleration)$", USUAL),
         ),
-        rf"{NEVER}|{_COMMANDED}|{_OF_OTHERS}|\b(lat|lateral|vert\w*|pedal|ped|pos|stat|diag|status|offset|ofst|bias|ref|setting|est|ovr|over ?gnd|y|z|quer\w*|torque|alt|unfiltered|hd|hdc|crash)\b",
+        rf"{NEVER}|{_COMMANDED}|{_OF_OTHERS}|\b(lat|lateral|vert\w*|pedal|ped|pos|stat|diag|status|"
+        r"offset|ofst|bias|ref|setting|est|ovr|over ?gnd|y|z|quer\w*|torque|alt|unfiltered|hd|hdc|"
+        r"crash)\b",
         elsewhere=r"\b(radar\w*|track\w*|obj\w*|lead|cruise|acc|control|command|airbag|ab|park\w*)\b",
         narrowest=7,
     ),
     "accel_command": RolePatterns(
         (
             (
-                r"\b(accel\w*|acc) ?(cmd|command|request|req)\b|\b(acc|cruise|scc)\w* ?(accel\w*|a) ?(req\w*|cmd|command|value)\b",
+                r"\b(accel\w*|acc) ?(cmd|command|request|req)\b|\b(acc|cruise|scc)\w* ?(accel\w*|"
+                r"a) ?(req\w*|cmd|command|value)\b",
                 STRONG,
             ),
         ),
-        rf"{NEVER}|\b(alt|max|min|lim\w*|upper|lower|jerk|brake|brk|torque|pedal|gas|stat\w*|type|raw|active|park\w*|lat\w*)\b",
+        rf"{NEVER}|\b(alt|max|min|lim\w*|upper|lower|jerk|brake|brk|torque|pedal|gas|stat\w*|type|"
+        r"raw|active|park\w*|lat\w*)\b",
         narrowest=7,
     ),
     "grade": RolePatterns(
@@ -99,11 +112,13 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "yaw_rate": RolePatterns(
         (
             (
-                r"\byaw ?(rate|rt|spd|speed|velocity)\b|\bgier(rate|geschw\w*)|\bveh\w* ?yaw ?(comp )?w\b|vitesse ?lacet",
+                r"\byaw ?(rate|rt|spd|speed|velocity)\b|\bgier(rate|geschw\w*)|\bveh\w* ?yaw ?(comp )?w\b|"
+                r"vitesse ?lacet",
                 STRONG,
             ),
         ),
-        rf"{NEVER}|{_COMMANDED}|{_OF_OTHERS}|\b(offset|ofst|bias|valid|stat|status|diag|lin|non ?lin|vz|sign|acc\w*|change|hit|trlr\w*|sta)\b",
+        rf"{NEVER}|{_COMMANDED}|{_OF_OTHERS}|\b(offset|ofst|bias|valid|stat|status|diag|lin|"
+        r"non ?lin|vz|sign|acc\w*|change|hit|trlr\w*|sta)\b",
         narrowest=8,
     ),
     "gnss_speed": RolePatterns(
@@ -124,14 +139,16 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
             ),
             (r"^(trans\w* )?gear$|\bgang\b|\brapport\b", USUAL),
         ),
-        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(lever|shift\w*|ratio|box|sel\w*|valid|next|recommend\w*|steer\w*|neutral)\b",
+        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(lever|shift\w*|ratio|box|sel\w*|valid|next|"
+        r"recommend\w*|steer\w*|neutral)\b",
         widest=8,
         narrowest=3,
     ),
     "reverse": RolePatterns(
         (
             (
-                r"^reverse$|\breverse ?(gear|light|engaged|active|lamp)\b|rueckwaertsgang|rueckfahrlicht|marche ar\w*",
+                r"^reverse$|\breverse ?(gear|light|engaged|active|lamp)\b|rueckwaertsgang|rueckfahrlicht|"
+                r"marche ar\w*",
                 USUAL + 1,
             ),
         ),
@@ -142,12 +159,14 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "engine_speed": RolePatterns(
         (
             (
-                r"\b(engine|eng|motor|mot|moteur) ?(spd|speed|rpm|n|drehzahl)\b|motordrehzahl|regime ?moteur|\beng ?rpm\b|^rpm$",
+                r"\b(engine|eng|motor|mot|moteur) ?(spd|speed|rpm|n|drehzahl)\b|motordrehzahl|"
+                r"regime ?moteur|\beng ?rpm\b|^rpm$",
                 STRONG,
             ),
             (r"\bn (mot|engine)\b|\baout n actl\b|\beng aout\b", USUAL),
         ),
-        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(fan|idle|leerlauf\w*|turbo|turbine|starter|electric|em|gen\w*|pump|wunsch)\b",
+        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(fan|idle|leerlauf\w*|turbo|turbine|starter|electric|em|"
+        r"gen\w*|pump|wunsch)\b",
         narrowest=8,
     ),
     "lateral_offset": RolePatterns(
@@ -159,12 +178,16 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "steering_angle": RolePatterns(
         (
             (
-                r"\b(steer\w*|str|strg|stw|ste) ?(wheel|whl|wh|whl comp|wheel comp)? ?(angle|angl|ang|an|winkel|position)\b|lenk(rad)?winkel|angle ?volant|\bsas angle\b",
+                r"\b(steer\w*|str|strg|stw|ste) ?(wheel|whl|wh|whl comp|wheel comp)? ?(angle|angl|ang|an|"
+                r"winkel|position)\b|lenk(rad)?winkel|angle ?volant|\bsas angle\b",
                 STRONG,
             ),
             (r"\bst\w* ?angle\b", POSSIBLE),
         ),
-        rf"{NEVER}|{_COMMANDED}|\b(rate|speed|spd|velocity|geschw\w*|offset|ofst|offst|brk\w*|torque|tq|tor|vz|sign|frac\w*|fraction|rear|road ?wheel|delta|pinion|motor|init|calib|comp est|status|stat|sta|valid|req|diag|column|apply|hp|sensor id|quality|trlr\w*|trailer\w*|park\w*)\b",
+        rf"{NEVER}|{_COMMANDED}|\b(rate|speed|spd|velocity|geschw\w*|offset|ofst|offst|brk\w*|"
+        r"torque|tq|tor|vz|sign|frac\w*|fraction|rear|road ?wheel|delta|pinion|motor|init|calib|"
+        r"comp est|status|stat|sta|valid|req|diag|column|apply|hp|sensor id|quality|trlr\w*|"
+        r"trailer\w*|park\w*)\b",
         elsewhere=r"\b(park\w*|lkas?|lka|ipas|apa|command|control|hca|trailer\w*)\b",
         narrowest=9,
     ),

@@ -14,23 +14,29 @@ from canid.vehicle.units import factor_to
 
 # a radar that reports fewer objects than this one by one would not number its messages
 _MIN_TRACKS = 4
-_NOT_A_MEASUREMENT = r"\b(rate|std\w*|sigma|var\w*|valid|conf\w*|accel\w*|stat\w*|mode|count\w*|width|length|loss|type|prob\w*|rms)\b"
+_NOT_A_MEASUREMENT = (
+    r"\b(rate|std\w*|sigma|var\w*|valid|conf\w*|accel\w*|stat\w*|mode|count\w*|width|length|"
+    r"loss|type|prob\w*|rms)\b"
+)
 _DISTANCE = (
     (
-        r"\b(long\w*|lgt) ?(dist|distance|range|pos|position)\b|\b(dist|distance|pos) ?(long\w*|x)\b|\bx ?(rel|pos|dist)\b|\bdx\b",
+        r"\b(long\w*|lgt) ?(dist|distance|range|pos|position)\b|\b(dist|distance|pos) ?(long\w*|"
+        r"x)\b|\bx ?(rel|pos|dist)\b|\bdx\b",
         rf"{_NOT_A_MEASUREMENT}|\blat\w*\b",
     ),
     (r"\b(dist\w*|range|rng)\b", rf"{_NOT_A_MEASUREMENT}|\b(lat\w*|ambig\w*|min|max|med|super|res)\b"),
 )
 _RATE = (
     (
-        r"\brel\w* ?(long\w* |x )?(spd|speed|vel\w*|v)\b|\brange ?rate\b|\brng ?rate\b|\bv ?rel\b|\brelv\b|\b(long\w*|lgt) ?(rel\w* )?(spd|speed|vel\w*)\b|\bvx\b|\bv ?x\b",
+        r"\brel\w* ?(long\w* |x )?(spd|speed|vel\w*|v)\b|\brange ?rate\b|\brng ?rate\b|\bv ?rel\b|"
+        r"\brelv\b|\b(long\w*|lgt) ?(rel\w* )?(spd|speed|vel\w*)\b|\bvx\b|\bv ?x\b",
         r"\b(lat\w*|std\w*|sigma|var\w*|valid|accel\w*|prob\w*|rms|ambig\w*)\b",
     ),
 )
 _LATERAL = (
     (
-        r"\blat\w* ?(dist|distance|pos\w*|offset|disp)\b|\b(dist|pos) ?(lat\w*|y)\b|\by ?(rel|pos|dist)\b|\bdy\b",
+        r"\blat\w* ?(dist|distance|pos\w*|offset|disp)\b|\b(dist|pos) ?(lat\w*|y)\b|\by ?(rel|pos|"
+        r"dist)\b|\bdy\b",
         r"\b(rate|std\w*|sigma|var\w*|rms|spd|speed|vel\w*|accel\w*|prob\w*)\b",
     ),
 )

@@ -66,6 +66,11 @@ def vehicle_text(
         text = role_lines(decision, role in needed, decisions)
         lines += [f"# {line}  # lane keeping" for line in text] if role in LANE_KEEPING_ALONE else text
     lines += ["", *_lead(decisions), "[driver]", 'task = "car_following"', f'output = "{output}"']
+    if output == "accel":
+        lines += [
+            "# If you know how the acceleration was smoothed, state it: K and the delays are then the driver's.",
+            '# output_filter = { kind = "savitzky_golay", width = 1.1 }',
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -75,6 +80,25 @@ def output_of(decisions: Decisions) -> str:
         (role for role in ("pedal", "accel_command", "accel") if decisions.roles[role].chosen is not None),
         "pedal",
     )
+
+
+def missing(decisions: Decisions) -> list[str]:
+    """What must be filled in before canid can use the file, a sentence each."""
+    said = []
+    tracks = decisions.tracks
+    for role in dict.fromkeys((output_of(decisions), *NEEDS["car_following"])):
+        if role in ("gap", "range_rate") and tracks is not None and not tracks.unknown:
+            continue
+        decision = decisions.roles[role]
+        if decision.chosen is None:
+            names = [plain(each.candidate.where) for each in decision.others if each.score >= 1.0][
+                :_MOST_OTHERS
+            ]
+            why = f"candidates: {', '.join(names)}" if names else "nothing of that kind was found"
+            said.append(f"{role} is open: {ROLES[role].meaning}; {why}")
+        elif not decision.chosen.unit_is_known:
+            said.append(f"{role}: fill in the unit of {plain(decision.chosen.candidate.where)}")
+    return said
 
 
 def quoted(text: str) -> str:
@@ -118,9 +142,8 @@ def role_lines(decision: Decision, needed: bool, decisions: Decisions) -> list[s
     unit_missing = not chosen.unit_is_known
     if unit_missing and not needed:
         unit = plain(chosen.candidate.signal.unit)
-        return [
-            f'# {role} = {{ signal = {quoted(chosen.candidate.where)}, unit = "" }}  # the DBC says "{unit}": fill in its unit'
-        ]
+        entry = f'# {role} = {{ signal = {quoted(chosen.candidate.where)}, unit = "" }}'
+        return [f'{entry}  # the DBC says "{unit}": fill in its unit']
     entry = f"{role} = {entry_text(chosen, decisions)}"
     lines = [f"{entry}  # {plain('; '.join(_remarks(decision)))}"]
     return lines + _others(decision)
@@ -233,7 +256,7 @@ def _lead(decisions: Decisions) -> list[str]:
         if part in tracks.unknown:
             value = f'{{ signal = {value}, unit = "" }}  # FILL IN its unit'
         elif of.unit is not None:
-            value = f"{{ signal = {value}, unit = {quoted(of.unit)} }}  # the DBC gives no unit; its range is that of {of.unit}"
+            value = f"{{ signal = {value}, unit = {quoted(of.unit)} }}  # no unit in the DBC; its range fits"
         lines.append(f"{part} = {value}")
     if decisions.track_rate_sign < 0:
         lines.append("rate_sign = -1  # closing speed, by the change of the distances in the log")
