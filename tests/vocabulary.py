@@ -17,7 +17,7 @@ ALLOWED = (
     r"\b(by|from|of) moments\b",
     r"\blook(s|ed)? ?(up|like|for|after|identifiable)\b",
     # the verb
-    r"\b(canid|cli|test|docs)[ ./_]look\b|\blook(\.md|\.py|_text|_json|:)|[`\"']look\b|from canid.cli import look\b|`look`",
+    r"\b(canid|cli|test|docs|benchmarks|first)[ ./_]look\b|\blook(\.md|\.py|_text|_json|-json|:)|[`\"'\[]look\b|^look$",
     r"\b(left|other|on) foot\b",
     r"\bfile\.tell\(\)",
     # names of tests in the stored outcomes of hidden_effects

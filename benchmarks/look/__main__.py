@@ -59,7 +59,7 @@ def decoded(path: Path, dbc: list[Path]) -> int:
     return n
 
 
-def looked(path: Path, dbc: list[Path]) -> int:
+def surveyed(path: Path, dbc: list[Path]) -> int:
     """The pass of `canid look`, the DBC files read."""
     with Parser() as parser:
         files = [
@@ -79,7 +79,7 @@ def main() -> None:
         if log is None:
             log = Path(folder) / "drive.blf"
             write_log(log, frames(simulate(4.0, seed=1), read_vehicle("generic")), START_UTC)
-        look, signals = cpu(lambda: looked(log, args.dbc), args.rounds)
+        took, signals = cpu(lambda: surveyed(log, args.dbc), args.rounds)
         count, n = cpu(lambda: counted(log), args.rounds)
         decode, values = cpu(lambda: decoded(log, args.dbc), 1)
         command = [sys.executable, "-m", "canid", "look", str(log), "--dbc", *map(str, args.dbc)]
@@ -89,9 +89,9 @@ def main() -> None:
             subprocess.run(command, check=True, capture_output=True)
             walls.append(time.perf_counter() - began)
     print(f"{log.name}: {n:,} frames, {signals} signals came\n\n| what | s | × canid look |\n|---|---|---|")
-    print(f"| canid look, the pass (CPU) | {look:.2f} | 1 |")
-    print(f"| python-can, frames counted (CPU) | {count:.2f} | {count / look:.1f} |")
-    print(f"| python-can + cantools, {values:,} values decoded (CPU) | {decode:.2f} | {decode / look:.1f} |")
+    print(f"| canid look, the pass (CPU) | {took:.2f} | 1 |")
+    print(f"| python-can, frames counted (CPU) | {count:.2f} | {count / took:.1f} |")
+    print(f"| python-can + cantools, {values:,} values decoded (CPU) | {decode:.2f} | {decode / took:.1f} |")
     print(f"| the command, from its start (wall) | {min(walls):.2f} | |")
 
 

@@ -100,7 +100,7 @@ def survey(
             newest = max(float(frames.t.max()) for frames in kept.values())
             for _ in range(course.doublings(grid, newest)):
                 grid = grid._replace(step=2.0 * grid.step)
-                for one in (one for of in signals.values() for one in of):
+                for one in (one for of in signals.values() for one in of if one.readings):
                     signal_tally.double(one)
             for key, frames in kept.items():
                 for one in signals[key]:

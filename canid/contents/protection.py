@@ -73,11 +73,15 @@ def fields(data: Bytes) -> tuple[Field, ...]:
 def _counters(data: Bytes, taken: npt.NDArray[np.bool_]) -> list[Field]:
     found: list[Field] = []
     n, width = data.shape
-    moving = np.bitwise_or.reduce(data ^ data[0], axis=0)
+    moving = int.from_bytes(np.bitwise_or.reduce(data ^ data[0], axis=0).tobytes(), "little")
     for bits in COUNTER_BITS:
         for start in _starts(bits, width):
             first, last = start // 8, (start + bits - 1) // 8
-            if taken[start : start + bits].any() or not moving[first : last + 1].all():
+            # a short counter goes through all its numbers; of a long one the upper bits may wait
+            must = (1 << bits) - 1 if bits < 8 else 1
+            here = moving >> start
+            moves = bool(here & 0xFF and here & 0xFF00) if bits == 16 else here & must == must
+            if not moves or taken[start : start + bits].any():
                 continue
             word = np.zeros(n, np.uint32)
             for k in range(first, last + 1):
@@ -125,8 +129,9 @@ def _checksum(data: Bytes) -> Field | None:
     width = data.shape[1]
     if width < 2:
         return None
-    # an XOR makes each byte one of all others: the one with more values is it, a counter has few
-    for at in sorted((width - 1, 0), key=lambda byte: -np.unique(data[:, byte]).size):
+    # an XOR makes each byte one of all others: the last one is taken, unless it has few values as a counter has
+    few = 2 * np.unique(data[:, -1]).size < np.unique(data[:, 0]).size
+    for at in (0, width - 1) if few else (width - 1, 0):
         check = data[:, at]
         others = np.delete(data, at, axis=1)
         if np.unique(others, axis=0).shape[0] < MIN_VALUES or np.unique(check).size < MIN_VALUES:
