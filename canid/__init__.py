@@ -21,6 +21,7 @@ A log and a vehicle file in, numbers out (times in s since the log's first frame
     simulate(...)                   a drive with a known driver; read_model, simulate_model: with an identified one
     recover(log)                    a damaged log, as far as it can be read
     json_schema(name)               the JSON Schema of what `canid VERB --json` writes
+    Trace, Drive, Identified, Report, Estimate, Channel, Interval    what these return
     CanidError                      what the user can correct: one line, `str(error)`
 
 Results print short and show themselves in a notebook; result.summary() is the text of the command line,
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from canid.buses.listener import Listener as Listener
+    from canid.drive_parameters import Identified as Identified
+    from canid.drive_reader import Drive as Drive
     from canid.drive_reader import read_drive as read_drive
     from canid.drive_reader import read_signals as read_signals
     from canid.drive_reader import read_trace as read_trace
@@ -50,19 +53,35 @@ if TYPE_CHECKING:
     from canid.drive_results import identify as identify
     from canid.errors import CanidError as CanidError
     from canid.files.model_file import read_model as read_model
+    from canid.findings import Report as Report
     from canid.logs.recovery import recover as recover
     from canid.schemas import json_schema as json_schema
     from canid.session import live as live
     from canid.simulation import simulate as simulate
     from canid.simulation.model_drive import simulate_model as simulate_model
+    from canid.tables.arrays import from_arrays as from_arrays
+    from canid.tables.arrays import from_frame as from_frame
+    from canid.types import Channel as Channel
+    from canid.types import Estimate as Estimate
+    from canid.types import Interval as Interval
+    from canid.types import Trace as Trace
     from canid.vehicle import read_vehicle as read_vehicle
 
 # each name is imported when it is first used: mathematics takes seconds to import, recording must not wait for it
 _HOME = {
     "CanidError": "errors",
+    "Channel": "types",
+    "Drive": "drive_reader",
+    "Estimate": "types",
+    "Identified": "drive_parameters",
+    "Interval": "types",
     "Listener": "buses.listener",
+    "Report": "findings",
+    "Trace": "types",
     "compare": "drive_results",
     "diagnose": "drive_results",
+    "from_arrays": "tables.arrays",
+    "from_frame": "tables.arrays",
     "identify": "drive_results",
     "json_schema": "schemas",
     "live": "session",
@@ -78,11 +97,8 @@ _HOME = {
 }
 
 
+# no __all__: help(canid) would print the whole text of every name in it behind the screen above
 def __getattr__(name: str) -> Any:
-    if (
-        name == "__all__"
-    ):  # for `from canid import *`; help() asks for it as well, and the text above is its one screen
-        return sorted(_HOME)
     if name not in _HOME:
         raise AttributeError(f"module 'canid' has no attribute {name!r}")
     value = getattr(_import_module(f"canid.{_HOME[name]}"), name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 
@@ -30,6 +30,10 @@ from canid.types import (
     SignalFinding,
     Trace,
 )
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
 
 
 class ArmaxDrive(NamedTuple):
@@ -62,7 +66,13 @@ class Identified(NamedTuple):
         lines += [f"  {channel}: {found!r}" for channel, found in self.channels.items()]
         return "\n".join(lines) + ")"
 
-    def to_frame(self, library: Literal["pandas", "polars", ""] = "") -> Any:
+    @overload
+    def to_frame(self, library: Literal["pandas"]) -> pandas.DataFrame: ...
+    @overload
+    def to_frame(self, library: Literal["polars"]) -> polars.DataFrame: ...
+    @overload
+    def to_frame(self, library: Literal[""] = "") -> Any: ...
+    def to_frame(self, library: str = "") -> Any:
         """The headline's parameters as a data frame, one row each: input, parameter, value, low, high, unit, quotable.
 
         Args:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 
@@ -46,6 +46,10 @@ FRAMES_PER_CHUNK = 65_536
 # frames between two updates of a display: 2 s of a full 500 kbit/s bus
 FRAMES_PER_ESTIMATED_CHUNK = 4096
 
+if TYPE_CHECKING:
+    import pandas
+    import polars
+
 
 class Health(NamedTuple):
     """What reading a log has shown apart from its numbers; each entry is a sentence."""
@@ -78,7 +82,13 @@ class Drive(NamedTuple):
     def __repr__(self) -> str:
         return f"Drive({self.trace!r}, {len(self.estimates)} estimates, {self.health.frames:,} frames)"
 
-    def to_frame(self, library: Literal["pandas", "polars", ""] = "") -> Any:
+    @overload
+    def to_frame(self, library: Literal["pandas"]) -> pandas.DataFrame: ...
+    @overload
+    def to_frame(self, library: Literal["polars"]) -> polars.DataFrame: ...
+    @overload
+    def to_frame(self, library: Literal[""] = "") -> Any: ...
+    def to_frame(self, library: str = "") -> Any:
         """The trace as a data frame; see `Trace.to_frame`."""
         from canid.views.data_frame import trace_frame
 
