@@ -203,7 +203,7 @@ def _blocks(
         )
 
 
-def listed(counts: Mapping[str, tuple[int, int]], dt: float) -> str:
+def listed(counts: Mapping[str, tuple[int, int]], dt: float, behind: bool = True) -> str:
     """The vehicles that follow longest, in words.
 
     Example:
@@ -212,6 +212,6 @@ def listed(counts: Mapping[str, tuple[int, int]], dt: float) -> str:
     """
     order = sorted(counts, key=lambda key: (-counts[key][1], -counts[key][0], key))
     shown = [f"{brief(key)} ({counts[key][1] * dt:.3g} s)" for key in order[:MAX_LISTED]]
-    shown[0] = shown[0].replace(" s)", " s behind a lead)")
+    shown[0] = shown[0].replace(" s)", " s behind a lead)" if behind else " s)")
     more = f" and {len(order) - MAX_LISTED:,} more" if len(order) > MAX_LISTED else ""
     return ", ".join(shown) + more

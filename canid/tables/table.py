@@ -199,7 +199,7 @@ def _only_vehicle(
     dt = float(np.median(steps)) if steps.size else 0.1
     raise ConfigError(
         f"{source.name}: holds {len(counts):,} vehicles: choose one with --vehicle-id ID; "
-        f"{rows.listed(counts, dt)}"
+        f"{rows.listed(counts, dt, lead is not None)}"
     )
 
 
@@ -347,7 +347,8 @@ def _ordered(
         notes.append(f"{name}: its rows begin with the latest; they were turned round")
         if start is not None:
             start += round(1e9 * float(t[0]))
-        t = t - t[0]
+        # whole nanoseconds, as a log's
+        t = np.round((t - t[0]) * 1e9) * 1e-9
     return t, values, start
 
 

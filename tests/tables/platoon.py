@@ -1,0 +1,191 @@
+"""A platoon with known positions, speeds and lengths, written in the layouts of public trajectory sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+FOOT = 0.3048
+# m/s² per s of headway error, m/s² per m/s; s
+K1, K2, DELAY = 0.25, 0.6, 0.6
+LENGTH = 4.5
+
+
+class Platoon(NamedTuple):
+    """Vehicles of a platoon; the first one leads."""
+
+    t: np.ndarray  # (n,) s
+    position: np.ndarray  # (n, vehicles) m, of the front
+    speed: np.ndarray  # (n, vehicles) m/s
+    accel: np.ndarray  # (n, vehicles) m/s²
+    lead: np.ndarray  # (n, vehicles) index of the vehicle ahead; -1: none
+
+    def gap(self, k: int) -> np.ndarray:
+        """Bumper to bumper."""
+        return self.position[:, k - 1] - LENGTH - self.position[:, k]
+
+
+def platoon(seed: int, minutes: float = 4.0, rate: float = 10.0, vehicles: int = 3) -> Platoon:
+    """Drivers that answer headway and relative speed after a delay, with noise; a lively leader."""
+    rng = np.random.default_rng(seed)
+    dt, n = 1.0 / rate, round(minutes * 60 * rate)
+    t = np.arange(n) * dt
+    lead = np.zeros(n)
+    for period in (7.0, 11.0, 17.0, 29.0, 43.0):
+        lead += rng.uniform(0.6, 1.0) * np.sin(2 * np.pi * t / period + rng.uniform(0, 6.28))
+    speed = np.full((n, vehicles), 20.0)
+    speed[:, 0] += lead
+    position = np.zeros((n, vehicles))
+    position[:, 0] = 1000.0 + np.concatenate([[0.0], np.cumsum(0.5 * dt * (speed[1:, 0] + speed[:-1, 0]))])
+    accel = np.zeros((n, vehicles))
+    accel[:, 0] = np.gradient(speed[:, 0], dt)
+    late = round(DELAY / dt)
+    for k in range(1, vehicles):
+        position[0, k] = position[0, k - 1] - LENGTH - 40.0
+        noise = 0.0
+        for i in range(n):
+            j = max(i - late, 0)
+            gap = position[j, k - 1] - LENGTH - position[j, k]
+            noise += dt / 2.0 * -noise + 0.12 * np.sqrt(dt) * rng.normal()
+            accel[i, k] = K1 * (gap / speed[j, k] - 2.0) + K2 * (speed[j, k - 1] - speed[j, k]) + noise
+            if i + 1 < n:
+                speed[i + 1, k] = speed[i, k] + dt * accel[i, k]
+                position[i + 1, k] = position[i, k] + dt * 0.5 * (speed[i, k] + speed[i + 1, k])
+    ahead = np.tile(np.arange(-1, vehicles - 1), (n, 1))
+    return Platoon(t, position, speed, accel, ahead)
+
+
+def _written(path: Path, header: str, rows: list[list[object]], delimiter: str = ",") -> Path:
+    lines = ([header] if header else []) + [delimiter.join(map(str, row)) for row in rows]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def ngsim(path: Path, of: Platoon, header: bool = True) -> Path:
+    """Feet, ms since 1970, headway from front to front; vehicles after each other, as the set is sorted."""
+    names = (
+        "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_Length,v_Width,v_Class,v_Vel,"
+        "v_Acc,Lane_ID,Preceding,Following,Space_Headway,Time_Headway"
+    )
+    rows = []
+    for k in range(of.speed.shape[1]):
+        for i, t in enumerate(of.t):
+            ahead = of.lead[i, k]
+            spacing = (of.position[i, ahead] - of.position[i, k]) / FOOT if ahead >= 0 else 0.0
+            rows.append(
+                [
+                    k + 2,
+                    i,
+                    len(of.t),
+                    1118846980200 + round(1000 * t),
+                    16.5,
+                    f"{of.position[i, k] / FOOT:.6f}",
+                    0,
+                    0,
+                    round(LENGTH / FOOT, 9),
+                    6,
+                    2,
+                    f"{of.speed[i, k] / FOOT:.8f}",
+                    f"{of.accel[i, k] / FOOT:.8f}",
+                    2,
+                    ahead + 2 if ahead >= 0 else 0,
+                    0,
+                    f"{spacing:.8f}",
+                    0,
+                ]
+            )
+    return _written(path, names if header else "", rows, "," if header else "  ")
+
+
+def highd(path: Path, of: Platoon, leftwards: bool = True) -> Path:
+    """25 frames per s; the upper carriageway drives towards negative x."""
+    header = (
+        "frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration,frontSightDistance,backSightDistance,dhw,"
+        "thw,ttc,precedingXVelocity,precedingId,followingId,laneId"
+    )
+    sign = -1 if leftwards else 1
+    rows = []
+    for k in range(of.speed.shape[1]):
+        for i in range(len(of.t)):
+            ahead = of.lead[i, k]
+            gap = of.position[i, ahead] - LENGTH - of.position[i, k] if ahead >= 0 else 0.0
+            rate = sign * of.speed[i, ahead] if ahead >= 0 else 0.0
+            rows.append(
+                [
+                    i + 1,
+                    k + 1,
+                    0,
+                    8,
+                    LENGTH,
+                    2,
+                    f"{sign * of.speed[i, k]:.8f}",
+                    0,
+                    f"{sign * of.accel[i, k]:.8f}",
+                    0,
+                    0,
+                    0,
+                    f"{gap:.8f}",
+                    0,
+                    0,
+                    f"{rate:.8f}",
+                    ahead + 1 if ahead >= 0 else 0,
+                    0,
+                    2,
+                ]
+            )
+    return _written(path, header, rows)
+
+
+def openacc(path: Path, of: Platoon) -> Path:
+    """Five lines of description, then numbered columns."""
+    n = of.speed.shape[1]
+    blank = "," * (3 * n)
+    order = ",".join(f"Car{k}" for k in range(n))
+    first = f"Date,04/07/2019{blank}\nVehicle_order,{order}{blank}\nACC,0,1,1{blank}\n"
+    text = first + f"Distance_setting,,min{blank}\n,{blank}\n"
+    header = ["Time"]
+    for k in range(1, n + 1):
+        header += [f"Speed{k}", f"E{k}", f"N{k}", *([f"Driver{k}"] if k > 1 else [])]
+    header += [f"IVS{k}" for k in range(1, n)]
+    lines = [",".join(header)]
+    for i, t in enumerate(of.t):
+        row = [f"{t:.1f}"]
+        for k in range(n):
+            row += [f"{of.speed[i, k]:.8f}", f"{of.position[i, k]:.6f}", "0", *(["Human"] if k else [])]
+        lines.append(",".join(row + [f"{of.gap(k)[i]:.8f}" for k in range(1, n)]))
+    path.write_text(text + "\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def positions(path: Path, of: Platoon) -> Path:
+    """Positions alone, with lane, id and length; all vehicles of one time together."""
+    rows = [
+        [f"{t:.3f}", 10 + k, 1, f"{of.position[i, k]:.6f}", LENGTH]
+        for i, t in enumerate(of.t)
+        for k in range(of.speed.shape[1])
+    ]
+    return _written(path, "time [s],vehicle_id,lane,position [m],length [m]", rows)
+
+
+def follownet(path: Path, of: Platoon, event: int = 7) -> Path:
+    """Gap, own speed, relative speed, lead speed and the event."""
+    rows = [
+        [event, f"{g:.8f}", f"{v:.8f}", f"{lead - v:.8f}", f"{lead:.8f}"]
+        for g, v, lead in zip(of.gap(1), of.speed[:, 1], of.speed[:, 0], strict=True)
+    ]
+    return _written(path, "event,spacing,self_speed,relative_speed,lead_speed", rows)
+
+
+def openpilot(path: Path, of: Platoon, start: float = 1533224087.25) -> Path:
+    """Each message at its own rate, cells between are empty: carState at the platoon's rate, radarState at half of it."""
+    rows = []
+    for i, t in enumerate(of.t):
+        rows.append([f"{start + t:.6f}", f"{of.speed[i, 1]:.8f}", f"{of.accel[i, 1]:.8f}", "", "", ""])
+        if i % 2 == 0:
+            rate = of.speed[i, 0] - of.speed[i, 1]
+            rows.append([f"{start + t + 0.003:.6f}", "", "", f"{of.gap(1)[i]:.8f}", f"{rate:.8f}", "1"])
+    lead = ",".join(f"/radarState/leadOne/{name}" for name in ("dRel", "vRel", "status"))
+    header = f"__time,/carState/vEgo,/carState/aEgo,{lead}"
+    return _written(path, header, rows)
