@@ -12,7 +12,9 @@ from canid.logs import Log
 from canid.parsing import Message, Signal
 from canid.types import Array, Columns, Flag
 from canid.vehicle.bits import payloads, raws_of
+from canid.vehicle.containers import contained
 from canid.vehicle.database import bits_of, carried, condition_of
+from canid.vehicle.j1939 import first_no_value
 
 NO_DATA = int(Flag.REMOTE | Flag.ERROR)
 # frames that are sorted by message at once: numpy's overhead is spread over them
@@ -177,13 +179,18 @@ def decode(message: Message, signal: Signal, frames: MessageFrames) -> SignalCol
     """Decode one signal: raw · scale + offset. A multiplexed signal has the rows of its own pages alone.
 
     Returns:
-        None where no frame can carry the signal. Value-table entries are numbers as all others: `signal.choices`
+        None where no frame can carry the signal. NaN where the frame is too short, or a J1939 parameter is in error or
+        not available. Value-table entries are numbers as all others: `signal.choices`
         says what they mean.
     """
     condition = condition_of(message, signal) if carried(signal) else None
     if condition is None:
         return None
     t = frames.t
+    if message.container is not None:
+        holding, data, length = contained(message.container, frames.data, frames.length)
+        t = t[holding]
+        frames = MessageFrames(t, length, data)
     if condition:
         rows = np.ones(len(t), bool)
         whole = payloads(frames.data, frames.length)
@@ -198,4 +205,7 @@ def decode(message: Message, signal: Signal, frames: MessageFrames) -> SignalCol
     value = raw.astype(np.float64) * signal.scale + signal.offset
     if long_enough is not None:
         value[~long_enough] = np.nan
+    reserved = first_no_value(message, signal)
+    if reserved is not None:
+        value[raw >= reserved[0]] = np.nan
     return SignalColumn(t, value)

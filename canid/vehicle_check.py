@@ -25,7 +25,7 @@ from canid.types import (
     SignalFinding,
     SignalReport,
 )
-from canid.vehicle import Vehicle, decoder, mapped_ids, missing
+from canid.vehicle import Vehicle, decoder, is_mapped, missing
 from canid.vehicle.roles import NEEDS, ROLES
 
 # correlation of range rate and change of the gap below which the sign of range rate is reported as wrong
@@ -173,7 +173,7 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         for row in invalid
     }
     problems += [sentence for role, sentence in says.items() if _is_needed(role, vehicle)]
-    problems += [event.says for event in events if event.what == "ambiguous_bus"]
+    problems += [event.says for event in events if event.what in ("ambiguous_bus", "ambiguous_source")]
     clock = state.sampler.clock
     if clock.dropped:
         problems.append(f"{clock.dropped} frames go back in time, by up to {clock.worst:.3g} s")
@@ -195,7 +195,6 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
     follows = vehicle.driver.task != "lane_keeping"
     summed = drive_time(grid, judged, np.array(learn, dtype=bool), findings, pipeline.DT, follows=follows)
     numbers = sum(ids.values()), last, dict(ids)
-    known = mapped_ids(vehicle)
     return Check(
         *numbers,
         rows,
@@ -206,7 +205,7 @@ def check(frames: Iterable[Frame], vehicle: Vehicle, on_time: Callable[[float], 
         findings,
         readings | sampled_roles,
         GateSeries(grid, tuple(judged), np.array(learn, dtype=bool)),
-        tuple((bus, id_, n) for (bus, id_), n in sorted(ids.items()) if id_ not in known),
+        tuple((bus, id_, n) for (bus, id_), n in sorted(ids.items()) if not _maps(vehicle, id_)),
         _left_out(decoding.counters, vehicle),
         tuple(event.t for event in events if event.what == "target_change"),
         vehicle.driver.output,
@@ -227,6 +226,11 @@ def _is_needed(role: str, vehicle: Vehicle) -> bool:
     """Whether a task goes wrong where a role is mapped and never measured: its inputs and output, and all switches."""
     driver = vehicle.driver
     return role in (*NEEDS[driver.task], driver.output, "speed") or ROLES[role].kind == "bool"
+
+
+def _maps(vehicle: Vehicle, id_: int) -> bool:
+    """Whether a vehicle maps something of the frames with an id, of 11 or 29 bits."""
+    return is_mapped(vehicle, id_, extended=True) or is_mapped(vehicle, id_, extended=False)
 
 
 def _row(role: str, vehicle: Vehicle, readings: Signal, duration: float) -> Row:

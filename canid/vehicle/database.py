@@ -11,6 +11,7 @@ from canid.parsing import Message, ParseError, Parser, Signal
 from canid.vehicle.bits import Bits
 from canid.vehicle.dbc_repair import by_name, repair_report
 from canid.vehicle.file_bytes import read
+from canid.vehicle.j1939 import PROTOCOL
 from canid.vehicle.mapping import Condition, MessageMap
 from canid.vehicle.quoting import several
 
@@ -107,6 +108,15 @@ def _imported(
     return messages, warnings, size
 
 
+def with_protocol(dbc: Dbc, protocol: str) -> Dbc:
+    """The same file, whose messages with 29-bit ids are "j1939", or "can" where the file declares that wrongly."""
+    protocol = protocol if protocol == PROTOCOL else ""
+    messages = {
+        name: of._replace(protocol=protocol if of.extended else "") for name, of in dbc.messages.items()
+    }
+    return dbc._replace(messages=messages)
+
+
 def brief_sentence(text: str) -> str:
     """Cut a parser's sentence to a line of 200 characters.
 
@@ -153,7 +163,7 @@ def condition_of(message: Message, signal: Signal) -> Condition | None:
     return tuple(found)
 
 
-def message_map(message: Message, bus: int | None) -> MessageMap:
+def message_map(message: Message, bus: int | None, source: int | None = None) -> MessageMap:
     """Describe what decoding and encoding need of a message, apart from its mapped signals."""
     pages: dict[str, set[int]] = {}
     for signal in message.signals:
@@ -181,4 +191,7 @@ def message_map(message: Message, bus: int | None) -> MessageMap:
         period=message.period,
         counter=bits_of(counters[0]) if counters else None,
         selectors=selectors,
+        protocol=message.protocol,
+        source=source,
+        container=message.container,
     )

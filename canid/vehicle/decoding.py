@@ -6,7 +6,7 @@ What goes on from frame to frame (counters, the bus of each message) goes on fro
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.types import NAN, Array, Columns, Event, Flag
+from canid.vehicle import j1939
 from canid.vehicle.bits import Bits, Payloads, payloads, raws_of
+from canid.vehicle.containers import contained
 from canid.vehicle.mapping import MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
 from canid.vehicle.roles import CONTROL_MAX_AGE_S
 
@@ -45,7 +47,10 @@ class Decoding(NamedTuple):
     counters: Mapping[str, int] = {}  # what was not measured, and why -> how often
     buses: Mapping[str, int] = {}  # message -> the bus that it is taken from
     elsewhere: Mapping[str, int] = {}  # message -> another bus, on which it was seen too
-    alive: Mapping[tuple[str, int | None], AliveCounter] = {}  # by name and bus of the message
+    senders: Mapping[str, int] = {}  # J1939 message -> the source address that it is taken from
+    other_senders: Mapping[str, int] = {}  # J1939 message -> another source that sent it too
+    # by name, bus and source of the message
+    alive: Mapping[tuple[str, int | None, int | None], AliveCounter] = {}
     seen: frozenset[str] = frozenset()  # roles (and "lead", of tracks) that came at least once
 
 
@@ -111,6 +116,14 @@ class Plan(NamedTuple):
     stale: float  # s, of the tracks' reports
     place: int  # in the order of the table
     plain: PlainSignals | None  # roles that are decoded together; the others one by one
+    claimed_sources: frozenset[int]  # J1939: from which the same parameter group is mapped too
+
+
+class Table(NamedTuple):
+    """What to do with frames."""
+
+    by_id: Mapping[int, tuple[Plan, ...]]
+    by_group: Mapping[int, tuple[Plan, ...]]  # J1939: by parameter group
 
 
 def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
@@ -132,21 +145,27 @@ def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
     return Decoding, partial(_step, _table(vehicle))
 
 
-def _step(table: Mapping[int, tuple[Plan, ...]], state: Decoding, chunk: Columns) -> tuple[Decoding, Decoded]:
+def _step(table: Table, state: Decoding, chunk: Columns) -> tuple[Decoding, Decoded]:
     found = []
-    for id_ in table.keys() & set(chunk.id.tolist()):
+    ids = set(chunk.id.tolist())
+    for id_ in table.by_id.keys() & ids:
         of_id = np.flatnonzero(chunk.id == id_)
         flags = chunk.flags[of_id]
-        for plan in table[id_]:
+        for plan in table.by_id[id_]:
             # Flag.EXTENDED is 1
             fits = (flags & (NO_DATA | 1)) == int(plan.message.extended)
             rows = of_id if fits.all() else of_id[fits]
             if rows.size:
                 found.append((plan, rows))
-    found.sort(key=lambda item: item[0].place)
     events: list[tuple[int, Event]] = []
     problems: Counter[str] = Counter()
+    if table.by_group:
+        state, groups = _of_groups(table.by_group, ids, state, chunk, problems)
+        found += groups
+    found.sort(key=lambda item: item[0].place)
     state, found = _on_their_bus(found, state, chunk, events, problems)
+    if table.by_group:
+        state, found = _from_their_sender(found, state, chunk, events, problems)
     roles: list[RoleReadings] = []
     tracks: list[TrackReadings] = []
     for plan, rows in found:
@@ -156,37 +175,56 @@ def _step(table: Mapping[int, tuple[Plan, ...]], state: Decoding, chunk: Columns
     return state, Decoded(tuple(roles), tuple(tracks), tuple(events))
 
 
-def mapped_ids(vehicle: Vehicle) -> frozenset[int]:
-    """The ids that a vehicle maps.
+def mapped_ids(vehicle: Vehicle) -> frozenset[int] | None:
+    """The ids that a vehicle maps; None: of J1939 messages, which come under many ids.
 
     Example:
         >>> from canid.vehicle import read_vehicle
         >>> 0x110 in mapped_ids(read_vehicle("generic"))
         True
     """
+    if any(message.protocol == j1939.PROTOCOL for message in vehicle.messages):
+        return None
     return frozenset(message.id for message in vehicle.messages)
 
 
-def _table(vehicle: Vehicle) -> dict[int, tuple[Plan, ...]]:
-    """Tabulate message id -> what to do."""
-    plans: dict[int, tuple[Plan, ...]] = {}
+def is_mapped(vehicle: Vehicle, id_: int, extended: bool) -> bool:
+    """Whether a vehicle maps something of the frames with an id.
+
+    Example:
+        >>> from canid.vehicle import read_vehicle
+        >>> is_mapped(read_vehicle("generic"), 0x110, False), is_mapped(read_vehicle("generic"), 0x110, True)
+        (True, False)
+    """
+    return any(j1939.matches(message, id_, extended) for message in vehicle.messages)
+
+
+def _table(vehicle: Vehicle) -> Table:
+    """Tabulate what to do, by id and by parameter group."""
+    by_id: dict[int, tuple[Plan, ...]] = {}
+    by_group: dict[int, tuple[Plan, ...]] = {}
     first = {id_: k for k, id_ in enumerate(dict.fromkeys(message.id for message in vehicle.messages))}
     for message in vehicle.messages:
-        key = (message.name, message.bus)
-        same = (message.id, message.extended)
-        others = {m.bus for m in vehicle.messages if (m.id, m.extended) == same and m != message}
-        roles = tuple(role for role in vehicle.roles.values() if (role.message, role.bus) == key)
+        key = (message.name, message.bus, message.source)
+        others = [
+            m for m in vehicle.messages if m != message and j1939.matches(m, message.id, message.extended)
+        ]
+        rivals = {m.bus for m in others if m.source == message.source and m.container is None}
+        roles = tuple(r for r in vehicle.roles.values() if (r.message, r.bus, r.source) == key)
         plan = Plan(
             message,
             roles,
-            tuple(track for track in vehicle.lead.tracks or () if (track.message, track.bus) == key),
-            frozenset(bus for bus in others if bus is not None),
+            tuple(t for t in vehicle.lead.tracks or () if (t.message, t.bus, t.source) == key),
+            frozenset(bus for bus in rivals if bus is not None),
             CONTROL_MAX_AGE_S if vehicle.lead.stale is None else vehicle.lead.stale,
             first[message.id],
             _plain(tuple(role for role in roles if _is_plain(role.how))),
+            frozenset(m.source for m in others if m.source is not None),
         )
-        plans[message.id] = (*plans.get(message.id, ()), plan)
-    return plans
+        of_protocol = message.protocol == j1939.PROTOCOL
+        plans, number = (by_group, j1939.pgn_of(message.id)) if of_protocol else (by_id, message.id)
+        plans[number] = (*plans.get(number, ()), plan)
+    return Table(by_id, by_group)
 
 
 def _is_plain(how: SignalMap) -> bool:
@@ -210,8 +248,8 @@ def _plain(roles: tuple[RoleMap, ...]) -> PlainSignals | None:
         np.array(signs, np.uint64)[:, None],
         np.array([how.factor for how in hows])[:, None],
         np.array([how.offset for how in hows])[:, None],
-        np.array([how.low for how in hows])[:, None],
-        np.array([how.high for how in hows])[:, None],
+        np.array([_limits(how)[0] for how in hows])[:, None],
+        np.array([_limits(how)[1] for how in hows])[:, None],
         max(-(-how.bits.end // 8) for how in hows),
         (
             np.array([k for k, _ in no_value], np.int64),
@@ -220,6 +258,14 @@ def _plain(roles: tuple[RoleMap, ...]) -> PlainSignals | None:
         np.array(switches, np.int64),
         np.array([hows[k].invert for k in switches], bool)[:, None],
     )
+
+
+def _limits(how: SignalMap) -> tuple[float, float]:
+    """The range of values, without those of reserved raw numbers."""
+    if how.reserved is None:
+        return how.low, how.high
+    edge = (how.reserved[0] - 0.5) * how.factor + how.offset
+    return (how.low, min(how.high, edge)) if how.factor > 0.0 else (max(how.low, edge), how.high)
 
 
 def _plain_values(plain: PlainSignals, frames: Payloads) -> dict[str, Array]:
@@ -240,6 +286,85 @@ def _plain_values(plain: PlainSignals, frames: Payloads) -> dict[str, Array]:
 
 
 _Found = list[tuple[Plan, Rows]]
+
+
+def _of_groups(
+    by_group: Mapping[int, tuple[Plan, ...]],
+    ids: Collection[int],
+    state: Decoding,
+    chunk: Columns,
+    problems: Counter[str],
+) -> tuple[Decoding, _Found]:
+    """Frames of the parameter groups that are mapped, from any source, or from the one that the vehicle file names."""
+    wanted: dict[int, list[int]] = {}
+    for id_ in sorted(ids):
+        if (group := j1939.pgn_of(id_)) in by_group:
+            wanted.setdefault(group, []).append(id_)
+    found: _Found = []
+    for group, of_group in wanted.items():
+        rows = np.flatnonzero(_among(chunk.id, frozenset(of_group)))
+        rows = rows[(chunk.flags[rows] & (NO_DATA | 1)) == 1]
+        for plan in by_group[group] if rows.size else ():
+            mine = rows
+            if plan.message.source is not None:
+                home = chunk.id[rows] & 0xFF == plan.message.source
+                mine = rows[home]
+                state = _ignore_senders(plan, rows[~home], state, chunk, problems)
+            if mine.size:
+                found.append((plan, mine))
+    return state, found
+
+
+def _from_their_sender(
+    found: _Found,
+    state: Decoding,
+    chunk: Columns,
+    events: list[tuple[int, Event]],
+    problems: Counter[str],
+) -> tuple[Decoding, _Found]:
+    """Keep the frames of the first sender of each J1939 message whose source the vehicle file does not name."""
+    kept: _Found = []
+    for plan, rows in found:
+        message = plan.message
+        if message.protocol != j1939.PROTOCOL or message.source is not None:
+            kept.append((plan, rows))
+            continue
+        sources = chunk.id[rows] & 0xFF
+        free = ~np.isin(sources, tuple(plan.claimed_sources))
+        sender = state.senders.get(message.name)
+        if sender is None:
+            if not free.any():
+                continue
+            sender = int(sources[free][0])
+            state = state._replace(senders={**state.senders, message.name: sender})
+        home = sources == sender
+        away = rows[~home]
+        known = message.name in state.other_senders
+        state = _ignore_senders(plan, away, state, chunk, problems)
+        if not known and message.name in state.other_senders:
+            other = state.other_senders[message.name]
+            says = (
+                f"{message.name} (PGN {j1939.pgn_of(message.id)}) comes from source 0x{sender:02X} and from 0x{other:02X}; "
+                f"0x{sender:02X} is used. To choose, write source = 0x{other:02X} in the vehicle file"
+            )
+            events.append((int(away[0]), Event(float(chunk.t[away[0]]), "ambiguous_source", says)))
+        if home.any():
+            kept.append((plan, rows[home]))
+    return state, kept
+
+
+def _ignore_senders(
+    plan: Plan, away: Rows, state: Decoding, chunk: Columns, problems: Counter[str]
+) -> Decoding:
+    """Count frames from other sources, but for those that another entry of the vehicle file names."""
+    numbers, counts = np.unique(chunk.id[away] & 0xFF, return_counts=True)
+    name = plan.message.name
+    for source, n in zip(numbers.tolist(), counts.tolist(), strict=True):
+        if source not in plan.claimed_sources:
+            problems[_sender_text(plan.message, source)] += n
+            if name not in state.other_senders:
+                state = state._replace(other_senders={**state.other_senders, name: source})
+    return state
 
 
 def _on_their_bus(
@@ -316,10 +441,16 @@ def _message(
 ) -> Decoding:
     """Read one message's frames."""
     message = plan.message
-    frames = payloads(chunk.data[rows], chunk.length[rows])
+    data, length = chunk.data[rows], chunk.length[rows]
+    if message.container is not None:
+        holding, data, length = contained(message.container, data, length)
+        rows = rows[holding]
+        if not rows.size:
+            return state
+    frames = payloads(data, length)
     ages: CounterAge | None = None
     if message.counter is not None:
-        key = (message.name, message.bus)
+        key = (message.name, message.bus, message.source)
         counter, ages = _counter_ages(state.alive.get(key), message.counter, frames, chunk.t[rows])
         if counter is not None:
             state = state._replace(alive={**state.alive, key: counter})
@@ -425,6 +556,12 @@ def _values(
         lacking = ~there if present is None else present & ~there
         _drop(value, lacking, _short_text(what), problems)
         good = there if present is None else present & there
+    if how.reserved is not None:
+        error, absent = how.reserved
+        for hit, text in (((raw >= error) & (raw < absent), "error"), (raw >= absent, "not available")):
+            hit = hit if good is None else hit & good
+            _drop(value, hit, _no_value_text(what, text), problems)
+            good = ~hit if good is None else good & ~hit
     for number, text in how.no_value.items():
         hit = raw == number
         if hit.any():
@@ -550,6 +687,11 @@ def _ignored_text(message: MessageMap, bus: int) -> str:
     return f"{message.name}: frame on bus {bus} ignored"
 
 
+def _sender_text(message: MessageMap, source: int) -> str:
+    """A frame of the message's parameter group from a sender that is not the message's."""
+    return f"{message.name}: frame from source 0x{source:02X} ignored"
+
+
 def _undefined_text(message: MessageMap, selector: str, raw: float) -> str:
     """A multiplexer's value that the DBC does not define."""
     return f"{message.name}: {selector} = {raw:g} is not defined in the DBC"
@@ -608,6 +750,10 @@ def missing(vehicle: Vehicle, state: Decoding) -> list[str]:
 
 
 def _where(item: RoleMap | TrackMap, state: Decoding) -> str:
+    if item.source is not None and item.message not in state.buses:
+        other = state.other_senders.get(item.message)
+        but = f", but from 0x{other:02X}" if other is not None else ""
+        return f"never seen from source 0x{item.source:02X}{but}"
     if item.bus is not None:
         other = state.elsewhere.get(item.message)
         but = f", but on bus {other}" if other is not None else ""

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from canid.types import NAN, Flag, Frame
 from canid.vehicle.bits import Bits, put
+from canid.vehicle.containers import wrapped
+from canid.vehicle.j1939 import with_source
 from canid.vehicle.mapping import MessageMap, SignalMap, TrackMap, Vehicle
 
 Encode = Callable[..., list[Frame]]
@@ -26,7 +28,10 @@ class _Slot(NamedTuple):
 
 def _slot(role: str, how: SignalMap, length: int) -> _Slot:
     shift = 8 * length - how.bits.end if how.bits.motorola else how.bits.start
-    return _Slot(role, how, *how.bits.reach, shift, (1 << how.bits.length) - 1)
+    low, high = how.bits.reach
+    if how.reserved is not None:
+        high = how.reserved[0] - 1.0
+    return _Slot(role, how, low, high, shift, (1 << how.bits.length) - 1)
 
 
 class _Plan(NamedTuple):
@@ -65,10 +70,10 @@ def _plan(vehicle: Vehicle, message: MessageMap) -> _Plan:
     slots = [
         _slot(role.role, role.how, message.length)
         for role in vehicle.roles.values()
-        if (role.message, role.bus) == (message.name, message.bus)
+        if (role.message, role.bus, role.source) == (message.name, message.bus, message.source)
     ]
     for track in vehicle.lead.tracks or ():
-        if (track.message, track.bus) == (message.name, message.bus):
+        if (track.message, track.bus, track.source) == (message.name, message.bus, message.source):
             slots += _track_slots(track, message.length)
     # A page is one choice of the selectors; each signal's own condition is the choice that shows it.
     choices = {tuple((where, min(values)) for where, values in slot.how.when) for slot in slots}
@@ -115,10 +120,13 @@ def _frame(t: float, plan: _Plan, values: Mapping[str, float], tick: int) -> Fra
         else:
             little |= (int(raw) & slot.mask) << slot.shift
     word |= little | int.from_bytes(big.to_bytes(message.length, "big"), "little")
+    data = word.to_bytes(message.length, "little")
+    if message.container is not None:
+        data = wrapped(message.container, data)
     flags = int(Flag.EXTENDED) if message.extended else 0
-    if message.length > 8:
+    if len(data) > 8:
         flags |= int(Flag.FD)  # classic CAN carries 8 bytes at most
-    return Frame(t, message.bus or 0, message.id, word.to_bytes(message.length, "little"), flags)
+    return Frame(t, message.bus or 0, with_source(message.id, message.source), data, flags)
 
 
 def _raw(slot: _Slot, value: float) -> float:
@@ -145,6 +153,8 @@ def _raw_bool(how: SignalMap, value: float) -> float:
 
 
 def _raw_no_value(how: SignalMap) -> float:
+    if how.reserved is not None:
+        return (1 << how.bits.length) - 1.0
     if how.no_value:
         return next(iter(how.no_value))
     if how.bits.floating:

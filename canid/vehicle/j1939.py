@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from canid.parsing import Message, Signal
+from canid.vehicle.mapping import MessageMap
 
 PROTOCOL = "j1939"
 # below it, the PDU specific field is a destination address (PDU1), from it on a part of the group (PDU2)
@@ -41,7 +44,7 @@ def with_source(id_: int, source: int | None) -> int:
     return id_ if source is None else (id_ & ~0xFF) | source
 
 
-def matches(message: Message, id_: int, extended: bool) -> bool:
+def matches(message: Message | MessageMap, id_: int, extended: bool) -> bool:
     """Whether frames of an id carry a message: the same id, or (J1939) the same parameter group from any source.
 
     Args:
@@ -59,6 +62,19 @@ def matches(message: Message, id_: int, extended: bool) -> bool:
     if message.protocol == PROTOCOL and extended:
         return pgn_of(message.id) == pgn_of(id_)
     return message.id == id_
+
+
+def own_source(message: Message, messages: Iterable[Message]) -> int | None:
+    """The source address in a message's id, where the file has its parameter group from several sources; else None.
+
+    Example:
+        >>> one = Message("EEC1", 0x0CF00400, True, 8, 0.01, (), PROTOCOL)
+        >>> own_source(one, [one]), own_source(one, [one, one._replace(name="EEC1_B", id=0x0CF00403)])
+        (None, 0)
+    """
+    group = pgn_of(message.id)
+    sources = {source_of(of.id) for of in messages if of.protocol == PROTOCOL and pgn_of(of.id) == group}
+    return source_of(message.id) if len(sources) > 1 else None
 
 
 def first_no_value(message: Message, signal: Signal) -> tuple[int, int] | None:

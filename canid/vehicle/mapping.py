@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from canid.parsing import Container
 from canid.types import Driver
 from canid.vehicle.bits import Bits
 from canid.vehicle.roles import Kind
@@ -27,6 +28,9 @@ class SignalMap(NamedTuple):
     no_value: Mapping[int, str] = {}  # raw number -> text of the value table that says "no value"
     on: frozenset[float] | None = None  # bool: these DBC values mean true; None: everything but 0
     invert: bool = False  # bool: true and false change places
+    reserved: tuple[int, int] | None = (
+        None  # J1939: raw numbers from which on it is an error, and not available
+    )
 
 
 class RoleMap(NamedTuple):
@@ -40,6 +44,7 @@ class RoleMap(NamedTuple):
     unit: str
     stale: float  # s; older than this is not measured any more
     how: SignalMap
+    source: int | None = None  # J1939: address of the sender; None: the first that is seen
 
     @property
     def signal(self) -> str:
@@ -75,6 +80,7 @@ class TrackMap(NamedTuple):
     lateral: SignalMap | None
     valid: SignalMap | None
     new: SignalMap | None
+    source: int | None = None
 
 
 class LeadConfig(NamedTuple):
@@ -101,6 +107,9 @@ class MessageMap(NamedTuple):
     counter: Bits | None  # a rolling counter, which shows that the sender is alive
     # (name, where, raw numbers that the DBC defines) of each multiplexer
     selectors: tuple[tuple[str, Bits, frozenset[int]], ...]
+    protocol: str = ""  # "j1939": the frames of the id's parameter group, from one source
+    source: int | None = None
+    container: Container | None = None  # in which it comes, under the container's id
 
 
 class Vehicle(NamedTuple):

@@ -10,7 +10,7 @@ from canid.vehicle.database import Dbc, message_map
 from canid.vehicle.mapping import MessageMap, RoleMap
 from canid.vehicle.roles import SWITCH_MAX_AGE_S, Role
 from canid.vehicle.schema import SignalEntry
-from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, signal_map
+from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, find_source, signal_map
 
 # periods of a message after which its last value is not measured any more: five missed are no jitter
 _MAX_MISSED = 5
@@ -60,6 +60,7 @@ def named_signal(name: str, files: Sequence[Dbc]) -> NamedSignal | str:
         unit=signal.unit,
         stale=max(SWITCH_MAX_AGE_S, late),
         how=how,
+        source=find_source(None, message, dbc, name, mistakes),
     )
-    whole = message_map(message, dbc.bus)
+    whole = message_map(message, dbc.bus, role.source)
     return NamedSignal(role, whole._replace(length=max(whole.length, -(-how.bits.end // 8))))

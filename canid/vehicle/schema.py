@@ -42,6 +42,8 @@ def _between(low: float, high: float) -> Any:
 
 # the number of a bus, as a log's columns hold it
 Bus = Annotated[int, Field(ge=0, le=65535)]
+# of a J1939 sender: 0xFE is the address of none, 0xFF that of all
+Source = Annotated[int, Field(ge=0, le=0xFD)]
 # the longest path that Linux opens
 File = Annotated[str, Field(max_length=4096)]
 # a message's and a signal's name, each 128 characters at most in an extended DBC; a unit
@@ -69,6 +71,8 @@ class DbcFile(Section):
 
     file: File
     bus: Bus | None = None
+    # of its messages with 29-bit ids; None: what the file declares
+    protocol: Literal["j1939", "can"] | None = None
 
 
 class SignalEntry(Section):
@@ -79,6 +83,7 @@ class SignalEntry(Section):
     scale: Number = 1.0
     offset: Number = 0.0
     bus: Bus | None = None
+    source: Source | None = None
     # Low and high limit, in the unit of the signal.
     valid: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
     stale: Age | None = None
@@ -116,6 +121,7 @@ class LeadSection(Section):
     valid: SignalEntry | None = None
     new: SignalEntry | None = None
     bus: Bus | None = None
+    source: Source | None = None
     rate_sign: Literal[1, -1] = 1
     in_path: Width = _LEAD.in_path
     gap_noise: Deviation | None = _LEAD.gap_noise

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from canid.parsing import Message, Signal
 from canid.vehicle.database import Dbc, bits_of, carried, condition_of
+from canid.vehicle.j1939 import PROTOCOL, first_no_value, own_source
 from canid.vehicle.mapping import SignalMap
 from canid.vehicle.quoting import brief, several, shown
 from canid.vehicle.roles import Role
@@ -45,6 +46,18 @@ def find_message(name: str, bus: int | None, files: Sequence[Dbc], key: str) -> 
         return f'{key}: no message "{brief(name)}" in {where}{did_you_mean(name, known)}'
     chosen = next((file for file in holding if bus is not None and file.bus == bus), holding[0])
     return chosen, chosen.messages[name]
+
+
+def find_source(given: int | None, message: Message, dbc: Dbc, key: str, mistakes: Mistakes) -> int | None:
+    """The address from which a J1939 message is taken; None: the first that is seen."""
+    if message.protocol == PROTOCOL:
+        return given if given is not None else own_source(message, dbc.messages.values())
+    if given is not None:
+        mistakes.errors.append(
+            f"{key}.source: is for J1939 messages, and {brief(message.name)} is none; where it is one, write "
+            f'{{ file = "{brief(dbc.file)}", protocol = "j1939" }} in dbc'
+        )
+    return None
 
 
 def find_signal(name: str, message: Message, key: str) -> Signal | str:
@@ -98,6 +111,7 @@ def signal_map(
         no_value={raw: brief(text) for raw, text in signal.choices.items() if _is_no_value(text, role)},
         on=None if entry.on is None else frozenset(entry.on),
         invert=entry.invert,
+        reserved=first_no_value(message, signal),
     )
 
 

@@ -10,7 +10,7 @@ from canid.vehicle.mapping import SignalMap, TrackMap
 from canid.vehicle.quoting import brief
 from canid.vehicle.roles import ROLES, Role
 from canid.vehicle.schema import LeadSection, SignalEntry
-from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, signal_map
+from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, find_source, signal_map
 
 # the radar's signals as roles
 _TRACK_ROLES = {
@@ -53,6 +53,10 @@ def resolve_tracks(
         if entry.bus is not None:
             mistakes.errors.append(
                 f"lead.{part}.bus: a track is one message: write bus = {entry.bus} in [lead]"
+            )
+        if entry.source is not None:
+            mistakes.errors.append(
+                f"lead.{part}.source: a track is one message: write source = {entry.source} in [lead]"
             )
         if entry.stale is not None and part not in _MEASURED_PARTS:
             mistakes.errors.append(f"lead.{part}.stale: set stale in lead.distance instead")
@@ -131,4 +135,5 @@ def _track(
         parts["lateral"],
         parts["valid"],
         parts["new"],
+        find_source(lead.source, message, dbc, "lead", mistakes),
     )

@@ -13,7 +13,7 @@ from canid.estimators import ESTIMATORS
 from canid.parsing import ParseError, Parser
 from canid.types import Driver, OutputFilter
 from canid.vehicle import file_bytes
-from canid.vehicle.database import MAX_DBC_BYTES, Dbc, brief_sentence, load, message_map
+from canid.vehicle.database import MAX_DBC_BYTES, Dbc, brief_sentence, load, message_map, with_protocol
 from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
 from canid.vehicle.quoting import brief, shown
 from canid.vehicle.roles import DERIVED, NEEDS, OUTPUTS, ROLES
@@ -29,7 +29,7 @@ from canid.vehicle.schema import (
     parse,
     parse_settings,
 )
-from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, signal_map
+from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, find_source, signal_map
 from canid.vehicle.tracks import resolve_tracks, track_age
 
 # fifty times the largest known vehicle file, with its comments
@@ -252,7 +252,7 @@ def _files(folder: Path, section: object, mistakes: Mistakes, parser: Parser) ->
             files.append(Dbc(f"{brief(Path(entry.file).name)} (not read)", entry.bus, {}))
             continue
         bytes_left -= size
-        files.append(dbc)
+        files.append(dbc if entry.protocol is None else with_protocol(dbc, entry.protocol))
         mistakes.warnings.extend(warnings)
     return files
 
@@ -284,6 +284,7 @@ def _role(role: str, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistake
         unit=ROLES[role].unit,
         stale=entry.stale if entry.stale is not None else ROLES[role].stale,
         how=how,
+        source=find_source(entry.source, message, dbc, key, mistakes),
     )
 
 
@@ -308,13 +309,13 @@ def _missing(driver: DriverSection, lead: LeadSection, signals: object) -> list[
 
 def _messages(files: Sequence[Dbc], mapped: Sequence[RoleMap | TrackMap]) -> tuple[MessageMap, ...]:
     """List each message that carries something mapped, once per bus, in the order of the vehicle file."""
-    found: dict[tuple[str, int | None], MessageMap] = {}
+    found: dict[tuple[str, int | None, int | None], MessageMap] = {}
     for item in mapped:
-        key = (item.message, item.bus)
+        key = (item.message, item.bus, item.source)
         if key not in found:
             dbc_and_message = find_message(item.message, item.bus, files, "")
             assert not isinstance(dbc_and_message, str), "resolved before"
-            found[key] = message_map(dbc_and_message[1], item.bus)
+            found[key] = message_map(dbc_and_message[1], item.bus, item.source)
         # a signal that ends behind its message, as some DBC files have them
         needed = -(-max(how.bits.end for how in _signal_maps(item)) // 8)
         found[key] = found[key]._replace(length=max(found[key].length, needed))
