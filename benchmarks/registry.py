@@ -29,6 +29,13 @@ BENCHMARKS = (
         "cost of `canid.Listener` per frame on the bus's thread, against python-can's own listeners",
     ),
     Benchmark(
+        "export",
+        "benchmarks.export",
+        "2 min",
+        "time and memory of `canid export` by format; against pandas, python-can with cantools, and asammdf",
+        "mcap",
+    ),
+    Benchmark(
         "web",
         "benchmarks.web",
         "2 min",

@@ -34,7 +34,7 @@ VERBS = (
     ("check", "check that a vehicle file fits a log or bus, and list what is missing"),
     ("init", "propose a vehicle file from DBC files"),
     ("recover", "write a clean copy of a damaged log, and report what is missing in it"),
-    ("export", "write signals and estimates as CSV or Parquet"),
+    ("export", "write samples, estimates and signals for other programs: CSV, Parquet, MATLAB, MF4, MCAP, VBOX, PlotJuggler"),
     ("schema", "print the JSON Schema of what a verb writes with --json"),
 )
 

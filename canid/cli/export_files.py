@@ -180,5 +180,5 @@ def _several(path: str, tables: Sequence[Table]) -> dict[str, Any]:
     parts = [{"name": table.title} | _one("", table) for table in tables]
     for part in parts:
         del part["path"]
-    columns = sum(1 + len(table.fields) for table in tables)
+    columns = [f"{part['name']}.{name}" for part in parts for name in part["columns"]]
     return {"path": path, "rows": sum(len(table.t) for table in tables), "columns": columns, "tables": parts}

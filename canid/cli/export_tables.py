@@ -121,7 +121,8 @@ def _signals(args: argparse.Namespace, log: Log, files: list[Dbc]) -> list[Table
     from canid.signal_columns import frames_by_message
 
     with Progress(f"reading signals of {args.log}") as bar:
-        frames = frames_by_message(log, start=args.start, stop=args.stop, progress=bar.to)
+        ids = signal_tables.ids_of(files, args.signals)
+        frames = frames_by_message(log, ids=ids, start=args.start, stop=args.stop, progress=bar.to)
     found = signal_tables.received(frames, files, args.signals)
     if not found:
         n = sum(len(of.t) for of in frames.values())

@@ -57,6 +57,17 @@ def wanted(files: Sequence[Dbc], patterns: Sequence[str]) -> dict[int, set[str]]
     return found
 
 
+def ids_of(files: Sequence[Dbc], patterns: Sequence[str]) -> set[int] | None:
+    """The ids of messages with wanted signals; None: any id (J1939, where the source is a part of it).
+
+    Raises:
+        ConfigError: a pattern matches nothing.
+    """
+    selected = wanted(files, patterns)
+    messages = [m for file in files for m in file.messages.values() if id(m) in selected]
+    return None if any(m.protocol == j1939.PROTOCOL for m in messages) else {m.id for m in messages}
+
+
 def received(
     frames: Mapping[MessageKey, MessageFrames], files: Sequence[Dbc], patterns: Sequence[str] = ()
 ) -> list[Received]:

@@ -112,7 +112,7 @@ def _row(
 ) -> str:
     s = ms // 1000
     time = f"{s // 3600:02d}{s // 60 % 60:02d}{s % 60:02d}.{ms % 1000:03d}"
-    standard = f"{SATELLITES:03d} {time} {lat:+014.8f} {lon:+014.8f} {velocity:07.3f} {heading:06.2f} {height:+09.2f}"
+    standard = f"{SATELLITES:03d} {time} {lat:+015.8f} {lon:+015.8f} {velocity:07.3f} {heading:06.2f} {height:+09.2f}"
     return " ".join([standard, *(f"{x:+.9E}" if x == x else "NaN" for x in extra)]) + "\r\n"
 
 

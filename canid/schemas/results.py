@@ -259,7 +259,10 @@ RESULTS: dict[str, Schema] = {
     "check": CHECK,
     "compare": COMPARE,
     "diagnose": DIAGNOSE,
-    "export": {"type": "object"},
+    "export": record(
+        {"path": TEXT, "rows": COUNT, "columns": NAMES},
+        {"tables": some(record({"name": TEXT, "rows": COUNT, "columns": NAMES}))},
+    ),
     "identify": IDENTIFY,
     "init": record({"files": NAMES, "proposed": {"type": "object"}}),
     "look": record(

@@ -214,7 +214,7 @@ def strict_vbo(raw: bytes) -> tuple[list[str], list[str], list[str], np.ndarray]
     titles, names = sections["header"].split("\r\n")[:-2], sections["column names"].split()
     units = sections["channel units"].removesuffix("\r\n").split("\r\n")[:-1]
     row = re.compile(
-        r"\d{3} \d{6}\.\d{3} [+-]\d{4,5}\.\d+ [+-]\d{4,5}\.\d+ \d{3,}\.\d+ \d{3}\.\d\d [+-]\d+\.\d\d"
+        r"\d{3} \d{6}\.\d{3} [+-]\d{5}\.\d+ [+-]\d{5}\.\d+ \d{3,}\.\d+ \d{3}\.\d\d [+-]\d+\.\d\d"
         r"( ([+-]\d\.\d+E[+-]\d\d|NaN))*"
     )
     lines = sections["data"].removesuffix("\r\n").split("\r\n")
