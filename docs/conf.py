@@ -50,6 +50,7 @@ napoleon_use_param = False
 # classes in signatures that have no entry: of other packages, and of canid's inner parts
 nitpick_ignore_regex = [("py:(class|obj)", ".*")]
 
+PUBLIC = [name for name in dir(canid) if not name.startswith("_")]
 PUBLIC_NAMES = "<!-- public names -->"
 RESULT_TYPES = "<!-- result types -->"
 ERRORS = "<!-- errors -->"
@@ -63,9 +64,9 @@ TYPES = (
 
 
 def public_names() -> str:
-    """One directive per function and class of canid's own that `from canid import *` gives, functions first."""
-    functions = [name for name in canid.__all__ if inspect.isfunction(getattr(canid, name))]
-    classes = [name for name in canid.__all__ if name not in functions and not is_value(getattr(canid, name))]
+    """One directive per function and class of canid's own in `dir(canid)`, functions first."""
+    functions = [name for name in PUBLIC if inspect.isfunction(getattr(canid, name))]
+    classes = [name for name in PUBLIC if name not in functions and not is_value(getattr(canid, name))]
     return rst(
         [f".. autofunction:: canid.{name}" for name in functions]
         + [f".. autoclass:: canid.{name}\n   :members:" for name in classes]
@@ -74,8 +75,8 @@ def public_names() -> str:
 
 def result_types() -> str:
     """The types of results: the public ones, and further ones that public functions return."""
-    public = [f"canid.{name}" for name in canid.__all__ if is_value(getattr(canid, name))]
-    further = [name for name in TYPES if name.rpartition(".")[2] not in canid.__all__]
+    public = [f"canid.{name}" for name in PUBLIC if is_value(getattr(canid, name))]
+    further = [name for name in TYPES if name.rpartition(".")[2] not in PUBLIC]
     return rst([f".. autoclass:: {name}" for name in (*public, *further)])
 
 
@@ -105,6 +106,6 @@ def setup(app: Any) -> None:
             for mark, text in made.items():
                 source[0] = source[0].replace(mark, text)
 
-        source[0] = NOTEBOOK.sub(lambda found: markdown(DOCS / found[1]), source[0])
+        source[0] = NOTEBOOK.sub(lambda found: markdown(DOCS / found[1]).replace("](../", "]("), source[0])
 
     app.connect("source-read", source_read)
