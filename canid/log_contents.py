@@ -99,6 +99,7 @@ class LogContents(NamedTuple):
     messages: tuple[MessageContents, ...]
     signals: tuple[SignalContents, ...]
     databases: tuple[Database, ...] = ()
+    ids: int = 0  # that came with data, on all buses together; messages may be some of them
     frames_left_out: int = 0  # of ids beyond the number that is kept
     signals_left_out: int = 0  # beyond the number that is kept
 

@@ -74,10 +74,12 @@ def survey(
     bound: Binding | None = None
     grid = course.grid(asked.start)
     left_out = signals_left_out = 0
+    came: set[MessageKey] = set()
     for chunks in rounds(log, progress=progress):
         for chunk in chunks:
             _count(chunk, asked, buses, ends)
         sorted_frames = by_message(chunks, start=asked.start, stop=asked.stop)
+        came.update(list(sorted_frames)[: max(MAX_IDS - len(came), 0)])
         if bound is None:
             bound = bind(files, sorted_frames)
         kept: dict[MessageKey, MessageFrames] = {}
@@ -122,6 +124,7 @@ def survey(
         messages,
         tuple(signal_tally.contents(one, used, fields) for one in seen),
         databases(bound, tallies),
+        len(came),
         left_out,
         signals_left_out,
     )

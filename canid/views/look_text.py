@@ -80,7 +80,7 @@ def format_start(start_utc: float) -> str:
 
 
 def _head(found: LogContents, head: Head) -> list[str]:
-    ids = len(found.messages)
+    ids = found.ids
     out = [
         f"{head.path}: {head.format}, {format_start(head.start_utc)}, {number(found.duration, 's')}, "
         f"{found.frames:,} frames, {ids:,} id{'s' * (ids != 1)}"

@@ -149,6 +149,7 @@ def test_filters(canid: Canid) -> None:
     found = values(canid, URBAN, "--dbc", GENERIC, "--signals", "*.vehicle*")
     assert [s["signal"] for s in found["signals"]] == ["VehicleSpeed"]
     assert [m["name"] for m in found["messages"]] == ["EGO_SPEED"]
+    assert ", 7 ids\n" in canid("look", URBAN, "--id", 0x120).out
     assert canid("look", URBAN, "--signals", "x").code == USAGE
     assert "no frames between 900" in canid("look", URBAN, "--start", 900).line
     assert "no frame has such" in canid("look", URBAN, "--id", 1).err
@@ -221,3 +222,23 @@ def test_a_log_in_many_rounds_is_the_same(monkeypatch: pytest.MonkeyPatch) -> No
     left = survey(open_log(log), (), Wanted())
     assert len(left.messages) == 3
     assert left.frames_left_out == one.frames - sum(m.frames for m in left.messages)
+
+
+def test_j1939_matches_by_group(canid: Canid, tmp_path: Path) -> None:
+    """Frames of another source and priority are the message; "not available" and "error" are no speeds."""
+    (tmp_path / "truck.dbc").write_text(
+        'VERSION ""\n\nBU_: A\n\nBO_ 2566844926 CCVS: 8 A\n SG_ Speed : 8|16@1+ (0.00390625,0) [0|250] "km/h" A\n\n'
+        'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
+        'BA_DEF_DEF_ "VFrameFormat" "J1939PG";\nBA_ "VFrameFormat" BO_ 2566844926 3;\n'
+        'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "J1939";\nBA_ "ProtocolType" "J1939";\n'
+    )
+    raws = [20 * 256, 30 * 256, 0xFE00, 0xFFFF]
+    frames = [
+        Frame(0.1 * k, 0, 0x0CFEF117, b"\xff" + raw.to_bytes(2, "little") + bytes(5), int(Flag.EXTENDED))
+        for k, raw in enumerate(raws)
+    ]
+    write_log(tmp_path / "truck.blf", frames, UTC)
+    found = values(canid, tmp_path / "truck.blf", "--dbc", tmp_path / "truck.dbc")
+    (speed,) = found["signals"]
+    assert (speed["message"], speed["id"], speed["low"], speed["high"]) == ("CCVS", 0x0CFEF117, 20.0, 30.0)
+    assert (speed["entries"], speed["last_text"]) == ({"error": 1, "not available": 1}, "not available")
