@@ -11,7 +11,7 @@ import numpy as np
 from canid.proposal import log_columns, log_evidence
 from canid.proposal.log_columns import LogColumns
 from canid.proposal.log_evidence import Seen
-from canid.proposal.name_patterns import STRONG, USUAL
+from canid.proposal.name_patterns import POSSIBLE, STRONG, USUAL
 from canid.proposal.name_score import Candidate, candidates
 from canid.proposal.signal_agreement import References, correlation, slope
 from canid.proposal.track_groups import TrackGroup, track_groups
@@ -227,14 +227,16 @@ def judged(choices: Sequence[Choice]) -> tuple[State, bool]:
         return "open", False
     first = choices[0]
     points = first.candidate.name_points
-    margin = first.score - choices[1].score if len(choices) > 1 else np.inf
+    # a name that may mean the role is no rival of one that hardly means anything else
+    rivals = [each for each in choices[1:] if points < _COPY_POINTS or each.candidate.name_points > POSSIBLE]
+    margin = first.score - rivals[0].score if rivals else np.inf
     contradicted = first.log_points < -MARGIN
     if first.score >= SURE and points >= USUAL - 1.0 and not contradicted:
         if margin >= MARGIN:
             return ("close", margin >= TAKEN_MARGIN) if first.candidate.against else ("sure", True)
-        return "close", not first.candidate.against and _are_copies(first, choices[1])
+        return "close", not first.candidate.against and _are_copies(first, rivals[0])
     leads = margin >= TAKEN_MARGIN and points >= USUAL - 1.0
-    copied = len(choices) > 1 and points >= _COPY_POINTS and _are_copies(first, choices[1])
+    copied = bool(rivals) and points >= _COPY_POINTS and _are_copies(first, rivals[0])
     taken = first.score >= TAKEN_SCORE and (leads or copied)
     return "close", taken and not contradicted and not first.candidate.against
 

@@ -32,7 +32,7 @@ _ACCELERATOR = (
 )
 _PEDAL = r"(pedal|ped|pedl|pdl|pedale|pd)"
 _AHEAD = (
-    r"(lead|object|obj|target|tgt|trgt|vorausfahrer|vordermann|cible|preceding|precd|ahead|"
+    r"(lead|object|obj|objekt|zielobjekt|zielfahrzeug|target|tgt|trgt|vorausfahrer|vordermann|cible|preceding|precd|ahead|"
     r"front veh\w*|fwd veh\w*"
     r"|forward veh\w*|same lane( \d+)?|veh\w* ahead|prec veh\w*|fahrzeug voraus)"
 )
@@ -182,7 +182,7 @@ ROLE_PATTERNS: dict[str, RolePatterns] = {
             ),
             (
                 r"\b(dist|distance|range|abst|abstand) ?(to |of |zu |zum |from |de la |du )?(the )?(lead|"
-                r"obj|object|target|tgt|front|forward|preceding|vehicle ahead|vorausf\w*|cible|leading)\b",
+                r"obj|object|objekt|zielobjekt|target|tgt|front|forward|preceding|vehicle ahead|vorausf\w*|cible|leading)\b",
                 STRONG,
             ),
             (r"\b(long|longitudinal|lgt) ?(dist|distance|pos|position|range)\b|\bdistance long\b", USUAL),

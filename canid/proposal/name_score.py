@@ -36,6 +36,8 @@ _NEUTRAL = re.compile(
     r"\b(actl|act|actual|val|value|wert|rohwert|raw|roh|pc|pct|percent\w*|pos|posn|position|sig\w*|signal|\w?\d+\w?|filt\w*|fd|can|cf|cr|avg|average|drvn|driven"
     r"|nondriven|arb|in|the|kph|kmh|mph|est|comp|ecu|ecm|rat|ratio|abs|di|esp|esc|eng|mo|\w)\b"
 )
+# raw numbers of a pedal without a unit: 12 bits of a converter
+_MOST_PEDAL_STEPS = 4096.0
 # in the role's unit: the largest value that a signal must and may be able to take
 _REACH: dict[str, tuple[float, float]] = {
     "speed": (25.0, 400.0),
@@ -278,7 +280,7 @@ def _pedal_share(made: Candidate, high: float) -> Candidate | None:
         return made._replace(
             unit="%", score=made.score + _RANGE_FITS, remarks=("no unit in the DBC; its range is that of %",)
         )
-    if not math.isfinite(high) or high <= 0.0 or signal.length > 12 or signal.signed:
+    if not math.isfinite(high) or high <= 0.0 or high > _MOST_PEDAL_STEPS or signal.signed:
         return made._replace(score=made.score - 1.0)
     scale = float(f"{100.0 / high:.4g}")
     return made._replace(

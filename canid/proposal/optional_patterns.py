@@ -137,7 +137,7 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
                 r"\b(current|curr|actual|act|engaged|ist) ?(gear|gang)\b|\bgear ?(act\w*|engaged|current)\b",
                 STRONG,
             ),
-            (r"^(trans\w* )?gear$|\bgang\b|\brapport\b", USUAL),
+            (r"^(trans\w* )?gear$|\bgang\b|\brapport\b", STRONG - 1),
         ),
         rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(lever|shift\w*|ratio|box|sel\w*|valid|next|"
         r"recommend\w*|steer\w*|neutral)\b",

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -252,27 +253,42 @@ def test_init_proposes_the_generic_vehicle(canid: Canid, tmp_path: Path) -> None
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real logs of ../shared/data are not here")
 @pytest.mark.parametrize(
-    "files", [("openacc/car_following.dbc",), ("rav4/toyota_pt.dbc", "rav4/toyota_radar.dbc")]
+    ("files", "log", "by_hand"),
+    [
+        (("openacc/car_following.dbc",), "openacc/human_h22_v3.blf", ROOT / "dbc/openacc.toml"),
+        (("openlka/openlka.dbc",), "openlka/equinox_0_1-0.blf", DATA / "openlka/openlka.toml"),
+        (
+            ("rav4/toyota_pt.dbc", "rav4/toyota_radar.dbc"),
+            "rav4/rav4_highway.blf",
+            None,
+        ),
+    ],
 )
-def test_init_proposes_for_real_vehicles(canid: Canid, tmp_path: Path, files: tuple[str, ...]) -> None:
-    """The proposal for a real DBC is a valid vehicle file once the gaps that its comments name are filled."""
+def test_init_with_a_log_needs_no_edit(
+    canid: Canid, tmp_path: Path, files: tuple[str, ...], log: str, by_hand: Path | None
+) -> None:
+    """The proposal for a measured drive works as it is, with the signals that a person chose."""
     car = tmp_path / "car.toml"
-    ran = canid("init", *(DATA / file for file in files), "-o", car)
+    ran = canid("init", *(DATA / file for file in files), "--log", DATA / log, "--yes", "-o", car)
     assert ran.code == DONE
-    # the documented edit: where the DBC is silent on a unit, one is to be filled in
-    text = car.read_text()
-    for role, unit in (
-        ("speed", "km/h"),
-        ("accel", "m/s2"),
-        ("accel_command", "m/s2"),
-        ("yaw_rate", "deg/s"),
-    ):
-        text = re.sub(rf'^({role} = .*unit = )""', rf'\1"{unit}"', text, flags=re.MULTILINE)
-    text = re.sub(r'^(\w+) = .*unit = "".*$', r"# \1 left out", text, flags=re.MULTILINE)
-    car.write_text(text)
+    assert canid("check", "--vehicle", car, DATA / log).code == DONE
     vehicle = read_vehicle(car)
-    assert "speed" in vehicle.roles
-    assert vehicle.lead.tracks is not None or {"gap", "range_rate"} <= set(vehicle.roles)
+    chosen = {role: (of.message, of.signal) for role, of in vehicle.roles.items()}
+    if by_hand is not None:
+        ours = tomllib.loads(by_hand.read_text())["signals"]
+        assert {role: ".".join(of) for role, of in chosen.items()} == {
+            role: of if isinstance(of, str) else of["signal"] for role, of in ours.items()
+        }
+        return
+    assert vehicle.lead.tracks is not None
+    assert {track.bus for track in vehicle.lead.tracks} == {1}
+    assert chosen["brake"] == (
+        "BRAKE_MODULE",
+        "BRAKE_PRESSED",
+    )  # another one is on while cruise control brakes
+    assert chosen["speed"] == ("SPEED", "SPEED")
+    assert vehicle.roles["accel"].how.factor < 0  # it grows when the car brakes
+    assert vehicle.roles["pedal"].bus == 0
 
 
 def test_simulate_is_reproducible(canid: Canid, tmp_path: Path) -> None:
