@@ -55,15 +55,17 @@ MODULES = {
 
 def main(names: list[str]) -> None:
     """Make the pictures, or those that are named."""
-    unknown = set(names) - {*MODULES, *PICTURES}
+    unknown = set(names) - {*MODULES, *PICTURES, "notebook"}
     if unknown:
-        sys.exit(f"no picture {', '.join(unknown)}; there are {', '.join((*MODULES, *PICTURES))}")
+        sys.exit(f"no picture {', '.join(unknown)}; there are {', '.join((*MODULES, *PICTURES, 'notebook'))}")
     for name, words in MODULES.items():
         if not names or name in names:
             python("-m", *words)
     chosen = {name: picture for name, picture in PICTURES.items() if not names or name in names}
     if chosen:
         photograph(chosen)
+    if not names or "notebook" in names:
+        notebook()
     for path in sorted(IMAGES.glob("*.png")):
         if path.stat().st_size > MAX_BYTES:
             reduce(path)
@@ -90,6 +92,24 @@ def photograph(pictures: dict[str, Picture]) -> None:
             page.evaluate(f"document.querySelector('{picture.at}').scrollIntoView()")
             page.screenshot(path=IMAGES / f"{title}.png")
             page.close()
+        browser.close()
+
+
+def notebook() -> None:
+    """Run the notebook, and take a picture of what its cells show."""
+    import nbformat
+    from nbclient import NotebookClient
+
+    source = ROOT / "docs/notebooks/first_drive.ipynb"
+    cells = nbformat.read(source, as_version=4)
+    NotebookClient(cells, timeout=300, resources={"metadata": {"path": str(source.parent)}}).execute()
+    shown = [out["data"]["text/html"] for cell in cells.cells for out in cell.get("outputs", ()) if "data" in out
+             and "<svg" in out["data"].get("text/html", "")]  # fmt: skip
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        page = browser.new_page(viewport={"width": 820, "height": 400})
+        page.set_content(f'<meta charset="utf-8"><body style="font-family: sans-serif">{"<hr>".join(shown)}')
+        page.screenshot(path=IMAGES / "notebook.png", full_page=True)
         browser.close()
 
 
