@@ -32,7 +32,7 @@ VERBS = (
     ("simulate", "write a log of a simulated drive with known parameters"),
     ("look", "show what a log contains: ids, rates, changing bits; with DBC files their signals over time"),
     ("check", "check that a vehicle file fits a log or bus, and list what is missing"),
-    ("init", "propose a vehicle file from DBC files"),
+    ("init", "propose a vehicle file from DBC files and a log"),
     ("recover", "write a clean copy of a damaged log, and report what is missing in it"),
     ("export", "write samples, estimates and signals for other programs: CSV, Parquet, MATLAB, MF4, MCAP, VBOX, PlotJuggler"),
     ("schema", "print the JSON Schema of what a verb writes with --json"),
