@@ -15,9 +15,7 @@ from canid.parsing import Message, Signal
 from canid.signal_columns import MessageFrames, MessageKey, decode
 from canid.types import NAN, Array
 from canid.vehicle.database import bits_of
-from canid.vehicle.j1939 import first_no_value
 
-ERROR_TEXT, NOT_AVAILABLE_TEXT = "error", "not available"
 # names that DBC authors give to what protects a message (openpilot, AUTOSAR E2E, Vector)
 _PROTECTION_NAME = re.compile(
     r"(?P<counter>(^|_)(counter|alive|rolling|rc|bz)|(message|alive|rolling)_?(count|cnt))|checksum|chksum|(^|_)crc",
@@ -97,16 +95,11 @@ def add(tally: SignalTally, frames: MessageFrames, grid: course.Grid) -> None:
 
 
 def _entries(tally: SignalTally, raw: Array) -> npt.NDArray[np.bool_] | None:
-    """Which numbers are entries of the value table, or J1939's for no value; counts them."""
+    """Which numbers are entries of the value table; counts them."""
     choices = tally.signal.choices
-    reserved = first_no_value(tally.message, tally.signal)
-    if not choices and reserved is None:
+    if not choices:
         return None
-    entry = (
-        np.isin(raw, np.fromiter(choices, np.float64, len(choices))) if choices else np.zeros(raw.size, bool)
-    )
-    if reserved is not None:
-        entry |= raw >= reserved[0]
+    entry = np.isin(raw, np.fromiter(choices, np.float64, len(choices)))
     numbers, counts = np.unique(raw[entry], return_counts=True)
     for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
         if number in tally.entries or len(tally.entries) < MAX_ENTRIES:
@@ -117,11 +110,7 @@ def _entries(tally: SignalTally, raw: Array) -> npt.NDArray[np.bool_] | None:
 def _text(tally: SignalTally, raw: float) -> str:
     if not np.isfinite(raw) or raw != int(raw):
         return ""
-    named = tally.signal.choices.get(int(raw))
-    reserved = first_no_value(tally.message, tally.signal)
-    if named is None and reserved is not None and raw >= reserved[0]:
-        return NOT_AVAILABLE_TEXT if raw >= reserved[1] else ERROR_TEXT
-    return named or ""
+    return tally.signal.choices.get(int(raw), "")
 
 
 def contents(tally: SignalTally, used: int, fields: Mapping[MessageKey, tuple[Field, ...]]) -> SignalContents:

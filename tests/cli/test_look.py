@@ -225,7 +225,7 @@ def test_a_log_in_many_rounds_is_the_same(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_j1939_matches_by_group(canid: Canid, tmp_path: Path) -> None:
-    """Frames of another source and priority are the message; "not available" and "error" are no speeds."""
+    """Frames of another source and priority are the message; numbers for "error" and "not available" are no speeds."""
     (tmp_path / "truck.dbc").write_text(
         'VERSION ""\n\nBU_: A\n\nBO_ 2566844926 CCVS: 8 A\n SG_ Speed : 8|16@1+ (0.00390625,0) [0|250] "km/h" A\n\n'
         'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
@@ -241,4 +241,4 @@ def test_j1939_matches_by_group(canid: Canid, tmp_path: Path) -> None:
     found = values(canid, tmp_path / "truck.blf", "--dbc", tmp_path / "truck.dbc")
     (speed,) = found["signals"]
     assert (speed["message"], speed["id"], speed["low"], speed["high"]) == ("CCVS", 0x0CFEF117, 20.0, 30.0)
-    assert (speed["entries"], speed["last_text"]) == ({"error": 1, "not available": 1}, "not available")
+    assert (speed["readings"], speed["no_values"], speed["last"]) == (4, 2, 30.0)
