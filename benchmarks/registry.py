@@ -59,6 +59,12 @@ BENCHMARKS = (
     Benchmark(
         "reading", "benchmarks.reading", "3 min", "reading and decoding logs, against python-can and asammdf"
     ),
+    Benchmark(
+        "tables",
+        "benchmarks.tables",
+        "1 min",
+        "reading CSV and Parquet, against numpy, pandas, polars and duckdb",
+    ),
     Benchmark("look", "benchmarks.look", "20 s", "a first look at a log, against python-can and cantools"),
     Benchmark(
         "recording", "benchmarks.recording", "2 min", "CPU and losses of `canid record`, against can.logger"
@@ -174,6 +180,9 @@ BENCHMARKS = (
     ),
     Benchmark(
         "init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"
+    ),
+    Benchmark(
+        "dbc", "benchmarks.dbc", "1 min", "DBC files under folders: read, repaired or refused, and why"
     ),
     Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
 )

@@ -1,0 +1,1 @@
+"""How many DBC files are read."""
