@@ -24,10 +24,10 @@ class DbcFile(NamedTuple):
 
 
 class _Index(NamedTuple):
-    by_id: dict[tuple[int, bool], Message]
-    by_group: dict[int, Message]  # J1939: parameter group -> message
+    by_id: dict[tuple[int, bool], list[Message]]
+    by_group: dict[int, list[Message]]  # J1939: parameter group -> messages
 
-    def find(self, key: MessageKey) -> Message | None:
+    def find(self, key: MessageKey) -> list[Message] | None:
         found = self.by_id.get((key.id, key.extended))
         if found is None and key.extended and self.by_group:
             found = self.by_group.get(pgn_of(key.id))
@@ -41,15 +41,15 @@ class Binding(NamedTuple):
     indices: tuple[_Index, ...]
     order: dict[int, tuple[int, ...]]  # bus -> numbers of the files that describe it, the best one first
 
-    def find(self, key: MessageKey) -> tuple[str, Message] | None:
-        """The message of an id, and the file that describes it; None: no file does.
+    def find(self, key: MessageKey) -> tuple[str, list[Message]] | None:
+        """The message of an id (of a container: those in it), and the file that describes it; None: no file does.
 
         Where no frame had come yet from a bus when files were bound, it has no file but those that are bound to it.
         """
         for number in self.order.get(key.bus, ()):
-            message = self.indices[number].find(key)
-            if message is not None:
-                return self.files[number].file, message
+            messages = self.indices[number].find(key)
+            if messages is not None:
+                return self.files[number].file, messages
         return None
 
 
@@ -90,17 +90,23 @@ def databases(bound: Binding, keys: Iterable[MessageKey]) -> tuple[Database, ...
     for number, one in enumerate(bound.files):
         on = tuple(bus for bus, numbers in bound.order.items() if number in numbers)
         names = {
-            m.name for key in keys if key.bus in on and (m := bound.indices[number].find(key)) is not None
+            message.name for key in keys if key.bus in on for message in bound.indices[number].find(key) or ()
         }
         out.append(Database(one.file, on, one.bus is not None, len(one.messages), len(names)))
     return tuple(out)
 
 
 def _index(messages: Iterable[Message]) -> _Index:
-    by_id: dict[tuple[int, bool], Message] = {}
-    by_group: dict[int, Message] = {}
+    by_id: dict[tuple[int, bool], list[Message]] = {}
+    by_group: dict[int, list[Message]] = {}
     for message in messages:
-        by_id.setdefault((message.id, message.extended), message)
+        _enter(by_id.setdefault((message.id, message.extended), []), message)
         if message.protocol == PROTOCOL and message.extended:
-            by_group.setdefault(pgn_of(message.id), message)
+            _enter(by_group.setdefault(pgn_of(message.id), []), message)
     return _Index(by_id, by_group)
+
+
+def _enter(known: list[Message], message: Message) -> None:
+    """Messages in a container follow it and share its id; of others with the same id the first one counts."""
+    if not known or message.container is not None:
+        known.append(message)

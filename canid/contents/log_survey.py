@@ -130,22 +130,26 @@ def survey(
     )
 
 
-def _names(found: tuple[str, Message] | None) -> tuple[str, str]:
-    """Message and file, as they are shown."""
-    return ("", "") if found is None else (found[1].name, found[0])
+def _names(found: tuple[str, list[Message]] | None) -> tuple[str, str]:
+    """Message (of a container all that are in it) and file, as they are shown."""
+    return ("", "") if found is None else ("+".join(message.name for message in found[1]), found[0])
 
 
 def _signals(key: MessageKey, bound: Binding, asked: Wanted) -> list[SignalTally]:
     found = bound.find(key)
     if found is None:
         return []
-    message = found[1]
 
-    def is_wanted(signal: Signal) -> bool:
+    def is_wanted(message: Message, signal: Signal) -> bool:
         name = f"{message.name}.{signal.name}"
         return carried(signal) and (asked.signal is None or asked.signal(name))
 
-    return [SignalTally(key, message, signal) for signal in message.signals if is_wanted(signal)]
+    return [
+        SignalTally(key, message, signal)
+        for message in found[1]
+        for signal in message.signals
+        if is_wanted(message, signal)
+    ]
 
 
 def _count(chunk: Columns, asked: Wanted, buses: dict[int, Counter[str]], ends: list[float]) -> None:
