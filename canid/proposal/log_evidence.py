@@ -37,6 +37,8 @@ _SPEEDOMETER = (1.017, 1.13)
 _SAME = 0.017
 # m/s; a speed that is shown comes in steps of a tenth of a km/h or more, one that is measured in finer ones
 _DISPLAY_STEP = 0.1 / 3.6
+# in the role's unit: what nine tenths of a drive's values do not exceed in any car
+_LARGEST = {"speed": 90.0, "accel": 15.0, "steering_angle": 900.0, "lateral_offset": 10.0, "yaw_rate": 3.0}
 # units of speeds that DBC files leave out, as factors to m/s
 _SPEED_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
 
@@ -65,6 +67,9 @@ def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References)
     points, remarks, made = judge(candidate._replace(bus=bus), raw, known)
     values = in_role_unit(made, raw)
     finite = values[np.isfinite(values)]
+    most = _LARGEST.get(candidate.role)
+    if most is not None and made.unit and len(finite) and float(np.percentile(np.abs(finite), 90)) > most:
+        points, remarks = CONTRADICTS, [*remarks, "larger than it can be: is the DBC that of this car?"]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (math.nan, math.nan)
     t = found[0].t
     rate = (len(t) - 1) / (t[-1] - t[0]) if t[-1] > t[0] else 0.0

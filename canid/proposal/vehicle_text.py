@@ -76,10 +76,10 @@ def vehicle_text(
 
 def output_of(decisions: Decisions) -> str:
     """Whose output is identified: the pedal's, else a commanded or the own acceleration."""
-    return next(
-        (role for role in ("pedal", "accel_command", "accel") if decisions.roles[role].chosen is not None),
-        "pedal",
-    )
+    roles = ("pedal", "accel_command", "accel")
+    chosen = {role: of for role in roles if (of := decisions.roles[role].chosen) is not None}
+    known = [role for role, of in chosen.items() if of.unit_is_known]
+    return next(iter([*known, *chosen]), "pedal")
 
 
 def missing(decisions: Decisions) -> list[str]:
