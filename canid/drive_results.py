@@ -15,6 +15,8 @@ from canid.diagnosis import diagnose as diagnosis
 from canid.drive_parameters import Identified
 from canid.drive_reader import Drive, as_vehicle, read_drive
 from canid.findings import Provenance, Report
+from canid.tables import column_map, kinds
+from canid.tables.table import open_table
 from canid.types import Trace
 from canid.vehicle import Vehicle
 from canid.views import diagnosis_json, identification_json
@@ -35,7 +37,7 @@ def identify(
     """Identify the driver of a whole drive: K, τ and θ of every input, with 95 % intervals and statuses.
 
     Args:
-        drive: a log, or what `read_trace`, `read_drive` or `from_arrays` returned.
+        drive: a log, a table of named columns (CSV, Parquet), or what `read_trace`, `read_drive` or `from_arrays` returned.
         vehicle: of a log: a vehicle file, its name, or what `read_vehicle` returned. Its settings of the estimators
             hold for a trace as well, where it is given.
         start: s, of a log: leave out what is earlier.
@@ -138,6 +140,18 @@ def _read(
         return drive, "", car
     if isinstance(drive, Drive):
         return drive.trace, "", car
+    if kinds.is_table(drive):
+        return _of_table(drive, car, start, stop)
     if car is None:
         raise TypeError(f"{drive}: a log needs its vehicle: identify(log, vehicle), diagnose(log, vehicle)")
     return read_drive(drive, car, estimating=False, start=start, stop=stop).trace, str(drive), car
+
+
+def _of_table(
+    drive: str | Path, car: Vehicle | None, start: float, stop: float
+) -> tuple[Trace, str, Vehicle | None]:
+    """A table of named columns brings its own vehicle; one that is given states the driver."""
+    by = None if car is None else column_map.of_vehicle(car)
+    table = open_table(drive, by)
+    read = read_drive(drive, table.vehicle, estimating=False, start=start, stop=stop, log=table.log)
+    return read.trace, str(drive), table.vehicle

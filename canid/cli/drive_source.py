@@ -120,8 +120,7 @@ def opened(path: str, of: Car) -> tuple[Log, Vehicle]:
 
     by, vehicle = of.columns, of.vehicle
     if by is None and vehicle is not None:
-        stale = {role: how.stale for role, how in vehicle.roles.items()}
-        by = column_map.of_vehicle(vehicle.driver, vehicle.estimators, vehicle.name, stale)
+        by = column_map.of_vehicle(vehicle)
     with Progress(f"reading {path}") as bar:
         table = open_table(path, by, of.selection, bar.to)
     info(f"{path}: {table.columns}")

@@ -13,7 +13,7 @@ from canid.estimators import ESTIMATORS
 from canid.parsing import ParseError, Parser
 from canid.tables.headings import EXTRA, TIME
 from canid.types import Driver, OutputFilter
-from canid.vehicle import file_bytes
+from canid.vehicle import Vehicle, file_bytes
 from canid.vehicle.quoting import brief, shown
 from canid.vehicle.roles import OUTPUTS, ROLES
 from canid.vehicle.schema import (
@@ -91,11 +91,16 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(SETS.glob("*.toml"))}
 
 
-def of_vehicle(
-    driver: Driver, estimators: Mapping[str, Any], name: str, stale: Mapping[str, float]
-) -> ColumnMap:
-    """A map whose columns are found by their headings, with a vehicle's driver and settings."""
-    return ColumnMap(name=name, driver=driver, estimators=estimators, stale=stale)
+def of_vehicle(vehicle: Vehicle) -> ColumnMap:
+    """A map whose columns are found by their headings, with a vehicle's driver, settings and ages.
+
+    Example:
+        >>> from canid.vehicle import read_vehicle
+        >>> of_vehicle(read_vehicle("generic")).driver.output
+        'pedal'
+    """
+    stale = {role: how.stale for role, how in vehicle.roles.items()}
+    return ColumnMap(name=vehicle.name, driver=vehicle.driver, estimators=vehicle.estimators, stale=stale)
 
 
 def toml_of(path: str | Path) -> dict[str, Any] | None:

@@ -40,10 +40,7 @@ def exported(log: Path, vehicle: str | Path, path: Path) -> Path:
 
 def by(vehicle: str | Path) -> column_map.ColumnMap:
     """What `--vehicle` says of a table."""
-    read = read_vehicle(vehicle)
-    return column_map.of_vehicle(
-        read.driver, read.estimators, read.name, {role: how.stale for role, how in read.roles.items()}
-    )
+    return column_map.of_vehicle(read_vehicle(vehicle))
 
 
 def same(a: Trace, b: Trace) -> None:
