@@ -21,7 +21,8 @@ FLOOR = {
     "study": 4.5, "comparison": 4.5, "views": 5, "schemas": 5.5, "controls": 5,
     "files": 5, "buses": 6, "logs": 7, "recording": 8, "export": 8.2, "estimator_process": 5,
     "trigger_process": 5.2, "publishing": 6,
-    "signal_columns": 7.5, "contents": 7.7, "proposal": 8.5, "drive_reader": 8, "tables": 8.3, "drive_results": 9, "session": 9, "playback": 9, "web": 9.5,
+    "signal_columns": 7.5, "contents": 7.7, "proposal": 8.5, "drive_reader": 8, "tables": 8.3,
+    "drive_results": 9, "session": 9, "playback": 9, "web": 9.5,
     "cli": 10, "__init__": 11, "__main__": 11,
 }  # fmt: skip
 WORLD = {"socket", "subprocess", "threading", "time", "multiprocessing", "can"}

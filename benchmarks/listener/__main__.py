@@ -9,8 +9,8 @@ own thread, which shares Python's lock with it. The estimator process is not in 
 
 from __future__ import annotations
 
+import argparse
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -47,7 +47,9 @@ def cost(
 
 def main() -> None:
     """Print the table."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 12_000
+    parser = argparse.ArgumentParser(prog="python -m benchmarks listener", description=__doc__)
+    parser.add_argument("frames", nargs="?", type=int, default=12_000)
+    count = parser.parse_args().frames
     frames = [frame for frame, _ in zip(open_log(LOG), range(count), strict=False)]
     messages = [message_of(frame, 1.6e9) for frame in frames]
     print(f"{len(messages):,} frames; µs per frame, median of {REPEATS}")

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
             print_line(line)
     with outputs.opened(json) as sink:
         if sink is not None:
-            sink.write(json_values.line(_values(args, made)) + "\n")
+            sink.write(json_values.document("init", _values(args, made)) + "\n")
     _report(args, made)
     return DAMAGED if log is not None and log.damage else DONE
 

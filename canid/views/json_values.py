@@ -23,7 +23,6 @@ from canid.types import (
     SignalReport,
 )
 
-
 # of each kind of JSON that a verb writes: grows when a name goes or changes its meaning, never for a name that is added
 SCHEMA_VERSIONS = {
     "check": 1,
