@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import cantools
@@ -19,11 +20,20 @@ MESSAGE = "BO_ 288 MOTION: 8 X\n" + SIGNAL
 NEXT = 'BO_ 289 NEXT: 8 X\n SG_ Next : 0|8@1- (1,0) [0|0] "" X\n'
 
 
+PARSER = Parser()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _one_child() -> Iterator[None]:
+    """One process parses the small files of all tests here: its start takes longer than they do."""
+    with PARSER:
+        yield
+
+
 def read(folder: Path, data: bytes | str) -> tuple[Dbc, list[str]]:
     file = folder / "x.dbc"
     file.write_bytes(data if isinstance(data, bytes) else data.encode())
-    with Parser() as parser:
-        dbc, warnings, _ = load(file, None, parser)
+    dbc, warnings, _ = load(file, None, PARSER)
     return dbc, warnings
 
 
@@ -136,10 +146,10 @@ def by_regex(text: str) -> dict[tuple[int, str], tuple[object, ...]]:
     found: dict[tuple[int, str], tuple[object, ...]] = {}
     id_ = -1
     for line in text.splitlines():
-        if message := re.match(r"BO_ (\d+) ", line):
+        if message := re.match(r"\s*BO_ (\d+) ", line):
             id_ = int(message[1]) & 0x7FFFFFFF
         elif signal := re.match(
-            r"\s+SG_ (\w+)\s*[mM]?\w*\s*: ?(\d+)\|(\d+)@([01])([+-]) *\( ?([^,]+), ?([^)]+)\)", line
+            r"\s*SG_ (\w+)\s*[mM]?\w*\s*: ?(\d+)\|(\d+)@([01])([+-]) *\( ?([^,]+), ?([^)]+)\)", line
         ):
             name, start, length, order, sign, scale, offset = signal.groups()
             place = (int(start), int(length), order == "0", sign == "-", float(scale), float(offset))
