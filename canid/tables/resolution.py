@@ -18,6 +18,9 @@ from canid.vehicle.schema import did_you_mean
 LEAD_DISTANCE = ("gap", "spacing", HEADWAY, "position")
 LEAD_MOTION = ("range_rate", "lead_speed", "lead_id", "lane", "lead_position")
 
+# columns that a message names
+MAX_DESCRIBED = 8
+
 
 class Found(NamedTuple):
     """A role's column."""
@@ -185,7 +188,7 @@ def described(found: Mapping[str, Found], headings: Sequence[str]) -> str:
         >>> described(resolve(["t", "gap"], ColumnMap(), "x").found, ["t", "gap"])
         'time = t, gap = gap'
     """
-    known = [role for role in (TIME, *ROLES, *EXTRA) if role in found]
-    return ", ".join(
-        f"{role} = {brief(headings[found[role].place].strip())}" for role in dict.fromkeys(known)
-    )
+    known = list(dict.fromkeys(role for role in (TIME, *ROLES, *EXTRA) if role in found))
+    shown = [f"{role} = {brief(headings[found[role].place].strip())}" for role in known[:MAX_DESCRIBED]]
+    more = [f"and {len(known) - MAX_DESCRIBED} more"] if len(known) > MAX_DESCRIBED else []
+    return ", ".join([*shown, *more])

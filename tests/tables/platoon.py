@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-FOOT = 0.3048
+METRES_PER_FT = 0.3048
 # m/s² per s of headway error, m/s² per m/s; s
 K1, K2, DELAY = 0.25, 0.6, 0.6
 LENGTH = 4.5
@@ -73,7 +73,7 @@ def ngsim(path: Path, of: Platoon, header: bool = True) -> Path:
     for k in range(of.speed.shape[1]):
         for i, t in enumerate(of.t):
             ahead = of.lead[i, k]
-            spacing = (of.position[i, ahead] - of.position[i, k]) / FOOT if ahead >= 0 else 0.0
+            spacing = (of.position[i, ahead] - of.position[i, k]) / METRES_PER_FT if ahead >= 0 else 0.0
             rows.append(
                 [
                     k + 2,
@@ -81,14 +81,14 @@ def ngsim(path: Path, of: Platoon, header: bool = True) -> Path:
                     len(of.t),
                     1118846980200 + round(1000 * t),
                     16.5,
-                    f"{of.position[i, k] / FOOT:.6f}",
+                    f"{of.position[i, k] / METRES_PER_FT:.6f}",
                     0,
                     0,
-                    round(LENGTH / FOOT, 9),
+                    round(LENGTH / METRES_PER_FT, 9),
                     6,
                     2,
-                    f"{of.speed[i, k] / FOOT:.8f}",
-                    f"{of.accel[i, k] / FOOT:.8f}",
+                    f"{of.speed[i, k] / METRES_PER_FT:.8f}",
+                    f"{of.accel[i, k] / METRES_PER_FT:.8f}",
                     2,
                     ahead + 2 if ahead >= 0 else 0,
                     0,
