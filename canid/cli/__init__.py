@@ -34,7 +34,10 @@ VERBS = (
     ("check", "check that a vehicle file fits a log or bus, and list what is missing"),
     ("init", "propose a vehicle file from DBC files and a log"),
     ("recover", "write a clean copy of a damaged log, and report what is missing in it"),
-    ("export", "write samples, estimates and signals for other programs: CSV, Parquet, MATLAB, MF4, MCAP, VBOX, PlotJuggler"),
+    (
+        "export",
+        "write samples, estimates and signals as CSV, Parquet, .mat, .mf4, .mcap, .vbo or for PlotJuggler",
+    ),
     ("schema", "print the JSON Schema of what a verb writes with --json"),
 )
 
