@@ -33,7 +33,7 @@ class LogColumns(NamedTuple):
     by_id: dict[tuple[int, bool], list[MessageKey]]
     file_bus: tuple[int | None, ...]  # of each DBC: the bus that carries most of it; None: none does
     t: Array  # (n,) s, the raster
-    kept: dict[tuple[str, str, int], tuple[SignalColumn, Array] | None]  # decoded before
+    kept: dict[tuple[str, str, int, bool], tuple[SignalColumn, Array] | None]  # decoded before
 
 
 def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | None = None) -> LogColumns:
@@ -98,17 +98,20 @@ def bus_of(candidate: Candidate, columns: LogColumns) -> int | None:
 
 
 def column(
-    message: Message, signal: Signal, bus: int, columns: LogColumns
+    message: Message, signal: Signal, bus: int, columns: LogColumns, *, texts_are_values: bool = False
 ) -> tuple[SignalColumn, Array] | None:
-    """A signal as it came, and on the raster (NaN: not measured); None where the log does not carry it."""
-    key = (message.name, signal.name, bus)
+    """A signal as it came, and on the raster (NaN: not measured); None where the log does not carry it.
+
+    `texts_are_values`: it is a state, such as a gear, whose numbers have texts.
+    """
+    key = (message.name, signal.name, bus, texts_are_values)
     if key not in columns.kept:
-        columns.kept[key] = _column(message, signal, bus, columns)
+        columns.kept[key] = _column(message, signal, bus, columns, texts_are_values)
     return columns.kept[key]
 
 
 def _column(
-    message: Message, signal: Signal, bus: int, columns: LogColumns
+    message: Message, signal: Signal, bus: int, columns: LogColumns, texts_are_values: bool
 ) -> tuple[SignalColumn, Array] | None:
     keys = [key for key in keys_of(message, columns) if key.bus == bus]
     came = decode(message, signal, columns.frames[keys[0]]) if keys else None
@@ -116,7 +119,7 @@ def _column(
         return None
     value = came.value.copy()
     for raw, text in signal.choices.items():
-        if signal.length > 3 and not text[:1].isdigit() and not text.startswith("-"):
+        if not texts_are_values and signal.length > 3 and not text[:1].isdigit() and not text.startswith("-"):
             value[value == raw * signal.scale + signal.offset] = np.nan
     reserved = first_no_value(message, signal)
     if reserved is not None:

@@ -57,7 +57,8 @@ class Seen(NamedTuple):
 
 def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References) -> Seen | None:
     """Compare a candidate with the log; None where no frame carries it."""
-    found = column(candidate.message, candidate.signal, bus, columns)
+    state = ROLES[candidate.role].kind == "state"
+    found = column(candidate.message, candidate.signal, bus, columns, texts_are_values=state)
     if found is None:
         return None
     raw = found[1]
