@@ -92,8 +92,11 @@ def car(args: argparse.Namespace, verb: str, vehicle: str | None = None) -> Car:
 
 
 def _is_map(name: str) -> bool:
+    path = Path(name)
     try:
-        with Path(name).open("rb") as file:
+        if not path.is_file():  # a pipe is never waited for
+            return False
+        with path.open("rb") as file:
             return bool(_COLUMNS.search(file.read(_BEGIN_BYTES)))
     except (OSError, ValueError):
         return False
