@@ -22,7 +22,7 @@ from canid.proposal import databases, proposal
 from canid.proposal.choice import Decisions
 
 HERE = Path(__file__).parent
-HALVES = {"rules": "truth_rules_half.toml", "judged": "truth_judged_half.toml"}
+HALVES = {"rules": "truth_rules_half.toml", "judged": "truth_judged_half.toml", "unseen": "truth_unseen.toml"}
 ROLES = ("pedal", "speed", "gap", "range_rate", "brake")
 DEFAULT = Path(__file__).parents[3] / "shared" / "data" / "opendbc"
 
