@@ -27,6 +27,8 @@ _RANGE_FITS = 1.0
 _COARSE = -1.5
 # each word that the pattern does not explain makes another quantity likelier
 _UNEXPLAINED_WORD, _MOST_UNEXPLAINED = -0.4, -2.0
+# more than any car drives, but only because the bits hold it
+_ALL_BITS = -1.0
 # a state with several values of unknown meaning
 _UNKNOWN_STATES = -2.0
 # text entries of a value table with which a number would be a state; numbers have one to three ("fault", "not available")
@@ -256,9 +258,12 @@ def _plausible(made: Candidate, low: float, high: float) -> Candidate | None:
         factor = factor_to(unit, ROLES[role].unit) or 1.0
         largest = max(abs(low), abs(high)) * factor
         if not least <= largest <= most and math.isfinite(largest):
-            if role != "pedal" or largest > most:
+            if role == "speed" and largest > most and _all_bits(made.signal, low, high):
+                made = made._replace(score=made.score + _ALL_BITS)
+            elif role != "pedal" or largest > most:
                 return None
-            return _pedal_share(made, high)
+            else:
+                return _pedal_share(made, high)
         if role == "speed" and abs(made.signal.scale) * factor > 0.2 and not made.signal.floating:
             made = made._replace(score=made.score + _COARSE)
         if role == "gap" and unit == "cm":
@@ -269,6 +274,13 @@ def _plausible(made: Candidate, low: float, high: float) -> Candidate | None:
     if role == "speed" and abs(made.signal.scale) >= 0.5:
         made = made._replace(score=made.score + _COARSE)
     return made
+
+
+def _all_bits(signal: Signal, low: float, high: float) -> bool:
+    """Whether a range is only what the bits of a usual width hold: the author of the DBC stated none."""
+    top = 2 ** (signal.length - 1) if signal.signed else 2**signal.length
+    full = (top - 1) * abs(signal.scale)
+    return signal.length in (8, 12, 13, 15, 16) and math.isclose(max(abs(low), abs(high)), full, rel_tol=1e-3)
 
 
 def _pedal_share(made: Candidate, high: float) -> Candidate | None:

@@ -18,6 +18,8 @@ _NOT_A_MEASUREMENT = (
     r"\b(rate|std\w*|sigma|var\w*|valid|conf\w*|accel\w*|stat\w*|mode|count\w*|width|length|"
     r"loss|type|prob\w*|rms)\b"
 )
+# in a message's name: the radar sees another side of the car
+_ELSEWHERE = r"\b(corner|side|blind|rear|bsm|bsd|rcta|left|right|sod\w*|f[lr]|r[lr])\b"
 _DISTANCE = (
     (
         r"\b(long\w*|lgt) ?(dist|distance|range|pos|position)\b|\b(dist|distance|pos) ?(long\w*|"
@@ -91,7 +93,7 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
     found = []
     for (index, before, after), numbered in groups.items():
         run = _longest_run(numbered)
-        if len(run) < _MIN_TRACKS:
+        if len(run) < _MIN_TRACKS or re.search(_ELSEWHERE, words(f"{before} {after}")):
             continue
         made = _group(index, before, after, [numbered[key] for key in run])
         if made is not None:
