@@ -79,6 +79,7 @@ class Listener(_PythonCanListener):
     Without `on_estimate` and `queue`, iterate over the listener: `for estimate in listener`, until `stop()`.
 
     Raises:
+        TypeError: the callback cannot be called.
         ValueError: both a callback and a queue, a coroutine as the callback, or a queue without a loop.
         ConfigError: the vehicle file is wrong, or the state file cannot be read.
         OutputError: the state file cannot be written.
@@ -221,6 +222,8 @@ class Listener(_PythonCanListener):
             return Queued(queue, loop, self._complain)
         if callback is None:
             return Waiting()
+        if not callable(callback):
+            raise TypeError(f"Listener: on_estimate is {callback!r}; give a function of one estimate")
         if inspect.iscoroutinefunction(callback):
             raise ValueError("Listener: on_estimate is a coroutine function; give a queue=asyncio.Queue()")
         return Called(callback, self._complain)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from canid import pipeline
 from canid.errors import CanidError
 from canid.tables.array_source import ArraySource
 from canid.tables.column_map import ColumnMap
-from canid.tables.headings import EXTRA, TIME
+from canid.tables.headings import EXTRA, TIME, heading, role_of
 from canid.tables.table import Selection, table_of, trace_of
 from canid.types import Driver, OutputFilter, Trace
 from canid.vehicle.roles import OUTPUTS, ROLES
@@ -75,7 +75,8 @@ def from_frame(
 
     Args:
         frame: of pandas or polars, or anything with named columns: `frame.columns` and `frame[name]`; or a mapping.
-        columns: role -> the frame's column, such as {"speed": "v_ego"}; None: by the usual names, as in a CSV file.
+        columns: role -> the frame's column, such as {"speed": "v_ego"}; None: by the usual names, as in a CSV file;
+            times may be the index of a pandas frame.
         units: role -> unit, where the column's name (speed [km/h]) does not state it.
         task: as in `from_arrays`.
         output: as in `from_arrays`.
@@ -102,7 +103,7 @@ def from_frame(
             "from_frame: the frame has no columns; give a data frame of pandas or polars, or a mapping"
         )
     if columns is None:
-        taken = {str(name): frame[name] for name in names}
+        taken = {**_index(frame, names), **{str(name): frame[name] for name in names}}
         return _trace(
             taken, units or {}, task, output, headway_desired, output_filter, dt, "from_frame", named=False
         )
@@ -115,8 +116,6 @@ def from_frame(
     if lacking:
         hint = did_you_mean(str(lacking[0]), [str(name) for name in names])
         raise ValueError(f"from_frame: columns: the frame has no column {lacking[0]!r}{hint}")
-    from canid.tables.headings import heading
-
     given = {role: frame[name] for role, name in columns.items()}
     stated = {role: unit for role, name in columns.items() if (unit := heading(str(name)).unit) is not None}
     return _trace(
@@ -173,9 +172,22 @@ def _trace(
         raise ValueError(str(error)) from None
 
 
-def _with_unit(name: str, units: Mapping[str, str], named: bool) -> str:
-    from canid.tables.headings import heading, role_of
+def _index(frame: Any, names: Sequence[Any]) -> dict[str, Any]:
+    """The index of a pandas frame as its times, if it holds dates or is called so and no column holds times."""
+    index = getattr(frame, "index", None)
+    if (
+        index is None
+        or not hasattr(index, "dtype")
+        or any(role_of(heading(str(name))) == TIME for name in names)
+    ):
+        return {}
+    named = str(getattr(index, "name", None) or "")
+    if role_of(heading(named)) == TIME:
+        return {named: index}
+    return {TIME: index} if getattr(index.dtype, "kind", "") == "M" else {}
 
+
+def _with_unit(name: str, units: Mapping[str, str], named: bool) -> str:
     role = name if named else role_of(heading(name))
     unit = units.get(name, units.get(role or "", None))
     if unit is None:

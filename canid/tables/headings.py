@@ -73,6 +73,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "steering_angle": ("steering_wheel_angle", "steer_angle", "steering", "steering_angle_deg", "swa"),
     "curvature": ("road_curvature",),
 }  # fmt: skip
+# times since a fixed date; where a table has times of another name as well (`canid export --time utc`), those are taken
+DATED = ("utc", "utc_time", "epoch", "datetime", "date_time")
 # positive = closing: the other sign
 CLOSING = ("closing_speed", "closing_rate", "closing_velocity", "approach_speed", "approach_rate")
 

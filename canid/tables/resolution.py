@@ -9,7 +9,7 @@ from typing import NamedTuple
 from canid.errors import ConfigError
 from canid.tables import column_map
 from canid.tables.column_map import ColumnEntry, ColumnMap
-from canid.tables.headings import EXTRA, HEADWAY, TIME, Heading, closing, heading, role_of
+from canid.tables.headings import DATED, EXTRA, HEADWAY, TIME, Heading, closing, heading, role_of
 from canid.vehicle.quoting import brief, several
 from canid.vehicle.roles import ROLES
 from canid.vehicle.schema import did_you_mean
@@ -90,6 +90,8 @@ def _by_heading(parsed: Sequence[Heading], name: str) -> dict[str, Found]:
             candidates.setdefault(role, []).append(place)
     found = {}
     for role, places in candidates.items():
+        if role == TIME:
+            places = [place for place in places if parsed[place].name not in DATED] or places
         exact = [place for place in places if parsed[place].name == role]
         if len(exact) > 1 or (len(places) > 1 and not exact):
             same = [parsed[place].text for place in exact or places]

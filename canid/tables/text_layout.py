@@ -91,9 +91,7 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
             raise LogError(f"{name}: its rows have {cells} cells; the mapping names {len(names)} columns")
         return _layout(tuple(names), delimiter, lines[numeric:], numeric, encoding)
     if best is None:
-        raise LogError(
-            f"{name}: no header was found; a table has a first line with names such as time,speed,gap, and rows of numbers"
-        )
+        raise LogError(f"{name}: {_missing(lines)}")
     _, k, delimiter = best
     header = split(lines[k].lstrip("#").lstrip() if lines[k].startswith("#") else lines[k], delimiter)
     if len(header) > MAX_COLUMNS:
@@ -123,6 +121,20 @@ def _score(rows: list[list[str]], k: int) -> tuple[int, int, int] | None:
         return None
     timed = any(role_of(heading(cell)) == TIME for cell in filled[:MAX_COLUMNS])
     return int(timed), len(filled), -k
+
+
+def _missing(lines: Sequence[str]) -> str:
+    """What the first lines are not a table for."""
+    filled = [line for line in lines if line.strip()]
+    wanted = "a table has a first line with names such as time,speed,gap, and rows of numbers"
+    names = (
+        [cell for d in DELIMITERS for cell in split(filled[0], d) if role_of(heading(cell))] if filled else []
+    )
+    if len(filled) == 1 and names:
+        return "has a header, but no rows"
+    if names and not any(d in filled[0] for d in DELIMITERS):
+        return f"has one column alone, {names[0]}; {wanted}"
+    return f"no header was found; {wanted}"
 
 
 def _is_number(cell: str) -> bool:

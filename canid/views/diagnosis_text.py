@@ -23,7 +23,7 @@ from canid.views.diagnosis_parts import (
     says,
     used_time,
 )
-from canid.views.names import parameter, readable
+from canid.views.names import capitalised, parameter, readable
 from canid.views.numbers import gain_unit, interval, number, percent, role_unit, time_range
 from canid.views.table import columns
 
@@ -150,7 +150,7 @@ def _drives(report: Report) -> list[str]:
         ]
         said = [*own, *([f"gain of {', '.join(gains)}"] if gains else [])]
         lines.append(f"{one.name} ({number(one.used, 's')}): {'; '.join(said) or 'too short'}")
-    return [*lines, *(says[:1].upper() + says[1:] + "." for says in report.differ)]
+    return [*lines, *(capitalised(says) + "." for says in report.differ)]
 
 
 def _checks(report: Report) -> list[str]:

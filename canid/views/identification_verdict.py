@@ -11,7 +11,7 @@ from canid.identification.identifiability import gain_only, quotable
 from canid.signal_checks.signal_checks import sentence
 from canid.types import QUOTED, Channel, Identifiable, LearnGate, Status
 from canid.views import estimate_text
-from canid.views.names import SYMBOLS, readable
+from canid.views.names import SYMBOLS, capitalised, readable
 from canid.views.numbers import gain_unit, interval
 
 
@@ -52,7 +52,7 @@ def verdict(drive: Identified, output: str = "") -> IdentificationVerdict:
         return IdentificationVerdict("nothing", "Nothing is identifiable", "", why_nothing(drive, output))
     whole = all(c.status is Identifiable.OK for c in found.channels.values())
     says = "; ".join(f"{readable(name)}: {quoted(name, c, output)}" for name, c in known.items())
-    says = f"{says[0].upper()}{says[1:]}"
+    says = capitalised(says)
     kind, title = (
         ("identified", "The driver is identified")
         if whole
@@ -82,12 +82,12 @@ def why_nothing(drive: Identified, output: str = "") -> str:
     found = drive.headline
     wrong = [sentence(one) for one in drive.findings if one.withholds]
     if wrong:
-        return f"{wrong[0][0].upper()}{wrong[0][1:]}."
+        return f"{capitalised(wrong[0])}."
     if drive.time.usable == 0.0:
         return f"No sample is usable for identification: {_most_frequent(drive) or LearnGate.NO_LEAD.value}."
     against = _against(drive)
     if against:
-        return f"{against[0].upper()}{against[1:]}."
+        return f"{capitalised(against)}."
     missing = "" if found is None else estimate_text.all_missing(found.channels, output)
     used = f"{drive.time.usable:.0f} s are usable for identification"
     reason = (
@@ -126,7 +126,7 @@ def _withheld(channels: Mapping[str, Channel], against: str, output: str) -> str
         )
         parts.append(f"{lacking} of {readable(name)}{why}")
     said = f"Not to be quoted: {'; '.join(parts)}." if parts else ""
-    return " ".join(filter(None, (said, f"{against[0].upper()}{against[1:]}." if against else "")))
+    return " ".join(filter(None, (said, f"{capitalised(against)}." if against else "")))
 
 
 def _changed(drive: Identified, output: str) -> IdentificationVerdict:

@@ -20,6 +20,16 @@ def readable(name: str) -> str:
     return name.replace("_", " ")
 
 
+def capitalised(text: str) -> str:
+    """A sentence with a capital; a Greek letter is a symbol and stays as it is.
+
+    Example:
+        >>> capitalised("speed is frozen"), capitalised("τ and θ may not be quoted")
+        ('Speed is frozen', 'τ and θ may not be quoted')
+    """
+    return text[:1].upper() + text[1:] if text[:1].isascii() else text
+
+
 def either(names: tuple[str, ...]) -> str:
     """Effects of which the data cannot say which one it is.
 

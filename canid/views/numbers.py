@@ -109,9 +109,10 @@ def role_unit(role: str) -> str:
     """Unit of a role, derived ones included; empty where it has none.
 
     Example:
-        >>> role_unit("accel"), role_unit("headway"), role_unit("yaw_rate"), role_unit("brake")
-        ('m/s²', 's', 'rad/s', '')
+        >>> role_unit("accel"), role_unit("headway"), role_unit("gap_reported"), role_unit("brake")
+        ('m/s²', 's', 'm', '')
     """
+    role = role.removesuffix("_reported")  # by the sensor, before the lead was smoothed
     if role in UNITS:
         return UNITS[role]
     from canid.vehicle.roles import ROLES

@@ -209,6 +209,7 @@ def test_wrong_calls_are_refused_at_once(tmp_path: Path) -> None:
         (ConfigError, lambda: Listener("no such vehicle"), "no such vehicle"),
         (ValueError, lambda: Listener("generic", print, queue=asyncio.Queue()), "not both"),
         (ValueError, lambda: Listener("generic", coroutine), "coroutine"),
+        (TypeError, lambda: Listener("generic", 3), "a function of one estimate"),  # type: ignore[arg-type]
         (ValueError, lambda: Listener("generic", queue=asyncio.Queue()), "loop="),
         (CanidError, lambda: Listener("generic", state=tmp_path), str(tmp_path)),
     ]

@@ -62,6 +62,8 @@ def test_dated_frames_and_parquet_keep_times_and_nulls(
     )
     frame = pd.DataFrame({**drive, "time": stamps}).replace({np.nan: None})
     same(of_file[1], from_frame(frame))
+    same(of_file[1], from_frame(frame.set_index("time").rename_axis(None)))
+    same(of_file[1], from_frame(pd.DataFrame(drive).set_index("time")))
     same(of_file[1], from_arrays(**{**drive, "time": stamps}))
     for kind in ("TIMESTAMP_NS", "TIMESTAMPTZ"):
         path = tmp_path / f"it's [1] {kind}.parquet"

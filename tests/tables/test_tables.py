@@ -90,6 +90,9 @@ VARIANTS: dict[str, Change] = {
     "clock": lambda of: _stamped(of, lambda t: f"{(_START + timedelta(seconds=float(t))):%H:%M:%S.%f}"),
     "ms from 0": lambda of: _stamped(of, lambda t: f"{1000 * t:.0f}", "t [ms]"),
     "ms without a unit": lambda of: _stamped(of, lambda t: f"{1000 * t:.0f}"),
+    "utc and times from 0": lambda of: _stamped(
+        of, lambda t: f"{(_START + timedelta(seconds=float(t))).isoformat()},{t}", "utc,t [s]"
+    ),
     "the latest first": lambda of: text({name: x[::-1] for name, x in of.items()}),
     "thousands of other columns": lambda of: text(of | {f"x{k}": of["time"] for k in range(300)}),
     "gzipped": lambda of: gzip.compress(text(of).encode()),
@@ -231,6 +234,8 @@ def test_holes_texts_and_times_that_go_back_are_counted_never_measured(
 
 
 WRONG = {
+    "no rows": ("time,speed,gap,v_rel\n", LogError, "has a header, but no rows"),
+    "one column": ("speed\n1.0\n2.0\n", LogError, "has one column alone, speed"),
     "no header": ("1,2,3\n2,3,4\n", LogError, "no header"),
     "binary": (b"\x00\x01" * 300, LogError, "binary"),
     "UTF-16": ("time,speed\n0,1\n".encode("utf-16"), LogError, "UTF-16"),

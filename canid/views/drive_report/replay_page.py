@@ -31,7 +31,7 @@ from canid.views.drive_report.panels import Panel, instants, signal, stack
 from canid.views.drive_report.replay_record import ReplayRecord, unit
 from canid.views.drive_report.strips import Stretch, joined, strips
 from canid.views.end_summary import EstimateTally
-from canid.views.names import readable
+from canid.views.names import capitalised, readable
 from canid.views.numbers import clock, number, role_unit
 from canid.views.report.figure import Figure, Spec
 
@@ -149,7 +149,7 @@ def _verdict(
     if headline is None:
         wrong = [signal_checks.sentence(one) for one in findings if one.withholds]
         if wrong:
-            return "nothing", _TITLES["nothing"], f"{wrong[0][0].upper()}{wrong[0][1:]}. {used}"
+            return "nothing", _TITLES["nothing"], f"{capitalised(wrong[0])}. {used}"
         why = Counter(e.says for e in tally.last.values()).most_common(1)
         reason = why[0][0] if why else "no sample came"
         return "nothing", _TITLES["nothing"], f"At the end: {reason}. {used}"
@@ -158,7 +158,7 @@ def _verdict(
         for name, c in headline.channels.items()
         if (said := identification_verdict.quoted(name, c, output))
     )
-    known = f"{known[:1].upper()}{known[1:]}"
+    known = capitalised(known)
     missing = estimate_text.all_missing(headline.channels, output)
     whole = all(c.status is Identifiable.OK for c in headline.channels.values())
     kind = ("identified" if whole else "partly") if known else "nothing"
@@ -166,7 +166,7 @@ def _verdict(
         kind,
         _TITLES[kind],
         f"{known or 'No number may be quoted'} (last headline estimate, {headline.estimator} at {headline.t:.0f} s). "
-        f"{f'{missing[0].upper()}{missing[1:]}. ' if missing else ''}{used}",
+        f"{f'{capitalised(missing)}. ' if missing else ''}{used}",
     )
 
 
