@@ -57,7 +57,7 @@ DEFECTS = {
     "no blanks": (MESSAGE.replace(" :", ":").replace(" (", "(").replace(" [", "[").replace("] ", "]") + NEXT
                   + 'VAL_ 288 None 0"a"1"b";', "line 5"),
     "an id in hexadecimal": (MESSAGE.replace("288", "0x120") + NEXT, "hexadecimal"),
-    "an attribute that is not defined": (MESSAGE + NEXT + 'BA_ "Colour" BO_ 288 5;', ""),
+    "an attribute that is not defined": (MESSAGE + NEXT + 'BA_ "Paint" BO_ 288 5;', ""),
     "a remark of another language": ("# radar\n" + MESSAGE + "/* that was it */\n" + NEXT, "comments"),
     "a list that goes on": (MESSAGE.replace('" X', '" X,\n   Y, Z') + NEXT + 'VAL_ 1 A 0 "a";', "line 6"),
     "a type of no signal": (MESSAGE + NEXT + "SIG_VALTYPE_ 288 Nothing : 1;", "line 5"),
