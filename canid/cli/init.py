@@ -81,7 +81,7 @@ def _report(args: argparse.Namespace, made: Proposal) -> None:
     """Which roles are still to be filled in, and what to do next."""
     from canid.proposal.vehicle_text import missing
 
-    for sentence in missing(made.decisions):
+    for sentence in (*made.warnings, *missing(made.decisions)):
         info(sentence)
     if args.output:
         log = args.log or "LOG"

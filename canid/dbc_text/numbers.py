@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 _NUMBER = r"[-+]?(?:\d{1,40}\.?\d{0,40}|\.\d{1,40})(?:[eE][-+]?\d{1,4})?"
@@ -18,12 +19,17 @@ def number(text: str) -> float | None:
         >>> number(".5"), number("1E-007"), number("5."), number("0,5"), number("km")
         (0.5, 1e-07, 5.0, None, None)
     """
-    return float(text) if _WHOLE.fullmatch(text) else None
+    return _finite(float(text)) if _WHOLE.fullmatch(text) else None
 
 
 def with_comma(text: str) -> float | None:
     """A number with a decimal point or a decimal comma."""
-    return float(text.replace(",", ".")) if _COMMA.fullmatch(text) else number(text)
+    return _finite(float(text.replace(",", "."))) if _COMMA.fullmatch(text) else number(text)
+
+
+def _finite(value: float) -> float | None:
+    """None for a number that no float holds, as 1e999."""
+    return value if math.isfinite(value) else None
 
 
 def is_plain(text: str) -> bool:
