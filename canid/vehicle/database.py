@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -137,6 +138,8 @@ def carried(signal: Signal) -> bool:
         (True, False, False)
     """
     if not 1 <= signal.length <= _FRAME_BITS or not 0 <= signal.start < _FRAME_BITS:
+        return False
+    if not (math.isfinite(signal.scale) and math.isfinite(signal.offset)):  # 1e999
         return False
     return bits_of(signal).end <= _FRAME_BITS and (not signal.floating or signal.length in _FLOAT_LENGTHS)
 
