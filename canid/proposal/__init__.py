@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +22,12 @@ class Proposal(NamedTuple):
     text: str
     decisions: Decisions
     warnings: tuple[str, ...]
+
+
+# of a DBC's messages: where a log has fewer, it may be another car's
+_FEW_MESSAGES = 0.5
+# s: in less hardly anything moves
+_SHORT_S = 10.0
 
 
 def propose(
@@ -69,10 +75,28 @@ def proposal(
     paths = [paths] if isinstance(paths, str | Path) else list(paths)
     files, warnings = databases(paths)
     columns = log_columns.read(log, files, progress) if log is not None else None
+    if columns is not None:
+        warnings = [*warnings, *_limits(files, columns)]
     decisions = decide(files, columns, ask)
     home = Path(paths[0]).parent if folder is None else Path(folder)
     name = log.path.name if log is not None else None
     return Proposal(vehicle_text(paths, files, decisions, warnings, home, name), decisions, tuple(warnings))
+
+
+def _limits(files: Sequence[Dbc], columns: log_columns.LogColumns) -> Iterator[str]:
+    """Why a log may show less than it seems to."""
+    for file in files:
+        messages = list(file.messages.values())
+        there = sum(bool(log_columns.keys_of(message, columns)) for message in messages)
+        if there < _FEW_MESSAGES * len(messages):
+            yield (
+                f"the log has {there} of the {len(messages)} messages of {file.file}: "
+                "is it a log of this car, and of this bus?"
+            )
+    if len(columns.t) and columns.t[-1] - columns.t[0] < _SHORT_S:
+        yield (
+            f"the log has {columns.t[-1] - columns.t[0]:.0f} s: names and units decide; take a drive of a minute or more"
+        )
 
 
 def databases(paths: Sequence[str | Path]) -> tuple[list[Dbc], list[str]]:
