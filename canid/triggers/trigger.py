@@ -53,7 +53,14 @@ RECORDER_EVENTS = (
     "frames_dropped",
     "rx_overflow",
 )
-PIPELINE_EVENTS = ("target_change", "lead_lost", "gain_step", "ambiguous_bus", "ambiguous_source", "clock_step")
+PIPELINE_EVENTS = (
+    "target_change",
+    "lead_lost",
+    "gain_step",
+    "ambiguous_bus",
+    "ambiguous_source",
+    "clock_step",
+)
 
 
 def checked(trigger: Trigger) -> Trigger:
