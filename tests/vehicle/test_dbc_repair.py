@@ -166,31 +166,31 @@ def test_public_files_are_read_as_they_are_written(measured: Path) -> None:
     and where cantools reads a file, line-by-line reading gives all that cantools gives, and repairs nothing.
     """
     repaired = 0
-    for file in public_files(measured):
-        text = decoded(file.read_bytes())
-        ours = read_tolerantly(text)
-        try:
-            loaded = cantools.database.load_string(text, "dbc", strict=False)
-        except Exception:  # of any kind: a file to repair
-            repaired += 1
-        else:
-            assert not ours.repairs, file
-            assert not ours.left_out, file
-            check_same(file, ours, loaded)
-        second = by_regex(text)
-        places = {
-            (of.id, one.name): (one.start, one.length, one.motorola, one.signed, one.scale, one.offset)
-            for of in ours.messages
-            for one in of.signals
-        }
-        lost = {_UNASSIGNED_ID} | {(int(one.was.split()[1]) & 0x7FFFFFFF) for one in ours.left_out}
-        assert places == {key: place for key, place in second.items() if key[0] not in lost}, file
+    with Parser() as parser:
+        for file in public_files(measured):
+            text = decoded(file.read_bytes())
+            ours = read_tolerantly(text)
+            try:
+                loaded = cantools.database.load_string(text, "dbc", strict=False)
+            except Exception:  # of any kind: a file to repair
+                repaired += 1
+            else:
+                assert not ours.repairs, file
+                assert not ours.left_out, file
+                check_same(file, ours, loaded, parser)
+            second = by_regex(text)
+            places = {
+                (of.id, one.name): (one.start, one.length, one.motorola, one.signed, one.scale, one.offset)
+                for of in ours.messages
+                for one in of.signals
+            }
+            lost = {_UNASSIGNED_ID} | {(int(one.was.split()[1]) & 0x7FFFFFFF) for one in ours.left_out}
+            assert places == {key: place for key, place in second.items() if key[0] not in lost}, file
     assert repaired > 5
 
 
-def check_same(file: Path, ours: Content, loaded: object) -> None:
-    with Parser() as parser:
-        theirs = parser.dbc(".dbc", file.read_bytes())
+def check_same(file: Path, ours: Content, loaded: object, parser: Parser) -> None:
+    theirs = parser.dbc(".dbc", file.read_bytes())
     assert len(theirs.messages) == len(ours.messages) == len(loaded.messages)  # type: ignore[attr-defined]
     for one, other in zip(ours.messages, theirs.messages, strict=True):
         assert repr(Message(*one)) == repr(other), file
