@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Self
 from canid import child_process
 from canid.dbc_text import Container, Content, Message, Repair, Signal, containers, decoded, read_tolerantly
 from canid.dbc_text.attributes import declared
+from canid.dbc_text.message_lines import name_in
 from canid.import_guard import without
 
 if TYPE_CHECKING:
@@ -287,6 +288,8 @@ def _dbc(suffix: str, data: bytes) -> Any:
             return _tolerant(text, error)
     if not isinstance(loaded, cantools.database.can.Database):
         raise ParseError("it is a diagnostics file, not a DBC")
+    if suffix == ".dbc" and _lost_end(text, loaded):
+        return _tolerant(text, ValueError("the file ends within a signal"))
     every = [*loaded.messages, *(part for message in loaded.messages for part in message.contained_messages)]
     if sum(len(message.signals) for message in every) > MAX_SIGNALS:
         raise ParseError(f"it has more than {MAX_SIGNALS:,} signals")
@@ -305,6 +308,14 @@ def _tolerant(text: str, error: Exception) -> Any:
         repairs = (Repair(1, "other", _line(error), "read line by line"),)
     messages = [tuple(of) for of in content.messages]
     return messages, (), content.overlapping, repairs[:MAX_REPAIRS], content.left_out[:MAX_REPAIRS]
+
+
+def _lost_end(text: str, loaded: CantoolsDatabase) -> bool:
+    """Whether cantools has dropped the signal in whose middle the file ends: it does so without a word."""
+    last = text.rstrip().rpartition("\n")[2].strip()
+    if not last.startswith("SG_"):
+        return False
+    return not loaded.messages or name_in(last) not in {signal.name for signal in loaded.messages[-1].signals}
 
 
 def _of_limits(error: BaseException) -> bool:

@@ -107,6 +107,15 @@ def test_no_meaning_is_left_out(what: str, tmp_path: Path) -> None:
     assert len(dbc.messages.get("FIRST", motion or dbc.messages["NEXT"]).signals) <= 1
 
 
+@pytest.mark.parametrize("end", [" SG_ Cut : 0|16@1+", " SG_ Cut : 0|16@1+\n", " SG_ Cu"])
+def test_a_file_that_ends_within_a_signal(end: str, tmp_path: Path) -> None:
+    """cantools drops that signal without a word; canid says which line is left out."""
+    assert cantools.database.load_string(MESSAGE + end, "dbc", strict=False).messages
+    dbc, warnings = read(tmp_path, MESSAGE + end)
+    assert [signal.name for signal in dbc.messages["MOTION"].signals] == ["Speed"]
+    assert any("line 3" in warning and "left out" in warning for warning in warnings)
+
+
 def test_a_file_without_meaning_is_refused(tmp_path: Path) -> None:
     """A text that is no DBC is refused with the line, its text and the reason."""
     with pytest.raises(ConfigError, match=r"line 1, 'name,unit': no statement of a DBC"):
