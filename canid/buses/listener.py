@@ -26,8 +26,7 @@ from canid.files import state_keeper
 from canid.types import Estimate, Event, Sample
 
 if TYPE_CHECKING:
-    from can import Listener as _PythonCanListener
-
+    from canid.buses.python_can import Listener as _PythonCanListener
     from canid.types import MonitorReport, SignalReport
     from canid.vehicle import Vehicle
 else:

@@ -18,10 +18,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from canid.errors import ConfigError
 from canid.import_guard import without
+
+if TYPE_CHECKING:
+    from can import Listener as Listener
 
 _OWN = "can.interfaces."
 _path_lock = threading.RLock()

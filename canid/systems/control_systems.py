@@ -357,7 +357,10 @@ def balanced_truncation(system: System, order: int) -> BalancedTruncation | Miss
         raise ValueError(f"order {order}: choose 1 to {states - 1}")
     try:
         whole = control.ss(_tf(system))
-        hankel = np.asarray(control.hankel_singular_values(whole), dtype=np.float64)
+        # roots of eigenvalues that are never negative, but for rounding errors: those of states without influence
+        with np.errstate(invalid="ignore"):
+            values = np.real(control.hankel_singular_values(whole))
+        hankel = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=0.0)
         reduced = control.balanced_reduction(whole, order)
     except (ImportError, control.exception.ControlSlycot):
         return Missing("balanced truncation", SLYCOT_REMEDY)

@@ -63,11 +63,11 @@ def read_vbo(path: str | Path) -> Vbo:
         >>> import tempfile
         >>> path = Path(tempfile.mkdtemp()) / "a.vbo"
         >>> text = "File created on 02/08/2018 at 15:34:47|[header]|time|latitude|longitude|velocity kmh|[column names]|"
-        >>> text += "time lat long velocity|[data]|153447.50 +03119.5 +00058.5 036.000|"
+        >>> text += "time lat long velocity|[data]|153447.50 +03119.5 +00060.0 036.000|"
         >>> _ = path.write_text(text.replace("|", chr(10)))
         >>> read = read_vbo(path)
         >>> read.start_utc, {name: (c.value.tolist(), c.unit) for name, c in read.columns.items()}["lon"]
-        (1533224087.5, ([-0.975], 'deg'))
+        (1533224087.5, ([-1.0], 'deg'))
     """
     file = Path(path)
     try:

@@ -130,6 +130,8 @@ def test_the_contract_test_runs_over_it(tree: Path) -> None:
     tests.mkdir()
     for name in ("conftest.py", "test_contract.py"):
         shutil.copy(REPO / "tests" / "estimators" / name, tests)
+    for name in ("__init__.py", "exact.py"):
+        shutil.copy(REPO / "tests" / name, tests)
     shutil.copy(REPO / "pyproject.toml", tree)
     done = python(
         tree, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-k", "sliding", tests

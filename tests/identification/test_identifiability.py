@@ -109,7 +109,10 @@ def assert_report_gives(report: Report) -> None:
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda p: p.name)
 def test_both_verbs_give_all_of_shipped_logs(log: Path) -> None:
-    trace = canid.read_trace(log, "generic_lane" if "lane" in log.name else "generic")
+    generic = "generic_lane" if "lane" in log.name else "generic"
+    trace = canid.read_trace(
+        log, log.stem.removesuffix("_simulated") if "_simulated" in log.name else generic
+    )
     identified = canid.identify(trace, select_orders=False)
     # ARMAX, which is the number to read of steering, has no lag and dead time of its own
     fopdt = identified.whole["fopdt"]
