@@ -56,8 +56,8 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     "clutch": RolePatterns(
         (
             (
-                r"\b(clutch|kupplung\w*|clu|embrayage|clth) ?(pedal |pdl |ped )?(pressed|prssed|switch|sw|"
-                r"swtch|depressed|actuated|applied|betaetigt)\b",
+                r"\b(clutch|kupplung\w*|clu(?= (pedal|pdl|ped)\b)|embrayage|clth) ?(pedal |pdl |ped )?(pressed|prssed|"
+                r"switch|sw|swtch|depressed|actuated|applied|betaetigt)\b",
                 STRONG,
             ),
         ),
@@ -171,7 +171,7 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
     ),
     "lateral_offset": RolePatterns(
         ((r"\b(lateral|lane|lat) ?(offset|deviation|pos\w*)\b", USUAL),),
-        rf"{NEVER}|{_COMMANDED}|{_OF_OTHERS}|\b(left|right|rate|accel\w*|track\w*|lh|rh)\b",
+        rf"{NEVER}|{_COMMANDED}|{_OF_OTHERS}|\b(left|right|rate|accel\w*|track\w*|lh|rh|sensor\w*|mount\w*)\b",
         elsewhere=r"\b(radar\w*|track\w*|obj\w*|target\w*|park\w*)\b",
         narrowest=7,
     ),
