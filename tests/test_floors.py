@@ -18,10 +18,10 @@ FLOOR = {
     "estimators": 2, "monitor": 2, "simulation": 3,
     "pipeline": 3, "drive_summary": 3.5, "drive_parameters": 4, "drive_series": 4.2,
     "vehicle_check": 4, "saving": 4, "diagnosis": 4,
-    "study": 4.5, "comparison": 4.5, "views": 5, "schemas": 5.5, "controls": 5,
+    "study": 4.5, "comparison": 4.5, "population": 4.6, "views": 5, "schemas": 5.5, "controls": 5,
     "files": 5, "buses": 6, "logs": 7, "recording": 8, "export": 8.2, "estimator_process": 5,
     "trigger_process": 5.2, "publishing": 6,
-    "signal_columns": 7.5, "contents": 7.7, "proposal": 8.5, "drive_reader": 8, "tables": 8.3,
+    "signal_columns": 7.5, "contents": 7.7, "proposal": 8.5, "drive_reader": 8, "tables": 8.3, "sumo": 8.4, "fleet": 9.2,
     "drive_results": 9, "session": 9, "playback": 9, "web": 9.5,
     "cli": 10, "__init__": 11, "__main__": 11,
 }  # fmt: skip

@@ -1,0 +1,1 @@
+"""Drivers as vehicle types of the traffic simulator Eclipse SUMO."""
