@@ -162,3 +162,76 @@ POWER = (
 
 # tables of one log's results, in the order in which they are stored
 TABLES = {"drives": DRIVES, "windows": WINDOWS, "events": EVENTS, "findings": FINDINGS, "power": POWER}
+
+
+# parameters that are pooled over drives: of the joint estimate, and two that stand alone; times and noise as logarithms
+POPULATION_PARAMETERS = (*POOLED, "log_noise_sd", "wanted_headway")
+
+
+def natural(parameter: str) -> tuple[str, bool]:
+    """Name of a pooled parameter as a column has it, and whether the pool holds its logarithm.
+
+    Example:
+        >>> natural("range_rate.log_tau"), natural("range_rate.K"), natural("log_noise_sd")
+        (('range_rate_tau', True), ('range_rate_K', False), ('noise_sd', True))
+    """
+    channel, _, name = parameter.rpartition(".")
+    plain = name.removeprefix("log_")
+    return f"{channel}_{plain}" if channel else plain, plain != name
+
+
+def _of_drivers() -> tuple[Column, ...]:
+    out: list[Column] = []
+    for parameter in POPULATION_PARAMETERS:
+        name, _ = natural(parameter)
+        unit = "" if name.endswith("_K") or name == "noise_sd" else "s"
+        out += interval(name, unit, f"{name}, shrunken towards the population")
+        out += interval(f"{name}_own", unit, f"{name}, of this driver's drives alone")
+    return tuple(out)
+
+
+# of the whole folder, by `canid.fleet.summary`: one row per driver and kind of output
+DRIVERS = (
+    Column("driver", "VARCHAR"),
+    Column("output", "VARCHAR", "", "role of the driver's output"),
+    Column("unit", "VARCHAR", "", "of the output"),
+    Column("car", "VARCHAR", "", "of pedals, whose gains depend on the car; else empty"),
+    Column("drives", "INTEGER", "", "that the estimates rest on"),
+    Column("usable", "DOUBLE", "s", "of these drives"),
+    *_of_drivers(),
+)
+
+# one row per kind of output and pooled parameter
+POPULATION = (
+    Column("output", "VARCHAR"),
+    Column("unit", "VARCHAR", "", "of the output"),
+    Column("car", "VARCHAR", "", "of pedals; else empty"),
+    Column("parameter", "VARCHAR", "", "log: the numbers are of the natural logarithm"),
+    Column("drivers", "INTEGER"),
+    Column("drives", "INTEGER"),
+    *interval("mean", "", "over drivers"),
+    *interval("between", "", "standard deviation between drivers"),
+    *interval("within", "", "standard deviation between drives of one driver"),
+    Column("says", "VARCHAR", "", "what the drives do not show"),
+)
+
+# what the diagnosis of several drives together found: one row per driver in a car, or car, and cause
+JOINT_FINDINGS = (
+    Column("key", "VARCHAR", "", "of the drives that were diagnosed together"),
+    Column("subject", "VARCHAR", "", "driver or car"),
+    Column("driver", "VARCHAR", "", "empty for a car"),
+    Column("car", "VARCHAR"),
+    Column("logs", "INTEGER", "", "diagnosed together"),
+    Column("usable", "DOUBLE", "s", "of these"),
+    Column("verdict", "VARCHAR"),
+    Column("effect", "VARCHAR", "", "NULL: no cause was named"),
+    Column("where", "VARCHAR"),
+    Column("rivals", "VARCHAR[]"),
+    Column("surrogate", "BOOLEAN"),
+    *interval("gain", "", "relative reduction of the simulation's error variance on held-out data"),
+    Column("holds_on", "INTEGER", "", "drives on which it predicts better, fitted to the others"),
+    Column("says", "VARCHAR"),
+)
+
+# tables of the whole folder, next to those of the logs
+SUMMARIES = {"drivers": DRIVERS, "population": POPULATION, "joint_findings": JOINT_FINDINGS}
