@@ -154,7 +154,8 @@ def test_the_folder_may_be_named_in_three_ways(
     said.append(capsys.readouterr().out)
     assert said[0] == said[1] == said[2] != ""
     ask("--list")
-    assert all(query.name in capsys.readouterr().out for query in QUERIES)
+    listed = capsys.readouterr().out
+    assert all(query.name in listed for query in QUERIES)
 
 
 def test_hostile_names_stay_text(

@@ -48,7 +48,7 @@ CORRELATION = np.array(
 GROUP_SHIFT = Person(0.0, 0.30, 0.0, 0.0, 0.0, 0.20, 0.0)
 # standard deviations: beyond them a linear driver runs into the lead
 MOST_SD = 2.2
-# draws of a moment by Monte Carlo: its error is 1 % of a standard deviation
+# draws of a mean by Monte Carlo: its error is 1 % of a standard deviation
 DRAWS = 20_000
 
 # pooled parameter -> its value of the columns of `Person`
@@ -66,7 +66,7 @@ VALUES: dict[str, Callable[[Array], Array]] = {
 }
 
 
-class Moments(NamedTuple):
+class Spread(NamedTuple):
     """Of one parameter: mean over people, standard deviation between people and between drives of one person."""
 
     mean: float
@@ -82,12 +82,14 @@ def people(n: int, rng: np.random.Generator) -> Array:
         (30, 7)
     """
     z = np.clip(rng.standard_normal((n, len(MEDIAN))), -MOST_SD, MOST_SD)
-    return np.log(np.array(MEDIAN)) + (z @ np.linalg.cholesky(CORRELATION).T) * np.array(BETWEEN)
+    out: Array = np.log(np.array(MEDIAN)) + (z @ np.linalg.cholesky(CORRELATION).T) * np.array(BETWEEN)
+    return out
 
 
 def shifted(people: Array, second: npt.NDArray[np.bool_]) -> Array:
     """Add the shift of the second group to its people, (n, 7)."""
-    return people + second[:, None] * np.array(GROUP_SHIFT)
+    out: Array = people + second[:, None] * np.array(GROUP_SHIFT)
+    return out
 
 
 def drives(person: Array, n: int, rng: np.random.Generator) -> Array:
@@ -99,7 +101,8 @@ def drives(person: Array, n: int, rng: np.random.Generator) -> Array:
         rng: source of random numbers.
     """
     e = np.clip(rng.standard_normal((n, len(MEDIAN))), -MOST_SD, MOST_SD)
-    return np.exp(person + e * np.array(WITHIN))
+    out: Array = np.exp(person + e * np.array(WITHIN))
+    return out
 
 
 def expected(person: Array, seed: int = 1) -> dict[str, float]:
@@ -113,15 +116,15 @@ def expected(person: Array, seed: int = 1) -> dict[str, float]:
     return {name: float(value(x).mean()) for name, value in VALUES.items()}
 
 
-def moments(second_share: float, seed: int = 2) -> dict[str, Moments]:
-    """Moments of the population.
+def spreads(second_share: float, seed: int = 2) -> dict[str, Spread]:
+    """Spreads of the population.
 
     Args:
         second_share: of people in the second group, with its shift; 0: no group differs.
         seed: of the Monte Carlo.
 
     Example:
-        >>> of = moments(0.0)["range_rate.K"]
+        >>> of = spreads(0.0)["range_rate.K"]
         >>> 5.5 < of.mean < 6.0, 1.1 < of.between < 1.5, 0.4 < of.within < 0.5
         (True, True, True)
     """
@@ -137,5 +140,5 @@ def moments(second_share: float, seed: int = 2) -> dict[str, Moments]:
         y = value(x)
         within = float(y.var(axis=0, ddof=1).mean())
         between = float(y.mean(axis=0).var(ddof=1)) - within / n
-        out[name] = Moments(float(y.mean()), between**0.5, within**0.5)
+        out[name] = Spread(float(y.mean()), between**0.5, within**0.5)
     return out

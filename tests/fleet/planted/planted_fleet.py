@@ -9,13 +9,13 @@ import numpy as np
 
 from tests.fleet.planted.hidden_population import (
     VALUES,
-    Moments,
     Person,
+    Spread,
     drives,
     expected,
-    moments,
     people,
     shifted,
+    spreads,
 )
 
 CARS = ("hatchback", "estate", "van")
@@ -42,7 +42,7 @@ CHANGE = (1.35, 0.65)
 DAYS = 42
 # share of drivers who also drive a second car
 SECOND_CAR_SHARE = 0.2
-# drives of each clean driver at least: what a pool needs to tell drives from drivers
+# drives of each clean driver at least: what a pool needs to keep drives and drivers apart
 MIN_DRIVES = 4
 # drives of the driver who changes: two a week
 CHANGED_DRIVES = 12
@@ -140,7 +140,7 @@ def layout(seed: int, size: Size | None = None) -> Fleet:
 def truth(fleet: Fleet) -> dict[str, object]:
     """What a judge needs, as JSON."""
     second = sum(one.group == GROUPS[1] for one in fleet.drivers) / len(fleet.drivers)
-    population = moments(second if fleet.size.groups_differ else 0.0)
+    population = spreads(second if fleet.size.groups_differ else 0.0)
     return {
         "seed": fleet.seed,
         "size": fleet.size._asdict(),
@@ -161,11 +161,11 @@ def truth(fleet: Fleet) -> dict[str, object]:
     }
 
 
-def population_of(truth: Mapping[str, object]) -> dict[str, Moments]:
-    """Moments of the population from the JSON."""
+def population_of(truth: Mapping[str, object]) -> dict[str, Spread]:
+    """Spreads of the population from the JSON."""
     stored = truth["population"]
     assert isinstance(stored, Mapping)
-    return {name: Moments(**of) for name, of in stored.items()}
+    return {name: Spread(**of) for name, of in stored.items()}
 
 
 def _driven(fleet: Fleet, name: str) -> dict[str, float]:
