@@ -60,6 +60,7 @@ class Failure(Enum):
     NOT_A_LOG = "not_a_log"  # no log format, or damaged from its first byte on
     EMPTY = "empty"
     NOTHING_MAPPED = "nothing_mapped"  # a log of another vehicle
+    UNMAPPED = "unmapped"  # the plan knows no driver or no vehicle file for it
     CHANGED = "changed"  # while it was read
     TIMEOUT = "timeout"
     MEMORY = "memory"

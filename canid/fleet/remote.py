@@ -1,0 +1,91 @@
+"""Logs in storage that fsspec reads: a file, a folder or a pattern as a URL, such as s3://bucket/fleet/**.blf."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from canid.errors import ConfigError, one_line
+from canid.fleet import globs
+from canid.vehicle.quoting import brief
+
+if TYPE_CHECKING:
+    from canid.fleet.listing import Listed
+
+# names under which file systems state when a file was changed
+_MODIFIED = ("mtime", "LastModified", "last_modified", "modified", "updated", "created")
+_LOCAL = frozenset({"file", "local"})
+
+
+def listed(url: str) -> list[Listed]:
+    """List the logs of a URL.
+
+    Raises:
+        ConfigError: a package is missing, the storage cannot be reached, or it holds no such log.
+    """
+    from canid.fleet import listing
+
+    scheme = url.partition("://")[0]
+    try:
+        import fsspec
+    except ImportError:
+        raise ConfigError(f"{brief(url)}: URLs need fsspec: pip install 'canid[fleet]'") from None
+    try:
+        system, path = fsspec.core.url_to_fs(url)
+        if scheme in _LOCAL:
+            return listing.listed([path])
+        found = _found(system, path)
+    except ImportError as error:
+        extra = "s3" if scheme.startswith("s3") else "fleet"
+        raise ConfigError(f"{brief(url)}: {one_line(error)}; pip install 'canid[{extra}]'") from None
+    except ConfigError:
+        raise
+    except Exception as error:  # each storage has exceptions of its own
+        raise ConfigError(f"{brief(url)}: cannot be listed ({one_line(error)})") from None
+    root = globs.parted(path)[0] if globs.is_pattern(path) else path.rstrip("/")
+    if root in found:
+        root = root.rpartition("/")[0]
+    out = [
+        listing.Listed(
+            str(system.unstrip_protocol(name)),
+            str(system.unstrip_protocol(root)).rstrip("/"),
+            int(info.get("size") or 0),
+            modified_ns(info),
+        )
+        for name, info in sorted(found.items())
+        if info.get("type", "file") == "file" and (name == path or listing.is_log(name.rpartition("/")[2]))
+    ]
+    if not out:
+        raise ConfigError(f"{brief(url)}: holds no log")
+    return out
+
+
+def _found(system: Any, path: str) -> dict[str, Any]:
+    if globs.is_pattern(path):
+        found: dict[str, Any] = system.glob(path, detail=True)
+        return found
+    if system.isdir(path):
+        return dict(system.find(path, detail=True))
+    return {path: system.info(path)}
+
+
+def modified_ns(info: Mapping[str, Any]) -> int:
+    """When a file was changed, ns since 1970; 0: its storage does not say.
+
+    Example:
+        >>> modified_ns({"mtime": 1.5}), modified_ns({"name": "a"})
+        (1500000000, 0)
+    """
+    for name in _MODIFIED:
+        value = info.get(name)
+        if isinstance(value, str):
+            try:
+                value = datetime.fromisoformat(value)
+            except ValueError:
+                continue
+        if isinstance(value, datetime):
+            return int(value.timestamp() * 1e9)
+        if isinstance(value, int | float) and value > 0:
+            return int(value * 1e9)
+    return 0
