@@ -15,8 +15,8 @@ from canid.views.terminal_view.spans import cells
 DIGITS = 4
 # characters of a cell: the JSON of a drive would fill screens
 MAX_CELL = 400
-# characters below which a column of text is not narrowed
-MIN_TEXT = 14
+# characters below which a column is not narrowed
+MIN_TEXT = 8
 GAP = "  "
 
 
@@ -39,7 +39,7 @@ def text(names: Sequence[str], rows: Sequence[Sequence[Any]], width: int) -> lis
 
     Example:
         >>> text(("driver", "K", "K_low", "K_high", "drives"), [("anna", 0.412, 0.38, 0.45, 12)], 80)
-        ['driver  K                    drives', 'anna    0.412 [0.380, 0.450]      12']
+        ['driver  K                     drives', 'anna    0.412 [0.380, 0.450]      12']
     """
     columns = _folded(names, rows)
     if not columns:
@@ -103,8 +103,8 @@ def _of_column(column: _Column) -> int:
 
 
 def _blocks(columns: Sequence[_Column], width: int) -> list[list[_Column]]:
-    """Columns that fit together, with texts as narrow as a third of the line."""
-    narrow = [_wrapped(column, max(width // 3, MIN_TEXT)) for column in columns]
+    """Columns that fit together, the first one in each block."""
+    narrow = [_wrapped(column, width) for column in columns]
     first, blocks = narrow[0], [[narrow[0]]]
     for column in narrow[1:]:
         if len(blocks[-1]) > 1 and _width([*blocks[-1], column]) > width:
@@ -114,14 +114,17 @@ def _blocks(columns: Sequence[_Column], width: int) -> list[list[_Column]]:
 
 
 def _wrapped(column: _Column, width: int) -> _Column:
-    """The same column with line feeds in its cells."""
-    if _of_column(column) <= width:
-        return column
-    name, *rest = ("\n".join(_lines(cell, width)) for cell in (column.name, *column.cells))
-    return column._replace(name=name, cells=tuple(rest))
+    """The same column with line feeds in its cells: the first column and any other fit in one line."""
+    third, half = max(width // 3, MIN_TEXT), max(width // 2, MIN_TEXT)
+    return column._replace(
+        name="\n".join(_lines(column.name, half)),
+        cells=tuple("\n".join(_lines(cell, third)) for cell in column.cells),
+    )
 
 
 def _lines(cell: str, width: int) -> list[str]:
+    if cells(cell) <= width:
+        return [cell]
     # a character may take two cells: then the half of them fits
     fit = width if cells(cell) == len(cell) else width // 2
     return textwrap.wrap(cell, fit) or [cell]
