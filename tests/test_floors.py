@@ -11,7 +11,7 @@ FLOOR = {
     "state_constraints": 0, "interval_text": 0, "presentation": 0, "types": 0.2, "runs": 0,
     "errors": 0, "import_guard": 0, "child_process": 0, "one_thread": 0,
     "dbc_text": 0.3, "parsing": 0.5, "identified_model": 0.5, "timestamps": 1,
-    "findings": 1, "log_contents": 1,
+    "findings": 1, "log_contents": 1, "fleet_summary": 1,
     "frame_columns": 1, "restart_time": 1, "vehicle": 2.2, "samples": 2.5, "signal_checks": 2.7, "triggers": 2.8,
     "identification": 1,
     "effects": 2, "systems": 1.5,
