@@ -46,6 +46,7 @@ class Written(NamedTuple):
 
     logs: Path  # CAR/DRIVER/NAME.blf and nothing else
     vehicles: dict[str, Path]  # car -> vehicle file
+    map: Path  # of `canid fleet --vehicles`
     truth: Path  # outside of `logs`
 
 
@@ -72,7 +73,7 @@ def write(fleet: Fleet, folder: Path, processes: int = 2) -> Written:
             _all(pool.map(_write, jobs, chunksize=4))
     where = folder / "truth.json"
     where.write_text(json.dumps(truth(fleet), indent=1), encoding="utf-8")
-    return Written(logs, vehicles, where)
+    return Written(logs, vehicles, _map(fleet, folder), where)
 
 
 def frames(drive: Drive, vehicle: Vehicle) -> list[Frame]:
@@ -155,6 +156,18 @@ def _vehicle_file(folder: Path, car: str) -> Path:
     assert own.count(car) == 2
     path = folder / f"{car}.toml"
     path.write_text(own, encoding="utf-8")
+    return path
+
+
+def _map(fleet: Fleet, folder: Path) -> Path:
+    """The mapping file: drivers and cars are the folders', groups the drivers'."""
+    groups = {one.name: one.group for one in fleet.drivers}
+    lines = []
+    for car, label in sorted({(one.car, one.label) for one in fleet.drives}):
+        lines += ["[[drives]]", f'match = "{car}/{label}/*.blf"', f'group = "{groups[label]}"']
+        lines += [f'vehicle = "vehicles/{car}.toml"', ""]
+    path = folder / "map.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
     return path
 
 
