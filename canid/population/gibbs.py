@@ -1,0 +1,254 @@
+"""Gibbs sampler of the hierarchical normal model of estimates with known covariances of their errors.
+
+y_ij ~ N(m_g(ij) + b_i, (S_ij + W) / lambda_ij), b_i ~ N(0, B / kappa_i) of drive j of driver i in group g; flat prior of m,
+Huang & Wand's (2013) of B and W. lambda is 1 of an ordinary drive; of an outlier it is gamma, so that its estimate is
+Student's t of NU_OUTLIER degrees of freedom and SCALE_OUTLIER times the spread (a scale mixture with a mass at 1: Box & Tiao
+1968 with t in the place of their wider normal, so that the influence of an estimate falls to 0 with its distance). kappa
+likewise of drivers.
+Collapsed where it can be (van Dyk & Park 2008): lambda without the drive's true parameters, m without b, both without the
+true parameters; and B and W are rescaled together with their deviations (`covariance_prior.rescale`).
+
+Arrays: parameters first, then chains C, then drives n or drivers I last, so that each operation runs over all of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammaln
+
+from canid.population import covariance_prior
+from canid.population.batched_inverse import inverse, times
+from canid.population.drive_table import Flags, Index
+from canid.types import Array
+
+# Student's t of outliers: 3 degrees of freedom, the fewest whole number with a variance
+NU_OUTLIER = 3.0
+# its scale in standard deviations: an outlier is what ordinary drives give once in 300, and wider
+SCALE_OUTLIER = 3.0
+# Beta prior of the share of outliers: 5 % with the weight of 20 drives, gross errors of field data are 1 to 10 % (Hampel et
+# al. 1986, section 1.2c)
+SHARE_OUTLIER = (1.0, 19.0)
+# drivers from which on one of them may be an outlier: of fewer it cannot be told from a wide spread
+MIN_DRIVERS = 5
+# variance of means that no drive knows, in units of the scaled parameters: no information, and finite
+VAGUE = 1e6
+
+
+class Data(NamedTuple):
+    """Estimates in units in which the scale of the prior is 1; drives in the order of drivers, and of groups in each.
+
+    Chains may have data of their own (many fleets of one shape at once).
+    """
+
+    y: Array  # (p, C, n) 0 where not known
+    s: Array  # (p, p, C, n) covariance of the error, 0 where not known
+    known: Flags  # (p, C, n)
+    driver: Index  # (n,) 0 to I - 1, none without a drive, in ascending order
+    group: Index  # (n,) 0 to G - 1, ascending within a driver
+
+
+class Draws(NamedTuple):
+    """D draws of each chain, and what was averaged over them."""
+
+    mean: Array  # (D, C, G, p) m
+    mean_hat: Array  # (D, C, G p) expectation of m given B, W and the weights
+    mean_covariance: Array  # (D, C, G p, G p) of m, likewise
+    between: Array  # (D, C, p, p) B
+    within: Array  # (D, C, p, p) W
+    deviation: Array  # (D, p, C, I) b
+    drive_outlier: Array  # (C, n) probability
+    driver_outlier: Array  # (C, I)
+    drive_weight: Array  # (C, n) mean of lambda
+    driver_weight: Array  # (C, I) mean of kappa
+    pull: Array  # (p, C, I) share of the shrunken estimate that is the population's mean
+
+
+def sample(data: Data, rng: np.random.Generator, burn: int, keep: int, scale: float = 1.0) -> Draws:
+    """Draw from the posterior.
+
+    Args:
+        data: of n >= 1 drives.
+        rng: random numbers; the same give the same draws.
+        burn: steps that are dropped.
+        keep: D.
+        scale: of the half-t priors of standard deviations.
+
+    Example:
+        >>> rng = np.random.default_rng(1)
+        >>> y = np.repeat(rng.standard_normal(20), 5)[None, None] + 0.5 * rng.standard_normal((1, 1, 100))
+        >>> driver, group = np.repeat(np.arange(20), 5), np.zeros(100, dtype=int)
+        >>> data = Data(y, np.full((1, 1, 1, 100), 0.01), np.ones((1, 1, 100), bool), driver, group)
+        >>> draws = sample(data, rng, 100, 300)
+        >>> sd = np.sqrt(draws.within[:, 0, 0, 0]).mean(), np.sqrt(draws.between[:, 0, 0, 0]).mean()
+        >>> bool(abs(sd[0] - 0.5) < 0.1), bool(0.4 < sd[1] < 1.6)
+        (True, True)
+    """
+    p, chains, n = data.y.shape
+    eye = np.eye(p)
+    drivers, groups = int(data.driver[-1]) + 1, int(data.group.max()) + 1
+    both = data.known[:, None] & data.known[None, :]
+    count = data.known.sum(axis=0)
+    # exact estimates have no inverse: 1e-5 of the prior's scale is added to their standard deviations
+    s = np.where(both, data.s + (1e-10 * eye)[:, :, None, None], 0.0)
+    s_inverse = np.where(both, inverse(np.where(both, s, eye[:, :, None, None])), 0.0)
+    s_root = np.moveaxis(_root(np.moveaxis(s, (0, 1), (-2, -1))), (-2, -1), (0, 1))
+    cell_first, cell_driver, cell_group = _cells(data.driver, data.group)
+    # outliers' density over ordinary drives', without what depends on the distance, by the number of known parameters
+    t_constant, d_constant = _t_constant(count), _t_constant(np.full(drivers, p))
+
+    between = np.tile(eye, (chains, 1, 1))
+    within = np.tile(eye, (chains, 1, 1))
+    mean = _start(data, groups)
+    b = np.zeros((p, chains, drivers))
+    share, driver_share = np.full(chains, 0.05), np.full(chains, 0.05)
+    kappa = np.ones((chains, drivers))
+    out: list[tuple[Array, ...]] = []
+    total = [np.zeros((chains, n)), np.zeros((chains, drivers)), np.zeros((chains, n))]
+    total += [np.zeros((chains, drivers)), np.zeros((p, chains, drivers))]
+    for step in range(burn + keep):
+        # drives: distance, and whether an outlier
+        w = np.moveaxis(within, 0, -1)[..., None]
+        precision = np.where(both, inverse(np.where(both, s + w, eye[:, :, None, None])), 0.0)
+        residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
+        distance = np.sum(residual * times(precision, residual), axis=0)
+        p_outlier, lam = _weights(rng, distance, count, t_constant, share)
+        flagged = lam[1]
+        share = rng.beta(SHARE_OUTLIER[0] + flagged.sum(axis=1), SHARE_OUTLIER[1] + n - flagged.sum(axis=1))
+        # means of groups without the drivers' deviations, then the deviations
+        weighted = precision * lam[0]
+        cell_q = np.zeros((p, p, chains, drivers, groups))
+        cell_h = np.zeros((p, chains, drivers, groups))
+        cell_q[..., cell_driver, cell_group] = np.add.reduceat(weighted, cell_first, axis=-1)
+        cell_h[..., cell_driver, cell_group] = np.add.reduceat(times(weighted, data.y), cell_first, axis=-1)
+        b_inverse = np.moveaxis(np.linalg.inv(between), 0, -1)[..., None] * kappa
+        q = cell_q.sum(axis=-1)
+        t = inverse(q + b_inverse)
+        hat, hat_covariance = _means(cell_q, cell_h, t)
+        mean_flat = (
+            hat + (np.linalg.cholesky(hat_covariance) @ rng.standard_normal(hat.shape)[..., None])[..., 0]
+        )
+        mean = mean_flat.reshape(chains, groups, p).transpose(2, 0, 1)
+        left = cell_h.sum(axis=-1)
+        for g in range(groups):
+            left -= times(cell_q[..., g], mean[:, :, g, None])
+        root = np.moveaxis(np.linalg.cholesky(np.moveaxis(t, (0, 1), (-2, -1))), (-2, -1), (0, 1))
+        b = times(t, left) + times(root, rng.standard_normal(b.shape))
+        # spread between drivers
+        information = np.einsum("kci,lci,klci->ckl", b, b, q)
+        score = np.einsum("kci,kci->ck", b, left)
+        factor = covariance_prior.rescale(rng, between, information, score, scale)
+        b *= factor.T[:, :, None]
+        between *= factor[:, :, None] * factor[:, None, :]
+        if drivers >= MIN_DRIVERS:
+            b_inverse = np.moveaxis(np.linalg.inv(between), 0, -1)[..., None]
+            distance = np.sum(b * times(b_inverse, b), axis=0)
+            d_outlier, (kappa, d_flagged) = _weights(
+                rng, distance, np.full(drivers, p), d_constant, driver_share
+            )
+            flags = d_flagged.sum(axis=1)
+            driver_share = rng.beta(SHARE_OUTLIER[0] + flags, SHARE_OUTLIER[1] + drivers - flags)
+        else:
+            d_outlier = np.zeros((chains, drivers))
+        scatter = np.einsum("kci,lci,ci->ckl", b, b, kappa)
+        between = covariance_prior.draw(rng, between, scatter, np.array(float(drivers)), scale)
+        # true deviations of the drives (by a draw from the prior and its residual: Matheron's rule), and the spread within
+        residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
+        w_root = np.moveaxis(np.linalg.cholesky(within), 0, -1)[..., None]
+        sigma = lam[0] ** -0.5
+        u = times(w_root, rng.standard_normal(residual.shape)) * sigma
+        error = times(s_root, rng.standard_normal(residual.shape)) * sigma
+        u = u + times(w, times(precision, np.where(data.known, residual - u - error, 0.0)))
+        weighted_u = u * lam[0]
+        information = np.einsum("kcn,lcn,klcn->ckl", u, weighted_u, s_inverse)
+        score = np.einsum("kcn,kcn->ck", weighted_u, times(s_inverse, residual))
+        factor = covariance_prior.rescale(rng, within, information, score, scale)
+        u *= factor.T[:, :, None]
+        within *= factor[:, :, None] * factor[:, None, :]
+        scatter = np.einsum("kcn,lcn,cn->ckl", u, u, lam[0])
+        within = covariance_prior.draw(rng, within, scatter, np.array(float(n)), scale)
+        if step >= burn:
+            out.append((mean.transpose(1, 2, 0), hat, hat_covariance, between.copy(), within.copy(), b))
+            pull = np.einsum("klci,lkci->kci", t, np.broadcast_to(b_inverse, t.shape))
+            for sum_, new in zip(total, (p_outlier, d_outlier, lam[0], kappa, pull), strict=True):
+                sum_ += new / keep
+    stacked = [np.array([one[k] for one in out]) for k in range(6)]
+    return Draws(*stacked, *total)
+
+
+def _cells(driver: Index, group: Index) -> tuple[Index, Index, Index]:
+    """Runs of drives of one driver in one group: where each begins, its driver, its group."""
+    key = driver * (int(group.max()) + 1) + group
+    first = np.flatnonzero(np.diff(key, prepend=-1)).astype(np.intp)
+    return first, driver[first], group[first]
+
+
+def _root(s: Array) -> Array:
+    """Symmetric roots of covariances, which may be singular."""
+    value, vector = np.linalg.eigh(s)
+    return np.asarray(vector * np.sqrt(np.maximum(value, 0.0))[..., None, :])
+
+
+def _start(data: Data, groups: int) -> Array:
+    """Medians of what is known, which outliers do not move; (p, C, G)."""
+    out = np.zeros((*data.y.shape[:2], groups))
+    for g in range(groups):
+        of = data.group == g
+        y = np.where(data.known[..., of], data.y[..., of], np.nan)
+        some = np.isfinite(y).any(axis=-1)
+        out[..., g][some] = np.nanmedian(y[some], axis=-1)
+    return out
+
+
+def _t_constant(count: Array | Index) -> Array:
+    """Logarithm of the ratio of Student's t density to the normal one, at a distance of 0."""
+    k = np.asarray(count, dtype=np.float64)
+    return np.asarray(
+        gammaln(0.5 * (NU_OUTLIER + k))
+        - gammaln(0.5 * NU_OUTLIER)
+        + 0.5 * k * np.log(2.0 / (NU_OUTLIER * SCALE_OUTLIER**2))
+    )
+
+
+def _weights(
+    rng: np.random.Generator, distance: Array, count: Array | Index, constant: Array, share: Array
+) -> tuple[Array, tuple[Array, Array]]:
+    """Probability of an outlier, and a draw: weight and flag."""
+    t = NU_OUTLIER * SCALE_OUTLIER**2
+    log_odds = constant - 0.5 * (NU_OUTLIER + count) * np.log1p(distance / t) + 0.5 * distance
+    log_odds = log_odds + np.log(share / (1.0 - share))[:, None]
+    # beyond 50 the probability is 1 to the last bit
+    probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0)))
+    flag = rng.random(distance.shape) < probability
+    drawn = 2.0 * rng.standard_gamma(0.5 * (NU_OUTLIER + count), size=distance.shape) / (t + distance)
+    return probability, (np.where(flag, drawn, 1.0), flag.astype(np.float64))
+
+
+def _means(cell_q: Array, cell_h: Array, t: Array) -> tuple[Array, Array]:
+    """Means of groups given B and W, with the drivers' deviations integrated out: expectation and covariance.
+
+    Args:
+        cell_q: (p, p, C, I, G) information of a driver's drives in a group.
+        cell_h: (p, C, I, G).
+        t: (p, p, C, I) covariance of a driver's deviation given the means.
+
+    Returns:
+        (C, G p) and (C, G p, G p).
+    """
+    p, _, chains, _, groups = cell_q.shape
+    h_driver = cell_h.sum(axis=-1)
+    pulled = times(t, h_driver)
+    a = np.zeros((chains, groups, p, groups, p))
+    h = np.zeros((chains, groups, p))
+    for g in range(groups):
+        # q_g T, of each driver
+        gain = np.stack([times(t, cell_q[:, k, ..., g]) for k in range(p)])
+        h[:, g] = (cell_h[..., g] - times(cell_q[..., g], pulled)).sum(axis=-1).T
+        a[:, g, :, g, :] += np.moveaxis(cell_q[..., g].sum(axis=-1), -1, 0)
+        for other in range(groups):
+            a[:, g, :, other, :] -= np.einsum("kmci,mlci->ckl", gain, cell_q[..., other])
+    size = groups * p
+    flat = a.reshape(chains, size, size) + np.eye(size) / VAGUE
+    covariance = np.linalg.inv(0.5 * (flat + flat.swapaxes(1, 2)))
+    return (covariance @ h.reshape(chains, size, 1))[..., 0], covariance
