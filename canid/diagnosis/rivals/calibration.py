@@ -51,19 +51,10 @@ def calibrate(model: RivalModel, of: Leads, starts: tuple[Array, ...] = ()) -> C
 def intervals(model: RivalModel, of: Calibrated) -> dict[str, Interval]:
     """95 % intervals by the jackknife over stretches, linearised (CR3, MacKinnon & White 1985).
 
-    Errors of one stretch are correlated. A parameter at the end of its range is not identified: its interval is the range.
+    Errors of one stretch are correlated. A parameter that is not identified, as in `covariance`, has its range as interval.
     """
-    free = (of.x > AT_BOUND) & (of.x < 1 - AT_BOUND)
-    J = of.jacobian[:, free]
-    numbers = np.unique(of.stretch)
-    m = numbers.size
-    shifts = []
-    for k in numbers:
-        here = of.stretch == k
-        others = J[~here].T @ J[~here]
-        shifts.append(np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ (J[here].T @ of.left[here]))
-    sd = np.full(of.x.size, np.inf)
-    sd[free] = np.sqrt((m - 1) / m * np.sum(np.square(shifts), axis=0))
+    m = np.unique(of.stretch).size
+    sd = np.sqrt(np.diagonal(covariance(of)))
     wide = float(student.isf(MISS / 2, max(m - 1, 1))) * sd
     value, low, high = (
         model.physical(np.clip(x, 0.0, 1.0)[:, None])[:, 0] for x in (of.x, of.x - wide, of.x + wide)
@@ -72,6 +63,27 @@ def intervals(model: RivalModel, of: Calibrated) -> dict[str, Interval]:
         one.name: Interval(float(value[k]), float(low[k]), float(high[k]))
         for k, one in enumerate(model.parameters)
     }
+
+
+def covariance(of: Calibrated) -> Array:
+    """Covariance of the parameters on the unit cube, (k, k), by the jackknife over stretches (CR3).
+
+    A parameter at the end of its range, or that moves nothing, is not identified: its variance is infinite, its covariances
+    are 0.
+    """
+    free = (of.x > AT_BOUND) & (of.x < 1 - AT_BOUND) & np.any(of.jacobian != 0.0, axis=0)
+    J = of.jacobian[:, free]
+    numbers = np.unique(of.stretch)
+    m = numbers.size
+    shifts = []
+    for k in numbers:
+        here = of.stretch == k
+        others = J[~here].T @ J[~here]
+        shifts.append(np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ (J[here].T @ of.left[here]))
+    out = np.diag(np.where(free, 0.0, np.inf))
+    rows = np.array(shifts)
+    out[np.ix_(free, free)] = (m - 1) / m * rows.T @ rows
+    return out
 
 
 def _screened(model: RivalModel, of: Leads) -> tuple[Array, ...]:

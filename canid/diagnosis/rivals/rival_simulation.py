@@ -52,13 +52,14 @@ def leads(gap: Array, speed: Array, lead: Array, where: Sequence[Stretch], dt: f
     return Leads(gap[rows], speed[rows], lead[rows], inside, every * dt)
 
 
-def simulate(model: RivalModel, q: Array, of: Leads) -> tuple[Array, Array]:
+def simulate(model: RivalModel, q: Array, of: Leads, noise: Array | None = None) -> tuple[Array, Array]:
     """Simulate from the measured first state of each stretch (ballistic steps, Treiber & Kanagaraj 2015).
 
     Args:
         model: which one.
         q: (k, p) parameters: p vectors, or (k, p, m): one for each stretch.
         of: the stretches.
+        noise: (steps - 1, p, m) m/s² that the driver adds; None: none.
 
     Returns:
         gap (steps, p, m) m and speed (steps, p, m) m/s.
@@ -70,7 +71,8 @@ def simulate(model: RivalModel, q: Array, of: Leads) -> tuple[Array, Array]:
     middle = 0.5 * (of.lead[1:] + of.lead[:-1])
     for k in range(steps - 1):
         v = speed[k]
-        accel = np.clip(model.acceleration(q, gap[k], v, of.lead[k]), MIN_ACCEL, MAX_ACCEL)
+        accel = model.acceleration(q, gap[k], v, of.lead[k])
+        accel = np.clip(accel if noise is None else accel + noise[k], MIN_ACCEL, MAX_ACCEL)
         np.maximum(v + of.dt * accel, 0.0, out=speed[k + 1])
         opening = middle[k] - 0.5 * (v + speed[k + 1])
         np.maximum(gap[k] + of.dt * opening, MIN_GAP_M, out=gap[k + 1])

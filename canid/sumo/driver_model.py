@@ -1,0 +1,241 @@
+"""A drive's driver as a car-following model of SUMO: calibrated in closed loop on the gap, chosen on held-out data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.driver.held_out import FOLDS
+from canid.diagnosis.rivals.calibration import Calibrated, calibrate, covariance, intervals
+from canid.diagnosis.rivals.comparison import MIN_STRETCHES
+from canid.diagnosis.rivals.recommendation import MARGIN
+from canid.diagnosis.rivals.rival_simulation import STEP_S, Leads, leads, simulate
+from canid.findings import ClosedLoopError, nrmse
+from canid.sumo import driver_noise
+from canid.sumo.driver_noise import DriverNoise
+from canid.sumo.following import Following, distributions, following, in_stretches, quantiles
+from canid.sumo.sumo_models import MODELS, SumoModel, sensitivity
+from canid.types import NAN, Array, Interval, Trace
+
+# grows when a name of the JSON goes or changes its meaning
+VERSION = 1
+NOT_ENOUGH_DATA = "not_enough_data"
+OK = "ok"
+# a model whose gap errs by more than it varies describes nobody
+WORST_ERROR = 1.0
+
+
+class Candidate(NamedTuple):
+    """One model, calibrated to a drive."""
+
+    model: str
+    source: str
+    parameters: Mapping[str, Interval]
+    units: Mapping[str, str]
+    x: tuple[float, ...]  # on the unit cube
+    covariance: tuple[tuple[float, ...], ...]  # of x; variance inf: not identified
+    error: ClosedLoopError  # on held-out data
+    noise: DriverNoise
+
+
+class DriverModel(NamedTuple):
+    """The driver of one drive."""
+
+    model: str  # of the candidate that was chosen
+    why: str  # it was chosen, as one line
+    candidates: tuple[Candidate, ...]
+    seconds: float  # of following that it rests on
+    top_speed: float  # m/s, 99.5 % point while following
+    quantiles: Mapping[str, tuple[float, ...]]  # gap, time_gap, speed, accel at `following.PERCENT`
+
+    @property
+    def chosen(self) -> Candidate:
+        """The candidate that was chosen."""
+        return next(one for one in self.candidates if one.model == self.model)
+
+
+class NoModel(NamedTuple):
+    """A drive that shows too little of its driver."""
+
+    reason: str
+
+
+def fit(trace: Trace, output: str = "") -> DriverModel | NoModel:
+    """Fit SUMO's models to a drive.
+
+    Args:
+        trace: of a drive behind a lead.
+        output: role of the driver's output. Gap and speed alone count, as SUMO has no pedal; a drive that is steered has no
+            model.
+
+    Returns:
+        the models with the chosen one, or the reason why there is none.
+
+    Example:
+        >>> import canid
+        >>> found = fit(canid.read_trace("replay_logs/following_urban.blf", "generic"), "pedal")
+        >>> found.model, found.chosen.error.gap < 0.5
+        ('ACC', True)
+    """
+    if output == "steering_angle":
+        return NoModel("the driver steers: SUMO's car-following models know gap and speed alone")
+    columns = following(trace)
+    if columns is None:
+        return NoModel("gap, range rate or speed was not measured")
+    where = in_stretches(columns)
+    if len(where) < MIN_STRETCHES:
+        return NoModel(f"{len(where)} stretches behind a lead, {MIN_STRETCHES} are needed: drive longer")
+    side = leads(columns.gap, columns.speed, columns.lead, where, columns.dt)
+    fold = np.array([one.block % FOLDS for one in where])
+    found = tuple(_candidate(one, side, fold) for one in MODELS)
+    best = _best(found)
+    if best is None:
+        return NoModel("no model follows the lead of this drive in closed loop")
+    return DriverModel(*best, found, float(columns.shown.sum()) * columns.dt, *_driven(columns))
+
+
+def _driven(of: Following) -> tuple[float, dict[str, tuple[float, ...]]]:
+    found = quantiles(distributions(of.gap, of.speed, of.shown, of.dt))
+    return found["speed"][-1], found
+
+
+def _candidate(model: SumoModel, of: Leads, fold: Array) -> Candidate:
+    rival = model.rival
+    whole = calibrate(rival, of)
+    q = rival.physical(whole.x)
+    # a model that sets the speed drives it within one step
+    sd, time = driver_noise.noise(rival, q, of, 1.0 / STEP_S if model.noise_of == "speed" else 1.0)
+    return Candidate(
+        rival.name,
+        rival.source,
+        intervals(rival, whole),
+        {one.name: one.unit for one in rival.parameters},
+        tuple(whole.x.tolist()),
+        tuple(tuple(row) for row in covariance(whole).tolist()),
+        _held_out(model, whole, of, fold),
+        DriverNoise(sd, time, sensitivity(model, q, of)),
+    )
+
+
+def _held_out(model: SumoModel, whole: Calibrated, of: Leads, fold: Array) -> ClosedLoopError:
+    rival = model.rival
+    q = np.empty((whole.x.size, 1, fold.size))
+    for k in np.unique(fold):
+        others = fold != k
+        fitted = calibrate(rival, of.take(others), (whole.x,)) if others.any() else whole
+        q[:, 0, ~others] = rival.physical(fitted.x)[:, None]
+    gap, speed = (x[:, 0][of.inside] for x in simulate(rival, q, of))
+    return ClosedLoopError(nrmse(gap, of.gap[of.inside]), nrmse(speed, of.speed[of.inside]))
+
+
+def _best(found: tuple[Candidate, ...]) -> tuple[str, str] | None:
+    """The model and why; None: no one follows the lead."""
+    known = [one for one in found if math.isfinite(one.error.gap)]
+    if not known:
+        return None
+    least = min(known, key=lambda one: one.error.gap)
+    if least.error.gap > WORST_ERROR:
+        return None
+    errors = ", ".join(f"{one.model} {one.error.gap:.3f}" for one in known)
+    says = f"held-out error of the gap: {errors}"
+    # errors on the same stretches differ by chance
+    first = next(one for one in known if one.error.gap * (1.0 - MARGIN) <= least.error.gap)
+    if first is least:
+        return least.model, says
+    return first.model, f"{says}; {least.model} is not better by {100 * MARGIN:.0f} %"
+
+
+def to_json(model: DriverModel | NoModel) -> dict[str, Any]:
+    """As a JSON object; null: not known.
+
+    Example:
+        >>> to_json(NoModel("drive longer"))
+        {'version': 1, 'status': 'not_enough_data', 'reason': 'drive longer'}
+    """
+    if isinstance(model, NoModel):
+        return {"version": VERSION, "status": NOT_ENOUGH_DATA, "reason": model.reason}
+    return {
+        "version": VERSION,
+        "status": OK,
+        "model": model.model,
+        "why": model.why,
+        "seconds": model.seconds,
+        "top_speed": model.top_speed,
+        "quantiles": {name: list(x) for name, x in model.quantiles.items()},
+        "candidates": [
+            {
+                "model": one.model,
+                "source": one.source,
+                "parameters": {
+                    name: {**_interval(x), "unit": one.units[name]} for name, x in one.parameters.items()
+                },
+                "x": list(one.x),
+                "covariance": [[_number(c) for c in row] for row in one.covariance],
+                "nrmse": {"gap": _number(one.error.gap), "speed": _number(one.error.speed)},
+                "noise": {
+                    "sd": _interval(one.noise.sd),
+                    "time": _interval(one.noise.time),
+                    "sensitivity": _number(one.noise.sensitivity),
+                },
+            }
+            for one in model.candidates
+        ],
+    }
+
+
+def from_json(made: Mapping[str, Any]) -> DriverModel | NoModel:
+    """Read what `to_json` wrote.
+
+    Raises:
+        ValueError: it is of another version, or no such object.
+    """
+    if made.get("version") != VERSION:
+        raise ValueError(
+            f"driver model of version {made.get('version')!r}, not {VERSION}: analyse the drive again"
+        )
+    try:
+        if made["status"] != OK:
+            return NoModel(str(made["reason"]))
+        return DriverModel(
+            str(made["model"]),
+            str(made["why"]),
+            tuple(_read(one) for one in made["candidates"]),
+            float(made["seconds"]),
+            float(made["top_speed"]),
+            {str(name): tuple(float(v) for v in x) for name, x in made["quantiles"].items()},
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"no driver model: {error!r}") from None
+
+
+def _read(made: Mapping[str, Any]) -> Candidate:
+    parameters, noise = made["parameters"], made["noise"]
+    return Candidate(
+        str(made["model"]),
+        str(made["source"]),
+        {name: _as_interval(x) for name, x in parameters.items()},
+        {name: str(x["unit"]) for name, x in parameters.items()},
+        tuple(float(x) for x in made["x"]),
+        tuple(tuple(math.inf if c is None else float(c) for c in row) for row in made["covariance"]),
+        ClosedLoopError(_as_number(made["nrmse"]["gap"]), _as_number(made["nrmse"]["speed"])),
+        DriverNoise(_as_interval(noise["sd"]), _as_interval(noise["time"]), _as_number(noise["sensitivity"])),
+    )
+
+
+def _number(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None
+
+
+def _interval(x: Interval) -> dict[str, float | None]:
+    return {"value": _number(x.value), "low": _number(x.low), "high": _number(x.high)}
+
+
+def _as_number(x: Any) -> float:
+    return NAN if x is None else float(x)
+
+
+def _as_interval(x: Mapping[str, Any]) -> Interval:
+    return Interval(_as_number(x["value"]), _as_number(x["low"]), _as_number(x["high"]))

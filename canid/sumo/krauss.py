@@ -1,0 +1,67 @@
+"""Krauss's model of the safe speed (Krauss 1998) as SUMO has it: the gap allows the own stop behind that of the lead.
+
+v T + v² / (2 b) = gap - s0 + v_lead² / (2 max(b, b_lead)); the safe speed is driven at once, within a and b.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from canid.diagnosis.rivals.rival_model import RivalModel, RivalParameter
+from canid.diagnosis.rivals.rival_simulation import STEP_S
+from canid.types import Array
+
+# m/s²; SUMO's default of `decel`, which followers assume of a lead. `vehicle_types` writes it as `apparentDecel`
+LEAD_DECEL = 4.5
+
+
+def safe_speed(q: Array, gap: Array, lead: Array) -> Array:
+    """Return the lesser of safe and wanted speed, m/s.
+
+    Args:
+        q: v0, T, s0, a, b.
+        gap: m.
+        lead: m/s, the lead's speed.
+
+    Example:
+        >>> q = np.array([40.0, 1.2, 2.0, 2.0, 3.0])
+        >>> round(float(safe_speed(q, np.array(48.22), np.array(20.0))), 2)  # SUMO 1.28 keeps 20 m/s there
+        20.0
+    """
+    v0, T, s0, _, b = q
+    under = np.square(b * T) + 2 * b * (gap - s0) + np.square(lead) * (b / np.maximum(b, LEAD_DECEL))
+    out: Array = np.minimum(np.sqrt(np.maximum(under, 0.0)) - b * T, v0)
+    return out
+
+
+def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
+    """Return the acceleration, m/s²: to the safe speed within one step of the simulation.
+
+    Args:
+        q: v0, T, s0, a, b.
+        gap: m.
+        speed: m/s.
+        lead: m/s, the lead's speed.
+
+    Example:
+        >>> q = np.array([40.0, 1.2, 2.0, 2.0, 3.0])
+        >>> float(acceleration(q, np.array(200.0), np.array(20.0), np.array(20.0)))
+        2.0
+    """
+    _, _, _, a, _ = q
+    out: Array = np.minimum((safe_speed(q, gap, lead) - speed) / STEP_S, a)
+    return out
+
+
+KRAUSS = RivalModel(
+    "Krauss",
+    "Krauss 1998",
+    (
+        RivalParameter("v0", "m/s", 5.0, 80.0),
+        RivalParameter("T", "s", 0.1, 4.0),
+        RivalParameter("s0", "m", 0.5, 15.0),
+        RivalParameter("a", "m/s²", 0.2, 4.0),
+        RivalParameter("b", "m/s²", 0.5, 8.0),
+    ),
+    acceleration,
+)

@@ -1,0 +1,68 @@
+"""The list of SUMO's car-following models that a driver is fitted to, and how each of them is made stochastic.
+
+EIDM has an error of the acceleration of its own. The others see a wrong gap or range rate by SUMO's driver state device: an
+Ornstein-Uhlenbeck process times the gap (`sensitivity`, per unit of that process). Krauss sets the speed, so the noise is
+that of the speed.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.rivals.idm import IDM
+from canid.diagnosis.rivals.rival_model import RivalModel
+from canid.diagnosis.rivals.rival_simulation import STEP_S, Leads
+from canid.sumo.acc import ACC
+from canid.sumo.eidm import EIDM
+from canid.sumo.krauss import KRAUSS
+from canid.types import NAN, Array
+
+# relative step of the derivatives
+DERIVATIVE_STEP = 1e-3
+
+
+class SumoModel(NamedTuple):
+    """A model and what the driver's error acts on."""
+
+    rival: RivalModel
+    error_of: Literal["accel", "gap", "range_rate"]
+    noise_of: Literal["accel", "speed"]
+
+    @property
+    def name(self) -> str:
+        """SUMO's name of it."""
+        return self.rival.name
+
+
+# first the one that has noise of its own: it is taken where others are not better
+MODELS = (
+    SumoModel(EIDM, "accel", "accel"),
+    SumoModel(IDM, "gap", "accel"),
+    SumoModel(ACC, "range_rate", "accel"),
+    SumoModel(KRAUSS, "gap", "speed"),
+)
+BY_NAME = {one.name: one for one in MODELS}
+
+
+def sensitivity(model: SumoModel, q: Array, of: Leads) -> float:
+    """What the error's process does to acceleration or speed, rms over the drive; 1 where it is added to them as it is.
+
+    Args:
+        model: which one.
+        q: (k,) its parameters.
+        of: the stretches.
+    """
+    if model.error_of == "accel":
+        return 1.0
+    rival = model.rival
+    at = [x[of.inside] for x in (of.gap, of.speed, of.lead)]
+    rest = float(q[[one.name for one in rival.parameters].index("s0")])
+    # SUMO's error is relative to the gap without the one at rest
+    seen = DERIVATIVE_STEP * np.maximum(at[0] - rest, 0.0)
+    wrong = [at[0] + seen, at[1], at[2]] if model.error_of == "gap" else [at[0], at[1], at[2] + seen]
+    p = q[:, None]
+    moved = (rival.acceleration(p, *wrong) - rival.acceleration(p, *at)) / DERIVATIVE_STEP
+    out = float(np.sqrt(np.mean(moved**2))) if moved.size else NAN
+    return out * STEP_S if model.noise_of == "speed" else out
