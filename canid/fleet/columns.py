@@ -86,6 +86,10 @@ DRIVES = (
     Column("peak_bytes", "BIGINT", "B", "memory of the process"),
     Column("start_utc", "DOUBLE", "s", "since 1970; NULL: the log states no date"),
     Column("frames", "BIGINT"),
+    Column("missing", "VARCHAR[]", "", "signals that the vehicle file maps and the log does not hold"),
+    Column(
+        "counters", "VARCHAR", "", 'JSON: readings without a value, by reason ("gap: no target") -> how many'
+    ),
     Column("duration", "DOUBLE", "s"),
     Column("driving", "DOUBLE", "s"),
     Column("behind_lead", "DOUBLE", "s"),
@@ -206,12 +210,14 @@ POPULATION = (
     Column("output", "VARCHAR"),
     Column("unit", "VARCHAR", "", "of the output"),
     Column("car", "VARCHAR", "", "of pedals; else empty"),
-    Column("parameter", "VARCHAR", "", "log: the numbers are of the natural logarithm"),
+    Column("parameter", "VARCHAR", "", "as the drivers' columns have it"),
+    Column("relative", "BOOLEAN", "", "spreads are of the natural logarithm: 0.2 is some 20 %"),
     Column("drivers", "INTEGER"),
     Column("drives", "INTEGER"),
     *interval("mean", "", "over drivers"),
     *interval("between", "", "standard deviation between drivers"),
     *interval("within", "", "standard deviation between drives of one driver"),
+    *interval("new_driver", "", "of a new drive of a new driver"),
     Column("says", "VARCHAR", "", "what the drives do not show"),
 )
 
