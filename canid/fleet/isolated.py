@@ -1,0 +1,231 @@
+"""The analysis of logs in a child process with limits: a log that hangs, eats memory or crashes costs itself alone.
+
+A child analyses one log after another, so that its start is paid once. One that was ended or has died is replaced. The child
+is `canid.fleet.analysis_process`.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from canid import child_process
+from canid.errors import one_line
+from canid.fleet.failed import NO_MEMORY
+from canid.fleet.job import Failure, Job, Outcome, Source, Status
+
+# a child that holds more than this share of the memory it may have, with no log in hand, is replaced
+MAX_IDLE_SHARE = 0.5
+# with which a child ends that has no memory left to say so: ENOMEM
+MEMORY_EXIT_CODE = 12
+# s that a child which was ended by force may take to be gone
+KILL_TIMEOUT_S = 5.0
+
+
+class Child:
+    """Owns one child process, started when it is first needed. Of one thread, apart from `close`."""
+
+    def __init__(self) -> None:
+        """The child is started when it is first needed."""
+        self._running: subprocess.Popen[bytes] | None = None
+        self._scratch = ""
+        self._sent: set[str] = set()  # sources that this child has
+        self._lock = threading.Lock()
+        self._closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """Of the child; None: there is none just now."""
+        running = self._running
+        return None if running is None else running.pid
+
+    def analyse(self, job: Job, source: Source) -> Outcome:
+        """Analyse one log in the child; see `analysis.analyse`.
+
+        Args:
+            job: the log, its settings and its limits.
+            source: how it is decoded; sent once to each child.
+
+        Returns:
+            the outcome; `timeout`, `memory` or `crashed` where the child was ended or has died.
+        """
+        try:
+            child = self._started()
+        except OSError as error:
+            return failed(
+                job, Failure.CRASHED, f"no process can be started to analyse it ({one_line(error)})"
+            )
+        ended: list[bool] = []
+        limit = job.settings.timeout_s
+
+        def end() -> None:
+            ended.append(True)
+            _kill(child)
+
+        watch = threading.Timer(limit, end)
+        watch.daemon = True
+        watch.start()
+        try:
+            outcome, idle_bytes = self._asked(child, job, source)
+        except (
+            OSError,
+            EOFError,
+            pickle.PickleError,
+            ValueError,
+            TypeError,
+            AttributeError,
+            ImportError,
+            IndexError,
+        ):
+            # it has died, or what came is no answer
+            watch.cancel()
+            code = self._stop()
+            if self._closed:
+                return failed(job, Failure.CRASHED, "the run was ended")
+            if ended:
+                return failed(job, Failure.TIMEOUT, f"it took more than {limit:g} s")
+            if code == MEMORY_EXIT_CODE:
+                return failed(job, Failure.MEMORY, NO_MEMORY)
+            return failed(job, Failure.CRASHED, f"its process {_ending(code)}")
+        finally:
+            watch.cancel()
+        if (
+            ended
+            or outcome.failure is Failure.MEMORY
+            or idle_bytes > MAX_IDLE_SHARE * job.settings.memory_bytes
+        ):
+            self._stop()
+        return outcome
+
+    def close(self) -> None:
+        """End the child at once, from whatever thread; nothing is started after it."""
+        with self._lock:
+            self._closed = True
+            running = self._running
+        if running is not None:
+            _kill(running)
+        self._stop()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        with self._lock:
+            if self._closed:
+                raise OSError("the run was ended")
+            if self._running is None:
+                self._scratch = tempfile.mkdtemp(prefix="canid-fleet-")
+                self._sent = set()
+                self._running = subprocess.Popen(
+                    child_process.command("canid.fleet.analysis_process", str(os.getpid()), self._scratch),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                    # a Ctrl-C in the terminal is for the parent to answer
+                    start_new_session=True,
+                )
+                _first_for_the_oom_killer(self._running.pid)
+            return self._running
+
+    def _asked(self, child: subprocess.Popen[bytes], job: Job, source: Source) -> tuple[Outcome, int]:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        of = f"{job.source} {source.fingerprint}"
+        message: Any = (job, of, None if of in self._sent else source)
+        pickle.dump(message, child.stdin, protocol=5)
+        child.stdin.flush()
+        self._sent.add(of)
+        outcome, idle_bytes = pickle.load(child.stdout)
+        return Outcome(*outcome), int(idle_bytes)
+
+    def _stop(self) -> int | None:
+        """End the child and wait for it; returns its exit code."""
+        with self._lock:
+            running, self._running = self._running, None
+            scratch, self._scratch = self._scratch, ""
+        code = None
+        if running is not None:
+            # a child that has died by itself keeps its code
+            _kill(running)
+            for stream in (running.stdin, running.stdout):
+                if stream is not None:
+                    with suppress(OSError, ValueError):
+                        stream.close()
+            with suppress(subprocess.TimeoutExpired):
+                code = running.wait(KILL_TIMEOUT_S)
+        if scratch:
+            shutil.rmtree(scratch, ignore_errors=True)
+        return code
+
+
+class Children:
+    """A child for each thread that asks."""
+
+    def __init__(self) -> None:
+        """No child is started before a thread asks."""
+        self._of_thread = threading.local()
+        self._all: list[Child] = []
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def analyse(self, job: Job, source: Source) -> Outcome:
+        """Analyse one log in this thread's child; see `Child.analyse`."""
+        child: Child | None = getattr(self._of_thread, "child", None)
+        if child is None:
+            child = self._of_thread.child = Child()
+            with self._lock:
+                self._all.append(child)
+                closed = self._closed
+            if closed:
+                child.close()
+        return child.analyse(job, source)
+
+    def close(self) -> None:
+        """End all children at once."""
+        with self._lock:
+            self._closed = True
+            children = list(self._all)
+        for child in children:
+            child.close()
+
+
+def failed(job: Job, failure: Failure, reason: str) -> Outcome:
+    """The outcome of a log that has no results."""
+    return Outcome(job.log, "", Status.FAILED, failure, reason, {})
+
+
+def _ending(code: int | None) -> str:
+    """How a process ended, in words.
+
+    >>> _ending(-9), _ending(3)
+    ('was ended by SIGKILL: where memory is short the system does that', 'ended with code 3')
+    """
+    if code is None:
+        return "does not answer"
+    if code >= 0:
+        return f"ended with code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    why = ": where memory is short the system does that" if name == "SIGKILL" else ""
+    return f"was ended by {name}{why}"
+
+
+def _kill(child: subprocess.Popen[bytes]) -> None:
+    """End a child, and what it has started itself."""
+    if child.poll() is None and hasattr(os, "killpg"):
+        with suppress(OSError):
+            os.killpg(child.pid, signal.SIGKILL)
+    child.kill()
+
+
+def _first_for_the_oom_killer(pid: int) -> None:
+    """Where memory runs out, the system shall end the child, not its parent."""
+    with suppress(OSError):
+        Path(f"/proc/{pid}/oom_score_adj").write_text("500", encoding="ascii")
