@@ -28,6 +28,7 @@ VERBS = (
     ("identify", "estimate the driver's parameters from logs, as text and JSON"),
     ("diagnose", "find what the simulation gets wrong and why, and how much a better model gains"),
     ("compare", "compare two drivers: which parameters and causes differ, by how much, beyond chance or not"),
+    ("fleet", "analyse many drives of many drivers, on all cores or on Dask"),
     ("study", "check both papers behind canid, and repeat their analysis on logs next to canid's"),
     ("simulate", "write a log of a simulated drive with known parameters"),
     ("look", "show what a log contains: ids, rates, changing bits; with DBC files their signals over time"),
@@ -121,6 +122,12 @@ def _run(args: list[str]) -> int:
         hint = f'did you mean "{close[0]}"?' if close else "`canid --help` lists the verbs"
         raise ConfigError(f'no verb "{args[0]}"; {hint}')
     module = import_module(f"canid.cli.{args[0]}")
-    parser = Parser(prog=f"canid {args[0]}", description=dict(VERBS)[args[0]])
+    prog, what, words = f"canid {args[0]}", dict(VERBS)[args[0]], args[1:]
+    # of a verb whose first word may be a verb of its own
+    parts = getattr(module, "SUB_VERBS", {})
+    if words and words[0] in parts:
+        module = import_module(f"canid.cli.{args[0]}_{words[0]}")
+        prog, what, words = f"{prog} {words[0]}", parts[words[0]], words[1:]
+    parser = Parser(prog=prog, description=what)
     module.arguments(parser)
-    return int(module.run(parser.parse_args(args[1:])))
+    return int(module.run(parser.parse_args(words)))

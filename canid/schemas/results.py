@@ -254,6 +254,27 @@ RECOVER = record(
 STUDY = record(
     {"canid_study": COUNT, "command": TEXT, "paper": TEXT, "title": TEXT, "artifacts": {"type": "array"}}
 )
+FLEET = record(
+    {
+        "folder": TEXT,
+        "command": TEXT,
+        "logs": record(
+            {
+                "planned": COUNT,
+                "ok": COUNT,
+                "damaged": COUNT,
+                "failed": COUNT,
+                "duplicates": COUNT,
+                "analysed": COUNT,
+            }
+        ),
+        "failures": by_name(COUNT),
+        "drivers": some(record({"driver": TEXT, "drives": COUNT})),
+        "not_ok": some(
+            record({"log": TEXT, "status": nullable(TEXT), "failure": nullable(TEXT), "reason": TEXT})
+        ),
+    }
+)
 
 RESULTS: dict[str, Schema] = {
     "check": CHECK,
@@ -263,6 +284,7 @@ RESULTS: dict[str, Schema] = {
         {"path": TEXT, "rows": COUNT, "columns": NAMES},
         {"tables": some(record({"name": TEXT, "rows": COUNT, "columns": NAMES}))},
     ),
+    "fleet": FLEET,
     "identify": IDENTIFY,
     "init": record({"files": NAMES, "proposed": {"type": "object"}}),
     "look": record(

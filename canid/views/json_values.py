@@ -29,6 +29,7 @@ SCHEMA_VERSIONS = {
     "compare": 1,
     "diagnose": 1,
     "export": 1,
+    "fleet": 1,
     "identify": 1,
     "init": 1,
     "look": 1,

@@ -30,9 +30,14 @@ class Progress:
             from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
             from rich.progress import Progress as Bar
 
-            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
+            columns = (
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                TextColumn("{task.fields[count]}", markup=False),
+                TimeRemainingColumn(),
+            )
             self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
-            self._task = self._bar.add_task(terminal_text(label), total=None)
+            self._task = self._bar.add_task(terminal_text(label), total=None, count="")
             self._bar.start()
 
     def __enter__(self) -> Progress:
@@ -51,3 +56,11 @@ class Progress:
         if self._bar is not None and now - self._drawn > 1.0 / REDRAW_HZ:
             self._drawn = now
             self._bar.update(self._task, total=1.0, completed=fraction)
+
+    def count(self, done: int, total: int, remark: str = "") -> None:
+        """Set how many of a number are done, with a remark behind them."""
+        now = time.monotonic()
+        if self._bar is not None and (now - self._drawn > 1.0 / REDRAW_HZ or done == total):
+            self._drawn = now
+            text = ", ".join(filter(None, (f"{done:,} of {total:,}", terminal_text(remark))))
+            self._bar.update(self._task, total=max(total, 1), completed=done, count=text)

@@ -1,0 +1,76 @@
+"""The tables of a fleet's folder that users read: those of all logs of the plan, and of no others."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from canid.errors import OutputError
+from canid.fleet import parquet_files, parts, typed_rows
+from canid.fleet.columns import LOGS, TABLES, Column
+
+# columns of a log that stand in `drives` as well
+OF_THE_LOG = ("log", "driver", "car", "group_name", "status", "failure", "reason", "duplicate_of")
+NAMES = ("logs", *TABLES)
+_ORDER = Column("number", "BIGINT")
+
+
+def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
+    """Write `logs.parquet`, `drives.parquet` and the other tables, each whole or not at all.
+
+    `drives` has one row per log: a log that failed has no numbers, nor has a duplicate, whose numbers stand with
+    the first log of the same bytes.
+
+    Args:
+        folder: of the fleet.
+        logs: rows of `columns.LOGS`, in the order of the plan.
+
+    Raises:
+        OutputError: they cannot be written, such as on a full disk; those of an earlier run stay.
+    """
+    new = {name: folder / f".{name}.parquet.new" for name in NAMES}
+    lines = folder / ".logs.jsonl.new"
+    try:
+        with lines.open("wb") as file:
+            for number, row in enumerate(logs):
+                one = {_ORDER.name: number, **typed_rows.typed(row, LOGS)}
+                file.write(typed_rows.of_line(typed_rows.line("logs", one))[1] + b"\n")
+        with parquet_files.connected(folder) as connection:
+            source = parquet_files.of_lines(lines, (_ORDER, *LOGS))
+            connection.execute(f"CREATE TEMP TABLE plan AS SELECT * FROM {source}")
+            connection.execute(
+                "CREATE TEMP TABLE keys AS SELECT DISTINCT key FROM plan WHERE key IS NOT NULL"
+            )
+            for name in NAMES:
+                parquet_files.write(connection, _query(folder, name), new[name])
+        for name in NAMES:
+            os.replace(new[name], folder / f"{name}.parquet")
+        parquet_files.sync_folder(folder)
+    except OSError as error:
+        raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
+    finally:
+        for path in (lines, *new.values()):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def _query(folder: Path, table: str) -> str:
+    if table == "logs":
+        return f"SELECT {_names(LOGS)} FROM plan ORDER BY number"
+    columns = TABLES[table]
+    rows = parquet_files.of_files(parts.files(folder, table), columns)
+    if table != "drives":
+        return f"SELECT {_names(columns)} FROM {rows} SEMI JOIN keys USING (key)"
+    of_log = ", ".join(f"plan.{parquet_files.name(name)}" for name in OF_THE_LOG)
+    numbers = ", ".join(f"found.{parquet_files.name(column.name)}" for column in columns)
+    return (
+        f"SELECT {of_log}, {numbers} FROM plan LEFT JOIN {rows} AS found "
+        "ON found.key = plan.key AND plan.duplicate_of IS NULL ORDER BY plan.number"
+    )
+
+
+def _names(columns: Iterable[Column]) -> str:
+    return ", ".join(parquet_files.name(column.name) for column in columns)
