@@ -155,6 +155,27 @@ BENCHMARKS = (
         "seven driver models of Eclipse SUMO: identify, diagnose, a second lead, rivals",
     ),
     Benchmark(
+        "planted_fleet",
+        "benchmarks.fleet.planted_fleet",
+        "25 min",
+        "`canid fleet` on 200 drives of a hidden population, scored by the truth",
+        "duckdb",
+    ),
+    Benchmark(
+        "fleet_cost",
+        "benchmarks.fleet.cost",
+        "2 h",
+        "cost and scale of `canid fleet`: workers, Dask, 10,000 logs, a long log among short ones",
+        "distributed",
+    ),
+    Benchmark(
+        "measured_fleet",
+        "benchmarks.fleet.measured_fleet",
+        "5 min",
+        "`canid fleet` on the measured drives: drivers, groups, causes",
+        "duckdb",
+    ),
+    Benchmark(
         "papers",
         "benchmarks.papers",
         "15 min",

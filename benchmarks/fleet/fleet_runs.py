@@ -29,6 +29,7 @@ class Ran(NamedTuple):
     exit: int
     wall_s: float
     cpu_s: float  # of the program and all processes that it started and waited for
+    client_cpu_s: float  # of the program alone
     client_bytes: int  # peak of resident memory, of the program alone
     worker_bytes: int  # the largest peak of any process below it
     output: str  # standard output and errors
@@ -58,13 +59,14 @@ def run(words: Sequence[str | Path], *, nice: int = 0, check: bool = True) -> Ra
         errors="replace",
     ) as program:
         client = worker = 0
+        own = 0.0
         assert program.stdout is not None
         os.set_blocking(program.stdout.fileno(), False)
         output: list[str] = []
         end = None
         while end is None:
             output.append(program.stdout.read() or "")
-            client = max(client, _peak(program.pid))
+            client, own = max(client, _peak(program.pid)), max(own, _cpu(program.pid))
             worker = max([worker, *map(_peak, _below(program.pid))])
             pid, status, usage = os.wait4(program.pid, os.WNOHANG)
             if pid:
@@ -78,7 +80,7 @@ def run(words: Sequence[str | Path], *, nice: int = 0, check: bool = True) -> Ra
     text = "".join(output)
     if check and program.returncode not in GOOD_EXITS:
         raise RuntimeError(f"canid fleet ended with {program.returncode}:\n{text}")
-    return Ran(program.returncode, wall, usage.ru_utime + usage.ru_stime, client, worker, text)
+    return Ran(program.returncode, wall, usage.ru_utime + usage.ru_stime, own, client, worker, text)
 
 
 def _peak(pid: int) -> int:
@@ -91,6 +93,16 @@ def _peak(pid: int) -> int:
     except (OSError, ValueError):
         pass
     return 0
+
+
+def _cpu(pid: int) -> float:
+    """CPU time of a process itself, s."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    # fields 14 and 15 of proc(5); the state, field 3, is the first one here
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _below(pid: int) -> list[int]:

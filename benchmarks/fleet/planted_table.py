@@ -47,7 +47,8 @@ def _fleets(scores: Sequence[Score]) -> str:
 
 def _population(scores: Sequence[Score]) -> list[str]:
     out = [
-        "| population: 95 % interval holds the truth | mean | between drivers | within a driver | median of estimate / truth: between |",
+        "| population: 95 % interval holds the truth | mean | between drivers | within a driver | "
+        "between, median of estimate / truth |",
         "|---|---|---|---|---|",
     ]
     held = [one for score in scores for one in score.population]
@@ -69,7 +70,8 @@ def _population(scores: Sequence[Score]) -> list[str]:
 
 def _estimates(scores: Sequence[Score]) -> list[str]:
     out = [
-        "| drivers | coverage: own drives | shrunken | rms error / between: own drives | shrunken, same drivers | all that are shrunken |",
+        "| drivers | coverage: own drives | shrunken | rms error in standard deviations between drivers: own drives | "
+        "shrunken, same drivers | shrunken, all |",
         "|---|---|---|---|---|---|",
     ]
     every = [one for score in scores for one in score.estimates]
