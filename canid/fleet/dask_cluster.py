@@ -1,0 +1,153 @@
+"""The connection to a Dask cluster: a scheduler's address, or workers that are started on this machine."""
+
+from __future__ import annotations
+
+import logging
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import ModuleType
+from typing import Any
+
+from canid.errors import CanidError, ConfigError, one_line
+from canid.fleet import dask_worker
+from canid.fleet.key import IDENTITY
+
+# s that an attempt to connect may take: within a data centre it takes milliseconds
+CONNECT_S = 5.0
+# s between two attempts
+RETRY_S = 0.5
+# s that closing may take: what runs is given up
+CLOSE_S = 5.0
+# evaluated by every process of the cluster: nothing of canid has to be there to ask for it
+_IDENTITY_OF = "__import__('canid.fleet.key', fromlist=['IDENTITY']).IDENTITY"
+
+Inform = Callable[[str], None]
+
+
+class SchedulerLostError(CanidError):
+    """The scheduler does not answer."""
+
+
+def distributed() -> ModuleType:
+    """The package. Raises ConfigError where it is missing."""
+    try:
+        import distributed as package
+    except ImportError as error:
+        raise ConfigError("fleet: --scheduler needs distributed: pip install 'canid[fleet]'") from error
+    return package
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what Dask logs and warns of out of the user's terminal: canid says itself what the user can do."""
+    import dask
+
+    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    levels = [logger.level for logger in loggers]
+    for package in ("distributed", "dask", "tornado"):
+        warnings.filterwarnings("ignore", module=rf"{package}(\.|$)")
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT_S}s"}):
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[str]:
+    """Start a scheduler and workers on this machine; its address. All ends with the context."""
+    cluster = distributed().LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address=None,
+        # a worker holds next to nothing: its child has a limit of its own
+        memory_limit=0,
+        silence_logs=logging.CRITICAL + 1,
+    )
+    try:
+        yield str(cluster.scheduler_address)
+    finally:
+        with suppress(Exception):  # whatever is left is ended with this process
+            cluster.close(timeout=CLOSE_S)
+
+
+def connected(address: str, patience_s: float) -> Any:
+    """A client of a scheduler.
+
+    Args:
+        address: such as "tcp://host:8786".
+        patience_s: s that it may take until it answers.
+
+    Raises:
+        ConfigError: it is no address.
+        SchedulerLostError: nothing answers.
+    """
+    deadline = time.monotonic() + patience_s
+    while True:
+        left = deadline - time.monotonic()
+        try:
+            return distributed().Client(
+                address, timeout=max(min(left, CONNECT_S), RETRY_S), set_as_default=False, name="canid-fleet"
+            )
+        except ValueError as error:
+            raise ConfigError(f"fleet: --scheduler {address}: {one_line(error)}") from None
+        except (OSError, TimeoutError):  # nobody listens, or it does not answer
+            if time.monotonic() + RETRY_S >= deadline:
+                raise SchedulerLostError(f"no Dask scheduler answers at {address}") from None
+            time.sleep(RETRY_S)
+
+
+def threads(client: Any) -> int:
+    """How many tasks the cluster runs at a time. Raises SchedulerLostError."""
+    try:
+        return sum(client.nthreads().values())
+    except Exception as error:  # a lost connection has many names
+        raise SchedulerLostError(f"the Dask scheduler does not answer ({one_line(error)})") from None
+
+
+def await_workers(client: Any, address: str, patience_s: float, inform: Inform) -> int:
+    """Wait until there is a worker; returns how many tasks the cluster runs at a time.
+
+    Raises:
+        ConfigError: there is none, or one cannot run this canid.
+        SchedulerLostError: the scheduler does not answer.
+    """
+    deadline = time.monotonic() + patience_s
+    said = False
+    while not (count := threads(client)):
+        if time.monotonic() >= deadline:
+            raise ConfigError(f"fleet: {address} has no worker: start some with `dask worker {address}`")
+        if not said:
+            said = True
+            inform(f"{address} has no worker; waiting {patience_s:g} s for one (`dask worker {address}`)")
+        time.sleep(RETRY_S)
+    check_versions(client)
+    return count
+
+
+def check_versions(client: Any) -> None:
+    """Raise ConfigError where a process of the cluster has no canid, or another version of it."""
+    try:
+        answers = dict(client.run(eval, _IDENTITY_OF, on_error="return"))
+        answers["scheduler"] = client.run_on_scheduler(eval, _IDENTITY_OF)
+    except ImportError as error:
+        answers = {"scheduler": error}
+    except Exception as error:  # a lost connection has many names
+        raise SchedulerLostError(f"the Dask scheduler does not answer ({one_line(error)})") from None
+    for where, answer in answers.items():
+        if isinstance(answer, ImportError):
+            raise ConfigError(no_canid(where, answer))
+        if isinstance(answer, str) and answer != IDENTITY:
+            raise ConfigError(f"fleet: {dask_worker.other_version(answer, IDENTITY)}")
+
+
+def no_canid(where: str, error: BaseException) -> str:
+    """The line for a process that cannot import canid."""
+    of = "the Dask scheduler" if where == "scheduler" else f"the Dask worker {where}".rstrip()
+    return f"fleet: {of} cannot import canid ({one_line(error)}): install canid[fleet] in its environment"

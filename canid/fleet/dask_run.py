@@ -1,0 +1,289 @@
+"""Many logs on a Dask cluster: the same analysis as on this machine, in children of the workers.
+
+A job has an outcome exactly once: it is in hand from its submission until its outcome is yielded, and what is in hand is
+submitted again where a worker, the scheduler or the connection is lost. A log whose workers die again and again is tried once
+more alone, so that no other log is blamed for it, and then fails.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import queue
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, suppress
+from itertools import count
+from typing import Any, NamedTuple
+
+from canid.errors import CanidError, ConfigError, one_line
+from canid.fleet import dask_cluster, dask_worker
+from canid.fleet.dask_cluster import Inform, SchedulerLostError
+from canid.fleet.isolated import failed
+from canid.fleet.job import Failure, Job, Outcome, Source
+from canid.fleet.key import IDENTITY
+
+# jobs in hand per thread of the cluster: one that runs, and one that waits for it while the outcome travels
+JOBS_PER_THREAD = 2
+# s that a scheduler or the last worker may be away: a restart takes some seconds, a machine that reboots a minute
+PATIENCE_S = 60.0
+# s without an outcome after which the scheduler is asked whether it is still there
+CHECK_S = 2.0
+# times that a job is submitted again after an error that is not the log's: a result that was lost on its way, say
+RETRIES = 3
+
+
+class _Job(NamedTuple):
+    """A job in hand."""
+
+    job: Job
+    alone: bool  # its workers have died before: nothing else runs at the same time
+    retries: int
+
+
+def outcomes(
+    jobs: Iterable[Job],
+    sources: Mapping[str, Source],
+    *,
+    scheduler: str | None,
+    workers: int,
+    inform: Inform = lambda _: None,
+    patience_s: float = PATIENCE_S,
+) -> Iterator[Outcome]:
+    """Analyse many logs on Dask; the outcomes come as they are ready.
+
+    Closing the iterator gives up what runs.
+
+    Args:
+        jobs: taken one by one, a few more than are analysed.
+        sources: by the jobs' `source`.
+        scheduler: address, such as "tcp://host:8786"; None: workers are started on this machine.
+        workers: that are started without a scheduler.
+        inform: takes a line for the user, where the scheduler or the last worker is lost.
+        patience_s: s that is waited for it.
+
+    Yields:
+        one outcome for each job.
+
+    Raises:
+        ConfigError: distributed is missing, nothing answers at the address, there is no worker, or one has no canid or
+            another version.
+        CanidError: scheduler or workers did not come back.
+    """
+    dask_cluster.distributed()
+    with ExitStack() as stack:
+        stack.enter_context(dask_cluster.quiet())
+        own = scheduler is None
+        address = scheduler or stack.enter_context(dask_cluster.local_cluster(workers))
+        run = _Run(jobs, sources, address, inform, patience_s)
+        try:
+            yield from run.outcomes()
+        finally:
+            run.close(own)
+
+
+class _Run:
+    """The jobs in hand, and the client that has them."""
+
+    def __init__(
+        self,
+        jobs: Iterable[Job],
+        sources: Mapping[str, Source],
+        address: str,
+        inform: Inform,
+        patience_s: float,
+    ) -> None:
+        self._jobs, self._sources = iter(jobs), sources
+        self._address, self._inform, self._patience_s = address, inform, patience_s
+        self._client: Any = None
+        self._in_hand: dict[str, _Job] = {}
+        self._futures: dict[str, Any] = {}
+        self._shared: dict[str, Any] = {}  # sources on the cluster
+        self._suspects: list[Job] = []  # their workers have died
+        self._done: queue.SimpleQueue[tuple[int, str]] = queue.SimpleQueue()
+        self._generation = 0  # of the client
+        self._numbers = count()
+        self._threads = 0
+        self._counted = -CHECK_S  # s, when the threads were counted
+
+    def outcomes(self) -> Iterator[Outcome]:
+        """One outcome for each job."""
+        self._connect_first()
+        while True:
+            try:
+                self._fill()
+                if not self._in_hand:
+                    return
+                found = self._next()
+            except SchedulerLostError:
+                self._reconnect()
+                continue
+            if found is not None:
+                yield found
+
+    def close(self, own: bool) -> None:
+        """Give up what is in hand; of an own cluster, end the children first, which it would wait for."""
+        if self._client is None:
+            return
+        with suppress(Exception):  # the cluster may be gone
+            if own:
+                self._client.run(dask_worker.end_children)
+        self._drop()
+
+    # --- connection ---
+
+    def _connect_first(self) -> None:
+        try:
+            self._client = dask_cluster.connected(self._address, 2.0 * dask_cluster.CONNECT_S)
+            self._start()
+        except SchedulerLostError as error:
+            raise ConfigError(
+                f"fleet: {error}: start one with `dask scheduler`, or name its address"
+            ) from None
+
+    def _start(self) -> None:
+        self._threads = dask_cluster.await_workers(
+            self._client, self._address, self._patience_s, self._inform
+        )
+        self._counted = time.monotonic()
+
+    def _reconnect(self) -> None:
+        """Wait for the scheduler, and submit again what has no outcome."""
+        self._inform(
+            f"the connection to {self._address} is lost: waiting {self._patience_s:g} s for it; what has no result yet "
+            "is submitted again"
+        )
+        deadline = time.monotonic() + self._patience_s
+        while True:
+            self._drop()
+            try:
+                left = max(deadline - time.monotonic(), 0.0)
+                self._client = dask_cluster.connected(self._address, left)
+                self._start()
+                for key in self._in_hand:
+                    self._submit(key)
+                return
+            except SchedulerLostError:
+                if time.monotonic() >= deadline - dask_cluster.RETRY_S:
+                    raise self._never_back(f"the Dask scheduler {self._address} did not come back") from None
+
+    def _never_back(self, what: str) -> CanidError:
+        return CanidError(
+            f"fleet: {what} within {self._patience_s:g} s; run the same command again, it goes on from here"
+        )
+
+    def _drop(self) -> None:
+        """Give the client up: nothing that it still reports counts."""
+        self._generation += 1
+        self._futures.clear()
+        self._shared.clear()
+        client, self._client = self._client, None
+        if client is not None:
+            with suppress(Exception):  # it may be half closed already
+                client.close(timeout=dask_cluster.CLOSE_S)
+
+    # --- jobs ---
+
+    def _fill(self) -> None:
+        """Take as many jobs as the cluster keeps busy; at the end, one suspect at a time."""
+        if time.monotonic() - self._counted >= CHECK_S:
+            self._threads = dask_cluster.threads(self._client)
+            self._counted = time.monotonic()
+        while len(self._in_hand) < max(JOBS_PER_THREAD * self._threads, 1):
+            job = next(self._jobs, None)
+            if job is None:
+                break
+            self._take(job, alone=False)
+        if not self._in_hand and self._suspects:
+            self._take(self._suspects.pop(), alone=True)
+
+    def _take(self, job: Job, alone: bool, retries: int = 0) -> None:
+        key = f"canid-{_digest(job)}-{next(self._numbers)}"
+        self._in_hand[key] = _Job(job, alone, retries)
+        self._submit(key)
+
+    def _submit(self, key: str) -> None:
+        job = self._in_hand[key].job
+        try:
+            source = self._source(job.source)
+            future = self._client.submit(dask_worker.analyse, IDENTITY, job, source, key=key, pure=False)
+            self._futures[key] = future
+            future.add_done_callback(_reporter(self._done, self._generation, key))
+        except Exception as error:  # a lost connection has many names
+            raise SchedulerLostError(one_line(error)) from None
+
+    def _source(self, name: str) -> Any:
+        """A source on the cluster: the result of a task, because scattered data are lost with the workers that hold them."""
+        if name not in self._shared:
+            key = f"canid-source-{self._sources[name].fingerprint}-{next(self._numbers)}"
+            self._shared[name] = self._client.submit(
+                dask_worker.given, self._sources[name], key=key, pure=False
+            )
+        return self._shared[name]
+
+    def _next(self) -> Outcome | None:
+        """Wait for an outcome; None: there is none yet, or a job goes on."""
+        try:
+            generation, key = self._done.get(timeout=CHECK_S)
+        except queue.Empty:
+            self._await_workers()
+            return None
+        if generation != self._generation or key not in self._in_hand:
+            return None
+        future = self._futures[key]
+        if future.status == "finished":
+            return self._gathered(key, future)
+        if future.status != "error":
+            raise SchedulerLostError(f"a task was {future.status}")
+        return self._erred(key, future)
+
+    def _await_workers(self) -> None:
+        """Where no worker is left, wait for one."""
+        self._threads = dask_cluster.threads(self._client)
+        if self._threads:
+            return
+        try:
+            self._start()
+        except ConfigError:
+            raise self._never_back(f"no worker of {self._address} came back") from None
+
+    def _gathered(self, key: str, future: Any) -> Outcome:
+        try:
+            outcome = future.result(timeout=self._patience_s)
+        except Exception as error:  # a lost connection has many names
+            raise SchedulerLostError(one_line(error)) from None
+        self._forget(key)
+        return Outcome(*outcome)
+
+    def _erred(self, key: str, future: Any) -> Outcome | None:
+        try:
+            error: BaseException = future.exception(timeout=self._patience_s)
+        except Exception as lost:  # a lost connection has many names
+            raise SchedulerLostError(one_line(lost)) from None
+        of = self._in_hand[key]
+        self._forget(key)
+        if isinstance(error, ConfigError):
+            raise ConfigError(f"fleet: {error}")
+        if isinstance(error, ImportError):
+            raise ConfigError(dask_cluster.no_canid("", error))
+        if isinstance(error, dask_cluster.distributed().KilledWorker):
+            if of.alone:
+                return failed(of.job, Failure.CRASHED, "every Dask worker that analysed it died")
+            self._suspects.append(of.job)
+            return None
+        if of.retries < RETRIES:
+            self._take(of.job, of.alone, of.retries + 1)
+            return None
+        return failed(of.job, Failure.ERROR, f"{type(error).__name__}: {one_line(error)}")
+
+    def _forget(self, key: str) -> None:
+        del self._in_hand[key]
+        self._futures.pop(key).release()
+
+
+def _reporter(done: queue.SimpleQueue[tuple[int, str]], generation: int, key: str) -> Callable[[Any], None]:
+    return lambda _: done.put((generation, key))
+
+
+def _digest(job: Job) -> str:
+    """Of a job, the same in every run."""
+    return hashlib.sha256(repr(tuple(job)).encode()).hexdigest()[:16]
