@@ -53,7 +53,7 @@ ACC = RivalModel(
         RivalParameter("k1", "1/s²", 0.001, 1.0),
         RivalParameter("k2", "1/s", 0.0, 2.0),
         RivalParameter("s0", "m", 0.0, 40.0),
-        RivalParameter("T", "s", 0.0, 5.0),
+        RivalParameter("T", "s", 0.1, 5.0),
     ),
     acceleration,
 )

@@ -1,7 +1,7 @@
 """What a driver adds to a car-following model: an Ornstein-Uhlenbeck process whose effect in the loop is that of the drive.
 
 Gap, speed and acceleration were driven otherwise than the model does; size and correlation time are such that the model with
-the noise deviates from the one without by as much, in mean square (method of simulated moments, McFadden 1989). The
+the noise deviates from the one without by as much, in mean square (estimation by simulation, McFadden 1989). The
 residual of the acceleration at the measured state would not do: where the model is wrong it is correlated with that state,
 and as noise it would move the car by several times of what was driven.
 """

@@ -1,0 +1,172 @@
+"""One driver from several drives: the mean of the parameters on the unit cube, weighted by inverse covariance.
+
+Drives of one driver differ by more than their sampling errors; the variance between them is DerSimonian & Laird's (1986) of
+each parameter, and is added to the covariances before the mean is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.diagnosis.rivals.recommendation import MARGIN
+from canid.findings import ClosedLoopError
+from canid.identification.confidence import NORMAL_QUANTILE
+from canid.sumo.driver_model import Candidate, DriverModel
+from canid.sumo.driver_noise import DriverNoise
+from canid.sumo.sumo_models import BY_NAME, MODELS
+from canid.types import NAN, Array, Interval
+
+# of a parameter that a drive does not show: that of the unit cube itself
+UNKNOWN_VARIANCE = 1.0 / 12.0
+# least variance on the unit cube: a step of 0.001 of the range
+LEAST_VARIANCE = 1e-6
+
+
+class Drive(NamedTuple):
+    """A drive with its model."""
+
+    name: str  # of the log
+    model: DriverModel
+
+
+class PooledDriver(NamedTuple):
+    """A driver, as one model of SUMO."""
+
+    name: str
+    drives: tuple[Drive, ...]
+    model: str
+    why: str
+    parameters: Mapping[str, Interval]  # of the mean over drives
+    units: Mapping[str, str]
+    spread: Mapping[str, float]  # standard deviation between drives, on the unit cube; empty: one drive
+    noise: DriverNoise
+    error: ClosedLoopError  # on held-out data, mean over drives weighted by time
+    accel: tuple[float, float]  # m/s², 0.5 and 99.5 % points
+    top_speed: float  # m/s
+    seconds: float  # of following
+
+
+def pooled(name: str, drives: Sequence[Drive]) -> PooledDriver:
+    """Pool the drives of one driver.
+
+    Args:
+        name: of the driver.
+        drives: one at least.
+
+    Raises:
+        ValueError: no drive.
+    """
+    if not drives:
+        raise ValueError(f"driver {name}: no drive to pool")
+    seconds = np.array([one.model.seconds for one in drives])
+    share = seconds / seconds.sum()
+    errors = {one.name: _error(one.name, drives, share) for one in MODELS}
+    model, why = (drives[0].model.model, drives[0].model.why) if len(drives) == 1 else _chosen(errors)
+    found = [candidate(one.model, model) for one in drives]
+    mean, covariance, between = _mean(found)
+    rival = BY_NAME[model].rival
+    wide = NORMAL_QUANTILE * np.sqrt(np.diagonal(covariance))
+    value, low, high = (
+        rival.physical(np.clip(x, 0.0, 1.0)[:, None])[:, 0] for x in (mean, mean - wide, mean + wide)
+    )
+    names = [one.name for one in rival.parameters]
+    parameters = {n: Interval(*(float(x[k]) for x in (value, low, high))) for k, n in enumerate(names)}
+    tails = [one.model.quantiles["accel"] for one in drives if one.model.quantiles.get("accel")]
+    return PooledDriver(
+        name,
+        tuple(drives),
+        model,
+        why,
+        found[0].parameters if len(drives) == 1 else parameters,
+        found[0].units,
+        {} if len(drives) == 1 else dict(zip(names, np.sqrt(between).tolist(), strict=True)),
+        _noise([one.noise for one in found], share),
+        errors[model],
+        (min(x[0] for x in tails), max(x[-1] for x in tails)) if tails else (NAN, NAN),
+        max(one.model.top_speed for one in drives),
+        float(seconds.sum()),
+    )
+
+
+def candidate(of: DriverModel, model: str) -> Candidate:
+    """A drive's calibration of one model."""
+    return next(one for one in of.candidates if one.model == model)
+
+
+def _error(model: str, drives: Sequence[Drive], share: Array) -> ClosedLoopError:
+    errors = np.array([candidate(one.model, model).error for one in drives])
+    return ClosedLoopError(*(share @ errors).tolist())
+
+
+def _chosen(errors: Mapping[str, ClosedLoopError]) -> tuple[str, str]:
+    known = {name: one.gap for name, one in errors.items() if math.isfinite(one.gap)}
+    least = min(known, key=lambda name: known[name])
+    first = next(name for name in known if known[name] * (1.0 - MARGIN) <= known[least])
+    says = ", ".join(f"{name} {x:.3f}" for name, x in known.items())
+    return first, f"held-out error of the gap, mean over the drives: {says}"
+
+
+def _mean(found: Sequence[Candidate]) -> tuple[Array, Array, Array]:
+    """Mean, its covariance and the variances between drives, on the unit cube."""
+    x = np.array([one.x for one in found])  # (drives, k)
+    covariances = [np.array(one.covariance) for one in found]
+    for one in covariances:
+        free = np.diagonal(one).copy()
+        np.fill_diagonal(one, np.clip(free, LEAST_VARIANCE, UNKNOWN_VARIANCE))
+        # what is wider than the cube is not known: its covariances go with it
+        wide = free > UNKNOWN_VARIANCE
+        one[wide] = np.where(np.eye(len(free), dtype=bool)[wide], one[wide], 0.0)
+        one[:, wide] = np.where(np.eye(len(free), dtype=bool)[:, wide], one[:, wide], 0.0)
+    variances = np.array([np.diagonal(one) for one in covariances])
+    between = _between(x, variances)
+    weights = [np.linalg.inv(_positive(one) + np.diag(between)) for one in covariances]
+    total = np.linalg.inv(np.sum(weights, axis=0))
+    mean = total @ np.sum([w @ one for w, one in zip(weights, x, strict=True)], axis=0)
+    return mean, total, between
+
+
+def _positive(C: Array) -> Array:
+    """The nearest positive definite matrix: a jackknife over few stretches has no full rank."""
+    values, vectors = np.linalg.eigh(C)
+    out: Array = (vectors * np.maximum(values, LEAST_VARIANCE)) @ vectors.T
+    return out
+
+
+def _between(x: Array, variances: Array) -> Array:
+    """Variance between drives of each parameter (DerSimonian & Laird 1986, eq. 8)."""
+    if len(x) < 2:
+        return np.zeros(x.shape[1])
+    w = 1.0 / variances
+    mean = (w * x).sum(axis=0) / w.sum(axis=0)
+    q = (w * (x - mean) ** 2).sum(axis=0)
+    size = w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0)
+    out: Array = np.maximum((q - (len(x) - 1)) / size, 0.0)
+    return out
+
+
+def _noise(found: Sequence[DriverNoise], share: Array) -> DriverNoise:
+    if len(found) == 1:
+        return found[0]
+    sensitivity = np.array([one.sensitivity for one in found])
+    known = np.isfinite(sensitivity)
+    return DriverNoise(
+        _geometric([one.sd for one in found], share),
+        _geometric([one.time for one in found], share),
+        float(np.average(sensitivity[known], weights=share[known])) if known.any() else NAN,
+    )
+
+
+def _geometric(of: Sequence[Interval], share: Array) -> Interval:
+    """Geometric mean over drives, with the interval of independent errors."""
+    known = [k for k, one in enumerate(of) if one.value > 0.0]
+    if not known:
+        return Interval(0.0, 0.0, NAN) if any(one.value == 0.0 for one in of) else Interval()
+    weight = share[known] / share[known].sum()
+    log = np.log([of[k] for k in known])
+    value = float(weight @ log[:, 0])
+    half = float(np.sqrt(np.sum((weight * 0.5 * (log[:, 2] - log[:, 1])) ** 2)))
+    return Interval(*(math.exp(value + k * half) for k in (0.0, -1.0, 1.0)))
