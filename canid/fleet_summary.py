@@ -42,6 +42,7 @@ class Counts(NamedTuple):
     damaged: int
     failed: int
     duplicates: int
+    open: int  # not analysed yet
     drivers: int
     cars: int
     duration: float  # s

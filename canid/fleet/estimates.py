@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
 
 from canid.errors import ConfigError
 from canid.fleet.columns import natural
 from canid.fleet.database import opened, rows
 from canid.fleet_summary import Excluded, Kind
+from canid.identification.confidence import NORMAL_QUANTILE
 from canid.population import drive_table as tables
 from canid.population.drive_table import DriveTable
 from canid.types import Array, Identifiable
@@ -46,8 +45,8 @@ _QUOTED = {
     "tau": (Identifiable.OK.value,),
     "dead_time": (Identifiable.OK.value,),
 }
-# 95 % interval of a normal distribution, in standard deviations to each side
-_Z = float(ndtri(0.975))
+# s; of less no estimator gives anything (`canid.estimators`): with more it is the excitation that lacks
+MIN_USABLE_S = 60.0
 
 
 class Selection(NamedTuple):
@@ -77,6 +76,39 @@ def kinds(db: Any) -> tuple[Kind, ...]:
         kind = _kind(row)
         found[kind] = found.get(kind, 0) + int(row["n"])
     return tuple(sorted(found, key=lambda kind: (-found[kind], kind)))
+
+
+def names_of(db: Any, kind: Kind) -> tuple[tuple[str, ...], ...]:
+    """Parameters of a kind of output, in groups that are pooled apart.
+
+    Args:
+        db: from `database.opened`.
+        kind: of output.
+    """
+    (row,) = rows(
+        db,
+        "SELECT count(lateral_offset_status) AS lane, count(range_rate_status) AS following FROM drives "
+        "WHERE output = ? AND key IS NOT NULL",
+        [kind.output],
+    )
+    if row["lane"] > row["following"]:
+        return (LANE,)
+    # the driver of a pedal has no headway at which the acceleration is 0
+    main = MAIN if kind.output in _OF_ANY_CAR else tuple(name for name in MAIN if name != "wanted_headway")
+    return main, TIMES
+
+
+def without_output(db: Any) -> list[Excluded]:
+    """Analysed drives of no kind of output: nothing is known of their driver."""
+    found = rows(
+        db,
+        "SELECT log, driver, usable, array_to_string(signal_findings, ', ') AS faults FROM drives "
+        "WHERE key IS NOT NULL AND coalesce(output, '') = '' ORDER BY log",
+    )
+    return [
+        Excluded(row["log"], row["driver"] or "", _unknown(row["faults"] or "", row["usable"] or 0.0))
+        for row in found
+    ]
 
 
 def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN) -> Selection:
@@ -147,7 +179,9 @@ def drive_table(
         ]
         if len(fitting) != 1:
             found = "; ".join(kind.text() for kind in there) or "none"
-            raise ConfigError(f"{folder}: choose one kind of output by output, unit and car; here are: {found}")
+            raise ConfigError(
+                f"{folder}: choose one kind of output by output, unit and car; here are: {found}"
+            )
         return selection(db, fitting[0], names).table
 
 
@@ -180,7 +214,9 @@ class _Columns:
 
     def _column(self, sql: str) -> Any:
         if sql not in self._read:
-            self._read[sql] = self._db.execute(f"SELECT {sql} AS x {self._where}", self._values).fetchnumpy()["x"]
+            self._read[sql] = self._db.execute(f"SELECT {sql} AS x {self._where}", self._values).fetchnumpy()[
+                "x"
+            ]
         return self._read[sql]
 
 
@@ -191,7 +227,7 @@ def _marginal(of: _Columns, name: str) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore", divide="ignore"):
         if log:
             value, low, high = np.log(value), np.log(low), np.log(high)
-        mean, variance = value, ((high - low) / (2.0 * _Z)) ** 2
+        mean, variance = value, ((high - low) / (2.0 * NORMAL_QUANTILE)) ** 2
     channel, _, parameter = name.rpartition(".")
     usable = np.isfinite(mean) & np.isfinite(variance) & (variance > 0.0)
     if channel:
@@ -215,19 +251,19 @@ def _joint_covariance(of: _Columns, first: str, second: str) -> Array:
     return of.number(f"covariance[{at.format(first)} * len(names) + {at.format(second)} + 1]")
 
 
-def _excluded(of: _Columns, known: npt.NDArray[np.bool_]) -> tuple[tuple[Excluded, ...], npt.NDArray[np.bool_]]:
+def _excluded(
+    of: _Columns, known: npt.NDArray[np.bool_]
+) -> tuple[tuple[Excluded, ...], npt.NDArray[np.bool_]]:
     logs, drivers = of.text("log"), of.text("driver")
-    duplicates, faults = of.text("duplicate_of"), of.text("array_to_string(signal_findings, ', ')")
+    faults = of.text("array_to_string(signal_findings, ', ')")
     steps, usable = of.number("gain_steps"), of.number("usable")
     out, keep = [], np.ones(len(logs), dtype=np.bool_)
     for k, log in enumerate(logs):
         why = ""
-        if duplicates[k]:
-            why = "the same bytes as another log, which is counted"
-        elif steps[k] > 0:
+        if steps[k] > 0:
             why = "the gains changed during the drive: it has no one estimate"
         elif not known[k].any():
-            why = f"signals are wrong: {faults[k]}" if faults[k] else _too_little(usable[k])
+            why = _unknown(faults[k], usable[k])
         elif not drivers[k]:
             why = "no driver is stated"
         if why:
@@ -236,10 +272,12 @@ def _excluded(of: _Columns, known: npt.NDArray[np.bool_]) -> tuple[tuple[Exclude
     return tuple(out), keep
 
 
-def _too_little(usable: float) -> str:
-    # in whole classes, so that reasons can be counted
-    if not usable >= 60.0 or math.isnan(usable):
-        return "no parameter is known: less than a minute of usable driving behind a lead"
+def _unknown(faults: str, usable: float) -> str:
+    """Why a drive knows nothing, in few classes, so that the reasons can be counted."""
+    if faults:
+        return f"signals are wrong: {faults}"
+    if not usable >= MIN_USABLE_S:
+        return "no parameter is known: less than a minute of usable driving"
     return "no parameter is known: the driving excites too little"
 
 

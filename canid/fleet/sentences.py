@@ -1,0 +1,102 @@
+"""The answer of a fleet in plain sentences: how much there is, how drivers differ, what changed, causes, what is wrong."""
+
+from __future__ import annotations
+
+import math
+
+from canid.fleet_summary import FleetSummary, Parameter, Population
+from canid.views.fleet_report.labels import label, spread
+from canid.views.names import readable
+from canid.views.numbers import interval
+
+# names in a sentence
+MAX_NAMES = 3
+
+
+def verdict(of: FleetSummary) -> str:
+    """In a few words."""
+    population = of.populations[0] if of.populations else None
+    if population is None or not population.drivers:
+        return "no drive has an estimate"
+    drives = sum(driver.drives for one in of.populations for driver in one.drivers)
+    drivers = len({driver.name for one in of.populations for driver in one.drivers})
+    head = f"{_plural(drivers, 'driver')}, {_plural(drives, 'drive')}"
+    if drivers < 2:
+        return head
+    differ = [label(one.name) for one in population.parameters if one.between.low > 0.0]
+    return f"{head}: drivers differ" if differ else f"{head}: no difference between drivers is shown"
+
+
+def sentences(of: FleetSummary) -> tuple[str, ...]:
+    """The answer, plainly."""
+    out = [_counts(of)]
+    if of.populations:
+        out += _spread(of.populations[0])
+        if len(of.populations) > 1:
+            out.append(
+                f"{len(of.populations)} kinds of output are pooled apart, because their gains cannot be compared"
+            )
+    for population in of.populations:
+        for asked in population.questions:
+            if asked.found:
+                names = list(dict.fromkeys(test.subject for test in asked.tests if test.found))
+                out.append(f"{asked.question}: {_names(names)}")
+    if of.causes:
+        sure = [one for one in of.causes if one.q <= 0.05]
+        listed = [
+            f"{readable(one.effect)} in {one.car} ({one.drives} of {one.diagnosed} drives)" for one in sure
+        ]
+        if listed:
+            out.append(f"causes beyond chance: {_names(listed)}")
+        else:
+            out.append(
+                f"{_plural(len(of.causes), 'cause')} named, none beyond what chance gives over so many drives"
+            )
+    if of.signals:
+        worst = of.signals[0]
+        out.append(f"worst signal: {readable(worst.what)} in {_plural(worst.count, 'drive')}")
+    return tuple(out)
+
+
+def _counts(of: FleetSummary) -> str:
+    c = of.counts
+    good = c.ok + c.damaged
+    said = f"{good:,} of {c.logs - c.duplicates:,} logs have results"
+    why = [
+        f"{c.failed:,} failed" if c.failed else "",
+        f"{c.damaged:,} are damaged and were read in part" if c.damaged else "",
+    ]
+    why += [
+        f"{c.duplicates:,} more are copies" if c.duplicates else "",
+        f"{c.open:,} are not analysed yet" if c.open else "",
+    ]
+    named = ", ".join(filter(None, why))
+    hours = f"{c.usable / 3600.0:,.1f} h of {c.duration / 3600.0:,.1f} h driven are usable"
+    return said + (f" ({named})" if named else "") + f"; {hours}"
+
+
+def _spread(of: Population) -> list[str]:
+    known = [one for one in of.parameters if one.drivers > 1 and math.isfinite(one.between.value)]
+    if not known:
+        return []
+    gain = next((one for one in known if one.name == "range_rate.K"), known[0])
+    unit = f" {gain.unit}" if gain.unit else ""
+    return [
+        f"{label(gain.name)} of {of.kind.output} is {interval(gain.mean)}{unit} on average; {_between(gain)}, "
+        f"and drives of one driver by {spread(gain, gain.within)}"
+    ]
+
+
+def _between(of: Parameter) -> str:
+    if of.between.low > 0.0:
+        return f"drivers differ by a standard deviation of {spread(of, of.between)}"
+    return f"between drivers no spread is shown (standard deviation {spread(of, of.between)})"
+
+
+def _plural(n: int, what: str) -> str:
+    return f"{n:,} {what}{'' if n == 1 else 's'}"
+
+
+def _names(names: list[str]) -> str:
+    more = len(names) - MAX_NAMES
+    return ", ".join(names[:MAX_NAMES]) + (f" and {more:,} more" if more > 0 else "")
