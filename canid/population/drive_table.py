@@ -63,6 +63,8 @@ def drive_table(
     if covariance.ndim == 2:
         diagonal = np.eye(covariance.shape[1]) > 0.0
         covariance = np.where(diagonal, covariance[:, None, :], 0.0)
+    # numpy's strings are no strings for JSON
+    driver = tuple(str(name) for name in driver)
     n = len(driver)
     drivers = tuple(dict.fromkeys(driver))
     place = {name: k for k, name in enumerate(drivers)}

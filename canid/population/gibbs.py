@@ -112,7 +112,7 @@ def sample(data: Data, rng: np.random.Generator, burn: int, keep: int, scale: fl
         w = np.moveaxis(within, 0, -1)[..., None]
         precision = np.where(both, inverse(np.where(both, s + w, eye[:, :, None, None])), 0.0)
         residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
-        distance = np.sum(residual * times(precision, residual), axis=0)
+        distance = np.asarray(np.sum(residual * times(precision, residual), axis=0))
         p_outlier, lam = _weights(rng, distance, count, t_constant, share)
         flagged = lam[1]
         share = rng.beta(SHARE_OUTLIER[0] + flagged.sum(axis=1), SHARE_OUTLIER[1] + n - flagged.sum(axis=1))
@@ -122,18 +122,19 @@ def sample(data: Data, rng: np.random.Generator, burn: int, keep: int, scale: fl
         cell_h = np.zeros((p, chains, drivers, groups))
         cell_q[..., cell_driver, cell_group] = np.add.reduceat(weighted, cell_first, axis=-1)
         cell_h[..., cell_driver, cell_group] = np.add.reduceat(times(weighted, data.y), cell_first, axis=-1)
-        b_inverse = np.moveaxis(np.linalg.inv(between), 0, -1)[..., None] * kappa
-        q = cell_q.sum(axis=-1)
+        b_inverse = _inverse(between) * kappa
+        q = np.asarray(cell_q.sum(axis=-1))
         t = inverse(q + b_inverse)
+        pull = np.einsum("klci,lkci->kci", t, b_inverse)
         hat, hat_covariance = _means(cell_q, cell_h, t)
         mean_flat = (
             hat + (np.linalg.cholesky(hat_covariance) @ rng.standard_normal(hat.shape)[..., None])[..., 0]
         )
         mean = mean_flat.reshape(chains, groups, p).transpose(2, 0, 1)
-        left = cell_h.sum(axis=-1)
+        left = np.asarray(cell_h.sum(axis=-1))
         for g in range(groups):
             left -= times(cell_q[..., g], mean[:, :, g, None])
-        root = np.moveaxis(np.linalg.cholesky(np.moveaxis(t, (0, 1), (-2, -1))), (-2, -1), (0, 1))
+        root = _roots(t)
         b = times(t, left) + times(root, rng.standard_normal(b.shape))
         # spread between drivers
         information = np.einsum("kci,lci,klci->ckl", b, b, q)
@@ -142,7 +143,7 @@ def sample(data: Data, rng: np.random.Generator, burn: int, keep: int, scale: fl
         b *= factor.T[:, :, None]
         between *= factor[:, :, None] * factor[:, None, :]
         if drivers >= MIN_DRIVERS:
-            b_inverse = np.moveaxis(np.linalg.inv(between), 0, -1)[..., None]
+            b_inverse = _inverse(between)
             distance = np.sum(b * times(b_inverse, b), axis=0)
             d_outlier, (kappa, d_flagged) = _weights(
                 rng, distance, np.full(drivers, p), d_constant, driver_share
@@ -155,7 +156,7 @@ def sample(data: Data, rng: np.random.Generator, burn: int, keep: int, scale: fl
         between = covariance_prior.draw(rng, between, scatter, np.array(float(drivers)), scale)
         # true deviations of the drives (by a draw from the prior and its residual: Matheron's rule), and the spread within
         residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
-        w_root = np.moveaxis(np.linalg.cholesky(within), 0, -1)[..., None]
+        w_root = _roots(w)
         sigma = lam[0] ** -0.5
         u = times(w_root, rng.standard_normal(residual.shape)) * sigma
         error = times(s_root, rng.standard_normal(residual.shape)) * sigma
@@ -170,7 +171,6 @@ def sample(data: Data, rng: np.random.Generator, burn: int, keep: int, scale: fl
         within = covariance_prior.draw(rng, within, scatter, np.array(float(n)), scale)
         if step >= burn:
             out.append((mean.transpose(1, 2, 0), hat, hat_covariance, between.copy(), within.copy(), b))
-            pull = np.einsum("klci,lkci->kci", t, np.broadcast_to(b_inverse, t.shape))
             for sum_, new in zip(total, (p_outlier, d_outlier, lam[0], kappa, pull), strict=True):
                 sum_ += new / keep
     stacked = [np.array([one[k] for one in out]) for k in range(6)]
@@ -188,6 +188,16 @@ def _root(s: Array) -> Array:
     """Symmetric roots of covariances, which may be singular."""
     value, vector = np.linalg.eigh(s)
     return np.asarray(vector * np.sqrt(np.maximum(value, 0.0))[..., None, :])
+
+
+def _inverse(covariance: Array) -> Array:
+    """Of each chain's (C, p, p), as (p, p, C, 1)."""
+    return np.asarray(np.moveaxis(np.linalg.inv(covariance), 0, -1)[..., None])
+
+
+def _roots(t: Array) -> Array:
+    """Cholesky factors of many covariances, (p, p, C, m)."""
+    return np.asarray(np.moveaxis(np.linalg.cholesky(np.moveaxis(t, (0, 1), (-2, -1))), (-2, -1), (0, 1)))
 
 
 def _start(data: Data, groups: int) -> Array:
@@ -251,4 +261,4 @@ def _means(cell_q: Array, cell_h: Array, t: Array) -> tuple[Array, Array]:
     size = groups * p
     flat = a.reshape(chains, size, size) + np.eye(size) / VAGUE
     covariance = np.linalg.inv(0.5 * (flat + flat.swapaxes(1, 2)))
-    return (covariance @ h.reshape(chains, size, 1))[..., 0], covariance
+    return np.asarray((covariance @ h.reshape(chains, size, 1))[..., 0]), np.asarray(covariance)

@@ -220,9 +220,8 @@ def _filled(x: Array, places: Index, count: int, value: float) -> Array:
 
 
 def _wide(of: Estimates, column: Index, p: int) -> Estimates:
-    return Estimates(
-        *(spread.wide(x, column, p, 1) for x in of[:3]), spread.wide(of.covariance, column, p, 2)
-    )
+    value, low, high = (spread.wide(x, column, p, 1) for x in of[:3])
+    return Estimates(value, low, high, spread.wide(of.covariance, column, p, 2))
 
 
 def _status(table: DriveTable, has: Flags, drivers: int) -> str:

@@ -1,0 +1,143 @@
+"""Change of a driver's parameters over weeks: generalised least squares on the date, with the spread between drives.
+
+Given a draw of W the errors are N(0, S + W) and the slope is normal (Aitken 1935); intervals and p-values are those of the
+mixture over draws. Errors of sampling alone would call the spread between drives a change.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from canid.population import normal_mixture, weighted_drives
+from canid.population.batched_inverse import times
+from canid.population.drive_table import DriveTable, Flags, rows
+from canid.population.false_discovery import RATE, adjusted
+from canid.population.hierarchical import Population
+from canid.population.spread import wide
+from canid.types import NAN, Array
+
+WEEK_S = 7.0 * 86400.0
+# drives of a parameter: of three, a line leaves one degree of freedom, and one odd drive makes any slope
+MIN_DRIVES = 4
+# weeks between the first and the last one: in less, a slope per week is an extrapolation
+MIN_WEEKS = 1.0
+
+
+class Change(NamedTuple):
+    """Of I drivers. NaN: not tested; `status` says why."""
+
+    slope: Array  # (I, p) per week
+    low: Array  # of the 95 % interval
+    high: Array
+    p_value: Array  # (I,) of all parameters together
+    adjusted: Array  # (I,) for the false discovery rate
+    changed: Flags  # (I,)
+    drives: Array  # (I,) with a date
+    weeks: Array  # (I,) between the first and the last
+    status: tuple[str, ...]  # (I,) "": tested
+
+
+def change_over_time(table: DriveTable, population: Population, *, rate: float = RATE) -> Change:
+    """Do drivers change over weeks.
+
+    Args:
+        table: n drives; those without a date are left out.
+        population: of the same table.
+        rate: false discovery rate.
+
+    Raises:
+        ValueError: the population is that of another table.
+
+    Example:
+        >>> from canid.population.drive_table import drive_table
+        >>> from canid.population.hierarchical import pool
+        >>> rng = np.random.default_rng(3)
+        >>> week = np.tile(np.arange(6.0), 5)
+        >>> gain = 5.0 + 0.2 * rng.standard_normal(30) + np.repeat([0.0, 0.0, 0.0, 0.0, 0.4], 6) * week
+        >>> names = tuple(np.repeat(list("abcde"), 6))
+        >>> table = drive_table(("K",), gain[:, None], np.full((30, 1), 0.01), names, start=week * WEEK_S)
+        >>> of = change_over_time(table, pool(table))
+        >>> of.changed.tolist(), bool(of.low[4, 0] < 0.4 < of.high[4, 0])
+        ([False, False, False, False, True], True)
+    """
+    p, drivers = len(table.names), len(table.drivers)
+    dated = np.isfinite(table.start)
+    count = np.bincount(table.driver[dated], minlength=drivers)
+    weeks = np.full(drivers, NAN)
+    for k in np.flatnonzero(count):
+        of_driver = table.start[dated & (table.driver == k)]
+        weeks[k] = float(np.ptp(of_driver)) / WEEK_S
+    slope, low, high = (np.full((drivers, p), NAN) for _ in range(3))
+    p_value = np.full(drivers, NAN)
+    # weights of the drives of all; the dated alone are what is regressed
+    part = population._replace(
+        drives=tuple(table.drives[k] for k in np.flatnonzero(dated)),
+        drive_weight=population.drive_weight[dated],
+    )
+    weighted_drives.prepare(table, population)  # refuses another table's population
+    of = weighted_drives.prepare(rows(table, dated), part) if dated.any() else None
+    if of is not None:
+        t = (table.start[dated][of.order] - np.mean(table.start[dated])) / WEEK_S
+        span = np.maximum.reduceat(t, of.first) - np.minimum.reduceat(t, of.first)
+        enough = np.add.reduceat(of.known.astype(np.float64), of.first, axis=-1) >= MIN_DRIVES
+        enough &= span >= MIN_WEEKS
+        used = of._replace(known=of.known & enough[:, of.driver])
+        used = used._replace(y=np.where(used.known, of.y, 0.0))
+        # about each driver's own mean date, so that the two blocks are nearly orthogonal
+        t = t - (np.add.reduceat(t, of.first) / np.bincount(of.driver))[of.driver]
+        found, p_values = _regress(used, part, t, enough)
+        tested = enough.any(axis=0)
+        p_value[of.present] = np.where(tested, p_values, NAN)
+        for whole, x in zip((slope, low, high), found, strict=True):
+            whole[of.present] = wide((np.where(enough, x, NAN) * of.unit[:, None]).T, of.column, p, 1)
+    fdr = adjusted(p_value)
+    status = tuple(
+        _status(int(n), float(w), bool(np.isfinite(q))) for n, w, q in zip(count, weeks, p_value, strict=True)
+    )
+    return Change(
+        slope,
+        low,
+        high,
+        p_value,
+        fdr,
+        np.nan_to_num(fdr, nan=1.0) <= rate,
+        count.astype(np.float64),
+        weeks,
+        status,
+    )
+
+
+def _regress(
+    of: weighted_drives.WeightedDrives, population: Population, t: Array, enough: Flags
+) -> tuple[tuple[Array, Array, Array], Array]:
+    """Slopes with intervals, (k, I') each, and joint p-values, (I',)."""
+    count = np.maximum(enough.sum(axis=0), 1).astype(np.float64)
+    slopes, sds, total = [], [], np.zeros(len(of.first))
+    for draw in weighted_drives.draws(of, population):
+        ahead = weighted_drives.information(of, draw.within)
+        pulled = times(ahead, of.y)
+        q, qt, qtt = (np.add.reduceat(ahead * t**k, of.first, axis=-1) for k in range(3))
+        h, ht = (np.add.reduceat(pulled * t**k, of.first, axis=-1) for k in range(2))
+        # normal equations with the level eliminated (Schur complement)
+        level = weighted_drives.masked_inverse(q, enough)
+        gain = np.stack([times(level, qt[:, k]) for k in range(len(qt))], axis=1)
+        information = qtt - np.stack([times(qt, gain[:, k]) for k in range(len(qt))], axis=1)
+        covariance = weighted_drives.masked_inverse(information, enough)
+        slope = times(covariance, ht - times(qt, times(level, h)))
+        total += chdtrc(count, np.maximum(np.sum(slope * times(information, slope), axis=0), 0.0))
+        slopes.append(slope)
+        sds.append(np.sqrt(np.einsum("kki->ki", covariance)))
+    return normal_mixture.interval(np.array(slopes), np.array(sds)), total / len(slopes)
+
+
+def _status(drives: int, weeks: float, tested: bool) -> str:
+    if tested:
+        return ""
+    if drives < MIN_DRIVES:
+        return f"{drives} drives with a date: a change needs {MIN_DRIVES} or more"
+    if not weeks >= MIN_WEEKS:
+        return f"drives within {7.0 * weeks:.1f} days: a change needs a week or more"
+    return f"no parameter is known from {MIN_DRIVES} or more drives"

@@ -1,0 +1,159 @@
+"""Drives as the tests of this package take them: scaled, with their weights, and their information given a draw of W."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.population import scaling
+from canid.population.batched_inverse import inverse
+from canid.population.drive_table import DriveTable, Flags, Index, known
+from canid.population.hierarchical import Population
+from canid.types import Array
+
+# draws over which p-values are averaged: they are then known to 5 % where W is hardly known, and better elsewhere
+DRAWS = 200
+# numbers that an operation on all draws may touch: about ten seconds
+WORK = 400_000_000
+# fewest draws, of large tables, where W is known to some percent
+FEWEST_DRAWS = 20
+
+
+class WeightedDrives(NamedTuple):
+    """Of n' drives that know something of k parameters that some drive knows; in the units of `scaling`."""
+
+    y: Array  # (k, n') 0 where not known
+    s: Array  # (k, k, n') 0 where not known
+    known: Flags  # (k, n')
+    driver: Index  # (n',) places among `present`, ascending
+    first: Index  # (I',) where each driver's drives begin
+    weight: Array  # (n',)
+    order: Index  # (n',) places in the table
+    present: Index  # (I',) places in the table's drivers
+    column: Index  # (k,) places in the table's names
+    centre: Array  # (k,)
+    unit: Array  # (k,)
+
+
+class Draw(NamedTuple):
+    """Of the posterior, in the units of `scaling`."""
+
+    mean: Array  # (k,)
+    between: Array  # (k, k)
+    within: Array  # (k, k)
+
+
+def prepare(table: DriveTable, population: Population) -> WeightedDrives | None:
+    """Scale and order the drives.
+
+    Args:
+        table: n drives.
+        population: of the same table.
+
+    Returns:
+        None where no drive knows anything.
+
+    Raises:
+        ValueError: the population is that of another table.
+
+    Example:
+        >>> from canid.population.drive_table import drive_table
+        >>> from canid.population.hierarchical import pool
+        >>> table = drive_table(("K",), np.arange(4.0)[:, None], np.ones((4, 1)), ("b", "a", "b", "a"))
+        >>> of = prepare(table, pool(table))
+        >>> of.order.tolist(), of.first.tolist()
+        ([0, 2, 1, 3], [0, 2])
+    """
+    if population.drives != table.drives or population.names != table.names:
+        raise ValueError("the population is that of another table: give the table that was pooled")
+    has = known(table)
+    column = np.flatnonzero(has.any(axis=0)).astype(np.intp)
+    row = np.flatnonzero(has.any(axis=1)).astype(np.intp)
+    if not len(row):
+        return None
+    order = row[np.argsort(table.driver[row], kind="stable")]
+    units = scaling.units(table, has)
+    data, present = scaling.data(table, has, order, column, units)
+    first = np.flatnonzero(np.diff(data.driver, prepend=-1)).astype(np.intp)
+    return WeightedDrives(
+        data.y[:, 0],
+        data.s[:, :, 0],
+        data.known[:, 0],
+        data.driver,
+        first,
+        population.drive_weight[order],
+        order,
+        present,
+        column,
+        units.centre[column],
+        units.size[column],
+    )
+
+
+def draws(of: WeightedDrives, population: Population, work: int = 0) -> Iterator[Draw]:
+    """Draws of the posterior, evenly over all, as many as the size of the task allows.
+
+    Args:
+        of: drives.
+        population: of the same table.
+        work: numbers that the caller touches for each draw; 0: as many as there are in the covariances.
+
+    Yields:
+        One after another.
+
+    Example:
+        >>> from canid.population.drive_table import drive_table
+        >>> from canid.population.hierarchical import pool
+        >>> table = drive_table(("K",), np.arange(4.0)[:, None], np.ones((4, 1)), ("b", "a", "b", "a"))
+        >>> of = pool(table)
+        >>> len(list(draws(prepare(table, of), of)))
+        200
+    """
+    count = len(population.draws.mean)
+    wanted = max(FEWEST_DRAWS, min(DRAWS, WORK // max(work or of.s.size, 1)))
+    outer = of.unit[:, None] * of.unit[None, :]
+    square = np.ix_(of.column, of.column)
+    for place in np.linspace(0, count - 1, min(wanted, count)).astype(np.intp):
+        yield Draw(
+            (population.draws.mean[place][of.column] - of.centre) / of.unit,
+            population.draws.between[place][square] / outer,
+            population.draws.within[place][square] / outer,
+        )
+
+
+def information(of: WeightedDrives, within: Array) -> Array:
+    """Information of each drive on its driver's parameters: weight times (S + W)^-1, 0 where not known.
+
+    Args:
+        of: drives.
+        within: (k, k).
+
+    Returns:
+        (k, k, n').
+
+    Example:
+        >>> from canid.population.drive_table import drive_table
+        >>> from canid.population.hierarchical import pool
+        >>> table = drive_table(("K",), np.arange(4.0)[:, None], np.ones((4, 1)), ("b", "a", "b", "a"))
+        >>> information(prepare(table, pool(table)), np.eye(1)).shape
+        (1, 1, 4)
+    """
+    return masked_inverse(of.s + within[:, :, None], of.known) * of.weight
+
+
+def masked_inverse(a: Array, known: Flags) -> Array:
+    """Inverses of the known blocks of matrices, 0 elsewhere.
+
+    Args:
+        a: (k, k, m).
+        known: (k, m).
+
+    Example:
+        >>> masked_inverse(np.array([[[4.0]]]), np.array([[False]])).tolist()
+        [[[0.0]]]
+    """
+    both = known[:, None] & known[None, :]
+    eye = np.eye(len(a))[:, :, None]
+    return np.asarray(np.where(both, inverse(np.where(both, a, eye)), 0.0))
