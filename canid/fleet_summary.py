@@ -87,7 +87,6 @@ class Driver(NamedTuple):
 class Test(NamedTuple):
     """One question to one driver, or to a pair of groups, among all that were asked."""
 
-    question: str  # "change", "group", "same driver"
     subject: str
     parameter: str  # "": all together
     effect: Interval  # what differs, per what it is counted; unknown: the test has no size
@@ -106,7 +105,8 @@ class Questions(NamedTuple):
     found: int
     rate: float  # false discovery rate that is kept
     tests: tuple[Test, ...]  # the found ones first, then those with the smallest q
-    says: str  # why nothing could be asked; ""
+    says: str  # what could not be asked, and why; ""
+    sentence: str  # what was found; "": nothing
 
 
 class Population(NamedTuple):

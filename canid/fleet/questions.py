@@ -1,12 +1,160 @@
-"""Questions to every driver of a population, with the false discovery rate over all of them."""
+"""Questions to the drivers of a population: changes, labels, pairs, groups; each with its false discovery rate."""
 
 from __future__ import annotations
 
-from canid.fleet_summary import Kind, Questions
+from collections.abc import Sequence
+
+import numpy as np
+
+from canid.fleet.columns import natural
+from canid.fleet_summary import Kind, Questions, Test
+from canid.population import change_over_time, groups, same_driver
 from canid.population.drive_table import DriveTable
+from canid.population.false_discovery import RATE
 from canid.population.hierarchical import Population
+from canid.types import Array, Interval
+from canid.views.fleet_report.labels import unit
+
+# tests that a table or page may list; all are counted
+MAX_TESTS = 100
+# names in a sentence
+MAX_NAMES = 3
 
 
 def asked(table: DriveTable, pool: Population, kind: Kind) -> tuple[Questions, ...]:
-    """Ask whether drivers changed, whether groups differ, and whether drives are of one driver."""
-    return ()
+    """Ask whether drivers changed over weeks, whether drives fit their drivers, which drivers differ, and groups.
+
+    Args:
+        table: the drives.
+        pool: of them.
+        kind: of their output.
+    """
+    if not len(table.driver):
+        return ()
+    out = [changes(table, pool, kind), labels(table, pool), pairs(table, pool)]
+    if len(set(table.group) - {""}) > 1:
+        out.append(between_groups(table, table.group, "groups", kind))
+    if not kind.car and len(set(table.car) - {""}) > 1:
+        out.append(between_groups(table, table.car, "cars", kind))
+    return tuple(out)
+
+
+def changes(table: DriveTable, pool: Population, kind: Kind) -> Questions:
+    """Did drivers change over the weeks."""
+    of = change_over_time.change_over_time(table, pool)
+    tests = []
+    for i in np.flatnonzero(np.isfinite(of.p_value)):
+        k = _clearest(of.slope[i], (of.high[i] - of.low[i]) / 2.0)
+        name = table.names[k]
+        slope = Interval(float(of.slope[i, k]), float(of.low[i, k]), float(of.high[i, k]))
+        effect, units = _change(slope, name, kind)
+        says = f"over {of.weeks[i]:.0f} weeks, {of.drives[i]:.0f} drives"
+        tests.append(
+            Test(
+                table.drivers[i], name, effect, f"{units} per week", float(of.p_value[i]), float(of.adjusted[i]),
+                bool(of.changed[i]), says,
+            )
+        )  # fmt: skip
+    why = "" if tests else f"no driver was tested: {_commonest(of.status)}"
+    return _questions("did a driver change over the weeks?", tests, why, "{} changed over the weeks")
+
+
+def labels(table: DriveTable, pool: Population) -> Questions:
+    """Does each drive fit its driver."""
+    of = same_driver.drives_fit(table, pool)
+    tests = []
+    for i in np.flatnonzero(np.isfinite(of.p_value)):
+        own = table.drivers[table.driver[i]]
+        says = f"it stands with {own}"
+        if of.misfit[i] and of.closest[i] != table.driver[i]:
+            says += f", but is most like {table.drivers[of.closest[i]]}"
+        k = _clearest(of.score[i], np.ones(len(table.names)))
+        p, q = float(of.p_value[i]), float(of.adjusted[i])
+        tests.append(Test(table.drives[i], table.names[k], Interval(), "", p, q, bool(of.misfit[i]), says))
+    why = "" if tests else f"no drive was tested: {_commonest(of.status)}"
+    return _questions(
+        "is each drive by the driver it stands with?", tests, why, "not like their driver's other drives: {}"
+    )
+
+
+def pairs(table: DriveTable, pool: Population) -> Questions:
+    """Which drivers differ; listed are the pairs that may be one person."""
+    of = same_driver.pairs(table, pool)
+    tested = np.flatnonzero(np.isfinite(of.p_value))
+    found = int(of.different[tested].sum())
+    alike = [m for m in tested if of.status[m].startswith("perhaps one person")]
+    unknown = sum(of.status[m].startswith("cannot be separated") for m in tested)
+    tests = [
+        Test(
+            f"{table.drivers[of.a[m]]} and {table.drivers[of.b[m]]}", "", Interval(), "", float(of.p_value[m]),
+            float(of.adjusted[m]), False, "perhaps one person",
+        )
+        for m in sorted(alike, key=lambda m: -of.p_value[m])[:MAX_TESTS]
+    ]  # fmt: skip
+    says = list(of.says)
+    if unknown:
+        says.append(
+            f"{unknown:,} pairs cannot be separated: their drives would not show an ordinary difference"
+        )
+    if alike:
+        says.append(
+            f"{len(alike):,} pairs are perhaps one person: two drivers of this population would mostly be seen to differ"
+        )
+    return Questions(
+        "which pairs of drivers differ?", len(tested), found, RATE, tuple(tests), "; ".join(says),
+        f"{found:,} of {len(tested):,} pairs of drivers differ" if len(tested) else "",
+    )  # fmt: skip
+
+
+def between_groups(table: DriveTable, names: Sequence[str], what: str, kind: Kind) -> Questions:
+    """Do groups of drives differ, each pair of them."""
+    of = groups.contrasts(table, tuple(names))
+    tests = []
+    for m in np.flatnonzero(np.isfinite(of.p_value)):
+        k = _clearest(of.difference[m], (of.high[m] - of.low[m]) / 2.0)
+        iv = Interval(float(of.difference[m, k]), float(of.low[m, k]), float(of.high[m, k]))
+        effect, units = _change(iv, table.names[k], kind)
+        subject = f"{of.groups[of.b[m]]} less {of.groups[of.a[m]]}"
+        p, q = float(of.p_value[m]), float(of.adjusted[m])
+        tests.append(Test(subject, table.names[k], effect, units, p, q, bool(of.different[m]), of.status[m]))
+    return _questions(f"do {what} differ?", tests, "; ".join(of.says), f"{what} differ: {{}}")
+
+
+def _questions(question: str, tests: list[Test], says: str, sentence: str) -> Questions:
+    ordered = sorted(tests, key=lambda test: (not test.found, test.q, test.p, test.subject))
+    found = [test.subject for test in ordered if test.found]
+    more = len(found) - MAX_NAMES
+    names = ", ".join(found[:MAX_NAMES]) + (f" and {more:,} more" if more > 0 else "")
+    return Questions(
+        question,
+        len(tests),
+        len(found),
+        RATE,
+        tuple(ordered[:MAX_TESTS]),
+        says,
+        sentence.format(names) if found else "",
+    )
+
+
+def _clearest(value: Array, half: Array) -> int:
+    """The parameter that is furthest from 0 in terms of its error."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.abs(value) / half
+    return int(np.argmax(np.nan_to_num(ratio, nan=-1.0)))
+
+
+def _change(iv: Interval, name: str, kind: Kind) -> tuple[Interval, str]:
+    """A difference in the parameter's unit; of a logarithm in percent.
+
+    >>> _change(Interval(0.0, 0.0, 0.0), "range_rate.log_tau", Kind("accel", "m/s²"))
+    (Interval(value=0.0, low=0.0, high=0.0), '%')
+    """
+    if natural(name)[1]:
+        return Interval(*(100.0 * float(np.expm1(min(x, 50.0))) for x in iv)), "%"
+    return iv, unit(name, kind)
+
+
+def _commonest(status: Sequence[str]) -> str:
+    """The reason that most have."""
+    named = [one for one in status if one]
+    return max(set(named), key=lambda one: (named.count(one), one)) if named else "no drive"

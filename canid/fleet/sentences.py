@@ -37,10 +37,7 @@ def sentences(of: FleetSummary) -> tuple[str, ...]:
                 f"{len(of.populations)} kinds of output are pooled apart, because their gains cannot be compared"
             )
     for population in of.populations:
-        for asked in population.questions:
-            if asked.found:
-                names = list(dict.fromkeys(test.subject for test in asked.tests if test.found))
-                out.append(f"{asked.question}: {_names(names)}")
+        out += [asked.sentence for asked in population.questions if asked.sentence]
     if of.causes:
         sure = [one for one in of.causes if one.q <= 0.05]
         listed = [
