@@ -22,7 +22,7 @@ def draw(rng: np.random.Generator, covariance: Array, scatter: Array, count: Arr
         rng: random numbers.
         covariance: (C, p, p) of the step before, for the auxiliary a.
         scatter: (C, p, p) sum of squares and products of the deviations.
-        count: deviations in it.
+        count: (C,) deviations in it.
         scale: A, the half-t prior's scale.
 
     Returns:
@@ -30,7 +30,7 @@ def draw(rng: np.random.Generator, covariance: Array, scatter: Array, count: Arr
 
     Example:
         >>> rng, one = np.random.default_rng(1), np.eye(2)[None]
-        >>> drawn = np.array([draw(rng, one, 4000.0 * one, np.array(1000.0), 1.0)[0] for _ in range(200)])
+        >>> drawn = np.array([draw(rng, one, 4000.0 * one, np.array([1000.0]), 1.0)[0] for _ in range(200)])
         >>> np.round(drawn.mean(axis=0), 1).tolist()
         [[4.0, 0.0], [0.0, 4.0]]
     """
@@ -41,7 +41,7 @@ def draw(rng: np.random.Generator, covariance: Array, scatter: Array, count: Arr
     total = scatter + 2.0 * NU * np.einsum("ck,kl->ckl", a_inverse, np.eye(p))
     # Bartlett 1933: X X' is Wishart where X is the Cholesky factor of its scale times a triangle of chi and normal variates
     triangle = np.tril(rng.standard_normal((chains, p, p)), -1)
-    freedom = NU + p - 1.0 + count - np.arange(p)
+    freedom = NU + p - 1.0 + count[:, None] - np.arange(p)
     triangle[:, np.arange(p), np.arange(p)] = np.sqrt(2.0 * rng.gamma(0.5 * freedom, size=(chains, p)))
     # W = L (A A')^-1 L' with total = L L', so that W = F F' with F = L A'^-1
     factor = np.linalg.cholesky(total) @ np.linalg.inv(triangle).swapaxes(1, 2)

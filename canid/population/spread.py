@@ -19,7 +19,7 @@ class Spread(NamedTuple):
     """Of p parameters. NaN: not identifiable."""
 
     value: Array  # (p,) standard deviation, posterior median
-    low: Array  # (p,) of the shortest 95 % interval; 0: no spread explains the drives as well
+    low: Array  # (p,) of the 95 % interval; 0: no spread explains the drives as well
     high: Array
     covariance: Array  # (p, p) of the medians of standard deviations and the means of correlations
     correlation: Array  # (p, p) posterior mean
@@ -44,7 +44,7 @@ def of_draws(draws: Array, unknown: Flags, column: Index, p: int) -> Spread:
     """
     sd = np.sqrt(np.einsum("dkk->dk", draws))
     correlation = correlations(draws)
-    low, high = shortest(sd)
+    low, high = interval(sd)
     value = np.median(sd, axis=0)
     mean = correlation.mean(axis=0)
     # the mean of correlation matrices is one
@@ -75,10 +75,11 @@ def correlations(covariance: Array) -> Array:
     return np.asarray(covariance / (sd[..., :, None] * sd[..., None, :]))
 
 
-def shortest(sd: Array) -> tuple[Array, Array]:
-    """Shortest 95 % interval of draws of standard deviations; it begins at 0 where 0 is as likely as what is next to it.
+def interval(sd: Array) -> tuple[Array, Array]:
+    """95 % interval of equal tails of draws of standard deviations; it begins at 0 where 0 is as likely as what is next to it.
 
-    An interval of equal tails never holds 0, which is what drives of one person labelled as several have.
+    An interval of equal tails never holds 0, which is what drives of one person labelled as several have. Where the shortest
+    interval begins at its lowest draws, the density does not fall towards 0.
 
     Args:
         sd: (D, k).
@@ -87,18 +88,17 @@ def shortest(sd: Array) -> tuple[Array, Array]:
         Low and high ends, (k,) each.
 
     Example:
-        >>> low, high = shortest(np.abs(np.random.default_rng(1).standard_normal((4000, 1))))
+        >>> low, high = interval(np.abs(np.random.default_rng(1).standard_normal((4000, 1))))
         >>> float(low[0]), round(float(high[0]), 1)
-        (0.0, 2.0)
+        (0.0, 2.2)
     """
     ordered = np.sort(sd, axis=0)
     count = len(ordered)
     inside = min(count - 1, int(np.ceil(LEVEL * count)))
     width = ordered[inside:] - ordered[: count - inside]
-    start = np.argmin(width, axis=0)
-    place = np.arange(sd.shape[1])
-    low, high = ordered[start, place], ordered[start + inside, place]
-    return np.where(low < ZERO * high, 0.0, low), high
+    shortest = ordered[np.argmin(width, axis=0), np.arange(sd.shape[1])]
+    low, high = np.quantile(ordered, QUANTILES, axis=0)
+    return np.where(shortest < ZERO * high, 0.0, low), high
 
 
 def wide(x: Array, column: Index, p: int, axes: int) -> Array:
