@@ -15,7 +15,7 @@ from typing import Any
 from canid.cli import options
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.progress import is_terminal
-from canid.errors import DONE, ConfigError
+from canid.errors import DONE, ConfigError, OutputError
 
 # characters of a line where the output is no terminal
 PLAIN_WIDTH = 80
@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
     folder, question = _asked(args)
     sql = _sql(question)
+    _summarised(folder, sql)
     with opened(folder, args.memory) as db:
         _execute(db, sql)
         names = [column[0] for column in db.description]
@@ -94,6 +95,22 @@ def _sql(question: str) -> str:
         hint = f'did you mean "{close[0]}"?' if close else "`canid fleet query --list` lists them"
         raise ConfigError(f'fleet query: no ready question "{question}"; {hint}')
     return question
+
+
+def _summarised(folder: str, sql: str) -> None:
+    """Make the tables of drivers and of the population, if they are asked for and older than the drives."""
+    from canid.fleet.database import is_folder
+    from canid.fleet.summary import current, summarise
+
+    if not re.search(r"\b(drivers|population)\b", sql) or not is_folder(folder) or current(folder):
+        return
+    info(
+        "the drives are pooled first: the tables of drivers and of the population are not those of the drives"
+    )
+    try:
+        summarise(folder)
+    except OutputError as error:
+        info(f"{error}; the query answers from the tables that are there")
 
 
 def _execute(db: Any, sql: str) -> None:

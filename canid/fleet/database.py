@@ -36,6 +36,14 @@ def is_folder(path: str | Path) -> bool:
     return all((Path(path) / f"{name}.parquet").is_file() for name in NEEDED)
 
 
+def not_a_folder(path: str | Path) -> ConfigError:
+    """The error for a folder without the tables."""
+    return ConfigError(
+        f"{path}: is no folder of canid fleet (logs.parquet and drives.parquet are missing); "
+        "`canid fleet LOGS... -o DIR` writes one"
+    )
+
+
 @contextmanager
 def opened(folder: str | Path, memory_bytes: int = MEMORY_BYTES) -> Iterator[Any]:
     """Open the tables of a fleet folder.
@@ -59,10 +67,7 @@ def opened(folder: str | Path, memory_bytes: int = MEMORY_BYTES) -> Iterator[Any
     except ImportError as error:
         raise ConfigError("fleet: needs duckdb: pip install 'canid[fleet]'") from error
     if not is_folder(folder):
-        raise ConfigError(
-            f"{folder}: is no folder of canid fleet (logs.parquet and drives.parquet are missing); "
-            "`canid fleet LOGS... -o DIR` writes one"
-        )
+        raise not_a_folder(folder)
     with duckdb.connect() as db:
         allowed = []
         for name in VIEWS:

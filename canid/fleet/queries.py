@@ -78,9 +78,9 @@ ORDER BY (range_rate_K_own_high - range_rate_K_own_low) / abs(range_rate_K_own) 
     Query(
         "drives",
         "drives with their status and parameters",
-        """SELECT log, driver, car, status, usable / 60 AS usable_min, headway_error_K, headway_error_K_low,
-       headway_error_K_high, range_rate_K, range_rate_K_low, range_rate_K_high, range_rate_tau_plus_dead_time,
-       range_rate_tau_plus_dead_time_low, range_rate_tau_plus_dead_time_high, fit_percent
+        """SELECT regexp_extract(log, '[^/]*/?[^/]*$') AS drive, driver, car, status, usable / 60 AS usable_min,
+       headway_error_K, headway_error_K_low, headway_error_K_high, range_rate_K, range_rate_K_low, range_rate_K_high,
+       range_rate_tau_plus_dead_time, range_rate_tau_plus_dead_time_low, range_rate_tau_plus_dead_time_high, fit_percent
 FROM drives ORDER BY driver, log""",
     ),
     Query(

@@ -41,6 +41,22 @@ def summarise(folder: str | Path) -> FleetSummary:
     return found
 
 
+def current(folder: str | Path) -> bool:
+    """Are the tables of drivers and of the population those of the folder's drives.
+
+    Example:
+        >>> current("replay_logs")
+        False
+    """
+    times = []
+    for name in ("drives", "drivers", "population"):
+        try:
+            times.append((Path(folder) / f"{name}.parquet").stat().st_mtime_ns)
+        except OSError:
+            return False
+    return times[0] <= min(times[1:])
+
+
 def _found(db: Any, folder: Path) -> FleetSummary:
     counts = data_quality.counts(db)
     populations: list[Population] = []

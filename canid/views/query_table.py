@@ -104,7 +104,7 @@ def _of_column(column: _Column) -> int:
 
 def _blocks(columns: Sequence[_Column], width: int) -> list[list[_Column]]:
     """Columns that fit together, the first one in each block."""
-    narrow = [_wrapped(column, width) for column in columns]
+    narrow = [_wrapped(column, width, first=k == 0) for k, column in enumerate(columns)]
     first, blocks = narrow[0], [[narrow[0]]]
     for column in narrow[1:]:
         if len(blocks[-1]) > 1 and _width([*blocks[-1], column]) > width:
@@ -113,13 +113,11 @@ def _blocks(columns: Sequence[_Column], width: int) -> list[list[_Column]]:
     return blocks
 
 
-def _wrapped(column: _Column, width: int) -> _Column:
+def _wrapped(column: _Column, width: int, *, first: bool) -> _Column:
     """The same column with line feeds in its cells: the first column and any other fit in one line."""
-    third, half = max(width // 3, MIN_TEXT), max(width // 2, MIN_TEXT)
-    return column._replace(
-        name="\n".join(_lines(column.name, half)),
-        cells=tuple("\n".join(_lines(cell, third)) for cell in column.cells),
-    )
+    fit = max(width // 3 if first else width // 2, MIN_TEXT)
+    name, *rest = ("\n".join(_lines(cell, fit)) for cell in (column.name, *column.cells))
+    return column._replace(name=name, cells=tuple(rest))
 
 
 def _lines(cell: str, width: int) -> list[str]:
