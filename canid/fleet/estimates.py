@@ -178,10 +178,10 @@ def drive_table(
             if output in (None, kind.output) and unit in (None, kind.unit) and car in (None, kind.car)
         ]
         if len(fitting) != 1:
-            found = "; ".join(kind.text() for kind in there) or "none"
-            raise ConfigError(
-                f"{folder}: choose one kind of output by output, unit and car; here are: {found}"
-            )
+            found = "; ".join(kind.text() for kind in there) or "nothing"
+            asked = ", ".join(x for x in (output, unit, car) if x is not None)
+            wrong = f"no drive of {asked}" if not fitting else "several kinds of output"
+            raise ConfigError(f"{folder}: {wrong}: choose by output, unit and car among {found}")
         return selection(db, fitting[0], names).table
 
 

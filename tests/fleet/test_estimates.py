@@ -1,0 +1,231 @@
+"""The table of drives holds what may be quoted of each of them, and nothing else; what is left out has a reason."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from canid.errors import ConfigError
+from canid.fleet import estimates
+from canid.fleet.columns import POOLED
+from canid.fleet.database import opened
+from canid.fleet.estimates import LANE, MAIN, TIMES, drive_table, kinds, selection
+from canid.fleet.pooled import own_estimates
+from canid.fleet_summary import Kind
+from canid.identification.confidence import NORMAL_QUANTILE
+from canid.population import drive_table as tables
+from tests.fixtures.fleet_folder import Planted, made, write
+
+ACCEL = Kind("accel", "m/s²")
+
+
+@pytest.fixture
+def planted(tmp_path: Path, seed: int) -> Planted:
+    return made(tmp_path / "fleet", seed, drivers=3, drives=3)
+
+
+def chosen(folder: Path, kind: Kind = ACCEL, names: tuple[str, ...] = MAIN) -> estimates.Selection:
+    with opened(folder) as db:
+        return selection(db, kind, names)
+
+
+def changed(planted: Planted, number: int, **values: Any) -> dict[str, Any]:
+    """Write the folder with one drive changed, and return that drive."""
+    planted.rows[number] |= values
+    write(planted.folder, planted.rows)
+    return planted.rows[number]
+
+
+def row_of(of: estimates.Selection, log: str) -> int:
+    return of.table.drives.index(log)
+
+
+def test_estimates_and_covariances_are_those_of_the_joint_posterior(planted: Planted) -> None:
+    """Element by element, whatever the order of names in the folder and in the table."""
+    order = np.random.default_rng(1).permutation(8)
+    row = planted.rows[4]
+    covariance = np.array(row["covariance"]).reshape(8, 8)
+    changed(
+        planted,
+        4,
+        names=[POOLED[k] for k in order],
+        estimate=[row["estimate"][k] for k in order],
+        covariance=covariance[np.ix_(order, order)].ravel().tolist(),
+    )
+    names = (*TIMES, *MAIN)
+    of = chosen(planted.folder, names=names)
+    assert len(of.table.drives) == 9
+    k = row_of(of, row["log"])
+    places = [POOLED.index(name) for name in names if "." in name]
+    at = [names.index(POOLED[place]) for place in places]
+    truth = dict(zip(row["names"], row["estimate"], strict=True))
+    assert of.table.estimate[k, at] == pytest.approx([truth[POOLED[place]] for place in places])
+    assert of.table.covariance[k][np.ix_(at, at)] == pytest.approx(covariance[np.ix_(places, places)])
+    assert of.table.drivers[of.table.driver[k]] == row["driver"]
+    assert of.table.start[k] == row["start_utc"]
+
+
+def test_noise_and_wanted_headway_come_from_their_intervals(planted: Planted) -> None:
+    """Of a skewed interval of noise the logarithm is symmetric; both are independent of all others."""
+    row = planted.rows[0]
+    of = chosen(planted.folder)
+    k, j, h = row_of(of, row["log"]), MAIN.index("log_noise_sd"), MAIN.index("wanted_headway")
+    sd = math.log(row["noise_sd_high"] / row["noise_sd_low"]) / (2.0 * NORMAL_QUANTILE)
+    assert of.table.estimate[k, j] == pytest.approx(math.log(row["noise_sd"]))
+    assert of.table.covariance[k, j, j] == pytest.approx(sd**2)
+    assert of.table.estimate[k, h] == pytest.approx(row["wanted_headway"])
+    off = np.delete(of.table.covariance[k, j], j)
+    assert off == pytest.approx(np.zeros(len(MAIN) - 1))
+
+
+@pytest.mark.parametrize(
+    ("status", "K", "total", "apart"),
+    [
+        ("ok", True, True, True),
+        ("sum_only", True, True, False),
+        ("gain_only", True, False, False),
+        ("not_identifiable", False, False, False),
+        (None, False, False, False),
+        ("a status of a later canid", False, False, False),
+    ],
+)
+def test_a_status_decides_what_is_known(
+    planted: Planted, status: str | None, K: bool, total: bool, apart: bool
+) -> None:
+    """A posterior that the box or the prior decides is no estimate, however narrow; the other input is untouched."""
+    row = changed(planted, 2, range_rate_status=status)
+    of = chosen(planted.folder, names=(*MAIN, *TIMES))
+    known = dict(zip(of.table.names, tables.known(of.table)[row_of(of, row["log"])].tolist(), strict=True))
+    assert known["range_rate.K"] is K
+    assert known["range_rate.log_tau_plus_dead_time"] is total
+    assert known["range_rate.log_tau"] is known["range_rate.dead_time"] is apart
+    assert known["headway_error.K"] is known["headway_error.log_tau"] is True
+    where = np.isnan(of.table.estimate)
+    assert np.isnan(of.table.covariance[where]).all()
+
+
+def test_a_drive_without_a_joint_posterior_counts_with_its_intervals(planted: Planted) -> None:
+    """Such as of ARMAX's headline: the variance of its interval, no correlation; one that is infinite counts nothing."""
+    row = changed(planted, 1, names=None, estimate=None, covariance=None, headway_error_K_high=None)
+    of = chosen(planted.folder)
+    k, j = row_of(of, row["log"]), MAIN.index("range_rate.K")
+    sd = (row["range_rate_K_high"] - row["range_rate_K_low"]) / (2.0 * NORMAL_QUANTILE)
+    assert of.table.estimate[k, j] == pytest.approx(row["range_rate_K"])
+    assert of.table.covariance[k, j, j] == pytest.approx(sd**2)
+    assert not tables.known(of.table)[k, MAIN.index("headway_error.K")]
+    own = of.table.covariance[k]
+    assert own[np.isfinite(own) & ~np.eye(len(MAIN), dtype=bool)] == pytest.approx(0.0)
+
+
+def test_what_is_left_out_has_a_reason(planted: Planted) -> None:
+    """Changes of the gains, faults of signals, too little driving; failed logs and copies are not drives at all."""
+    channels = [name for name in planted.rows[0] if name.startswith(("range_rate_", "headway_error_"))]
+    ends = [f"{name}{end}" for name in ("noise_sd", "wanted_headway") for end in ("", "_low", "_high")]
+    unknown = dict.fromkeys([*channels, *ends, "names", "estimate", "covariance"])
+    steps = changed(planted, 0, gain_steps=1)
+    faulty = changed(planted, 1, **unknown, signal_findings=["frozen_gap"])
+    short = changed(planted, 2, **unknown, usable=20.0)
+    still = changed(planted, 3, **unknown, usable=900.0)
+    nobody = changed(planted, 4, driver=None)
+    # as the engine writes a copy: a row of its log without numbers
+    copy = {
+        **dict.fromkeys(planted.rows[5]),
+        "log": "copy.blf",
+        "driver": "driver 001",
+        "status": "ok",
+    }
+    planted.rows.append({**copy, "duplicate_of": planted.rows[5]["log"]})
+    write(planted.folder, planted.rows)
+    of = chosen(planted.folder)
+    why = {one.log: one.why for one in of.excluded}
+    assert "changed during the drive" in why[steps["log"]]
+    assert "frozen_gap" in why[faulty["log"]]
+    assert "a minute" in why[short["log"]]
+    assert "excites too little" in why[still["log"]]
+    assert "no driver" in why[nobody["log"]]
+    assert len(why) == 5
+    assert set(of.table.drives) == {row["log"] for row in planted.rows[5:9]}
+    assert of.table.estimate.shape == (4, len(MAIN))
+
+
+def test_gains_of_different_outputs_units_and_pedals_are_never_pooled(planted: Planted) -> None:
+    """Accelerations of two cars are of one kind, pedals of two cars are of two, and no drive is in two tables."""
+    for number, (output, unit, car) in enumerate(
+        [
+            ("pedal", "%", "car A"),
+            ("pedal", "%", "car B"),
+            ("pedal", "%", "car B"),
+            ("accel_command", "m/s²", "car A"),
+        ]
+    ):
+        changed(planted, number, output=output, unit=unit, car=car)
+    changed(planted, 4, unit="g")
+    with opened(planted.folder) as db:
+        found = kinds(db)
+        tables_of = {kind: selection(db, kind, estimates.names_of(db, kind)[0]).table for kind in found}
+    assert found[0] == ACCEL
+    assert set(found[1:]) == {
+        Kind("pedal", "%", "car A"), Kind("pedal", "%", "car B"), Kind("accel_command", "m/s²"), Kind("accel", "g")
+    }  # fmt: skip
+    drives = [drive for table in tables_of.values() for drive in table.drives]
+    assert sorted(drives) == sorted(row["log"] for row in planted.rows if row.get("key"))
+    assert "wanted_headway" not in tables_of[Kind("pedal", "%", "car A")].names
+    with pytest.raises(ConfigError, match="pedal"):
+        drive_table(planted.folder)
+    with pytest.raises(ConfigError, match="steering"):
+        drive_table(planted.folder, output="steering_angle")
+    assert (
+        drive_table(planted.folder, "pedal", car="car B").drives
+        == tables_of[Kind("pedal", "%", "car B")].drives
+    )
+    assert len(drive_table(planted.folder, "accel", "m/s²").drives) == 4
+
+
+def test_a_driver_who_keeps_the_lane_has_parameters_of_his_own(planted: Planted) -> None:
+    values: dict[str, Any] = {
+        "output": "steering_angle",
+        "unit": "deg",
+        "names": None,
+        "range_rate_status": None,
+    }
+    for end, value in (("", -3.0), ("_low", -4.0), ("_high", -2.0)):
+        values[f"lateral_offset_K{end}"] = value
+    changed(planted, 0, **values, headway_error_status=None, lateral_offset_status="gain_only")
+    kind = Kind("steering_angle", "deg", "car A")
+    with opened(planted.folder) as db:
+        assert estimates.names_of(db, kind) == (LANE,)
+        of = selection(db, kind, LANE).table
+    assert of.estimate[0, 0] == -3.0
+    assert not tables.known(of)[0, 1]
+
+
+def test_own_estimates_are_generalised_least_squares(seed: int) -> None:
+    """Against a textbook loop over drivers with matrices of what each drive knows."""
+    rng = np.random.default_rng(seed)
+    n, p = 30, 3
+    root = rng.standard_normal((n, p, p))
+    covariance = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(p)
+    estimate = rng.standard_normal((n, p))
+    unknown = rng.random((n, p)) < 0.3
+    estimate[unknown] = np.nan
+    covariance[unknown[:, :, None] | unknown[:, None, :]] = np.nan
+    names = tuple(f"driver {k}" for k in rng.integers(0, 6, n))
+    within = np.diag([0.5, 0.1, np.nan])
+    mean, sd = own_estimates(tables.drive_table(("a", "b", "c"), estimate, covariance, names), within)
+    for i, driver in enumerate(dict.fromkeys(names)):
+        A, b = np.zeros((p, p)), np.zeros(p)
+        for k in (k for k in range(n) if names[k] == driver):
+            has = np.flatnonzero(~unknown[k])
+            X = np.eye(p)[has]
+            V = np.linalg.inv(covariance[k][np.ix_(has, has)] + np.nan_to_num(within)[np.ix_(has, has)])
+            A += X.T @ V @ X
+            b += X.T @ V @ estimate[k, has]
+        inside = np.flatnonzero(np.diag(A) > 0.0)
+        C = np.linalg.inv(A[np.ix_(inside, inside)])
+        assert mean[i, inside] == pytest.approx(C @ b[inside], rel=1e-8)
+        assert sd[i, inside] == pytest.approx(np.sqrt(np.diag(C)), rel=1e-8)
+        assert np.isnan(np.delete(mean[i], inside)).all()
