@@ -303,10 +303,10 @@ class Channel(NamedTuple):
     K_anytime: Interval = (
         Interval()
     )  # holds at all times simultaneously, where the estimator can promise that
-    prior_weight: float = (
-        NAN  # share of what is known of tau and dead time that a declared prior brought, 0 to 1
-    )
+    prior_weight: float = NAN  # the largest of `prior_weights` of what a declared prior is about, 0 to 1
     progress: Progress | None = None  # None: all may be quoted, or nothing is known of what is missing
+    # parameter -> share of what is known of it that a declared prior brought, 0 to 1; none: no prior is declared
+    prior_weights: Mapping[str, float] = {}
 
     def __repr__(self) -> str:
         known = [f"{name}={getattr(self, name)}" for name in QUOTED[self.status]]

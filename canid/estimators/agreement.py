@@ -29,6 +29,11 @@ MAX_AGE_S = 2.0
 # the two memories at different speeds, are no contradiction.
 PERSISTENCE_S = 5.0
 
+# Share of what is known of a parameter that a declared prior brought, from which on it is no measurement that another
+# estimator could contradict: only FOPDT has the prior. Below, the estimate of a driver who is 4 sd from the prior is off by
+# at most 2 of the sd that the data alone would give it, and the two intervals reach 3.3 of it.
+MAX_PRIOR_SHARE = 0.5
+
 # What all estimators may give, its symbol, and its unit.
 COMPARED = (("K", "K", ""), ("tau_plus_dead_time", "tau + dead time", " s"))
 
@@ -142,10 +147,21 @@ def _disjoint_parameters(one: Mapping[str, Channel], other: Mapping[str, Channel
         for name in one
         if name in other
         for what, _, _ in COMPARED
-        if quotable(one[name], what)
-        and quotable(other[name], what)
+        if _measured(one[name], what)
+        and _measured(other[name], what)
         and _disjoint(getattr(one[name], what), getattr(other[name], what))
     ]
+
+
+def _measured(channel: Channel, what: str) -> bool:
+    """Whether a parameter may be quoted, and rests on the data more than on a declared prior.
+
+    >>> from canid.types import Identifiable
+    >>> known = Channel(status=Identifiable.GAIN_ONLY)
+    >>> _measured(known, "K"), _measured(known._replace(prior_weights={"K": 0.7}), "K")
+    (True, False)
+    """
+    return quotable(channel, what) and channel.prior_weights.get(what, 0.0) < MAX_PRIOR_SHARE
 
 
 def _disjoint(a: Interval, b: Interval) -> bool:

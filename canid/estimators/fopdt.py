@@ -16,7 +16,7 @@ from canid.estimators import fopdt_whole_drive, plausibility, status, step_watch
 from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import feedback_bias, identifiability
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
-from canid.identification.fopdt.prior import Prior, check_prior
+from canid.identification.fopdt.prior import CHANNELS, Prior, check_prior, incomplete, is_empty
 from canid.identification.output_filter import DELAYS_HOLD_IT, is_unknown
 from canid.state_constraints import TIME
 from canid.types import Array, Channel, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
@@ -36,12 +36,16 @@ MIN_MOVEMENT_TO_FIT = 0.01
 
 def _stated(declared: Prior | None) -> Prior | None:
     """Both numbers of a distribution or neither, and at least one distribution."""
-    if declared is not None:
-        for a, b in (("tau", "tau_factor"), ("dead_time", "dead_time_sd")):
-            if math.isnan(getattr(declared, a)) != math.isnan(getattr(declared, b)):
-                raise ValueError(f"{a} and {b} belong together: give both or neither")
-        if all(map(math.isnan, declared)):
-            raise ValueError("is empty: state a belief, or leave the section out")
+    if declared is None:
+        return None
+    own = {name: of for name in CHANNELS if (of := getattr(declared, name)) is not None}
+    wrong = list(incomplete(declared))
+    wrong += [f"{name}: {says}" for name, of in own.items() for says in incomplete(of)]
+    wrong += [f"{name} is empty: state a belief, or leave it out" for name, of in own.items() if is_empty(of)]
+    if is_empty(declared):
+        wrong.append("is empty: state a belief, or leave the section out")
+    if wrong:
+        raise ValueError("; ".join(wrong))
     return declared
 
 
@@ -259,6 +263,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
         given.output_filter,
         held=feedback_bias.held(names),
         continued=state.reported,
+        names=names,
     )
     if state.reported:
         # from a fit that is not credible the next ones would begin where none of them can end

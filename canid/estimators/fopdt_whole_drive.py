@@ -84,6 +84,7 @@ class Fitting(NamedTuple):
             prior=self.prior,
             output_filter=self.output_filter,
             held=feedback_bias.held(trace.input_names),
+            names=trace.input_names,
         )
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from canid.estimators import status
 from canid.identification import closed_loop_stability
 from canid.identification.confidence import QUANTILES
+from canid.identification.identifiability import QUOTABLE
 from canid.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
 
 # Share of a range beyond which half of what is believed of a delay lies at its end. On 2,700 channels of clean
@@ -31,6 +32,9 @@ UNSTABLE_SHARE = QUANTILES[1]
 # this the intervals of tau + dead time hold the truth as often as without, above it half as often, while those of K
 # hold it as before (table `residuals` of docs/identification.md).
 MAX_LEFT_OVER = 0.4
+
+# Share of what is known of a parameter that a declared prior brought, from which on a reader is to know it: more than half.
+MENTIONED_PRIOR_SHARE = 0.5
 
 # Roles of an output that is the vehicle's acceleration: the loop then needs no model of the vehicle.
 ACCELERATIONS = ("accel", "accel_command")
@@ -87,6 +91,7 @@ def judge(
     if not quoted:
         return Verdict((), ())
     refused, remarks = _at_ends(quoted, ranges)
+    remarks += _of_prior(quoted)
     unstable, mentioned = _loop(channels, following)
     wrong = status.implausible(channels)
     every = (_mean(fit_percent), wrong, *refused, unstable)
@@ -120,6 +125,23 @@ def _at_ends(channels: Mapping[str, Channel], ranges: Ranges) -> tuple[list[str]
             elif delay.high > TOUCHING_SHARE * end:
                 remarks.append(f"{where}the interval of {word} ends with its range, {end:.1f} s")
     return refused, remarks
+
+
+def _of_prior(channels: Mapping[str, Channel]) -> list[str]:
+    """Say of which parameters more is known from a declared prior than from the data."""
+    out = []
+    for name, c in channels.items():
+        shares = [
+            f"{_WORDS[of]} ({100.0 * share:.0f} %)"
+            for of, share in c.prior_weights.items()
+            if of in QUOTABLE[c.status] and share >= MENTIONED_PRIOR_SHARE
+        ]
+        if shares:
+            out.append(f"{name.replace('_', ' ')}: mostly from the declared prior: {', '.join(shares)}")
+    return out
+
+
+_WORDS = {"K": "K", "tau": "τ", "dead_time": "θ", "tau_plus_dead_time": "τ+θ"}
 
 
 def _loop(channels: Mapping[str, Channel], following: Following | None) -> tuple[str, str]:

@@ -206,7 +206,9 @@ def since_step(watch: Watch, window: Window) -> Mapping[str, Channel] | None:
         of = watch.channels[name]
         known = identifiability.judge(K, float(sd), math.inf, math.inf, math.inf)
         status = of.status if known is not Identifiable.NOT else Identifiable.NOT
-        out[name] = of._replace(K=K, status=status, progress=None)
+        # a driver who has just changed is given no prior: these gains are of the data alone
+        weights = {key: of_prior for key, of_prior in of.prior_weights.items() if key != "K"}
+        out[name] = of._replace(K=K, status=status, progress=None, prior_weights=weights)
     return out
 
 

@@ -24,6 +24,9 @@ SUM_SD = 0.20
 # A gain is quoted where it is three standard deviations from zero: then its sign and its size mean something.
 GAIN_RATIO = 3.0
 
+# The parameters of a `Channel`.
+PARAMETERS = ("K", "tau", "dead_time", "tau_plus_dead_time")
+
 # Fields of a `Channel` that may be quoted.
 QUOTABLE: Mapping[Identifiable, tuple[str, ...]] = {
     Identifiable.OK: ("K", "tau", "dead_time", "tau_plus_dead_time"),
@@ -96,15 +99,14 @@ def progress(
     >>> missing.parameter, missing.needed, round(missing.seconds)
     ('tau', 0.1, 185)
     """
-    fields = ("K", "tau", "dead_time", "tau_plus_dead_time")
-    needed = dict(zip(fields, (abs(K.value) / GAIN_RATIO, TAU_SD, DEAD_TIME_SD, SUM_SD), strict=True))
+    needed = dict(zip(PARAMETERS, (abs(K.value) / GAIN_RATIO, TAU_SD, DEAD_TIME_SD, SUM_SD), strict=True))
     next_verdict = {
         Identifiable.NOT: ("K",),
         Identifiable.GAIN_ONLY: ("tau_plus_dead_time",),
         Identifiable.SUM_ONLY: ("tau", "dead_time"),
         Identifiable.OK: (),
     }[status]
-    known = dict(zip(fields, zip(sd, box_sd, strict=True), strict=True))
+    known = dict(zip(PARAMETERS, zip(sd, box_sd, strict=True), strict=True))
     out: list[Progress] = []
     for name in next_verdict:
         now, box = known[name]

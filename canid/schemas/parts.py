@@ -71,6 +71,7 @@ PARTS: dict[str, Schema] = {
             "K_anytime": IV,
             "prior_weight": KNOWN,
             "progress": nullable(record({"parameter": TEXT, "sd": KNOWN, "needed": KNOWN, "seconds": KNOWN})),
+            "prior_weights": by_name(KNOWN),
         }
     ),
     "channels": by_name(CHANNEL),

@@ -44,7 +44,7 @@ def driver_draws(posterior: Grid, gains: tuple[Interval, Interval], count: int) 
         dead_time[:, i] = cells.dead_time[k] + cells.dead_time_width[k] * rng.uniform(-0.5, 0.5, count)
     z, other = rng.standard_normal((2, count))
     # estimates of two gains scatter against each other as far as their answers are alike
-    r = -posterior.shared[of]
+    r = posterior.K_correlation[of]
     scatter = (z, r * z + np.sqrt(np.maximum(1.0 - r * r, 0.0)) * other)
     K = np.column_stack(
         [

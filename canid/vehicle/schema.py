@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -246,14 +246,27 @@ def parse_settings(kind: Any, value: object, key: str) -> tuple[Any, list[str]]:
     return (kind(**dict(section)) if section is not None else None), mistakes
 
 
+def _inner(model: type[BaseModel], path: Sequence[str]) -> type[BaseModel]:
+    """The section that a path leads to within another."""
+    for step in path:
+        field = model.model_fields.get(step)
+        inner = _sections_in(field.annotation) if field is not None else []
+        model = inner[0] if inner else model
+    return model
+
+
+def _sections_in(hint: Any) -> list[type[BaseModel]]:
+    if isinstance(hint, type) and issubclass(hint, BaseModel):
+        return [hint]
+    return [section for part in get_args(hint) for section in _sections_in(part)]
+
+
 def _sentence(model: type[BaseModel], key: str, mistake: dict[str, Any]) -> str:
     path = [str(step) for step in mistake["loc"]]
     where = ".".join([key, *map(brief, path)])
     kind = mistake["type"]
     if kind == "extra_forbidden":
-        # An entry of [lead] is itself a table with keys of its own.
-        fields = SignalEntry.model_fields if len(path) > 1 else model.model_fields
-        return f"{where}: unknown key{did_you_mean(path[-1], fields)}"
+        return f"{where}: unknown key{did_you_mean(path[-1], _inner(model, path[:-1]).model_fields)}"
     if kind == "missing":
         return f"{where}: is missing"
     if kind == "literal_error":

@@ -10,8 +10,9 @@ from typing import Any
 
 from canid.errors import ConfigError
 from canid.estimators import ESTIMATORS
+from canid.identification.fopdt.prior import CHANNELS
 from canid.parsing import ParseError, Parser
-from canid.types import Driver, OutputFilter
+from canid.types import TASK_INPUTS, Driver, OutputFilter
 from canid.vehicle import file_bytes
 from canid.vehicle.database import MAX_DBC_BYTES, Dbc, brief_sentence, load, message_map, with_protocol
 from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
@@ -166,6 +167,7 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: P
         tracks = resolve_tracks(lead, files, mistakes) if lead is not None else None
     if driver is not None and lead is not None:
         errors += _missing(driver, lead, table.get("signals", {}))
+        errors += _foreign_priors(driver, estimators)
     if errors or driver is None or lead is None:
         return None
     of_driver = _driver(driver)
@@ -305,6 +307,18 @@ def _missing(driver: DriverSection, lead: LeadSection, signals: object) -> list[
             also = ", or radar tracks in [lead]" if role in ("gap", "range_rate") else ""
             errors.append(f"signals.{role}: is missing; {driver.task} needs it{also}")
     return errors
+
+
+def _foreign_priors(driver: DriverSection, estimators: Mapping[str, Any]) -> list[str]:
+    """Priors of inputs that the task does not have."""
+    inputs = TASK_INPUTS[driver.task]
+    return [
+        f"{name}.prior.{channel}: {driver.task} has no such input; its inputs are {' and '.join(inputs)}"
+        for name, settings in estimators.items()
+        if (prior := getattr(settings, "prior", None)) is not None
+        for channel in CHANNELS
+        if channel not in inputs and getattr(prior, channel) is not None
+    ]
 
 
 def _messages(files: Sequence[Dbc], mapped: Sequence[RoleMap | TrackMap]) -> tuple[MessageMap, ...]:

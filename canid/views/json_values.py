@@ -100,6 +100,7 @@ def channel(ch: Channel) -> dict[str, Any]:
         "K_anytime": interval(ch.K_anytime),
         "prior_weight": number(ch.prior_weight),
         "progress": plain(ch.progress),
+        "prior_weights": plain(ch.prior_weights),
     }
 
 

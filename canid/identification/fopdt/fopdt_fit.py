@@ -8,6 +8,7 @@ time; there is no descent that could stop in a local minimum. K and the offset a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import Annotated, NamedTuple
 
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from canid.identification import band, feedback_bias, identifiability, innovation_law
 from canid.identification.fopdt import fopdt_posterior, reduced_basis, row_noise
 from canid.identification.fopdt import regression_rows as rows
-from canid.identification.fopdt.prior import Prior, log_density
+from canid.identification.fopdt.prior import InputPrior, Prior, density, for_inputs
 from canid.identification.fopdt.row_noise import Data, Noise, Point, by_channel, power, residual_of
 from canid.identification.output_filter import Equalizer, apply, complete, equalizer, is_unknown
 from canid.state_constraints import FINITE
@@ -45,7 +46,6 @@ class SearchGrid(NamedTuple):
     regions: Annotated[tuple[fopdt_posterior.Region, ...], FINITE]
     cells: Annotated[tuple[fopdt_posterior.Cells, ...], FINITE]
     W: Annotated[tuple[Array, ...], FINITE]  # per channel (c, b)
-    belief: Array | None  # log of the declared prior at each pair of cells
 
 
 class Start(NamedTuple):
@@ -86,6 +86,7 @@ def fit_process(
     output_filter: OutputFilter | None = None,
     bound: Array | None = None,
     held: int | None = None,
+    names: Sequence[str] = (),
 ) -> ProcessFit:
     """Fit all channels jointly.
 
@@ -103,9 +104,10 @@ def fit_process(
         bound: (n,) that the driver's demand did not exceed where the output is not usable, a pedal at its floor; NaN:
             nothing is known of it.
         held: the input that the driver's loop holds, see feedback_bias.py; None: none.
+        names: of the inputs; a prior of one channel's own needs them.
 
     Raises:
-        ValueError: shapes that do not fit, or more than two inputs.
+        ValueError: shapes that do not fit, or more than two inputs; a prior of one channel without names.
 
     >>> from canid.identification.first_order import scan
     >>> rng = np.random.default_rng(0)
@@ -142,7 +144,8 @@ def fit_process(
         part = slice(n, n + len(more))
         both[:, part], ready[part] = _columns(layout, more)
         n += len(more)
-    return _fit(layout, both[:, :n], ready[:n], start, prior, output_filter, held)
+    known_prior = for_inputs(prior, names) if prior is not None else None
+    return _fit(layout, both[:, :n], ready[:n], start, known_prior, output_filter, held)
 
 
 # samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
@@ -190,6 +193,7 @@ def fit_rows(
     *,
     held: int | None = None,
     continued: bool = True,
+    names: Sequence[str] = (),
 ) -> ProcessFit:
     """Fit a window of rows.
 
@@ -201,8 +205,10 @@ def fit_rows(
         output_filter: that the output has passed; None: not known.
         held: the input that the driver's loop holds, see feedback_bias.py; None: none.
         continued: another window starts from this one's `start`; else the time to make it ready is saved.
+        names: of the inputs; a prior of one channel's own needs them.
     """
-    return _fit(layout, *_columns(layout, window), start, prior, output_filter, held, continued)
+    known_prior = for_inputs(prior, names) if prior is not None else None
+    return _fit(layout, *_columns(layout, window), start, known_prior, output_filter, held, continued)
 
 
 def _fit(
@@ -210,7 +216,7 @@ def _fit(
     both: Array,
     known: Array,
     start: Start | None,
-    prior: Prior | None,
+    prior: InputPrior | None,
     output_filter: OutputFilter | None,
     held: int | None,
     continued: bool = True,
@@ -253,7 +259,7 @@ def _search(
     data: Data,
     count: int,
     start: Start | None,
-    prior: Prior | None,
+    prior: InputPrior | None,
     limits: band.Strides,
     continued: bool,
 ) -> ProcessFit:
@@ -275,7 +281,7 @@ def _search(
     noise = row_noise.estimate(layout, data, known.point, simulated, limits, near=near)
     finished, passes = 0, 0
     for _ in range(MAX_PASSES):
-        moments, grid = _evaluate(layout, known.search_grid, noise)
+        moments, grid = _evaluate(layout, known.search_grid, noise, prior)
         regions = tuple(fopdt_posterior.gather(grid, i, box) for i in range(m))
         fine = all(is_fine(r, c) for r, c in zip(regions, grid.cells, strict=True))
         fine = fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(m))
@@ -290,7 +296,7 @@ def _search(
         finished, passes = finished + (fine and moved <= 0.5), passes + fine
         ended = fine and ((same and near) or finished > MAX_NOISE_REFITS or passes >= MAX_FINE_PASSES)
         keep = stays or (ended and not continued)
-        known = Start(point, known.search_grid if keep else _search_grid(layout, regions, prior))
+        known = Start(point, known.search_grid if keep else _search_grid(layout, regions))
         if ended:
             break
         if finished < MAX_NOISE_REFITS:
@@ -298,6 +304,9 @@ def _search(
             found = limits._replace(least=noise.stride) if finished else limits
             near = near or finished > 0
             noise = row_noise.estimate(layout, data, point, simulated, found, noise, near)
+    if grid.gains is not None:
+        point = _posterior_point(layout, data, grid, fine, grid.K)
+        simulated = point.w @ data.X
     misfit = power(residual_of(data, simulated) * data.usable) / power(data.y * data.usable)
     fit_percent = 100.0 * (1.0 - misfit**0.5)
     credible = fit_percent >= MIN_FIT_PERCENT
@@ -308,13 +317,14 @@ def _search(
         channels=fopdt_posterior.channels(
             grid,
             box,
-            _limits(layout, moments, grid, known.point, noise),
+            _limits(layout, moments, grid, point, noise),
             count * layout.step,
             prior is not None,
+            () if prior is None or prior.gains is None else prior.gains.stated,
         )
         if credible
         else (Channel(),) * m,
-        point=known.point,
+        point=point,
         noise=noise.ar,
         stride=noise.stride,
         sigma=(grid.residual * noise.stride / noise.weighed.counted) ** 0.5
@@ -336,16 +346,14 @@ def no_fit(m: int, used: int = 0) -> ProcessFit:
     return ProcessFit((Channel(),) * m, point, np.zeros(0), 1, NAN, 1.0, None, 0, NAN, used, None)
 
 
-def _search_grid(
-    layout: rows.Layout, regions: tuple[fopdt_posterior.Region, ...], prior: Prior | None
-) -> SearchGrid:
+def _search_grid(layout: rows.Layout, regions: tuple[fopdt_posterior.Region, ...]) -> SearchGrid:
     cells = tuple(fopdt_posterior.make_cells(region, layout.basis.box) for region in regions)
     side = fopdt_posterior.CELLS_PER_AXIS
     tau = np.concatenate([c.tau[::side] for c in cells])
     dead_time = np.concatenate([c.dead_time for c in cells]).reshape(-1, side)
     every = reduced_basis.weights_on_grid(layout.basis, tau, dead_time)
     W = tuple(every.reshape(len(cells), side * side, -1))
-    return SearchGrid(regions, cells, W, log_density(prior, cells) if prior is not None else None)
+    return SearchGrid(regions, cells, W)
 
 
 @cache
@@ -355,30 +363,36 @@ def _whole(box: reduced_basis.Box) -> tuple[fopdt_posterior.Region, fopdt_poster
     return region, cells, reduced_basis.weights(reduced_basis.basis(box), cells.tau, cells.dead_time)
 
 
-def _initial(layout: rows.Layout, data: Data, prior: Prior | None) -> Start:
-    """Initial guess: the whole box with white noise; its least residual gives the noise model."""
+def _initial(layout: rows.Layout, data: Data, prior: InputPrior | None) -> Start:
+    """Initial guess: the whole box with white noise; its least residual gives the noise model.
+
+    A prior of gains waits for a noise model: white noise gives the data too much weight against it.
+    """
     m = layout.inputs
     region, cells, W = _whole(layout.basis.box)
     every = (cells,) * m
-    search_grid = SearchGrid(
-        (region,) * m, every, (W,) * m, log_density(prior, every) if prior is not None else None
-    )
-    grid = _evaluate(layout, search_grid, row_noise.white(data))[1]
+    search_grid = SearchGrid((region,) * m, every, (W,) * m)
+    of_delays = prior._replace(gains=None) if prior is not None else None
+    grid = _evaluate(layout, search_grid, row_noise.white(data), of_delays)[1]
     return Start(_posterior_point(layout, data, grid, False), search_grid)
 
 
 def _evaluate(
-    layout: rows.Layout, search_grid: SearchGrid, noise: Noise
+    layout: rows.Layout, search_grid: SearchGrid, noise: Noise, prior: InputPrior | None
 ) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
     found = [row_noise.products(noise, i, CHUNK_ROWS) for i in range(0, len(noise.weighed.rows), CHUNK_ROWS)]
     # the phases of a stride know together about as much as one of them
     share = 1.0 / noise.stride
     sums = fopdt_posterior.Products(*(share * sum(parts[1:], parts[0]) for parts in zip(*found, strict=True)))
     known = fopdt_posterior.moments(sums, layout.inputs, round(share * noise.weighed.counted))
-    grid = fopdt_posterior.evaluate(
-        known, search_grid.W, search_grid.cells, noise.variance_inflation, search_grid.belief
+    if prior is None:
+        return known, fopdt_posterior.evaluate(
+            known, search_grid.W, search_grid.cells, noise.variance_inflation
+        )
+    of_delays = density(prior, search_grid.cells, layout.basis.box)
+    return known, fopdt_posterior.evaluate(
+        known, search_grid.W, search_grid.cells, noise.variance_inflation, *of_delays, prior.gains
     )
-    return known, grid
 
 
 def _limits(
@@ -397,12 +411,19 @@ def _limits(
     return fopdt_posterior.bounds(moments, J, variance, layout.basis.box)
 
 
-def _posterior_point(layout: rows.Layout, data: Data, grid: fopdt_posterior.Grid, fine: bool) -> Point:
+def _posterior_point(
+    layout: rows.Layout,
+    data: Data,
+    grid: fopdt_posterior.Grid,
+    fine: bool,
+    gains: tuple[Array, ...] | None = None,
+) -> Point:
     """Posterior mean: where a lag is not identifiable, the most likely cell is an accident.
 
     On a coarse grid, take the most likely cell with the gains of plain least squares. A mean over local maxima, or the
     weighted gains, may be far off there and leave a residual that drifts; a noise that drifts would then excuse
-    any gain: a vicious circle.
+    any gain: a vicious circle. For the same reason the gains are by default those of the data alone: a prior that is wrong
+    for a driver must not count its misfit as noise.
     """
     if not fine:
         best = np.unravel_index(int(np.argmax(grid.log)), grid.log.shape)
@@ -415,7 +436,8 @@ def _posterior_point(layout: rows.Layout, data: Data, grid: fopdt_posterior.Grid
     taus = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
     dead_times = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
     nodes = by_channel(layout, reduced_basis.weights(layout.basis, taus, dead_times))
-    return _point(data, nodes, taus, dead_times, np.array([np.vdot(grid.weight, K) for K in grid.K]))
+    of = grid.data_K if gains is None else gains
+    return _point(data, nodes, taus, dead_times, np.array([np.vdot(grid.weight, K) for K in of]))
 
 
 def _plain(data: Data, nodes: Array, taus: Array, dead_times: Array) -> Point:

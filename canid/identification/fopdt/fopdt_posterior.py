@@ -17,6 +17,8 @@ import numpy as np
 
 from canid.identification import identifiability
 from canid.identification.confidence import CHI_SQUARED_QUANTILE, QUANTILES
+from canid.identification.fopdt import gain_prior
+from canid.identification.fopdt.gain_prior import Components, GainPrior
 from canid.identification.fopdt.reduced_basis import Box
 from canid.state_constraints import NOT_NEGATIVE, POSITIVE
 from canid.types import NAN, Array, Channel, Interval
@@ -74,17 +76,38 @@ class Grid(NamedTuple):
     shared: (
         Array  # cosine of the angle between the two answers, of the shape of `weight`; (1,) of one input: 0
     )
+    gains: Components | None = None  # with a declared prior of gains; None: none is declared
+
+    @property
+    def data_K(self) -> tuple[Array, ...]:  # noqa: N802
+        """Gains by least squares, without a prior of them, of the shape of `weight`."""
+        return tuple(K / (self.free * size) for K, size in zip(self.along, self.size, strict=True))
 
     @property
     def K(self) -> tuple[Array, ...]:  # noqa: N802
-        """Gains, of the shape of `weight`."""
-        return tuple(K / (self.free * size) for K, size in zip(self.along, self.size, strict=True))
+        """Gains, posterior means of the shape of `weight`."""
+        if self.gains is None:
+            return self.data_K
+        return tuple((self.gains.share * K).sum(axis=0) for K in self.gains.mean)
 
     @property
     def K_sd(self) -> tuple[Array, ...]:  # noqa: N802
         """Their standard deviations."""
-        sd = np.sqrt(self.variance * self.left / self.free)
-        return tuple(sd / size for size in self.size)
+        if self.gains is None:
+            sd = np.sqrt(self.variance * self.left / self.free)
+            return tuple(sd / size for size in self.size)
+        share = self.gains.share
+        each = zip(self.gains.mean, self.gains.variance, self.K, strict=True)
+        return tuple(np.sqrt((share * (variance + (own - K) ** 2)).sum(axis=0)) for own, variance, K in each)
+
+    @property
+    def K_correlation(self) -> Array:  # noqa: N802
+        """Correlation of the two gains, of the shape of `weight`; (1,) of one input: 0."""
+        if self.gains is None or len(self.cells) == 1:
+            return -self.shared
+        (one, two), (one_sd, two_sd) = self.K, self.K_sd
+        each = self.gains.covariance + (self.gains.mean[0] - one) * (self.gains.mean[1] - two)
+        return np.asarray((self.gains.share * each).sum(axis=0) / (one_sd * two_sd))
 
 
 def whole_box(box: Box) -> Region:
@@ -174,18 +197,22 @@ def evaluate(
     cells: Sequence[Cells],
     variance_inflation: float = 1.0,
     joint: Array | None = None,
+    measure: Array | None = None,
+    gains: GainPrior | None = None,
 ) -> Grid:
     """Compute the posterior over the cells, gains and nuisance columns taken out.
 
     The prior is that of the cells and, for the gains, uniform in K |X|: a prior uniform in K alone would
-    prefer cells that hardly let the input through.
+    prefer cells that hardly let the input through. With a prior of the gains that one takes its place.
 
     Args:
         known: inner products.
         W: per channel (c, b) weights of the basis.
         cells: per channel.
         variance_inflation: >= 1; the likelihood is taken to the power 1/variance_inflation where the residual is not white.
-        joint: (c1,) or (c1, c2) log of a declared prior.
+        joint: (c1,) or (c1, c2) log of a declared prior of lags and dead times.
+        measure: of that shape, log of what makes the cells' mass that of the declared coordinates.
+        gains: declared prior of them.
     """
     if len(W) not in (1, 2):
         raise ValueError(f"{len(W)} inputs: one or two are supported")
@@ -196,16 +223,17 @@ def evaluate(
     with np.errstate(divide="ignore"):  # a cell outside the box has no mass
         prior = [np.log(c.weight) for c in cells]
     along: tuple[Array, ...]
+    alone: tuple[Array, ...]
     of_size: tuple[Array, ...]
     shared = np.zeros(1)
     if len(W) == 1:
-        along, free = (gain[0],), np.ones(1)
+        alone, along, free = (gain[0],), (gain[0],), np.ones(1)
         log, left, of_size = prior[0].copy(), known.yy - gain[0] * gain[0], (size[0],)
     else:
         one, two = gain[0][:, None], gain[1]
         shared = W[0] / size[0][:, None] @ known.xx[blocks[0], blocks[1]] @ (W[1] / size[1][:, None]).T
         free = np.maximum(1.0 - shared * shared, 1e-9)
-        along = (one - shared * two, two - shared * one)
+        alone, along = (one, two), (one - shared * two, two - shared * one)
         log, left = prior[0][:, None] + prior[1], known.yy - (one * along[0] + two * along[1]) / free
         of_size = (size[0][:, None], size[1])
     np.maximum(left, 1e-9 * known.yy + 1e-300, out=left)
@@ -213,6 +241,13 @@ def evaluate(
     if joint is not None:
         fit += joint
     log += fit
+    if measure is not None:
+        log += measure
+    variance = variance_inflation / max(known.freedom, 1)
+    multiplied = None
+    if gains is not None:
+        multiplied = gain_prior.multiply(gains, alone, of_size, shared, free, variance * left)
+        log += multiplied.log
     best = np.unravel_index(int(np.argmax(log)), log.shape)
     log -= log[best]
     weight = np.exp(log)
@@ -227,9 +262,10 @@ def evaluate(
         free,
         of_size,
         left,
-        variance_inflation / max(known.freedom, 1),
+        variance,
         float(left[best]),
         shared,
+        multiplied,
     )
 
 
@@ -452,28 +488,46 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
 
 
 def channels(
-    grid: Grid, box: Box, limits: Sequence[Deviations], used: float, believed: bool = False
+    grid: Grid,
+    box: Box,
+    limits: Sequence[Deviations],
+    used: float,
+    believed: bool = False,
+    gains: Sequence[bool] = (),
 ) -> tuple[Channel, ...]:
     """Channels: every interval, and which of them may be quoted.
 
     Identifiability is judged by what the data alone allow, not by the width of the posterior, which the box narrows as
     well; how well it is known is the posterior's width. With a declared prior (`believed`) it is judged by the
-    posterior, and `prior_weight` is the share of it that the prior brought. `used`: s of data.
+    posterior, and `prior_weights` are the shares of it that the prior brought. `used`: s of data; `gains`: per channel,
+    whether a prior of its gain is declared.
     """
-    weight = grid.weight.ravel()
+    weight, every_K, every_sd = grid.weight, grid.K, grid.K_sd
+    possible = np.where(np.isfinite(grid.log), grid.fit, -np.inf)
+    if grid.gains is not None:
+        # every component of the prior is a pair of cells of its own
+        weight, possible = grid.gains.share * weight, grid.gains.profile + possible
+        every_K, every_sd = grid.gains.mean, tuple(np.sqrt(v) for v in grid.gains.variance)
+    weight, possible = weight.ravel(), possible.ravel()
     kept = np.flatnonzero(weight > MIN_WEIGHT * float(weight.max()))
-    possible = np.where(np.isfinite(grid.log), grid.fit, -np.inf).ravel()
     left = CHI_SQUARED_QUANTILE + 2.0 * (possible - possible.max())
     allowed = np.flatnonzero(left > 0.0)
     left = left[allowed]
     out = []
-    for i, (K, sd) in enumerate(zip(grid.K, grid.K_sd, strict=True)):
+    for i, (K, sd) in enumerate(zip(every_K, every_sd, strict=True)):
         K, sd = K.ravel(), sd.ravel()
         mean = _gain(weight[kept], K[kept], sd[kept])
         low, high = _worst(left, K[allowed], sd[allowed])
         gain = Interval(mean.value, min(mean.low, low), max(mean.high, high))
-        out.append(_channel(grid, i, box, gain, limits[i], used, believed))
+        out.append(_channel(grid, i, box, gain, limits[i], used, believed, bool(gains) and gains[i]))
     return tuple(out)
+
+
+def _gain_sd(grid: Grid, index: int) -> float:
+    """Standard deviation of a gain over its whole posterior."""
+    K, sd = grid.K[index], grid.K_sd[index]
+    mean = float(np.vdot(grid.weight, K))
+    return math.sqrt(float(np.vdot(grid.weight, sd * sd + (K - mean) ** 2)))
 
 
 def _sd(w: Array, x: Array) -> float:
@@ -481,17 +535,28 @@ def _sd(w: Array, x: Array) -> float:
 
 
 def _channel(
-    grid: Grid, index: int, box: Box, K: Interval, limit: Deviations, used: float, believed: bool
+    grid: Grid,
+    index: int,
+    box: Box,
+    K: Interval,
+    limit: Deviations,
+    used: float,
+    believed: bool,
+    gain_believed: bool,
 ) -> Channel:
     w, c = marginal(grid, index), grid.cells[index]
     total = c.tau + c.dead_time
-    weight = NAN
+    weight, weights = NAN, {}
     if believed:
-        known = [_sd(w, x) for x in (c.tau, c.dead_time, total)]
-        of_data = limit[1:]
+        known = Deviations(_gain_sd(grid, index), *(_sd(w, x) for x in (c.tau, c.dead_time, total)))
         # share of the precision: the data's own is what they would know alone
-        weight = max(1.0 - (a / b) ** 2 if a < b else 0.0 for a, b in zip(known, of_data, strict=True))
-        limit = Deviations(limit.K, *(min(a, b) for a, b in zip(known, of_data, strict=True)))
+        weights = {
+            name: 1.0 - (a / b) ** 2 if a < b else 0.0
+            for name, a, b in zip(identifiability.PARAMETERS, known, limit, strict=True)
+        }
+        weight = max(of for name, of in weights.items() if name != "K" or gain_believed)
+        least = Deviations(*(min(a, b) for a, b in zip(known, limit, strict=True)))
+        limit = least if gain_believed else least._replace(K=limit.K)
     # pressed to the box: tau and dead time end where we stopped looking, and so does their sum
     free = not pressed(grid, index, box)
     status = identifiability.judge(K, limit.K, limit.tau, limit.dead_time, limit.total, free)
@@ -505,7 +570,7 @@ def _channel(
     by_tau, by_dead_time = (p**-0.5 for p in precision(box))
     of_box = (math.inf, by_tau, by_dead_time, math.hypot(by_tau, by_dead_time))
     missing = identifiability.progress(made.status, K, limit, of_box, used, free)
-    return made._replace(prior_weight=weight, progress=missing)
+    return made._replace(prior_weight=weight, progress=missing, prior_weights=weights)
 
 
 def pressed(grid: Grid, index: int, box: Box) -> bool:
