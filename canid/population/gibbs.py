@@ -33,7 +33,7 @@ SCALE_OUTLIER = 3.0
 SHARE_OUTLIER = (1.0, 19.0)
 # drivers from which on one of them may be an outlier: of fewer it cannot be told from a wide spread
 MIN_DRIVERS = 5
-# scales of the half-t priors of standard deviations between drivers and between drives of one, in the unit of `scaling`, which
+# scales of the half-t priors of standard deviations between drivers and between drives of one, in units of `scaling`, which
 # is the whole spread of the estimates. Between drivers twice it: of 2 to 4 drivers the unit is often too small, and at 1 the
 # intervals of means cover 0.89 to 0.93, at 2 0.94 to 0.96 (`python -m benchmarks.fleet.pooling`)
 SCALE = (2.0, 1.0)

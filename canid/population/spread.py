@@ -76,7 +76,7 @@ def correlations(covariance: Array) -> Array:
 
 
 def interval(sd: Array) -> tuple[Array, Array]:
-    """95 % interval of equal tails of draws of standard deviations; it begins at 0 where 0 is as likely as what is next to it.
+    """95 % interval of equal tails of draws of standard deviations; it begins at 0 where 0 is as likely as more.
 
     An interval of equal tails never holds 0, which is what drives of one person labelled as several have. Where the shortest
     interval begins at its lowest draws, the density does not fall towards 0.
@@ -90,7 +90,7 @@ def interval(sd: Array) -> tuple[Array, Array]:
     Example:
         >>> low, high = interval(np.abs(np.random.default_rng(1).standard_normal((4000, 1))))
         >>> float(low[0]), round(float(high[0]), 1)
-        (0.0, 2.2)
+        (0.0, 2.3)
     """
     ordered = np.sort(sd, axis=0)
     count = len(ordered)
