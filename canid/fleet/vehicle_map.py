@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 from canid.errors import ConfigError
 from canid.fleet import globs
 from canid.fleet.job import Source
-from canid.fleet.sources import read_source
+from canid.fleet.sources import of_vehicle, read_source
 from canid.parsing import ParseError, Parser
-from canid.vehicle import file_bytes
+from canid.vehicle import file_bytes, read_vehicle
 from canid.vehicle.quoting import brief, shown
 from canid.vehicle.schema import File, Name, Section, did_you_mean, parse
 
@@ -107,7 +107,10 @@ def of_table(table: dict[str, Any], file: Path) -> VehicleMap:
         if (kind, given) not in read:
             read[kind, given] = ""
             try:
-                made = read_source(_located(given, file))
+                located = _located(given, file)
+                # a shipped vehicle and a shipped column map may have one name: openacc
+                bare = located == given and not Path(given).suffix and "/" not in given
+                made = of_vehicle(read_vehicle(given)) if kind == "vehicle" and bare else read_source(located)
             except ConfigError as error:
                 mistakes.extend(f"{name}: {key}: {line}" for line in error.mistakes)
             else:
