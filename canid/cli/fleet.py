@@ -207,7 +207,9 @@ def runner(args: argparse.Namespace, plan: Plan) -> Callable[[Iterable[Job]], Ge
         if args.scheduler is not None or workers > cores():
             from canid.fleet import dask_run
 
-            yield from dask_run.outcomes(jobs, plan.sources, scheduler=args.scheduler, workers=workers)
+            yield from dask_run.outcomes(
+                jobs, plan.sources, scheduler=args.scheduler, workers=workers, inform=info
+            )
         else:
             from canid.fleet import local_run
 

@@ -59,7 +59,9 @@ class Journal:
             OutputError: it cannot be written; what was written of it is cut off.
         """
         body = b"".join(rows)
-        data = body + typed_rows.line(LAST, {**last, "bytes": len(body), "crc32": zlib.crc32(body)})
+        data = body + typed_rows.line(
+            LAST, {**last, "block_bytes": len(body), "block_crc32": zlib.crc32(body)}
+        )
         try:
             done = 0
             view = memoryview(data)
@@ -108,7 +110,11 @@ def blocks(path: Path) -> Iterator[Block]:
             for line in file:
                 if line.startswith(b'["outcomes",'):
                     row = _row(line)
-                    if row is None or row.pop("bytes", -1) != at - start or row.pop("crc32", -1) != crc:
+                    if (
+                        row is None
+                        or row.pop("block_bytes", -1) != at - start
+                        or row.pop("block_crc32", -1) != crc
+                    ):
                         return
                     at += len(line)
                     yield Block(row, start, at)
