@@ -61,15 +61,20 @@ def quiet() -> Iterator[None]:
 @contextmanager
 def local_cluster(workers: int) -> Iterator[str]:
     """Start a scheduler and workers on this machine; its address. All ends with the context."""
-    cluster = distributed().LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address=None,
-        # a worker holds next to nothing: its child has a limit of its own
-        memory_limit=0,
-        silence_logs=logging.CRITICAL + 1,
-    )
+    try:
+        cluster = distributed().LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            # a worker holds next to nothing: its child has a limit of its own
+            memory_limit=0,
+            silence_logs=logging.CRITICAL + 1,
+        )
+    except (RuntimeError, OSError) as error:
+        # from a script without `if __name__ == "__main__":` a process cannot be started in this way
+        why = one_line(error.__cause__ or error)
+        raise CanidError(f"fleet: Dask's workers cannot be started on this machine ({why})") from None
     try:
         yield str(cluster.scheduler_address)
     finally:

@@ -1,8 +1,8 @@
 """Many logs on a Dask cluster: the same analysis as on this machine, in children of the workers.
 
 A job has an outcome exactly once: it is in hand from its submission until its outcome is yielded, and what is in hand is
-submitted again where a worker, the scheduler or the connection is lost. A log whose workers die again and again is tried once
-more alone, so that no other log is blamed for it, and then fails.
+submitted again where a worker, the scheduler or the connection is lost. A log whose workers die again and again is tried
+once more alone, so that no other log is blamed for it, and then fails.
 """
 
 from __future__ import annotations
@@ -134,16 +134,14 @@ class _Run:
     def _connect_first(self) -> None:
         try:
             self._client = dask_cluster.connected(self._address, 2.0 * dask_cluster.CONNECT_S)
-            self._start()
+            self._start(self._inform)
         except SchedulerLostError as error:
             raise ConfigError(
                 f"fleet: {error}: start one with `dask scheduler`, or name its address"
             ) from None
 
-    def _start(self) -> None:
-        self._threads = dask_cluster.await_workers(
-            self._client, self._address, self._patience_s, self._inform
-        )
+    def _start(self, inform: Inform) -> None:
+        self._threads = dask_cluster.await_workers(self._client, self._address, self._patience_s, inform)
         self._counted = time.monotonic()
 
     def _reconnect(self) -> None:
@@ -158,7 +156,7 @@ class _Run:
             try:
                 left = max(deadline - time.monotonic(), 0.0)
                 self._client = dask_cluster.connected(self._address, left)
-                self._start()
+                self._start(_silently)
                 for key in self._in_hand:
                     self._submit(key)
                 return
@@ -242,7 +240,7 @@ class _Run:
         if self._threads:
             return
         try:
-            self._start()
+            self._start(self._inform)
         except ConfigError:
             raise self._never_back(f"no worker of {self._address} came back") from None
 
@@ -278,6 +276,10 @@ class _Run:
     def _forget(self, key: str) -> None:
         del self._in_hand[key]
         self._futures.pop(key).release()
+
+
+def _silently(line: str) -> None:
+    """Of a loss one line is enough."""
 
 
 def _reporter(done: queue.SimpleQueue[tuple[int, str]], generation: int, key: str) -> Callable[[Any], None]:
