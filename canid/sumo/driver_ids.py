@@ -24,7 +24,7 @@ def driver_ids(names: Sequence[str]) -> list[str]:
     out = []
     for name in names:
         plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-        kept = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("_")[:LONGEST] or "unnamed"
+        kept = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain)[:LONGEST].strip("_.-") or "unnamed"
         one, k = f"driver_{kept}", 1
         # SUMO on Windows writes files named by ids, where case does not count
         while one.lower() in taken:

@@ -8,15 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from canid.diagnosis.driver.closed_loop import MIN_GAP_M
 from canid.diagnosis.driver.held_out import FOLDS
 from canid.diagnosis.rivals.calibration import Calibrated, calibrate, covariance, intervals
 from canid.diagnosis.rivals.comparison import MIN_STRETCHES
 from canid.diagnosis.rivals.recommendation import MARGIN
-from canid.diagnosis.rivals.rival_simulation import STEP_S, Leads, leads, simulate
+from canid.diagnosis.rivals.rival_model import RivalModel
+from canid.diagnosis.rivals.rival_simulation import Leads, leads, simulate
 from canid.findings import ClosedLoopError, nrmse
 from canid.sumo import driver_noise
 from canid.sumo.driver_noise import DriverNoise
-from canid.sumo.following import Following, distributions, following, in_stretches, quantiles
+from canid.sumo.following import distributions, following, in_stretches, quantiles
+from canid.sumo.krauss import STEP_S
 from canid.sumo.sumo_models import MODELS, SumoModel, sensitivity
 from canid.types import NAN, Array, Interval, Trace
 
@@ -24,6 +27,8 @@ from canid.types import NAN, Array, Interval, Trace
 VERSION = 1
 NOT_ENOUGH_DATA = "not_enough_data"
 OK = "ok"
+# of the highest speed driven: a lower wanted speed may fit a drive, and loses every lead that drives faster
+FASTER = 1.1
 # a model whose gap errs by more than it varies describes nobody
 WORST_ERROR = 1.0
 
@@ -38,6 +43,7 @@ class Candidate(NamedTuple):
     x: tuple[float, ...]  # on the unit cube
     covariance: tuple[tuple[float, ...], ...]  # of x; variance inf: not identified
     error: ClosedLoopError  # on held-out data
+    collides: bool  # on held-out data
     noise: DriverNoise
 
 
@@ -88,61 +94,84 @@ def fit(trace: Trace, output: str = "") -> DriverModel | NoModel:
     where = in_stretches(columns)
     if len(where) < MIN_STRETCHES:
         return NoModel(f"{len(where)} stretches behind a lead, {MIN_STRETCHES} are needed: drive longer")
-    side = leads(columns.gap, columns.speed, columns.lead, where, columns.dt)
+    side = leads(columns.gap, columns.speed, columns.lead, where, columns.dt, STEP_S)
     fold = np.array([one.block % FOLDS for one in where])
-    found = tuple(_candidate(one, side, fold) for one in MODELS)
+    driven = quantiles(distributions(columns.gap, columns.speed, columns.shown, columns.dt))
+    top_speed = driven["speed"][-1]
+    found = tuple(_candidate(one, top_speed, side, fold) for one in MODELS)
     best = _best(found)
     if best is None:
         return NoModel("no model follows the lead of this drive in closed loop")
-    return DriverModel(*best, found, float(columns.shown.sum()) * columns.dt, *_driven(columns))
+    return DriverModel(*best, found, float(columns.shown.sum()) * columns.dt, top_speed, driven)
 
 
-def _driven(of: Following) -> tuple[float, dict[str, tuple[float, ...]]]:
-    found = quantiles(distributions(of.gap, of.speed, of.shown, of.dt))
-    return found["speed"][-1], found
+def _above(rival: RivalModel, top_speed: float) -> RivalModel:
+    """The model with a wanted speed that is above the highest one driven."""
+    least = FASTER * top_speed
+    return rival._replace(
+        parameters=tuple(
+            one._replace(low=min(max(one.low, least), 0.5 * one.high)) if one.name == "v0" else one
+            for one in rival.parameters
+        )
+    )
 
 
-def _candidate(model: SumoModel, of: Leads, fold: Array) -> Candidate:
-    rival = model.rival
+def _on_cube(own: RivalModel, rival: RivalModel, x: Array) -> tuple[Array, Array]:
+    """Parameters on the cube of the listed ranges, and how many of its units are one of the own."""
+    scale, out = np.ones_like(x), x.copy()
+    for k, (a, b) in enumerate(zip(own.parameters, rival.parameters, strict=True)):
+        if a.low != b.low:
+            span = math.log(b.high / b.low)
+            scale[k] = math.log(a.high / a.low) / span
+            out[k] = math.log(a.low / b.low) / span + scale[k] * x[k]
+    return out, scale
+
+
+def _candidate(model: SumoModel, top_speed: float, of: Leads, fold: Array) -> Candidate:
+    rival = _above(model.rival, top_speed)
     whole = calibrate(rival, of)
     q = rival.physical(whole.x)
     # a model that sets the speed drives it within one step
     sd, time = driver_noise.noise(rival, q, of, 1.0 / STEP_S if model.noise_of == "speed" else 1.0)
+    x, scale = _on_cube(rival, model.rival, whole.x)
     return Candidate(
         rival.name,
         rival.source,
         intervals(rival, whole),
         {one.name: one.unit for one in rival.parameters},
-        tuple(whole.x.tolist()),
-        tuple(tuple(row) for row in covariance(whole).tolist()),
-        _held_out(model, whole, of, fold),
+        tuple(x.tolist()),
+        tuple(tuple(row) for row in (covariance(whole) * np.outer(scale, scale)).tolist()),
+        *_held_out(rival, whole, of, fold),
         DriverNoise(sd, time, sensitivity(model, q, of)),
     )
 
 
-def _held_out(model: SumoModel, whole: Calibrated, of: Leads, fold: Array) -> ClosedLoopError:
-    rival = model.rival
+def _held_out(rival: RivalModel, whole: Calibrated, of: Leads, fold: Array) -> tuple[ClosedLoopError, bool]:
+    """Errors of stretches that did not calibrate, and whether the model collides there."""
     q = np.empty((whole.x.size, 1, fold.size))
     for k in np.unique(fold):
         others = fold != k
         fitted = calibrate(rival, of.take(others), (whole.x,)) if others.any() else whole
         q[:, 0, ~others] = rival.physical(fitted.x)[:, None]
     gap, speed = (x[:, 0][of.inside] for x in simulate(rival, q, of))
-    return ClosedLoopError(nrmse(gap, of.gap[of.inside]), nrmse(speed, of.speed[of.inside]))
+    measured = of.gap[of.inside]
+    error = ClosedLoopError(nrmse(gap, measured), nrmse(speed, of.speed[of.inside]))
+    return error, bool(np.any((gap <= MIN_GAP_M) & (measured > 2 * MIN_GAP_M)))
 
 
 def _best(found: tuple[Candidate, ...]) -> tuple[str, str] | None:
     """The model and why; None: no one follows the lead."""
-    known = [one for one in found if math.isfinite(one.error.gap)]
-    if not known:
+    known = [one for one in found if one.error.gap <= WORST_ERROR]
+    # whoever collides is no driver, however small his error
+    safe = [one for one in known if not one.collides] or known
+    if not safe:
         return None
-    least = min(known, key=lambda one: one.error.gap)
-    if least.error.gap > WORST_ERROR:
-        return None
-    errors = ", ".join(f"{one.model} {one.error.gap:.3f}" for one in known)
-    says = f"held-out error of the gap: {errors}"
+    least = min(safe, key=lambda one: one.error.gap)
+    says = "held-out error of the gap: " + ", ".join(
+        f"{one.model} {one.error.gap:.3f}{' (collides)' if one.collides else ''}" for one in found
+    )
     # errors on the same stretches differ by chance
-    first = next(one for one in known if one.error.gap * (1.0 - MARGIN) <= least.error.gap)
+    first = next(one for one in safe if one.error.gap * (1.0 - MARGIN) <= least.error.gap)
     if first is least:
         return least.model, says
     return first.model, f"{says}; {least.model} is not better by {100 * MARGIN:.0f} %"
@@ -175,6 +204,7 @@ def to_json(model: DriverModel | NoModel) -> dict[str, Any]:
                 "x": list(one.x),
                 "covariance": [[_number(c) for c in row] for row in one.covariance],
                 "nrmse": {"gap": _number(one.error.gap), "speed": _number(one.error.speed)},
+                "collides": one.collides,
                 "noise": {
                     "sd": _interval(one.noise.sd),
                     "time": _interval(one.noise.time),
@@ -221,6 +251,7 @@ def _read(made: Mapping[str, Any]) -> Candidate:
         tuple(float(x) for x in made["x"]),
         tuple(tuple(math.inf if c is None else float(c) for c in row) for row in made["covariance"]),
         ClosedLoopError(_as_number(made["nrmse"]["gap"]), _as_number(made["nrmse"]["speed"])),
+        bool(made["collides"]),
         DriverNoise(_as_interval(noise["sd"]), _as_interval(noise["time"]), _as_number(noise["sensitivity"])),
     )
 

@@ -18,6 +18,16 @@ LEAST_GAP = 1e-3
 # least share of a that is left below the wanted speed: the exponent 2 a / a_free stays a number
 LEAST_FREE = 1e-6
 
+# those of IDM as well. In a traffic simulation the driver also stops at junctions: no gap at rest below 1 m, and no braking
+# more gently than 0.5 m/s², which would begin 200 m before a traffic light
+PARAMETERS = (
+    RivalParameter("v0", "m/s", 5.0, 80.0),
+    RivalParameter("T", "s", 0.1, 4.0),
+    RivalParameter("s0", "m", 1.0, 15.0),
+    RivalParameter("a", "m/s²", 0.2, 4.0),
+    RivalParameter("b", "m/s²", 0.5, 6.0),
+)
+
 
 def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
     """Return the acceleration, m/s².
@@ -46,15 +56,4 @@ def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
     return out
 
 
-EIDM = RivalModel(
-    "EIDM",
-    "Treiber & Kesting 2013; Salles, Kaufmann & Reuss 2020",
-    (
-        RivalParameter("v0", "m/s", 5.0, 80.0),
-        RivalParameter("T", "s", 0.1, 4.0),
-        RivalParameter("s0", "m", 0.5, 15.0),
-        RivalParameter("a", "m/s²", 0.2, 4.0),
-        RivalParameter("b", "m/s²", 0.3, 6.0),
-    ),
-    acceleration,
-)
+EIDM = RivalModel("EIDM", "Treiber & Kesting 2013; Salles, Kaufmann & Reuss 2020", PARAMETERS, acceleration)

@@ -17,6 +17,8 @@ from canid.types import Array, LearnGate, Trace
 SHOWN = (LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.STANDSTILL)
 # s of the difference quotient of the speed: the sensor's noise is then small against what is driven
 ACCEL_S = 1.0
+# stretches of a long drive, and s of the longest: enough of them for folds and intervals
+STRETCHES, LONGEST_S = 10, 120.0
 # %; the tails that a drive of some minutes knows
 PERCENT = (0.5, 2.5, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 97.5, 99.5)
 # m/s; below it a time gap says nothing
@@ -48,10 +50,15 @@ def following(trace: Trace) -> Following | None:
 
 
 def in_stretches(of: Following) -> tuple[Stretch, ...]:
-    """Stretches of at most half a minute behind one lead."""
+    """Stretches behind one lead: a tenth of the drive each, half a minute at least and two at most.
+
+    In half a minute a model hardly leaves the measured state it began with: one that collides after a minute, or loses the
+    lead, has the smallest error.
+    """
     # a sample of another segment ends a run
     same = np.r_[True, np.diff(of.segment) == 0] if of.segment.size else np.zeros(0, dtype=bool)
-    return stretches(of.shown & same, of.dt, FOLD_BLOCK_S)
+    block = float(np.clip(of.shown.sum() * of.dt / STRETCHES, FOLD_BLOCK_S, LONGEST_S))
+    return stretches(of.shown & same, of.dt, block)
 
 
 def acceleration(speed: Array, shown: Flags, dt: float) -> tuple[Array, Flags]:

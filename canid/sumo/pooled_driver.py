@@ -65,7 +65,7 @@ def pooled(name: str, drives: Sequence[Drive]) -> PooledDriver:
     seconds = np.array([one.model.seconds for one in drives])
     share = seconds / seconds.sum()
     errors = {one.name: _error(one.name, drives, share) for one in MODELS}
-    model, why = (drives[0].model.model, drives[0].model.why) if len(drives) == 1 else _chosen(errors)
+    model, why = (drives[0].model.model, drives[0].model.why) if len(drives) == 1 else _chosen(errors, drives)
     found = [candidate(one.model, model) for one in drives]
     mean, covariance, between = _mean(found)
     rival = BY_NAME[model].rival
@@ -102,11 +102,15 @@ def _error(model: str, drives: Sequence[Drive], share: Array) -> ClosedLoopError
     return ClosedLoopError(*(share @ errors).tolist())
 
 
-def _chosen(errors: Mapping[str, ClosedLoopError]) -> tuple[str, str]:
+def _chosen(errors: Mapping[str, ClosedLoopError], drives: Sequence[Drive]) -> tuple[str, str]:
     known = {name: one.gap for name, one in errors.items() if math.isfinite(one.gap)}
-    least = min(known, key=lambda name: known[name])
-    first = next(name for name in known if known[name] * (1.0 - MARGIN) <= known[least])
-    says = ", ".join(f"{name} {x:.3f}" for name, x in known.items())
+    collides = {name for name in known if any(candidate(one.model, name).collides for one in drives)}
+    safe = [name for name in known if name not in collides] or list(known)
+    least = min(safe, key=lambda name: known[name])
+    first = next(name for name in safe if known[name] * (1.0 - MARGIN) <= known[least])
+    says = ", ".join(
+        f"{name} {x:.3f}{' (collides)' if name in collides else ''}" for name, x in known.items()
+    )
     return first, f"held-out error of the gap, mean over the drives: {says}"
 
 

@@ -11,14 +11,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.rivals.idm import IDM
+from canid.diagnosis.rivals import idm
 from canid.diagnosis.rivals.rival_model import RivalModel
-from canid.diagnosis.rivals.rival_simulation import STEP_S, Leads
+from canid.diagnosis.rivals.rival_simulation import Leads
 from canid.sumo.acc import ACC
-from canid.sumo.eidm import EIDM
-from canid.sumo.krauss import KRAUSS
+from canid.sumo.eidm import EIDM, PARAMETERS
+from canid.sumo.krauss import KRAUSS, STEP_S
 from canid.types import NAN, Array
 
+IDM = idm.IDM._replace(parameters=PARAMETERS)
 # relative step of the derivatives
 DERIVATIVE_STEP = 1e-3
 
@@ -36,10 +37,10 @@ class SumoModel(NamedTuple):
         return self.rival.name
 
 
-# first the one that has noise of its own: it is taken where others are not better
+# first the one whose noise SUMO reproduces best (docs/sumo.md): it is taken where others are not better
 MODELS = (
-    SumoModel(EIDM, "accel", "accel"),
     SumoModel(IDM, "gap", "accel"),
+    SumoModel(EIDM, "accel", "accel"),
     SumoModel(ACC, "range_rate", "accel"),
     SumoModel(KRAUSS, "gap", "speed"),
 )

@@ -78,6 +78,8 @@ def _own(of: PooledDriver, q: dict[str, float]) -> dict[str, str]:
             "accel": _text(max(fastest, LEAST_ACCEL) if math.isfinite(fastest) else LEAST_ACCEL),
             "decel": _text(max(-slowest, LEAST_DECEL) if math.isfinite(slowest) else LEAST_DECEL),
             **gains,
+            # else SUMO's ACC sees gap and range rate without error
+            "applyDriverState": "1",
         }
     out = {"accel": _text(q["a"]), "decel": _text(q["b"]), "maxSpeed": _text(q["v0"])}
     if of.model == "Krauss":
@@ -166,7 +168,7 @@ def additional(drivers: Sequence[PooledDriver], source: str, version: str) -> st
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', MARK]
     lines += [
         _comment(
-            f"{version}, from {source}; for SUMO 1.28 and later, with steps of 0.1 to 0.5 s (--step-length 0.1)"
+            f"{version}, from {source}; for SUMO 1.28 and later, with steps (step-length) of 0.1 to 0.5 s"
         ),
         _comment(
             "units: minGap m, tau s, maxSpeed m/s, accel, decel, emergencyDecel, apparentDecel m/s²; intervals are of 95 %"

@@ -33,8 +33,10 @@ class Leads(NamedTuple):
         return Leads(gap, speed, lead, self.inside[:, columns], self.dt)
 
 
-def leads(gap: Array, speed: Array, lead: Array, where: Sequence[Stretch], dt: float) -> Leads:
-    """Lay stretches side by side, at steps of about `STEP_S`.
+def leads(
+    gap: Array, speed: Array, lead: Array, where: Sequence[Stretch], dt: float, step: float = STEP_S
+) -> Leads:
+    """Lay stretches side by side.
 
     Args:
         gap: (n,) m.
@@ -42,8 +44,9 @@ def leads(gap: Array, speed: Array, lead: Array, where: Sequence[Stretch], dt: f
         lead: (n,) m/s.
         where: the stretches.
         dt: s.
+        step: s, about the one of the simulation.
     """
-    every = max(int(STEP_S / dt + 1e-6), 1)
+    every = max(int(step / dt + 1e-6), 1)
     length = max((one.stop - one.start - 1) // every + 1 for one in where)
     rows = every * np.arange(length)[:, None] + np.array([one.start for one in where])
     inside = rows < np.array([one.stop for one in where])
