@@ -54,7 +54,7 @@ class Counted(NamedTuple):
     """Logs or drives of which the same is to be said."""
 
     what: str
-    count: int
+    number: int
     says: str  # of one of them
     examples: tuple[str, ...]  # names, a few
 
@@ -165,7 +165,7 @@ class FleetSummary(NamedTuple):
     provenance: Mapping[str, str]  # what of the folder makes these numbers: versions, hashes, settings
 
 
-def interval(value: float, low: float, high: float) -> Interval:
+def interval(value: float | None, low: float | None, high: float | None) -> Interval:
     """An interval of plain numbers; None and NaN are not known.
 
     Example:

@@ -2,103 +2,114 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
-import numpy as np
-from scipy.special import bdtrc
-from scipy.stats import beta
-
 from canid.fleet.database import rows
-from canid.fleet_summary import Cause
-from canid.identification.confidence import NORMAL_QUANTILE
-from canid.population.false_discovery import adjusted
+from canid.fleet_summary import Cause, interval
+from canid.population.pooled_causes import Diagnosed, PooledCause, pooled_causes, random_effects_mean
 from canid.types import NAN, Interval
+from canid.views.names import readable
+from canid.views.numbers import interval as interval_text
 
-# chance that the diagnosis of a drive without the cause names it: that of naming anything on such a drive (docs/results.md)
-FALSE_NAME_CHANCE = 0.05
+# verdicts of drives in which a cause could have been named
+_DIAGNOSED = "('adequate', 'named', 'one_of', 'unexplained')"
 
 
 def found(db: Any) -> tuple[tuple[Cause, ...], str]:
-    """Causes, those of most drives first; and why there are none.
+    """Causes that some drive names, the surest first; and why there are none.
+
+    Surrogates are no causes: they help, but leave structure in the residual.
 
     Args:
         db: from `database.opened`.
     """
     (total,) = rows(
         db,
-        "SELECT count(*) FILTER (verdict IS NOT NULL) AS diagnosed, "
-        "count(*) FILTER (verdict IS NOT NULL AND verdict <> 'not_enough_data') AS enough FROM drives WHERE key IS NOT NULL",
+        f"SELECT count(*) FILTER (verdict IS NOT NULL) AS diagnosed, count(*) FILTER (verdict IN {_DIAGNOSED}) AS enough "
+        "FROM drives WHERE key IS NOT NULL",
     )
     if not total["diagnosed"]:
-        return (), "no drive was diagnosed: the run had no diagnosis"
-    listed = rows(
+        return (), "no drive was diagnosed"
+    named = rows(
         db,
-        """WITH named AS (
-  SELECT DISTINCT ON (d.key, f.effect) coalesce(d.car, '') AS car, d.driver, d.key, f.effect, f."where", f.gain,
-         f.gain_low, f.gain_high, f.log_score_gain, f.log_score_gain_low, f.log_score_gain_high
-  FROM findings f JOIN drives d USING (key) WHERE NOT coalesce(f.surrogate, false)
-), testable AS (
-  SELECT coalesce(d.car, '') AS car, p.effect, d.key FROM power p JOIN drives d USING (key)
-  UNION SELECT car, effect, key FROM named
-)
-SELECT n.car, n.effect, any_value(n."where") AS "where", count(DISTINCT n.key) AS drives,
-       count(DISTINCT n.driver) AS drivers,
-       (SELECT count(DISTINCT t.key) FROM testable t WHERE t.car = n.car AND t.effect = n.effect) AS testable,
-       list([n.gain, n.gain_low, n.gain_high]) AS gains,
-       list([n.log_score_gain, n.log_score_gain_low, n.log_score_gain_high]) AS scores
-FROM named n GROUP BY n.car, n.effect""",
+        f"""SELECT d.key, coalesce(d.car, '') AS car, f.effect, any_value(f."where") AS "where", any_value(f.parameters) AS
+       parameters, max([f.gain, f.gain_low, f.gain_high]) AS gain,
+       max([f.log_score_gain, f.log_score_gain_low, f.log_score_gain_high]) AS score
+FROM findings f JOIN drives d USING (key)
+WHERE NOT coalesce(f.surrogate, false) AND d.verdict IN {_DIAGNOSED} GROUP BY d.key, d.car, f.effect""",
     )
-    if not listed:
-        why = "the diagnosis of no drive names a cause"
+    if not named:
         short = total["diagnosed"] - total["enough"]
-        return (), why + (f"; {short} of {total['all']} drives have not enough data" if short else "")
-    p = [float(bdtrc(row["drives"] - 1, row["testable"], FALSE_NAME_CHANCE)) for row in listed]
-    q = adjusted(np.array(p), dependent=True)
-    out = [
-        Cause(
-            row["car"], row["effect"], row["where"] or "", row["drives"], row["testable"], row["drivers"],
-            share(row["drives"], row["testable"]), mean_of(row["gains"]), mean_of(row["scores"]), p[k], float(q[k]), "", "",
-        )
-        for k, row in enumerate(listed)
-    ]  # fmt: skip
-    return tuple(sorted(out, key=lambda one: (-one.drives, one.q, one.car, one.effect))), ""
+        lacking = f"; {short:,} of {total['diagnosed']:,} drives have not enough data" if short else ""
+        return (), f"the diagnosis of no drive names a cause{lacking}"
+    pooled = pooled_causes(_diagnosed(db, named))
+    of: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for row in named:
+        of.setdefault((row["car"], row["effect"]), []).append(row)
+    joint = _joint(db)
+    return tuple(_cause(one, of[one.car, one.effect], joint) for one in pooled), ""
 
 
-def share(count: int, of: int) -> Interval:
-    """Share with its exact interval (Clopper & Pearson 1934).
-
-    Example:
-        >>> [round(x, 2) for x in share(8, 10)]
-        [0.8, 0.44, 0.97]
-    """
-    if not of:
-        return Interval()
-    low = float(beta.ppf(0.025, count, of - count + 1)) if count else 0.0
-    high = float(beta.ppf(0.975, count + 1, of - count)) if count < of else 1.0
-    return Interval(count / of, low, high)
-
-
-def mean_of(intervals: list[list[float | None]]) -> Interval:
-    """Mean over drives, each weighted by its error and the spread between drives (DerSimonian & Laird 1986).
-
-    Example:
-        >>> [round(x, 2) for x in mean_of([[0.2, 0.1, 0.3], [0.4, 0.3, 0.5]])]
-        [0.3, 0.1, 0.5]
-    """
-    known = [[float(x) for x in one if x is not None] for one in intervals]
-    known = [one for one in known if len(one) == 3 and all(map(math.isfinite, one)) and one[2] > one[1]]
-    if not known:
-        return Interval()
-    y = np.array([one[0] for one in known])
-    variance = np.array([((one[2] - one[1]) / (2.0 * NORMAL_QUANTILE)) ** 2 for one in known])
-    weight = 1.0 / variance
-    mean = float(np.sum(weight * y) / np.sum(weight))
-    excess = float(np.sum(weight * (y - mean) ** 2)) - (len(y) - 1)
-    spread = (
-        max(excess / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight)), 0.0) if len(y) > 1 else 0.0
+def _diagnosed(db: Any, named: list[dict[str, Any]]) -> list[Diagnosed]:
+    """One entry per diagnosed drive and cause that any drive names."""
+    effects = sorted({row["effect"] for row in named})
+    there = {(row["key"], row["effect"]): _strength(row["parameters"]) for row in named}
+    detectable = {
+        (row["key"], row["effect"]): row["strength"]
+        for row in rows(db, "SELECT key, effect, min(strength) AS strength FROM power GROUP BY key, effect")
+    }
+    drives = rows(
+        db,
+        f"SELECT key, coalesce(driver, '') AS driver, coalesce(car, '') AS car FROM drives WHERE verdict IN {_DIAGNOSED} "
+        "AND key IS NOT NULL ORDER BY key",
     )
-    weight = 1.0 / (variance + spread)
-    mean = float(np.sum(weight * y) / np.sum(weight))
-    half = NORMAL_QUANTILE / math.sqrt(float(np.sum(weight)))
-    return Interval(mean, mean - half, mean + half) if math.isfinite(half) else Interval(mean, NAN, NAN)
+    cars = {(row["car"], row["effect"]) for row in named}
+    out = []
+    for row in drives:
+        for effect in effects:
+            if (row["car"], effect) in cars:
+                of = (row["key"], effect)
+                strength = detectable.get(of)
+                out.append(
+                    Diagnosed(
+                        row["key"], row["driver"], row["car"], effect, of in there, there.get(of, Interval()),
+                        NAN if strength is None else float(strength),
+                    )
+                )  # fmt: skip
+    return out
+
+
+def _strength(parameters: str | None) -> Interval:
+    """The effect's first parameter."""
+    of = json.loads(parameters or "{}")
+    first: dict[str, float | None] = next(iter(of.values()), {})
+    return interval(*(first.get(end) for end in ("value", "low", "high")))
+
+
+def _cause(of: PooledCause, named: list[dict[str, Any]], joint: dict[tuple[str, str], str]) -> Cause:
+    gain, _ = random_effects_mean([interval(*row["gain"]) for row in named])
+    score, _ = random_effects_mean([interval(*row["score"]) for row in named])
+    says = (
+        [] if not math.isfinite(of.strength.value) else [f"{_parameter(named)} {interval_text(of.strength)}"]
+    )
+    return Cause(
+        of.car, of.effect, named[0]["where"] or "", of.named, of.diagnosed, of.drivers, of.rate, gain, score, of.p_value,
+        of.adjusted, joint.get((of.car, of.effect), ""), "; ".join(filter(None, [*says, of.status])),
+    )  # fmt: skip
+
+
+def _parameter(named: list[dict[str, Any]]) -> str:
+    return readable(next(iter(json.loads(named[0]["parameters"] or "{}")), "strength"))
+
+
+def _joint(db: Any) -> dict[tuple[str, str], str]:
+    """What the diagnoses of several drives together say of causes, by car and effect."""
+    found = rows(
+        db,
+        """SELECT coalesce(car, '') AS car, effect, count(*) AS n,
+       (SELECT count(DISTINCT o.key) FROM joint_findings o WHERE o.car IS NOT DISTINCT FROM j.car) AS made
+FROM joint_findings j WHERE effect IS NOT NULL AND NOT coalesce(surrogate, false) GROUP BY car, effect""",
+    )
+    return {(row["car"], row["effect"]): f"named for {row['n']} of {row['made']} drivers" for row in found}

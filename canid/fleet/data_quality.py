@@ -80,13 +80,13 @@ def excluded(of: Iterable[Excluded]) -> tuple[Counted, ...]:
 
     Example:
         >>> excluded([Excluded("a.blf", "anna", "too short"), Excluded("b.blf", "ben", "too short")])
-        (Counted(what='too short', count=2, says='', examples=('a.blf', 'b.blf')),)
+        (Counted(what='too short', number=2, says='', examples=('a.blf', 'b.blf')),)
     """
     by: dict[str, list[str]] = {}
     for one in of:
         by.setdefault(one.why, []).append(one.log)
     found = [Counted(why, len(logs), "", tuple(logs[:EXAMPLES])) for why, logs in by.items()]
-    return tuple(sorted(found, key=lambda one: (-one.count, one.what)))
+    return tuple(sorted(found, key=lambda one: (-one.number, one.what)))
 
 
 def _counted(db: Any, sql: str) -> tuple[Counted, ...]:

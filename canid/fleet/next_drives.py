@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from canid.fleet.database import rows
-from canid.fleet_summary import Driver, FleetSummary, Next, Population
-from canid.types import Interval
+from canid.fleet_summary import Driver, FleetSummary, Next
+from canid.population.drive_forecast import Forecast
 from canid.views.fleet_report.labels import label
 
 # entries: a list that somebody acts on
 MAX_ENTRIES = 12
-# relative half width of an own estimate from which on a gain is hardly known: the sign is, the size is not
-HARDLY_KNOWN = 0.5
+# gain of a drive, as a share of the spread between drivers, below which the driver is known well enough among the others
+MIN_GAIN = 0.1
+HOW = "drive behind a lead whose speed changes, 10 min or more"
 # s of usable driving that a whole drive's τ + θ needs, as the documentation advises (docs/what_the_numbers_mean.md)
 LONG_ENOUGH_S = 600.0
 
@@ -25,10 +26,7 @@ def chosen(of: FleetSummary, db: Any) -> tuple[Next, ...]:
         of: the summary without it.
         db: from `database.opened`.
     """
-    out = [*_of_unknown(of, db)]
-    for population in of.populations:
-        out += _of_population(population)
-    return tuple(out[:MAX_ENTRIES])
+    return (*_of_unknown(of, db), *_once_more(of))
 
 
 def _of_unknown(of: FleetSummary, db: Any) -> list[Next]:
@@ -55,43 +53,33 @@ def _of_unknown(of: FleetSummary, db: Any) -> list[Next]:
     return out[: MAX_ENTRIES // 2]
 
 
-def _of_population(of: Population) -> list[Next]:
-    gains = [one for one in of.parameters if one.name.endswith(".K") and one.drives]
-    if not gains:
-        return []
-    key = gains[-1].name
-    single = [driver for driver in of.drivers if driver.drives == 1]
+def _once_more(of: FleetSummary) -> list[Next]:
+    """Where every driver has one drive, the two spreads cannot be told apart."""
     out = []
-    if len(single) == len(of.drivers) and len(single) > 1:
-        out.append(
-            Next(
-                "every driver",
-                "drive once more",
-                "one drive each: the spread within a driver cannot be separated from that between drivers",
-            )
-        )
-    unsure = sorted(of.drivers, key=lambda driver: (-_relative(driver, key), driver.name))
-    for driver in unsure:
-        wide = _relative(driver, key)
-        if wide <= HARDLY_KNOWN:
+    for population in of.populations:
+        if len(population.drivers) > 1 and all(driver.drives == 1 for driver in population.drivers):
+            why = "one drive each: the spread within a driver cannot be separated from that between drivers"
+            out.append(Next(f"some drivers of {population.kind.text()}", "drive once more", why))
+    return out
+
+
+def of_forecasts(forecasts: Sequence[Forecast], known: Iterable[Driver]) -> list[Next]:
+    """Drivers whose next drive narrows an interval most, by at least `MIN_GAIN` of the spread between drivers.
+
+    Args:
+        forecasts: of one population, those that gain most first.
+        known: its drivers.
+    """
+    of = {driver.name: driver for driver in known}
+    out: dict[str, Next] = {}
+    for one in forecasts:
+        if one.gain < MIN_GAIN:
             break
-        known = (
-            f"{label(key)} is known to ± {100.0 * wide:.0f} % only"
-            if math.isfinite(wide)
-            else f"{label(key)} is not known"
-        )
-        minutes = f"{driver.usable / 60.0:.0f} min in {driver.drives} drive{'s' if driver.drives > 1 else ''}"
-        out.append(
-            Next(
-                driver.name, "drive behind a lead whose speed changes, 10 min or more", f"{known}; {minutes}"
-            )
-        )
-    return out[:MAX_ENTRIES]
-
-
-def _relative(driver: Driver, name: str) -> float:
-    """Half width of the own interval over the estimate."""
-    iv = driver.own.get(name, Interval())
-    if not all(map(math.isfinite, iv)) or not iv.value:
-        return math.inf
-    return (iv.high - iv.low) / (2.0 * abs(iv.value))
+        if one.driver in out or one.driver not in of:
+            continue
+        minutes = of[one.driver].usable / 60.0
+        drives = f"{one.drives} drive{'' if one.drives == 1 else 's'}, {minutes:.0f} min usable"
+        narrower = 100.0 * (1.0 - one.expected / one.width)
+        why = f"{drives}; the interval of {label(one.parameter)} would be {narrower:.0f} % narrower"
+        out[one.driver] = Next(one.driver, HOW, why)
+    return list(out.values())

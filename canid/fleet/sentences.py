@@ -51,7 +51,7 @@ def sentences(of: FleetSummary) -> tuple[str, ...]:
             )
     if of.signals:
         worst = of.signals[0]
-        out.append(f"worst signal: {readable(worst.what)} in {_plural(worst.count, 'drive')}")
+        out.append(f"worst signal: {readable(worst.what)} in {_plural(worst.number, 'drive')}")
     return tuple(out)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 from canid.fleet import causes, data_quality, estimates, next_drives, questions, sentences, summary_tables
 from canid.fleet.database import opened, rows
 from canid.fleet.pooled import driver_row, parameter_row, population
-from canid.fleet_summary import Excluded, FleetSummary, Kind, Population
-from canid.population import hierarchical
+from canid.fleet_summary import Excluded, FleetSummary, Kind, Next, Population
+from canid.population import drive_forecast, hierarchical
 from canid.population.drive_table import DriveTable
 
 
@@ -61,8 +61,10 @@ def _found(db: Any, folder: Path) -> FleetSummary:
     counts = data_quality.counts(db)
     populations: list[Population] = []
     left_out: list[Excluded] = []
+    gains: list[Next] = []
     for kind in estimates.kinds(db):
-        of, excluded = _population(db, kind)
+        of, excluded, coming = _population(db, kind)
+        gains += coming
         populations.append(of)
         left_out += excluded
     left_out += estimates.without_output(db)
@@ -83,17 +85,20 @@ def _found(db: Any, folder: Path) -> FleetSummary:
         next_drives=(),
         provenance=_provenance(db),
     )
-    summary = summary._replace(next_drives=next_drives.chosen(summary, db))
+    summary = summary._replace(
+        next_drives=(*next_drives.chosen(summary, db), *gains)[: next_drives.MAX_ENTRIES]
+    )
     return summary._replace(verdict=sentences.verdict(summary), sentences=sentences.sentences(summary))
 
 
-def _population(db: Any, kind: Kind) -> tuple[Population, tuple[Excluded, ...]]:
+def _population(db: Any, kind: Kind) -> tuple[Population, tuple[Excluded, ...], list[Next]]:
     names = estimates.names_of(db, kind)
     selections = tuple(estimates.selection(db, kind, some) for some in names)
     pools = tuple(hierarchical.pool(one.table) for one in selections)
-    of = population(selections, pools)
     table: DriveTable = selections[0].table
-    return of._replace(questions=questions.asked(table, pools[0], kind)), selections[0].excluded
+    of = population(selections, pools)._replace(questions=questions.asked(table, pools[0], kind))
+    coming = next_drives.of_forecasts(drive_forecast.forecasts(table, pools[0]), of.drivers)
+    return of, selections[0].excluded, coming
 
 
 def _provenance(db: Any) -> dict[str, str]:

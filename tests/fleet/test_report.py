@@ -145,7 +145,7 @@ def test_little_data_is_a_page_as_well(tmp_path: Path, planted: Planted, drives:
     assert of.verdict == ("1 driver, 1 drive" if drives == "one" else "no drive has an estimate")
     assert page(summarise(folder), Provenance()) == html
     if drives == "unknown":
-        assert of.excluded[0].count == 1
+        assert of.excluded[0].number == 1
 
 
 def test_hostile_names_are_inert(tmp_path: Path, planted: Planted) -> None:
