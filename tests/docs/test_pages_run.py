@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = (
     "install", "bus_in_five_minutes", "i_have_a_log", "my_own_car", "ci_on_a_virtual_bus", "reading_a_report",
-    "recording_reliably", "python",
+    "recording_reliably", "python", "fleet",
 )  # fmt: skip
 # what may follow the language of a block, each with its reason
 PHYSICAL, NOT_RUN = "needs a physical bus: ", "not run: "

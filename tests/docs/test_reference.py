@@ -28,6 +28,15 @@ def test_both_are_current(made: Path) -> None:
     assert (made / "man").read_text("utf-8") == (DOCS / "man/canid.1").read_text("utf-8"), again
 
 
+def test_the_tables_of_a_fleet_are_current(tmp_path: Path) -> None:
+    """The columns that docs/fleet.md lists are those of canid/fleet/columns.py."""
+    script = "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import fleet_tables as f; "
+    write = "Path('page').write_text(f.replaced(f.PAGE.read_text('utf-8')), 'utf-8')"
+    subprocess.run([sys.executable, "-c", script + write, DOCS], check=True, cwd=tmp_path)
+    again = "columns have changed: run python docs/fleet_tables.py"
+    assert (tmp_path / "page").read_text("utf-8") == (DOCS / "fleet.md").read_text("utf-8"), again
+
+
 def test_groff_takes_the_man_page_without_a_warning() -> None:
     if shutil.which("groff") is None:
         pytest.skip("groff is missing: apt-get install groff-base")
