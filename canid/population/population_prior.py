@@ -61,6 +61,7 @@ def prior_of(names: Sequence[str], value: Array, covariance: Array) -> Prior | N
     own = {channel: made for channel in CHANNELS if (made := _channel(channel, known)) is not None}
     if not own:
         return None
+    own = {channel: _rounded(of) for channel, of in own.items()}
     unknown = [name for name in own if math.isnan(own[name].tau_plus_dead_time)]
     tie = SAME_DELAYS_SD_S if len(own) == 2 and len(unknown) == 1 else NAN
     return Prior(
@@ -96,7 +97,16 @@ def _correlation(names: Sequence[str], covariance: Array, own: Mapping[str, Chan
         return NAN
     i, j = gains
     r = float(covariance[i, j]) / math.sqrt(float(covariance[i, i]) * float(covariance[j, j]))
-    return _within(r, (-_MAX_CORRELATION, _MAX_CORRELATION)) if math.isfinite(r) else NAN
+    return round(_within(r, (-_MAX_CORRELATION, _MAX_CORRELATION)), 2) if math.isfinite(r) else NAN
+
+
+# significant digits that are written: of 1,000 drivers a spread is known to 2 %
+DIGITS = 4
+
+
+def _rounded(stated: ChannelPrior) -> ChannelPrior:
+    """The numbers with `DIGITS` digits: in a file they are read."""
+    return ChannelPrior(*(float(f"{x:.{DIGITS}g}") for x in stated))
 
 
 def _within(x: float, ends: tuple[float, float]) -> float:

@@ -190,7 +190,18 @@ VBO = Kind(
     ),
 )
 LAYOUT = Kind("a layout of canid export", (".xml",), lambda head: b"<!-- canid export -->" in head[:200])
+# the mark of canid.sumo.vehicle_types, behind the XML declaration
+SUMO = Kind(
+    "vehicle types of canid export",
+    (".xml",),
+    lambda head: b"<!-- canid export: drivers as SUMO vehicle types -->" in head[:200],
+)
 VEHICLE_FILE = Kind("a vehicle file", (".toml",), is_vehicle)
+PRIOR = Kind(
+    "a prior of canid fleet prior",
+    (".toml",),
+    lambda head: head.startswith(b"# Prior of a new driver by canid fleet prior"),
+)
 # canid.files.state_file replaces saved states only
 STATE = Kind("a saved state", (".json", ".state"), None)
 # canid.cli.simulate replaces simulated logs only
