@@ -48,6 +48,7 @@ def main() -> int:
 def _serve(requests: queue.SimpleQueue[Any], sink: IO[bytes]) -> None:
     from canid.fleet.analysis import analyse
 
+    _answer(sink, "ready")
     sources: dict[str, Any] = {}
     while True:
         job, of, source = requests.get()
@@ -60,8 +61,12 @@ def _serve(requests: queue.SimpleQueue[Any], sink: IO[bytes]) -> None:
             outcome = analyse(job, sources[of])
         finally:
             faulthandler.cancel_dump_traceback_later()
-        pickle.dump((tuple(outcome), _resident_bytes()), sink, protocol=5)
-        sink.flush()
+        _answer(sink, (tuple(outcome), _resident_bytes()))
+
+
+def _answer(sink: IO[bytes], answer: Any) -> None:
+    pickle.dump(answer, sink, protocol=5)
+    sink.flush()
 
 
 def _read(source: IO[bytes], requests: queue.SimpleQueue[Any], scratch: str) -> None:

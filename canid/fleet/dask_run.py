@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import queue
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from itertools import count
 from typing import Any, NamedTuple
@@ -48,7 +48,7 @@ def outcomes(
     workers: int,
     inform: Inform = lambda _: None,
     patience_s: float = PATIENCE_S,
-) -> Iterator[Outcome]:
+) -> Generator[Outcome]:
     """Analyse many logs on Dask; the outcomes come as they are ready.
 
     Closing the iterator gives up what runs.
@@ -105,7 +105,7 @@ class _Run:
         self._threads = 0
         self._counted = -CHECK_S  # s, when the threads were counted
 
-    def outcomes(self) -> Iterator[Outcome]:
+    def outcomes(self) -> Generator[Outcome]:
         """One outcome for each job."""
         self._connect_first()
         while True:

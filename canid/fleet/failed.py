@@ -9,6 +9,8 @@ from canid.fleet.job import Failure
 
 # the reason of `Failure.MEMORY`
 NO_MEMORY = "it takes more memory than it may; --memory-limit allows more"
+# of duckdb, which is optional
+_DUCKDB_MEMORY_ERROR = "OutOfMemoryException"
 
 
 class Failed(Exception):  # noqa: N818 (it is no error in canid)
@@ -34,7 +36,7 @@ def failure_of(error: BaseException, otherwise: Failure) -> Failure:
     if isinstance(error, Failed):
         return error.failure
     cause = error.__cause__ or error.__context__ if isinstance(error, CanidError) else error
-    if isinstance(cause, MemoryError):
+    if isinstance(cause, MemoryError) or type(cause).__name__ == _DUCKDB_MEMORY_ERROR:
         return Failure.MEMORY
     if isinstance(cause, FileNotFoundError | NotADirectoryError):
         return Failure.MISSING

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import tempfile
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,10 @@ from canid.fleet.job import Failure, Job, Outcome, Source, Status
 MAX_IDLE_SHARE = 0.5
 # with which a child ends that has no memory left to say so: ENOMEM
 MEMORY_EXIT_CODE = 12
+# s that a child may take to import its mathematics: 2 s on a laptop, 60 s on an emulated machine
+START_TIMEOUT_S = 180.0
+# s between the end of a child's output and its own, at most
+EXIT_S = 1.0
 # s that a child which was ended by force may take to be gone
 KILL_TIMEOUT_S = 5.0
 
@@ -57,46 +62,19 @@ class Child:
         Returns:
             the outcome; `timeout`, `memory` or `crashed` where the child was ended or has died.
         """
-        try:
-            child = self._started()
-        except OSError as error:
-            return failed(
-                job, Failure.CRASHED, f"no process can be started to analyse it ({one_line(error)})"
-            )
-        ended: list[bool] = []
+        child, why = self._ready()
+        if child is None:
+            return failed(job, Failure.CRASHED, f"no process can be started to analyse it ({why})")
         limit = job.settings.timeout_s
-
-        def end() -> None:
-            ended.append(True)
-            _kill(child)
-
-        watch = threading.Timer(limit, end)
-        watch.daemon = True
-        watch.start()
-        try:
-            outcome, idle_bytes = self._asked(child, job, source)
-        except (
-            OSError,
-            EOFError,
-            pickle.PickleError,
-            ValueError,
-            TypeError,
-            AttributeError,
-            ImportError,
-            IndexError,
-        ):
-            # it has died, or what came is no answer
-            watch.cancel()
-            code = self._stop()
-            if self._closed:
-                return failed(job, Failure.CRASHED, "the run was ended")
+        answer, ended = _within(limit, child, lambda: self._asked(child, job, source))
+        if answer is None:
+            code = self._stop(EXIT_S)
             if ended:
                 return failed(job, Failure.TIMEOUT, f"it took more than {limit:g} s")
             if code == MEMORY_EXIT_CODE:
                 return failed(job, Failure.MEMORY, NO_MEMORY)
             return failed(job, Failure.CRASHED, f"its process {_ending(code)}")
-        finally:
-            watch.cancel()
+        outcome, idle_bytes = Outcome(*answer[0]), answer[1]
         if (
             ended
             or outcome.failure is Failure.MEMORY
@@ -114,25 +92,40 @@ class Child:
             _kill(running)
         self._stop()
 
-    def _started(self) -> subprocess.Popen[bytes]:
+    def _ready(self) -> tuple[subprocess.Popen[bytes] | None, str]:
+        """The child, started and ready where there was none; or None, and why."""
         with self._lock:
             if self._closed:
-                raise OSError("the run was ended")
-            if self._running is None:
-                self._scratch = tempfile.mkdtemp(prefix="canid-fleet-")
-                self._sent = set()
-                self._running = subprocess.Popen(
-                    child_process.command("canid.fleet.analysis_process", str(os.getpid()), self._scratch),
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.DEVNULL,
-                    # a Ctrl-C in the terminal is for the parent to answer
-                    start_new_session=True,
-                )
-                _first_for_the_oom_killer(self._running.pid)
-            return self._running
+                return None, "the run was ended"
+            if self._running is not None:
+                return self._running, ""
+            try:
+                child = self._started()
+            except OSError as error:
+                return None, one_line(error)
+        stdout = child.stdout
+        assert stdout is not None
+        answer, ended = _within(START_TIMEOUT_S, child, lambda: pickle.load(stdout))
+        if answer is None:
+            ending = _ending(self._stop(EXIT_S))
+            return None, f"it did not start within {START_TIMEOUT_S:g} s" if ended else f"it {ending}"
+        return child, ""
 
-    def _asked(self, child: subprocess.Popen[bytes], job: Job, source: Source) -> tuple[Outcome, int]:
+    def _started(self) -> subprocess.Popen[bytes]:
+        self._scratch = tempfile.mkdtemp(prefix="canid-fleet-")
+        self._sent = set()
+        self._running = subprocess.Popen(
+            child_process.command("canid.fleet.analysis_process", str(os.getpid()), self._scratch),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            # a Ctrl-C in the terminal is for the parent to answer
+            start_new_session=True,
+        )
+        _first_for_the_oom_killer(self._running.pid)
+        return self._running
+
+    def _asked(self, child: subprocess.Popen[bytes], job: Job, source: Source) -> Any:
         assert child.stdin is not None
         assert child.stdout is not None
         of = f"{job.source} {source.fingerprint}"
@@ -140,17 +133,18 @@ class Child:
         pickle.dump(message, child.stdin, protocol=5)
         child.stdin.flush()
         self._sent.add(of)
-        outcome, idle_bytes = pickle.load(child.stdout)
-        return Outcome(*outcome), int(idle_bytes)
+        return pickle.load(child.stdout)
 
-    def _stop(self) -> int | None:
-        """End the child and wait for it; returns its exit code."""
+    def _stop(self, patience_s: float = 0.0) -> int | None:
+        """End the child, if it has not ended by itself within `patience_s`; returns its exit code."""
         with self._lock:
             running, self._running = self._running, None
             scratch, self._scratch = self._scratch, ""
         code = None
         if running is not None:
-            # a child that has died by itself keeps its code
+            # one that has died by itself keeps its code: its output ends a little before it does
+            with suppress(subprocess.TimeoutExpired):
+                code = running.wait(patience_s)
             _kill(running)
             for stream in (running.stdin, running.stdout):
                 if stream is not None:
@@ -215,6 +209,38 @@ def _ending(code: int | None) -> str:
         name = f"signal {-code}"
     why = ": where memory is short the system does that" if name == "SIGKILL" else ""
     return f"was ended by {name}{why}"
+
+
+# what a pipe raises whose process has died, and what pickle may raise of half an answer
+_NO_ANSWER = (
+    OSError,
+    EOFError,
+    pickle.PickleError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    ImportError,
+    IndexError,
+)
+
+
+def _within(limit_s: float, child: subprocess.Popen[bytes], ask: Callable[[], Any]) -> tuple[Any, bool]:
+    """An answer of a child; None where it died, or was ended because it took longer, which the second value says."""
+    ended = threading.Event()
+
+    def end() -> None:
+        ended.set()
+        _kill(child)
+
+    watch = threading.Timer(limit_s, end)
+    watch.daemon = True
+    watch.start()
+    try:
+        return ask(), ended.is_set()
+    except _NO_ANSWER:
+        return None, ended.is_set()
+    finally:
+        watch.cancel()
 
 
 def _kill(child: subprocess.Popen[bytes]) -> None:

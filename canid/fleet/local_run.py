@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from itertools import islice
 
@@ -13,7 +13,7 @@ from canid.fleet.job import Job, Outcome, Source
 JOBS_PER_WORKER = 2
 
 
-def outcomes(jobs: Iterable[Job], sources: Mapping[str, Source], workers: int) -> Iterator[Outcome]:
+def outcomes(jobs: Iterable[Job], sources: Mapping[str, Source], workers: int) -> Generator[Outcome]:
     """Analyse many logs; the outcomes come as they are ready.
 
     Closing the iterator ends everything that runs, at once.
@@ -49,7 +49,7 @@ def over(
     jobs: Iterable[Job],
     sources: Mapping[str, Source],
     in_hand: int,
-) -> Iterator[Outcome]:
+) -> Generator[Outcome]:
     """Run jobs on any `concurrent.futures.Executor`, at most `in_hand` at a time.
 
     Args:
