@@ -1,4 +1,4 @@
-"""`canid export LOG`: samples, estimates and signals of a log as files for other programs."""
+"""`canid export LOG`: samples, estimates and signals of a log, or its driver, as files for other programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from canid.errors import DAMAGED, DONE, ConfigError
 if TYPE_CHECKING:
     from canid.cli.export_tables import Exported
 
-FORMATS = ("csv", "parquet", "mat", "mf4", "mcap", "vbo", "plotjuggler")
+FORMATS = ("csv", "parquet", "mat", "mf4", "mcap", "vbo", "plotjuggler", "sumo")
 TABLES = ("csv", "parquet")
 
 
@@ -86,6 +86,10 @@ def run(args: argparse.Namespace) -> int:
     from canid.views import json_values
 
     _check(args)
+    if args.to == "sumo":
+        from canid.cli import export_sumo
+
+        return export_sumo.run(args)
     json = options.json_output(args)
     prefix = _prefix(args)
     # before the log is read: that may take minutes
@@ -116,15 +120,15 @@ def _check(args: argparse.Namespace) -> None:
             "export: needs --vehicle V.toml (samples and estimates) or --dbc FILE.dbc (signals); `canid init` proposes a "
             "vehicle file from DBC files"
         )
-    if args.vehicle is None and args.to in ("vbo", "plotjuggler"):
-        raise ConfigError(f"export: --to {args.to} needs --vehicle: it writes samples by role")
+    if args.vehicle is None and args.to in ("vbo", "plotjuggler", "sumo"):
+        raise ConfigError(f"export: --to {args.to} needs --vehicle: it takes samples by role")
     if args.dbc and args.vehicle is not None and args.signals is None:
         raise ConfigError(
             "export: --dbc next to --vehicle needs --signals: the vehicle file names the DBC files of its roles"
         )
     if args.vehicle is None and args.signals is None:
         args.signals = []
-    if args.signals is not None and args.to in ("vbo", "plotjuggler"):
+    if args.signals is not None and args.to in ("vbo", "plotjuggler", "sumo"):
         raise ConfigError(f"export: --to {args.to} has no --signals; use csv, parquet, mat, mf4 or mcap")
     if args.raster is not None and args.signals is None:
         raise ConfigError("export: --raster needs --signals; --dt is the interval of the samples")
