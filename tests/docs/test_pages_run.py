@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import shlex
 import shutil
+from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
@@ -104,4 +106,15 @@ def test_every_command_of_the_tutorials_is_understood(page: str) -> None:
         for words in commands(block) if block.language == "sh" else ():
             assert words[0] in verbs, words
             if page in PAGES:
-                parser.parse_args(words)
+                _parser_of(words, parser).parse_args(words)
+
+
+def _parser_of(words: list[str], full: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """That of a verb, or of what follows one, such as `fleet query`."""
+    verb = import_module(f"canid.cli.{words[0]}")
+    if len(words) < 2 or words[1] not in getattr(verb, "SUB_VERBS", {}):
+        return full
+    parser = argparse.ArgumentParser(f"canid {words[0]}")
+    part = parser.add_subparsers().add_parser(words[0]).add_subparsers().add_parser(words[1])
+    import_module(f"canid.cli.{words[0]}_{words[1]}").arguments(part)
+    return parser
