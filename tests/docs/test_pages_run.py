@@ -111,8 +111,9 @@ def test_every_command_of_the_tutorials_is_understood(page: str) -> None:
 
 def _parser_of(words: list[str], full: argparse.ArgumentParser) -> argparse.ArgumentParser:
     """That of a verb, or of what follows one, such as `fleet query`."""
-    verb = import_module(f"canid.cli.{words[0]}")
-    if len(words) < 2 or words[1] not in getattr(verb, "SUB_VERBS", {}):
+    if words[0].startswith("-") or len(words) < 2:
+        return full
+    if words[1] not in getattr(import_module(f"canid.cli.{words[0]}"), "SUB_VERBS", {}):
         return full
     parser = argparse.ArgumentParser(f"canid {words[0]}")
     part = parser.add_subparsers().add_parser(words[0]).add_subparsers().add_parser(words[1])
