@@ -54,7 +54,7 @@ def _of_unknown(of: FleetSummary, db: Any) -> list[Next]:
 
 
 def _once_more(of: FleetSummary) -> list[Next]:
-    """Where every driver has one drive, the two spreads cannot be told apart."""
+    """Where every driver has one drive, the two spreads cannot be separated."""
     out = []
     for population in of.populations:
         if len(population.drivers) > 1 and all(driver.drives == 1 for driver in population.drivers):
