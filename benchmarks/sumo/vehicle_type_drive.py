@@ -52,7 +52,17 @@ def drive(types: str, name: str, run: Run, replicates: int, seed: int) -> tuple[
         net, routes = Path(folder, "roads.net.xml"), Path(folder, "cars.rou.xml")
         net.write_text(_net(replicates), encoding="utf-8")
         routes.write_text(_routes(types, name, replicates, ahead, run), encoding="utf-8")
-        words = ["sumo", "-n", str(net), "-r", str(routes), "--step-length", f"{STEP_S:g}", "--seed", str(seed)]
+        words = [
+            "sumo",
+            "-n",
+            str(net),
+            "-r",
+            str(routes),
+            "--step-length",
+            f"{STEP_S:g}",
+            "--seed",
+            str(seed),
+        ]
         words += ["--no-step-log", "--no-warnings", "--collision.action", "none", "--time-to-teleport", "-1"]
         words += ["--xml-validation", "never", "--device.driverstate.probability", "0"]
         libsumo.start(words)
