@@ -129,8 +129,8 @@ def _sha256(path: Path, size: int) -> str:
 def _analysed(path: Path, job: Job, source: Source, sha256: str, of: str) -> Outcome:
     begun, cpu = time.monotonic(), time.process_time()
     peak_memory.restart()
-    log, vehicle = _opened(path, source)
-    drive = _read(path, log, vehicle)
+    log, vehicle = opened_log(path, source)
+    drive = read_log(path, log, vehicle)
     health = drive.health
     tables = _tables(drive, vehicle, log.start_utc, job.settings)
     row = tables["drives"][0]
@@ -147,7 +147,7 @@ def _analysed(path: Path, job: Job, source: Source, sha256: str, of: str) -> Out
     return Outcome(job.log, of, status, Failure.NONE, " ".join(wrong.split()), keyed)
 
 
-def _opened(path: Path, source: Source) -> tuple[Log, Vehicle]:
+def opened_log(path: Path, source: Source) -> tuple[Log, Vehicle]:
     """Open a log with its vehicle, or a table with its column map."""
     if formats.format_of(path) is None and kinds.suffix(path) not in kinds.SUFFIXES:
         raise Failed(Failure.NOT_A_LOG, f"unknown log format {kinds.suffix(path) or '(no suffix)'!r}")
@@ -166,7 +166,8 @@ def _opened(path: Path, source: Source) -> tuple[Log, Vehicle]:
     return open_log(path), source.vehicle
 
 
-def _read(path: Path, log: Log, vehicle: Vehicle) -> Drive:
+def read_log(path: Path, log: Log, vehicle: Vehicle) -> Drive:
+    """Read an opened log as a drive. Raises Failed."""
     try:
         return read_drive(path, vehicle, estimating=False, log=log)
     except LogError as error:

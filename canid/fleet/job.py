@@ -40,6 +40,7 @@ class Job(NamedTuple):
     modified_ns: int  # ns since 1970, when the log was listed; 0: not known
     source: str  # key of its `Source`
     settings: Settings = Settings()
+    together: tuple[Job, ...] = ()  # logs of one driver that are diagnosed together; then `log` is no log, but their key
 
 
 class Status(Enum):
