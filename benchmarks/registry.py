@@ -162,6 +162,12 @@ BENCHMARKS = (
         "duckdb",
     ),
     Benchmark(
+        "population_prior",
+        "benchmarks.fleet.population_prior",
+        "10 min",
+        "a new driver's first minute with the prior of a population: width of intervals, coverage, atypical drivers",
+    ),
+    Benchmark(
         "fleet_cost",
         "benchmarks.fleet.cost",
         "2 h",

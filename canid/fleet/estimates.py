@@ -111,13 +111,15 @@ def without_output(db: Any) -> list[Excluded]:
     ]
 
 
-def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN) -> Selection:
+def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN, *, every_gain: bool = False) -> Selection:
     """The table of one kind of output.
 
     Args:
         db: from `database.opened`.
         kind: of output.
         names: parameters, see `columns.POPULATION_PARAMETERS`.
+        every_gain: K of the joint posterior also where its status does not let it be quoted: small gains are left out else,
+            and a population of the others is too large and too narrow.
 
     Returns:
         Drives with at least one known parameter. K is known where its status lets it be quoted; log tau + dead time where
@@ -129,7 +131,7 @@ def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN) -> Selection:
     estimate = np.full((n, len(names)), np.nan)
     covariance = np.full((n, len(names), len(names)), np.nan)
     for j, name in enumerate(names):
-        estimate[:, j], covariance[:, j, j] = _marginal(of, name)
+        estimate[:, j], covariance[:, j, j] = _marginal(of, name, every_gain)
     known = np.isfinite(estimate)
     for j, first in enumerate(names):
         for k, second in enumerate(names[:j]):
@@ -220,7 +222,7 @@ class _Columns:
         return self._read[sql]
 
 
-def _marginal(of: _Columns, name: str) -> tuple[Array, Array]:
+def _marginal(of: _Columns, name: str, every_gain: bool) -> tuple[Array, Array]:
     """Estimate and its variance, (n,) each; NaN where it may not be quoted."""
     column, log = natural(name)
     value, low, high = (of.number(f'"{column}{end}"') for end in ("", "_low", "_high"))
@@ -234,7 +236,10 @@ def _marginal(of: _Columns, name: str) -> tuple[Array, Array]:
         quoted = _QUOTED[parameter.removeprefix("log_")]
         usable &= np.isin(np.array(of.text(f"{channel}_status"), dtype=object), quoted)
         joint, joint_variance = of.number(_element(name)), _joint_covariance(of, name, name)
-        there = usable & np.isfinite(joint) & (joint_variance > 0.0)
+        there = np.isfinite(joint) & (joint_variance > 0.0)
+        if every_gain and parameter == "K":
+            usable |= there
+        there &= usable
         mean, variance = np.where(there, joint, mean), np.where(there, joint_variance, variance)
     return np.where(usable, mean, np.nan), np.where(usable, variance, np.nan)
 

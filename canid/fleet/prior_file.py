@@ -72,7 +72,7 @@ def fleet_prior(
         _refuse_circular(db, folder)
         names: tuple[str, ...] = estimates.LANE if fitting[0].output == "steering_angle" else estimates.MAIN
         names = tuple(name for name in names if name.startswith(_PREFIXES))
-        table = estimates.selection(db, fitting[0], names).table
+        table = estimates.selection(db, fitting[0], names, every_gain=True).table
     for driver in leave_out:
         if driver not in table.drivers:
             near = get_close_matches(driver, table.drivers, n=1)
