@@ -105,12 +105,23 @@ def _of_column(column: _Column) -> int:
 def _blocks(columns: Sequence[_Column], width: int) -> list[list[_Column]]:
     """Columns that fit together, the first one in each block."""
     narrow = [_wrapped(column, width, first=k == 0) for k, column in enumerate(columns)]
-    first, blocks = narrow[0], [[narrow[0]]]
+    # whole in the first block; in the others it says which row it is
+    again = _wrapped(columns[0], width, first=True)._replace(
+        cells=tuple(_cut(cell, max(width // 3, MIN_TEXT)) for cell in columns[0].cells)
+    )
+    first, blocks = again, [[narrow[0]]]
     for column in narrow[1:]:
         if len(blocks[-1]) > 1 and _width([*blocks[-1], column]) > width:
             blocks.append([first])
         blocks[-1].append(column)
     return blocks
+
+
+def _cut(cell: str, width: int) -> str:
+    """As much of a text as fits, with a mark where it is cut."""
+    while cells(cell) > width:
+        cell = cell[: min(len(cell) - 2, width - 1)] + "…"
+    return cell
 
 
 def _wrapped(column: _Column, width: int, *, first: bool) -> _Column:
