@@ -230,3 +230,28 @@ def test_a_prior_of_a_channel_needs_the_names():
     """Without names nobody could say whose gain it is."""
     with pytest.raises(ValueError, match="need names"):
         for_inputs(Prior(range_rate=ChannelPrior(K=5.0, K_sd=1.0)), ())
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        ChannelPrior(K=1e6, K_sd=1e-6),
+        ChannelPrior(K=-1e6, K_sd=1e6),
+        ChannelPrior(K=5.0, K_sd=1e-6, tau_plus_dead_time=100.0, tau_plus_dead_time_factor=1.001),
+        ChannelPrior(tau=100.0, tau_factor=1.001, dead_time=10.0, dead_time_sd=1e-3),
+        ChannelPrior(tau=1e-3, tau_factor=1.001, tau_plus_dead_time=1e-3, tau_plus_dead_time_factor=100.0),
+    ],
+)
+@pytest.mark.parametrize("atypical", [0.0, 0.5])
+def test_absurd_priors_give_ordered_numbers(own, atypical, follow):
+    """Whatever a vehicle file may state: no warning, no exception, finite or absent intervals, in order."""
+    y, u = follow(1, seconds=40.0)
+    prior = Prior(headway_error=own, range_rate=own, atypical=atypical)
+    if own.K_sd > 0.0:
+        prior = prior._replace(gain_correlation=0.95)
+    check_prior(prior)
+    for channel in fit(y, u, prior).channels:
+        for iv in channel[:4]:
+            assert not iv.value < iv.low
+            assert not iv.value > iv.high
+        assert all(0.0 <= share <= 1.0 for share in channel.prior_weights.values())

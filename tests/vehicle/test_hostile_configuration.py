@@ -326,7 +326,8 @@ def test_any_value_of_any_key_is_read_or_refused(
         "driver": ("", ("headway_desired", "output", "task")),
         "armax": ("", ("na", "nb", "nc", "nk", "start", "forgetting")),
         "fopdt": ("", ("window", "refit", "tau_max", "dead_time_max")),
-        "fopdt.prior": ("tau = 0.3, ", ("tau_factor", "dead_time", "same_tau")),
+        "fopdt.prior": ("tau = 0.3, ", ("tau_factor", "dead_time", "same_tau", "range_rate", "atypical")),
+        "fopdt.prior.range_rate": ("K = 3.0, ", ("K_sd", "K", "tau_plus_dead_time", "dead_time")),
     }
     section = data.draw(st.sampled_from(sorted(keys)))
     first, names = keys[section]
