@@ -46,12 +46,10 @@ def drive(types: str, name: str, run: Run, replicates: int, seed: int) -> tuple[
     """
     import libsumo
 
-    # SUMO moves both by the new speed: state k is that after k steps
-    ahead = FIRST_M + float(run.gap[0]) + CAR_M
     with tempfile.TemporaryDirectory() as folder:
-        net, routes = Path(folder, "roads.net.xml"), Path(folder, "cars.rou.xml")
-        net.write_text(_net(replicates), encoding="utf-8")
-        routes.write_text(_routes(types, name, replicates, ahead, run), encoding="utf-8")
+        net, cars = Path(folder, "roads.net.xml"), Path(folder, "cars.rou.xml")
+        net.write_text(network(replicates), encoding="utf-8")
+        cars.write_text(routes(types, name, replicates, run), encoding="utf-8")
         words = [
             "sumo",
             "-n",
@@ -89,7 +87,8 @@ def _driven(cars, step, run: Run, replicates: int) -> tuple[Array, Array]:  # ty
     return gap, speed
 
 
-def _net(roads: int) -> str:
+def network(roads: int) -> str:
+    """Text of a network of straight roads of one lane."""
     out = [
         '<net version="1.20">',
         f'<location netOffset="0,0" convBoundary="0,0,{LENGTH_M},{20 * roads}" '
@@ -111,7 +110,9 @@ def _net(roads: int) -> str:
     return "\n".join([*out, "</net>"])
 
 
-def _routes(types: str, name: str, replicates: int, ahead: float, run: Run) -> str:
+def routes(types: str, name: str, replicates: int, run: Run) -> str:
+    """Text of the vehicles: own0 behind lead0, ..., each pair on a road of `network`."""
+    ahead = FIRST_M + float(run.gap[0]) + CAR_M
     out = ["<routes>", LEAD, types]
     for k in range(replicates):
         begin = 'depart="0" departLane="0" insertionChecks="none"'

@@ -14,6 +14,8 @@ from canid.types import Array
 STEP_S = 0.4
 # m/s²; SUMO's default of `decel`, which followers assume of a lead. `vehicle_types` writes it as `apparentDecel`
 LEAD_DECEL = 4.5
+# factor of SUMO 1.28 on the deceleration that is needed; m, least gap of the formula
+AMPLIFIED, LEAST_GAP = 1.2, 0.01
 
 
 def safe_speed(q: Array, gap: Array, lead: Array) -> Array:
@@ -49,8 +51,13 @@ def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
         >>> float(acceleration(q, np.array(200.0), np.array(20.0), np.array(20.0)))
         2.0
     """
-    _, _, _, a, _ = q
-    out: Array = np.minimum((safe_speed(q, gap, lead) - speed) / STEP_S, a)
+    _, _, s0, a, b = q
+    free = np.maximum(gap - s0, LEAST_GAP)
+    # SUMO brakes harder than b only as far as the situation needs it: to stand behind the lead, or to reach its speed
+    stand = np.square(speed) / (2 * (free + np.square(lead) / (2 * LEAD_DECEL)))
+    reach = (np.square(speed) - np.square(lead)) / (2 * free)
+    hardest = np.maximum(AMPLIFIED * np.where(stand <= LEAD_DECEL, stand, reach), b)
+    out: Array = np.minimum(np.maximum((safe_speed(q, gap, lead) - speed) / STEP_S, -hardest), a)
     return out
 
 

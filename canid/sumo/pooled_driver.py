@@ -20,8 +20,10 @@ from canid.sumo.driver_noise import DriverNoise
 from canid.sumo.sumo_models import BY_NAME, MODELS
 from canid.types import NAN, Array, Interval
 
-# of a parameter that a drive does not show: that of the unit cube itself
-UNKNOWN_VARIANCE = 1.0 / 12.0
+# variance of a parameter on the unit cube from which on a drive does not show it: that of the cube itself
+KNOWN_VARIANCE = 1.0 / 12.0
+# and what it then counts as: next to a drive that shows it, nothing
+UNKNOWN_VARIANCE = 1e3
 # least variance on the unit cube: a step of 0.001 of the range
 LEAST_VARIANCE = 1e-6
 
@@ -119,12 +121,10 @@ def _mean(found: Sequence[Candidate]) -> tuple[Array, Array, Array]:
     x = np.array([one.x for one in found])  # (drives, k)
     covariances = [np.array(one.covariance) for one in found]
     for one in covariances:
-        free = np.diagonal(one).copy()
-        np.fill_diagonal(one, np.clip(free, LEAST_VARIANCE, UNKNOWN_VARIANCE))
-        # what is wider than the cube is not known: its covariances go with it
-        wide = free > UNKNOWN_VARIANCE
-        one[wide] = np.where(np.eye(len(free), dtype=bool)[wide], one[wide], 0.0)
-        one[:, wide] = np.where(np.eye(len(free), dtype=bool)[:, wide], one[:, wide], 0.0)
+        known = np.diagonal(one) <= KNOWN_VARIANCE
+        # the covariances of what is not known go with it
+        one[~known], one[:, ~known] = 0.0, 0.0
+        np.fill_diagonal(one, np.where(known, np.maximum(np.diagonal(one), LEAST_VARIANCE), UNKNOWN_VARIANCE))
     variances = np.array([np.diagonal(one) for one in covariances])
     between = _between(x, variances)
     weights = [np.linalg.inv(_positive(one) + np.diag(between)) for one in covariances]
@@ -142,14 +142,13 @@ def _positive(C: Array) -> Array:
 
 def _between(x: Array, variances: Array) -> Array:
     """Variance between drives of each parameter (DerSimonian & Laird 1986, eq. 8)."""
-    if len(x) < 2:
-        return np.zeros(x.shape[1])
-    w = 1.0 / variances
-    mean = (w * x).sum(axis=0) / w.sum(axis=0)
-    q = (w * (x - mean) ** 2).sum(axis=0)
-    size = w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0)
-    out: Array = np.maximum((q - (len(x) - 1)) / size, 0.0)
-    return out
+    known = variances <= KNOWN_VARIANCE
+    n = known.sum(axis=0)
+    w = known / variances
+    total = np.where(n > 0, w.sum(axis=0), 1.0)
+    q = (w * (x - (w * x).sum(axis=0) / total) ** 2).sum(axis=0)
+    size = total - (w**2).sum(axis=0) / total
+    return np.where(n > 1, np.maximum((q - (n - 1)) / np.where(n > 1, size, 1.0), 0.0), 0.0)
 
 
 def _noise(found: Sequence[DriverNoise], share: Array) -> DriverNoise:

@@ -1,0 +1,1 @@
+"""Drivers as vehicle types of SUMO."""

@@ -1,0 +1,129 @@
+"""A driver fitted to SUMO's models: planted parameters and noise come back, weak drives give a reason."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from canid import from_arrays
+from canid.sumo.driver_model import DriverModel, NoModel, fit, from_json, to_json
+from canid.sumo.following import PERCENT
+from canid.types import LearnGate, Trace
+from tests.seeds import two_of_three
+from tests.sumo.idm_drive import Driven, Planted, drawn, driven
+
+
+def fitted(trace: Trace) -> DriverModel:
+    found = fit(trace, "accel")
+    assert isinstance(found, DriverModel), found
+    return found
+
+
+@two_of_three
+def test_parameters_of_an_idm_come_back(seed: int) -> None:
+    """Without noise of the driver: within 10 % of the truth, and IDM drives the gap to 3 %."""
+    truth = drawn(seed)
+    found = fitted(driven(truth, seed).trace)
+    idm = next(one for one in found.candidates if one.model == "IDM")
+    assert idm.error.gap < 0.03
+    for name in ("T", "s0", "a", "b"):
+        assert idm.parameters[name].value == pytest.approx(getattr(truth, name), rel=0.1), name
+    # the model that drove is no worse than any other
+    assert idm.error.gap <= 1.1 * min(one.error.gap for one in found.candidates)
+
+
+@two_of_three
+def test_noise_of_the_driver_comes_back(seed: int) -> None:
+    """Size within a third, correlation time within a factor of 2.5, and T of a noisy driver within 15 %."""
+    truth = drawn(seed, sd=0.3, time=2.0)
+    found = fitted(driven(truth, seed, minutes=15.0).trace)
+    idm = next(one for one in found.candidates if one.model == "IDM")
+    assert idm.parameters["T"].value == pytest.approx(truth.T, rel=0.15)
+    assert idm.noise.sd.value == pytest.approx(truth.sd, rel=0.35)
+    assert truth.time / 2.5 < idm.noise.time.value < truth.time * 2.5
+    assert idm.noise.sd.low < idm.noise.sd.value < idm.noise.sd.high
+
+
+@pytest.fixture(scope="module")
+def drive() -> Driven:
+    return driven(Planted(sd=0.2), 5, minutes=5.0)
+
+
+def test_quantiles_are_those_of_what_was_driven(drive: Driven) -> None:
+    """Of the speed without sensor noise, at the stated percentages."""
+    found = fitted(drive.trace)
+    expected = np.percentile(drive.speed, PERCENT)
+    np.testing.assert_allclose(found.quantiles["speed"], expected, atol=0.3)
+    assert all(len(x) == len(PERCENT) and sorted(x) == list(x) for x in found.quantiles.values())
+
+
+def test_json_holds_the_model(drive: Driven) -> None:
+    """There and back, by strict JSON, infinite variances included."""
+    found = fitted(drive.trace)
+    text = json.dumps(to_json(found), allow_nan=False)
+    back = from_json(json.loads(text))
+    assert json.dumps(to_json(back), allow_nan=False) == text
+    assert repr(back) == repr(found)
+    none = NoModel("drive longer")
+    assert from_json(json.loads(json.dumps(to_json(none)))) == none
+
+
+@pytest.mark.parametrize(
+    "made",
+    [{}, {"version": 99}, {"version": 1, "status": "ok"}, {"version": 1, "status": "ok", "candidates": 3}],
+)
+def test_other_json_is_refused(made: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="driver model"):
+        from_json(made)
+
+
+def test_braking_and_standstill_count(drive: Driven) -> None:
+    """Other than for canid's own model: SUMO's drivers brake as well."""
+    gate = list(drive.trace.gate)
+    gate[500:1500] = [LearnGate.BRAKE] * 1000
+    same = fitted(drive.trace._replace(gate=tuple(gate)))
+    assert same.chosen.parameters == fitted(drive.trace).chosen.parameters
+    gate[500:1500] = [LearnGate.CRUISE] * 1000
+    assert fitted(drive.trace._replace(gate=tuple(gate))).seconds < same.seconds - 90.0
+
+
+def test_weak_drives_give_a_reason(drive: Driven) -> None:
+    """Too short, without a lead, steered, empty, all missing, standing: no exception."""
+    t = drive.trace
+    short = driven(Planted(), 3, minutes=1.0).trace
+    alone = t._replace(signals={name: x for name, x in t.signals.items() if name != "gap"})
+    missing = t._replace(signals=t.signals | {"gap": np.full(t.t.size, np.nan)})
+    empty = t._replace(
+        t=t.t[:0], output=t.output[:0], inputs=t.inputs[:0], gate=(), learn=t.learn[:0], segment=t.segment[:0],
+        signals={name: x[:0] for name, x in t.signals.items()},
+    )  # fmt: skip
+    for trace in (short, alone, missing, empty):
+        found = fit(trace, "accel")
+        assert isinstance(found, NoModel), trace
+        assert found.reason
+    assert isinstance(fit(t, "steering_angle"), NoModel)
+    n = 6000
+    still = from_arrays(
+        time=0.1 * np.arange(n),
+        accel=np.zeros(n),
+        speed=np.zeros(n),
+        gap=np.full(n, 3.0),
+        range_rate=np.zeros(n),
+    )
+    assert isinstance(fit(still, "accel"), DriverModel | NoModel)
+
+
+def test_another_lead_ends_a_stretch(drive: Driven) -> None:
+    """A gap that jumps where the lead changes is no motion: the same parameters, where the segments say so."""
+    t = drive.trace
+    gap = t.signals["gap"].copy()
+    segment = t.segment.copy()
+    segment[1500:] += 1
+    found = fitted(t._replace(segment=segment))
+    jumped = gap.copy()
+    jumped[1500] += 25.0
+    assert fitted(
+        t._replace(segment=segment, signals=t.signals | {"gap": jumped})
+    ).chosen.error.gap < 3 * max(found.chosen.error.gap, 0.02)
