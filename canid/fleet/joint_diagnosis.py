@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from canid.diagnosis.diagnose import diagnose_drives
-from canid.errors import CanidError
 from canid.findings import Finding, Report
 from canid.fleet.analysis import opened_log, read_log
 from canid.fleet.database import rows
-from canid.fleet.failed import failure_of, reason_of
+from canid.fleet.failed import Failed, failure_of, reason_of
 from canid.fleet.fetched import Listed, fetched
 from canid.fleet.job import Failure, Job, Outcome, Settings, Source, Status
 from canid.fleet.key import IDENTITY
@@ -97,17 +96,27 @@ def diagnose_together(job: Job, source: Source) -> Outcome:
             log = one.log
             with fetched(one.log, Listed(one.size, one.modified_ns)) as local:
                 path = str(local)
+                _check_unchanged(local, one)
                 traces.append(_trace(local, source))
         log = job.log
         report = diagnose_drives(traces, [one.log for one in job.together])
     except Exception as error:  # whatever a library raises about one driver: the others go on
         reason = reason_of(error, path, log)
-        if log != job.log or isinstance(error, CanidError):
+        if log != job.log:
             reason = f"{log}: {reason}"
         return Outcome(job.log, job.log, Status.FAILED, failure_of(error, Failure.ERROR), reason, {})
     return Outcome(
         job.log, job.log, Status.OK, Failure.NONE, "", {"joint_findings": list(found_rows(report))}
     )
+
+
+def _check_unchanged(path: Path, job: Job) -> None:
+    """Refuse a log that is not the one that was analysed. Raises Failed, or OSError where it is gone."""
+    now = path.stat()
+    if path == Path(job.log) and (
+        0 <= job.size != now.st_size or job.modified_ns not in (0, now.st_mtime_ns)
+    ):
+        raise Failed(Failure.CHANGED, "changed since it was analysed: run canid fleet again")
 
 
 def _trace(path: Path, source: Source) -> Trace:

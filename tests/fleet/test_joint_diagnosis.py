@@ -1,0 +1,90 @@
+"""Several drives of a driver are diagnosed together by the real command: the hidden cause is named once, and kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from canid.cli import main
+from canid.fleet import joint_diagnosis
+from canid.fleet.database import opened, rows
+from canid.fleet.job import Settings
+from tests.fixtures.fleet_folder import Planted, made, write
+
+EFFECT = "relative_speed_dead_zone"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fleet of one driver, whose two drives have the same hidden cause."""
+    root = tmp_path_factory.mktemp("fleet")
+    (root / "logs/dora").mkdir(parents=True)
+    for seed in ("21", "22"):
+        words = ["--seed", seed, "--minutes", "4", "--profile", "urban", "--hide", EFFECT]
+        words += ["--driver", "K1=3,K2=6,tau1=0.4,tau2=0.4,theta1=0.5,theta2=0.5"]
+        assert main(["simulate", str(root / f"logs/dora/{seed}.blf"), *words]) == 0
+    out = str(root / "out")
+    quick = ["--no-diagnosis", "--no-traffic", "--no-windows", "--workers", "1"]
+    assert main(["fleet", str(root / "logs"), "--vehicle", "generic", "-o", out, *quick]) == 0
+    return root / "out"
+
+
+def found(folder: Path) -> list[dict[str, object]]:
+    with opened(folder) as db:
+        return rows(db, "SELECT * FROM joint_findings")
+
+
+def test_the_hidden_cause_is_named_once_and_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fleet", "causes", str(folder), "--workers", "1"]) == 0
+    assert "1 diagnosed now" in capsys.readouterr().out
+    (row,) = [one for one in found(folder) if not one["surrogate"]]
+    assert (row["effect"], row["driver"], row["logs"], row["verdict"]) == (EFFECT, "dora", 2, "named")
+    assert row["holds_on"] == 2
+    # a second run reads no log: there is none any more
+    for log in (folder.parent / "logs/dora").glob("*.blf"):
+        log.rename(log.with_suffix(".gone"))
+    assert main(["fleet", "causes", str(folder), "--workers", "1"]) == 0
+    assert "0 diagnosed now" in capsys.readouterr().out
+    assert len(found(folder)) == 1
+    (folder / "joint_findings.parquet").unlink()
+    assert main(["fleet", "causes", str(folder), "--workers", "1"]) == 4
+    assert "dora: missing: " in capsys.readouterr().err
+    assert found(folder) == []
+
+
+def test_a_folder_without_its_vehicle_file_says_how_to_name_it(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("logs", "drives"):
+        (tmp_path / f"{name}.parquet").write_bytes((folder / f"{name}.parquet").read_bytes())
+    assert main(["fleet", "causes", str(tmp_path)]) == 2
+    assert "--vehicle" in capsys.readouterr().err
+    (tmp_path / "fleet.json").write_text(
+        json.dumps({"command": "canid fleet logs -o out --vehicle no/such.toml"})
+    )
+    assert main(["fleet", "causes", str(tmp_path)]) == 2
+    assert "no/such.toml" in capsys.readouterr().err
+
+
+def test_the_drives_with_the_most_usable_time_are_chosen(tmp_path: Path, seed: int) -> None:
+    """Per driver, car and vehicle file, up to the limit; no copy, no failed log, none without a minute of usable driving."""
+    planted: Planted = made(tmp_path / "fleet", seed, drivers=2, drives=5)
+    for k, row in enumerate(planted.rows):
+        if row.get("key"):
+            row |= {"source": "f", "usable": 100.0 * (1 + k % 5)}
+    planted.rows[0]["usable"] = 59.0
+    planted.rows[9]["source"] = "another vehicle file"
+    write(planted.folder, planted.rows)
+    with opened(planted.folder) as db:
+        jobs = joint_diagnosis.jobs(db, Settings(), max_s=1000.0)
+    chosen = {columns["driver"]: [one.log for one in job.together] for job, columns in jobs}
+    first, second = ([row["log"] for row in planted.rows[k : k + 5]] for k in (0, 5))
+    # 500 + 400 + 300 > 1000, then 200 > 100 left, and 59 s are too short
+    assert chosen == {
+        "driver 000": [first[4], first[3]],
+        "driver 001": [second[3], second[2], second[1], second[0]],
+    }
+    with opened(planted.folder) as db:
+        assert joint_diagnosis.jobs(db, Settings(), max_s=450.0) == []
