@@ -17,6 +17,8 @@ from canid.views.fleet_report.labels import unit
 
 # tests that a table or page may list; all are counted
 MAX_TESTS = 100
+# of those that were not found so many are listed: the nearest to it
+NOT_FOUND = 5
 # names in a sentence
 MAX_NAMES = 3
 
@@ -125,12 +127,16 @@ def _questions(question: str, tests: list[Test], says: str, sentence: str) -> Qu
     found = [test.subject for test in ordered if test.found]
     more = len(found) - MAX_NAMES
     names = ", ".join(found[:MAX_NAMES]) + (f" and {more:,} more" if more > 0 else "")
+    shown = [
+        *(test for test in ordered if test.found),
+        *[test for test in ordered if not test.found][:NOT_FOUND],
+    ]
     return Questions(
         question,
         len(tests),
         len(found),
         RATE,
-        tuple(ordered[:MAX_TESTS]),
+        tuple(shown[:MAX_TESTS]),
         says,
         sentence.format(names) if found else "",
     )

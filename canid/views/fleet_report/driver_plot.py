@@ -143,12 +143,13 @@ def _round_values(low: float, high: float) -> list[float]:
 
 
 def _interval(iv: Interval, scale: _Scale, y: float, kind: str, radius: float) -> list[str]:
-    if not all(map(math.isfinite, iv)) or iv.high < scale.low or iv.low > scale.high:
+    if not all(map(math.isfinite, iv)):
         return []
     left, right = scale.x(iv.low), scale.x(iv.high)
     parts = [element("line", kind, x1=left, x2=right, y1=y, y2=y)]
     if scale.low <= iv.value <= scale.high:
         parts.append(element("circle", kind, cx=scale.x(iv.value), cy=y, r=radius))
+    # of an interval that lies outside as a whole the arrow alone is seen
     for outside, x, way in ((iv.low < scale.low, left, 4.0), (iv.high > scale.high, right, -4.0)):
         if outside:
             path = f"M {x + way:.1f} {y - 3:.1f} L {x:.1f} {y:.1f} L {x + way:.1f} {y + 3:.1f}"
