@@ -71,7 +71,13 @@ class Draws(NamedTuple):
 
 
 def sample(
-    data: Data, rng: np.random.Generator, burn: int, keep: int, scale: tuple[float, float] = SCALE
+    data: Data,
+    rng: np.random.Generator,
+    burn: int,
+    keep: int,
+    scale: tuple[float, float] = SCALE,
+    *,
+    fixed: Array | None = None,
 ) -> Draws:
     """Draw from the posterior.
 
@@ -81,6 +87,7 @@ def sample(
         burn: steps that are dropped.
         keep: D.
         scale: of the half-t priors of standard deviations between and within.
+        fixed: (p, p) B, where it is not to be estimated: a wide one makes drivers fixed effects.
 
     Example:
         >>> rng = np.random.default_rng(1)
@@ -105,7 +112,7 @@ def sample(
     # outliers' density over ordinary drives', without what depends on the distance, by the number of known parameters
     t_constant, d_constant = _t_constant(count), _t_constant(np.full(drivers, p))
 
-    between = np.tile(eye, (chains, 1, 1))
+    between = np.tile(eye if fixed is None else fixed, (chains, 1, 1))
     within = np.tile(eye, (chains, 1, 1))
     mean = _start(data, groups)
     b = np.zeros((p, chains, drivers))
@@ -144,23 +151,22 @@ def sample(
         root = _roots(t)
         b = times(t, left) + times(root, rng.standard_normal(b.shape))
         # spread between drivers
-        information = np.einsum("kci,lci,klci->ckl", b, b, q)
-        score = np.einsum("kci,kci->ck", b, left)
-        factor = covariance_prior.rescale(rng, between, information, score, scale[0])
-        b *= factor.T[:, :, None]
-        between *= factor[:, :, None] * factor[:, None, :]
-        if drivers >= MIN_DRIVERS:
-            b_inverse = _inverse(between)
-            distance = np.sum(b * times(b_inverse, b), axis=0)
-            d_outlier, (kappa, d_flagged) = _weights(
-                rng, distance, np.full(drivers, p), d_constant, driver_share
-            )
-            flags = d_flagged.sum(axis=1)
-            driver_share = rng.beta(SHARE_OUTLIER[0] + flags, SHARE_OUTLIER[1] + drivers - flags)
-        else:
-            d_outlier = np.zeros((chains, drivers))
-        scatter = np.einsum("kci,lci,ci->ckl", b, b, kappa)
-        between = covariance_prior.draw(rng, between, scatter, np.full(chains, float(drivers)), scale[0])
+        d_outlier = np.zeros((chains, drivers))
+        if fixed is None:
+            information = np.einsum("kci,lci,klci->ckl", b, b, q)
+            score = np.einsum("kci,kci->ck", b, left)
+            factor = covariance_prior.rescale(rng, between, information, score, scale[0])
+            b *= factor.T[:, :, None]
+            between *= factor[:, :, None] * factor[:, None, :]
+            if drivers >= MIN_DRIVERS:
+                distance = np.sum(b * times(_inverse(between), b), axis=0)
+                d_outlier, (kappa, d_flagged) = _weights(
+                    rng, distance, np.full(drivers, p), d_constant, driver_share
+                )
+                flags = d_flagged.sum(axis=1)
+                driver_share = rng.beta(SHARE_OUTLIER[0] + flags, SHARE_OUTLIER[1] + drivers - flags)
+            scatter = np.einsum("kci,lci,ci->ckl", b, b, kappa)
+            between = covariance_prior.draw(rng, between, scatter, np.full(chains, float(drivers)), scale[0])
         # true deviations of the drives (by a draw from the prior and its residual: Matheron's rule), and the spread within
         residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
         w_root = _roots(w)

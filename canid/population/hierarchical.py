@@ -152,12 +152,13 @@ def pool(table: DriveTable, *, seed: int = 0) -> Population:
     )
 
 
-def run(data: gibbs.Data, seed: int) -> tuple[gibbs.Draws, float]:
+def run(data: gibbs.Data, seed: int, between: Array | None = None) -> tuple[gibbs.Draws, float]:
     """Run the sampler until its chains agree.
 
     Args:
         data: of one chain.
         seed: of the random numbers.
+        between: (p, p) B, where it is not to be estimated.
 
     Returns:
         Draws, and the potential scale reduction.
@@ -175,10 +176,10 @@ def run(data: gibbs.Data, seed: int) -> tuple[gibbs.Draws, float]:
         s=np.repeat(data.s, chains, axis=2),
         known=np.repeat(data.known, chains, axis=1),
     )
-    found = gibbs.sample(many, np.random.default_rng(seed), *_lengths(steps))
+    found = gibbs.sample(many, np.random.default_rng(seed), *_lengths(steps), fixed=between)
     reduction = _reduction(found)
     if reduction > MAX_REDUCTION and not large:
-        found = gibbs.sample(many, np.random.default_rng(seed), *_lengths(LONGER * steps))
+        found = gibbs.sample(many, np.random.default_rng(seed), *_lengths(LONGER * steps), fixed=between)
         reduction = _reduction(found)
     return found, reduction
 

@@ -19,8 +19,8 @@ from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
 from canid.population.false_discovery import RATE, adjusted
 from canid.types import NAN, Array, Interval
 
-# chance that the diagnosis of a drive names one given cause falsely: of clean drives at most 4 % have any false name
-# (docs/diagnosis.md), and all of those could have this one
+# chance that the diagnosis of a drive names one given cause falsely: of clean simulated drives at most 1.7 % have any false
+# name (docs/diagnosis.md); people do what no simulator does, so three times as many
 FALSE_NAMES = 0.05
 # drivers below which the design effect is not known
 MIN_DRIVERS = 3

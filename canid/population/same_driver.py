@@ -179,8 +179,9 @@ def pairs(table: DriveTable, population: Population, *, rate: float = RATE) -> P
     mean, square = np.zeros((len(of.y), len(a))), np.zeros((len(of.y), len(a)))
     spent = len(of.y) ** 2 * (len(a) + len(of.order))
     covariance = np.zeros((len(of.y), len(of.y), len(a)))
-    for draw in weighted_drives.draws(of, population, spent):
-        ahead = weighted_drives.information(of, draw.within)
+    of, withins = weighted_drives.fixed_effects(of, weighted_drives.number(of, spent))
+    for within in withins:
+        ahead = weighted_drives.information(of, within)
         own = weighted_drives.masked_inverse(np.add.reduceat(ahead, of.first, axis=-1), has)
         value = times(own, np.add.reduceat(times(ahead, of.y), of.first, axis=-1))
         difference = np.where(both, value[:, b] - value[:, a], 0.0)

@@ -7,16 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.population import scaling
+from canid.population import gibbs, scaling
 from canid.population.batched_inverse import inverse
 from canid.population.drive_table import DriveTable, Flags, Index, known
-from canid.population.hierarchical import Population
+from canid.population.hierarchical import Population, run
 from canid.types import Array
 
 # draws over which p-values are averaged: they are then known to 5 % where W is hardly known, and better elsewhere
 DRAWS = 200
 # numbers that an operation on all draws may touch: about ten seconds
 WORK = 400_000_000
+# variance of fixed effects, in squares of the estimates' whole spread
+WIDE = 1e4
 # fewest draws, of large tables, where W is known to some percent
 FEWEST_DRAWS = 20
 
@@ -92,6 +94,11 @@ def prepare(table: DriveTable, population: Population) -> WeightedDrives | None:
     )
 
 
+def number(of: WeightedDrives, work: int = 0) -> int:
+    """Draws that the size of a task allows; arguments as of `draws`."""
+    return max(FEWEST_DRAWS, min(DRAWS, WORK // max(work or of.s.size, 1)))
+
+
 def draws(of: WeightedDrives, population: Population, work: int = 0) -> Iterator[Draw]:
     """Draws of the posterior, evenly over all, as many as the size of the task allows.
 
@@ -112,7 +119,7 @@ def draws(of: WeightedDrives, population: Population, work: int = 0) -> Iterator
         200
     """
     count = len(population.draws.mean)
-    wanted = max(FEWEST_DRAWS, min(DRAWS, WORK // max(work or of.s.size, 1)))
+    wanted = number(of, work)
     outer = of.unit[:, None] * of.unit[None, :]
     square = np.ix_(of.column, of.column)
     for place in np.linspace(0, count - 1, min(wanted, count)).astype(np.intp):
@@ -121,6 +128,33 @@ def draws(of: WeightedDrives, population: Population, work: int = 0) -> Iterator
             population.draws.between[place][square] / outer,
             population.draws.within[place][square] / outer,
         )
+
+
+def fixed_effects(of: WeightedDrives, wanted: int) -> tuple[WeightedDrives, Array]:
+    """W from the drives of each driver alone, drivers as fixed effects: what a test of their differences has for its error.
+
+    Where drivers are all one person, B is a little above 0 in the posterior and W as much too small.
+
+    Args:
+        of: drives.
+        wanted: draws.
+
+    Returns:
+        The drives with the weights of that model, and draws of W, (D, k, k).
+
+    Example:
+        >>> from canid.population.drive_table import drive_table
+        >>> from canid.population.hierarchical import pool
+        >>> table = drive_table(("K",), np.arange(4.0)[:, None], np.ones((4, 1)), ("b", "a", "b", "a"))
+        >>> fixed_effects(prepare(table, pool(table)), 50)[1].shape
+        (50, 1, 1)
+    """
+    group = np.zeros(len(of.order), dtype=np.intp)
+    data = gibbs.Data(of.y[:, None], of.s[:, :, None], of.known[:, None], of.driver, group)
+    found, _ = run(data, 0, WIDE * np.eye(len(of.y)))
+    within = found.within.reshape(-1, len(of.y), len(of.y))
+    thin = np.linspace(0, len(within) - 1, min(wanted, len(within))).astype(np.intp)
+    return of._replace(weight=found.drive_weight.mean(axis=0)), within[thin]
 
 
 def information(of: WeightedDrives, within: Array) -> Array:
