@@ -211,5 +211,11 @@ BENCHMARKS = (
     Benchmark(
         "dbc", "benchmarks.dbc", "1 min", "DBC files under folders: read, repaired or refused, and why"
     ),
+    Benchmark(
+        "pooling",
+        "benchmarks.fleet.pooling",
+        "5 min",
+        "partial pooling: coverage of intervals on simulated fleets, outliers, against plug-in intervals",
+    ),
     Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
 )
