@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 from contextlib import suppress
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from canid.fleet.isolated import MEMORY_EXIT_CODE
 from canid.one_thread import use_one_thread
@@ -24,7 +24,7 @@ PARENT_CHECK_S = 0.5
 GRACE_S = 10.0
 
 
-def main() -> int:
+def main() -> NoReturn:
     """Answer requests over standard input: (job, fingerprint of its source, the source or None)."""
     for ignored in (signal.SIGINT, signal.SIGHUP):
         if ignored in signal.valid_signals():
@@ -38,15 +38,18 @@ def main() -> int:
     requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(source, requests, scratch), daemon=True).start()
     threading.Thread(target=_watch, args=(parent, scratch), daemon=True).start()
+    code = 1
     try:
         _serve(requests, sink)
     except MemoryError:
-        os._exit(MEMORY_EXIT_CODE)
-    return 0
+        code = MEMORY_EXIT_CODE
+    finally:
+        os._exit(code)  # at once: the threads are in the middle of reading
 
 
 def _serve(requests: queue.SimpleQueue[Any], sink: IO[bytes]) -> None:
     from canid.fleet.analysis import analyse
+    from canid.fleet.joint_diagnosis import diagnose_together
 
     _answer(sink, "ready")
     sources: dict[str, Any] = {}
@@ -54,12 +57,13 @@ def _serve(requests: queue.SimpleQueue[Any], sink: IO[bytes]) -> None:
         job, of, source = requests.get()
         if source is not None:
             sources[of] = source
-        _limit(job.settings.memory_bytes)
         # ends the process without the interpreter, should that be kept busy
         faulthandler.dump_traceback_later(job.settings.timeout_s + GRACE_S, exit=True, file=2)
+        _limit(job.settings.memory_bytes)
         try:
-            outcome = analyse(job, sources[of])
+            outcome = (diagnose_together if job.together else analyse)(job, sources[of])
         finally:
+            _limit(-1)
             faulthandler.cancel_dump_traceback_later()
         _answer(sink, (tuple(outcome), _resident_bytes()))
 
@@ -92,14 +96,15 @@ def _end(scratch: str) -> None:
 
 
 def _limit(memory_bytes: int) -> None:
-    """Let this process allocate so much; more is a MemoryError."""
+    """Let this process allocate so much; more is a MemoryError. Below 0: as much as it wants."""
     try:
         import resource
     except ImportError:  # no POSIX: the system's own limits hold
         return
     with suppress(OSError, ValueError):
         hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
-        soft = memory_bytes if hard == resource.RLIM_INFINITY else min(memory_bytes, hard)
+        bounded = memory_bytes >= 0 and (hard == resource.RLIM_INFINITY or memory_bytes < hard)
+        soft = memory_bytes if bounded else hard
         resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
@@ -111,4 +116,4 @@ def _resident_bytes() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
