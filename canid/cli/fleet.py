@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
+import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import redirect_stdout
 from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options
+from canid.cli import options, report_option
 from canid.cli.output import outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.progress import Progress
@@ -41,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     from canid.fleet.job import Settings
 
     default = Settings()
-    parser.epilog = "canid fleet query|report|prior|export --help: what is made of the results in DIR"
+    parser.epilog = "canid fleet query|report|prior|causes|export --help: what is made of the results in DIR"
     parser.add_argument(
         "logs",
         metavar="LOG",
@@ -53,8 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="DIR",
-        required=True,
-        help="folder of the results; an earlier run is continued",
+        help="folder of the results (needed); an earlier run is continued",
     )
     parser.add_argument(
         "--vehicle",
@@ -130,9 +131,12 @@ def run(args: argparse.Namespace) -> int:
     from canid.fleet.plan import planned
 
     _know_the_words(args.logs)
+    if args.output is None:
+        raise ConfigError("fleet: -o DIR is missing: the folder of the results")
     json = options.json_output(args)
+    page = report_option.output(args, "fleet")
     read = [path for path in (args.vehicle, args.vehicles) if path]
-    outputs.check([json], read)
+    outputs.check([json, page], read)
     plan = planned(
         args.logs, vehicle=args.vehicle, vehicles=args.vehicles, folders=args.folders, skip=[args.output]
     )
@@ -319,4 +323,6 @@ def _report(args: argparse.Namespace) -> int:
     module = import_module("canid.cli.fleet_report")
     parser = Parser(prog="canid fleet report")
     module.arguments(parser)
-    return int(module.run(parser.parse_args([args.output, "-o", args.report])))
+    # where JSON has standard output, the answer of the page goes where all other text goes
+    with redirect_stdout(sys.stderr if args.json == "-" else sys.stdout):
+        return int(module.run(parser.parse_args([args.output, "-o", args.report])))
