@@ -75,11 +75,13 @@ def of_forecasts(forecasts: Sequence[Forecast], known: Iterable[Driver]) -> list
     for one in forecasts:
         if one.gain < MIN_GAIN:
             break
-        if one.driver in out or one.driver not in of:
+        # what noise and wanted headway lack needs no drive of its own kind
+        if one.driver in out or one.driver not in of or "." not in one.parameter:
             continue
-        minutes = of[one.driver].usable / 60.0
-        drives = f"{one.drives} drive{'' if one.drives == 1 else 's'}, {minutes:.0f} min usable"
         narrower = 100.0 * (1.0 - one.expected / one.width)
-        why = f"{drives}; the interval of {label(one.parameter)} would be {narrower:.0f} % narrower"
+        known = (
+            f"{one.drives} of {of[one.driver].drives} drives, {of[one.driver].usable / 60.0:.0f} min usable"
+        )
+        why = f"{label(one.parameter)} is known from {rests}; its interval would be {narrower:.0f} % narrower"
         out[one.driver] = Next(one.driver, HOW, why)
     return list(out.values())

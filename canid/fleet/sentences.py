@@ -78,10 +78,11 @@ def _spread(of: Population) -> list[str]:
         return []
     gain = next((one for one in known if one.name == "range_rate.K"), known[0])
     unit = f" {gain.unit}" if gain.unit else ""
-    return [
+    said = (
         f"{label(gain.name)} of {of.kind.output} is {interval(gain.mean)}{unit} on average; {_between(gain)}, "
         f"and drives of one driver by {spread(gain, gain.within)}"
-    ]
+    )
+    return [said, gain.says] if gain.says else [said]
 
 
 def _between(of: Parameter) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from markupsafe import Markup
@@ -51,6 +52,7 @@ class _Shown(NamedTuple):
     drivers: tuple[Driver, ...]
     left_out: int
     questions: tuple[Questions, ...]
+    says: tuple[tuple[str, list[str]], ...]  # what is not known, and of which parameters
 
 
 def page(of: FleetSummary, provenance: Provenance) -> str:
@@ -106,7 +108,17 @@ def _shown(of: Population, number: int) -> _Shown:
         tuple(order),
         left_out,
         tuple(one for one in of.questions if one.asked or one.says),
+        tuple(_lacking(parameters).items()),
     )
+
+
+def _lacking(parameters: Sequence[Parameter]) -> dict[str, list[str]]:
+    """What the drives do not show -> parameters."""
+    out: dict[str, list[str]] = {}
+    for one in parameters:
+        if one.says:
+            out.setdefault(one.says, []).append(label(one.name))
+    return out
 
 
 def _drawn(of: Population, parameter: Parameter) -> _Drawn:
