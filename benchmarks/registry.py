@@ -182,6 +182,13 @@ BENCHMARKS = (
         "duckdb",
     ),
     Benchmark(
+        "exported_drivers",
+        "benchmarks.sumo.exported_drivers",
+        "3 min",
+        "drivers exported as SUMO vehicle types: distributions in SUMO against the logs', planted drivers come back",
+        "libsumo",
+    ),
+    Benchmark(
         "papers",
         "benchmarks.papers",
         "15 min",

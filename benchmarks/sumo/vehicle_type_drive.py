@@ -55,7 +55,7 @@ def drive(types: str, name: str, run: Run, replicates: int, seed: int) -> tuple[
             "-n",
             str(net),
             "-r",
-            str(routes),
+            str(cars),
             "--step-length",
             f"{STEP_S:g}",
             "--seed",
