@@ -79,7 +79,7 @@ def of_forecasts(forecasts: Sequence[Forecast], known: Iterable[Driver]) -> list
         if one.driver in out or one.driver not in of or "." not in one.parameter:
             continue
         narrower = 100.0 * (1.0 - one.expected / one.width)
-        known = (
+        rests = (
             f"{one.drives} of {of[one.driver].drives} drives, {of[one.driver].usable / 60.0:.0f} min usable"
         )
         why = f"{label(one.parameter)} is known from {rests}; its interval would be {narrower:.0f} % narrower"
