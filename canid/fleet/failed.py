@@ -8,7 +8,7 @@ from canid.errors import CanidError, one_line
 from canid.fleet.job import Failure
 
 # the reason of `Failure.MEMORY`
-NO_MEMORY = "it takes more memory than it may; --memory-limit allows more"
+NO_MEMORY = "it takes more memory than it may; --memory allows more"
 # of duckdb, which is optional
 _DUCKDB_MEMORY_ERROR = "OutOfMemoryException"
 
