@@ -13,6 +13,7 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -31,6 +32,11 @@ MEMORY_EXIT_CODE = 12
 START_TIMEOUT_S = 180.0
 # s between the end of a child's output and its own, at most
 EXIT_S = 1.0
+# s between two checks whether it has ended
+EXIT_CHECK_S = 0.005
+# how C++ code ends that gets no memory, once it held this share of what it may: what it asked for is not counted
+_OF_SHORT_MEMORY = tuple(-int(number) for number in (signal.SIGSEGV, signal.SIGABRT))
+MIN_PEAK_SHARE = 0.5
 # s that a child which was ended by force may take to be gone
 KILL_TIMEOUT_S = 5.0
 
@@ -68,10 +74,11 @@ class Child:
         limit = job.settings.timeout_s
         answer, ended = _within(limit, child, lambda: self._asked(child, job, source))
         if answer is None:
-            code = self._stop(EXIT_S)
+            code, peak_bytes = self._stop(EXIT_S)
             if ended:
                 return failed(job, Failure.TIMEOUT, f"it took more than {limit:g} s")
-            if code == MEMORY_EXIT_CODE:
+            short = code in _OF_SHORT_MEMORY and peak_bytes > MIN_PEAK_SHARE * job.settings.memory_bytes
+            if code == MEMORY_EXIT_CODE or short:
                 return failed(job, Failure.MEMORY, NO_MEMORY)
             return failed(job, Failure.CRASHED, f"its process {_ending(code)}")
         outcome, idle_bytes = Outcome(*answer[0]), answer[1]
@@ -107,7 +114,7 @@ class Child:
         assert stdout is not None
         answer, ended = _within(START_TIMEOUT_S, child, lambda: pickle.load(stdout))
         if answer is None:
-            ending = _ending(self._stop(EXIT_S))
+            ending = _ending(self._stop(EXIT_S)[0])
             return None, f"it did not start within {START_TIMEOUT_S:g} s" if ended else f"it {ending}"
         return child, ""
 
@@ -135,26 +142,25 @@ class Child:
         self._sent.add(of)
         return pickle.load(child.stdout)
 
-    def _stop(self, patience_s: float = 0.0) -> int | None:
-        """End the child, if it has not ended by itself within `patience_s`; returns its exit code."""
+    def _stop(self, patience_s: float = 0.0) -> tuple[int | None, int]:
+        """End the child, if it has not ended by itself within `patience_s`; its exit code and its peak memory in bytes."""
         with self._lock:
             running, self._running = self._running, None
             scratch, self._scratch = self._scratch, ""
-        code = None
+        peak_bytes = 0
         if running is not None:
             # one that has died by itself keeps its code: its output ends a little before it does
-            with suppress(subprocess.TimeoutExpired):
-                code = running.wait(patience_s)
+            peak_bytes = _reaped(running, patience_s)
             _kill(running)
             for stream in (running.stdin, running.stdout):
                 if stream is not None:
                     with suppress(OSError, ValueError):
                         stream.close()
             with suppress(subprocess.TimeoutExpired):
-                code = running.wait(KILL_TIMEOUT_S)
+                running.wait(KILL_TIMEOUT_S)
         if scratch:
             shutil.rmtree(scratch, ignore_errors=True)
-        return code
+        return (None if running is None else running.returncode), peak_bytes
 
 
 class Children:
@@ -209,6 +215,24 @@ def _ending(code: int | None) -> str:
         name = f"signal {-code}"
     why = ": where memory is short the system does that" if name == "SIGKILL" else ""
     return f"was ended by {name}{why}"
+
+
+def _reaped(child: subprocess.Popen[bytes], patience_s: float) -> int:
+    """Wait for the end of a child; returns its peak resident set size, 0 where it lives on or nothing is known."""
+    if not hasattr(os, "wait4"):
+        return 0
+    deadline = time.monotonic() + patience_s
+    # another thread may have waited for it
+    with suppress(ChildProcessError):
+        while child.returncode is None:
+            pid, status, usage = os.wait4(child.pid, os.WNOHANG)
+            if pid:
+                child.returncode = os.waitstatus_to_exitcode(status)
+                return 1024 * usage.ru_maxrss
+            if time.monotonic() >= deadline:
+                break
+            time.sleep(EXIT_CHECK_S)
+    return 0
 
 
 # what a pipe raises whose process has died, and what pickle may raise of half an answer
