@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,8 @@ def once(logs: str, folder: str, after: int) -> None:
 def main() -> None:
     """Answer lines."""
     logs, folder = sys.argv[1:]
-    # read once; the forks have it
+    # imported and read once; the forks have it
+    import_module("duckdb")
     planned([logs], vehicle="generic")
     print("ready", flush=True)
     for line in sys.stdin:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
+from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 REPO = Path(__file__).parents[2]
 URBAN = REPO / "replay_logs/following_urban.blf"
@@ -71,6 +73,24 @@ def fleet(*words: object, **settings: Any) -> subprocess.CompletedProcess[str]:
         check=False,
         **settings,
     )
+
+
+class Done(NamedTuple):
+    """A command that has ended."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def fleet_here(*words: object) -> Done:
+    """Run `canid fleet` in this process: as `fleet`, without the imports of a new one."""
+    from canid.cli import main
+
+    out, err = StringIO(), StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = main(["fleet", *map(str, words)])
+    return Done(code, out.getvalue(), err.getvalue())
 
 
 def table(folder: Path, name: str, columns: str = "*", rest: str = "") -> list[tuple[Any, ...]]:
