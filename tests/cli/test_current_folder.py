@@ -47,6 +47,7 @@ WORDS = {
     "identify": ("drive.blf", *PART),
     "diagnose": ("drive.blf", *PART, "--report"),
     "compare": ("drive.blf@0:2", "drive.blf@2:4", "--vehicle", "generic", "--report", "c.html"),
+    "fleet": ("drive.blf", "-o", "results", "--vehicle", "generic", "--no-diagnosis", "--no-traffic"),
     "study": ("prints", "grover", "-o", "out"),
     "simulate": ("simulated.blf", "--minutes", "0.1"),
     "look": ("drive.blf", "--dbc", "car.dbc"),

@@ -45,6 +45,7 @@ WRITERS: dict[str, tuple[object, ...]] = {
     "simulate --json": ("simulate", "NEW", "--minutes", 0.1, "--json"),
     "compare --json": ("compare", "LOG", "--vehicle", "generic", "--stop", 3, "--json"),
     "compare --report": ("compare", "LOG", "--vehicle", "generic", "--stop", 3, "--report"),
+    "fleet --json": ("fleet", "LOG", "--vehicle", "generic", "-o", "RESULTS", "--json"),
     "init -o": ("init", "DBC", "--force", "-o"),
     "init --json": ("init", "DBC", "--json"),
     "record --json": ("record", *VIRTUAL, "-o", "NEW", "--json"),
@@ -99,6 +100,7 @@ def worded(words: tuple[object, ...], log: Path, tmp_path: Path) -> list[object]
         "COPY": tmp_path / "copy.blf",
         "NEW": tmp_path / "new.blf",
         "TABLE": tmp_path / "table",
+        "RESULTS": tmp_path / "results",
     }
     return [names.get(word, word) for word in words]
 

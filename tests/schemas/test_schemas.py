@@ -21,6 +21,8 @@ CAR, LANE = ("--vehicle", "generic"), ("--vehicle", "generic_lane")
 URBAN, LOST, STEERING = (
     str(LOGS / f"{n}.blf") for n in ("following_urban", "following_lost_lead", "lane_keeping")
 )
+# of a fleet: whole drives alone
+WHOLE = ("--no-diagnosis", "--no-windows", "--no-traffic")
 # schema, words, expected exit code; good drives, a drive that is too short, no lead, steering, several logs
 RUNS: list[tuple[str, tuple[str, ...], int]] = [
     ("replay", ("replay", LOST, *CAR, "--start", "60", "--stop", "100"), 0),
@@ -37,6 +39,7 @@ RUNS: list[tuple[str, tuple[str, ...], int]] = [
     ("init", ("init", str(REPO / "dbc/generic.dbc")), 0),
     ("compare", ("compare", f"{URBAN}@0:90", f"{URBAN}@90:170", *CAR), 0),
     ("compare", ("compare", f"{URBAN}@0:4", f"{URBAN}@4:8", *CAR), 0),
+    ("fleet", ("fleet", LOST, "damaged.blf", *CAR, *WHOLE, "-o", "results"), 4),
     ("export", ("export", URBAN, *CAR, "--stop", "5", "--to", "csv", "-o", "out"), 0),
     ("recover", ("recover", "damaged.blf"), 4),
     ("identify", ("identify", "damaged.blf", *CAR), 4),
