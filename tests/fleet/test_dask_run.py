@@ -1,0 +1,174 @@
+"""On a real Dask cluster every log has the rows of this machine, exactly once, whatever is killed in the middle."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed", reason="needs distributed: pip install 'canid[fleet]'")
+
+from canid.errors import CanidError, ConfigError
+from canid.fleet import dask_run, dask_worker, local_run
+from canid.fleet.job import Job, Outcome
+from tests.fleet import short_logs
+from tests.fleet.dask_processes import Cluster, cluster, descendants, free_port
+from tests.fleet.fleet_jobs import GENERIC, REPO, SOURCES, job
+from tests.fleet.test_isolated import gone, numbers
+
+# of Dask's own threads, at the end of the process
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+LOGS = 8
+
+
+@pytest.fixture(scope="module")
+def jobs(tmp_path_factory: pytest.TempPathFactory) -> list[Job]:
+    folder = tmp_path_factory.mktemp("logs")
+    for k in range(LOGS - 1):
+        (folder / f"{k}.log").write_bytes(short_logs.log(k, 8.0))
+    return [job(folder / f"{k}.log") for k in range(LOGS)]  # the last one is missing
+
+
+@pytest.fixture(scope="module")
+def expected(jobs: list[Job]) -> dict[str, str]:
+    return {of.log: numbers(of) for of in local_run.outcomes(jobs, SOURCES, 2)}
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    with cluster(tmp_path_factory.mktemp("dask")) as made:
+        yield made
+
+
+def check(found: list[Outcome], expected: dict[str, str], times: int = 1) -> None:
+    assert len(found) == times * len(expected)
+    for log, of in expected.items():
+        assert [numbers(one) for one in found if one.log == log] == [of] * times
+
+
+def test_the_rows_are_those_of_this_machine(
+    running: Cluster, jobs: list[Job], expected: dict[str, str]
+) -> None:
+    """Every row, to the last bit, and every failure; jobs are taken a few at a time."""
+    taken: list[Job] = []
+
+    def lazily() -> Iterator[Job]:
+        for one in jobs:
+            taken.append(one)
+            yield one
+
+    found = []
+    for outcome in dask_run.outcomes(lazily(), SOURCES, scheduler=running.address, workers=0):
+        found.append(outcome)
+        assert len(taken) - len(found) < 2 * dask_run.JOBS_PER_THREAD
+    check(found, expected)
+
+
+def test_a_worker_that_is_killed_loses_nothing(
+    running: Cluster, jobs: list[Job], expected: dict[str, str]
+) -> None:
+    """Its logs are analysed elsewhere: none is lost, none comes twice, none fails for it; its children end as well."""
+    found = []
+    children: list[int] = []
+    for outcome in dask_run.outcomes(jobs * 2, SOURCES, scheduler=running.address, workers=0):
+        found.append(outcome)
+        if len(found) == 3:
+            workers = running.processes("multiprocessing.spawn")
+            assert len(workers) == 2
+            children = descendants(workers[0])
+            assert children
+            os.kill(workers[0], signal.SIGKILL)
+    check(found, expected, 2)
+    assert all(gone(pid) for pid in children)
+
+
+def test_the_scheduler_is_killed_and_comes_back(
+    running: Cluster, jobs: list[Job], expected: dict[str, str]
+) -> None:
+    """At the same address: what has no outcome is submitted again, with one line for the user."""
+    lines: list[str] = []
+    found = []
+    for outcome in dask_run.outcomes(
+        jobs, SOURCES, scheduler=running.address, workers=0, inform=lines.append
+    ):
+        found.append(outcome)
+        if len(found) == 2:
+            running.restart_scheduler()
+    check(found, expected)
+    assert len(lines) == 1
+    assert running.address in lines[0]
+
+
+def test_a_scheduler_that_never_comes_back(tmp_path: Path, jobs: list[Job]) -> None:
+    """What was yielded is kept; then one line that says what to do."""
+    with cluster(tmp_path, 1) as made:
+        found: list[Outcome] = []
+
+        def run() -> None:
+            for outcome in dask_run.outcomes(
+                jobs, SOURCES, scheduler=made.address, workers=0, patience_s=2.0
+            ):
+                found.append(outcome)
+                if len(found) == 2:
+                    made.scheduler.kill()
+
+        with pytest.raises(CanidError, match="run the same command again") as raised:
+            run()
+    assert 2 <= len(found) < LOGS
+    assert "\n" not in str(raised.value)
+
+
+def test_workers_of_this_machine(jobs: list[Job], expected: dict[str, str]) -> None:
+    """Without a scheduler it starts its own, in silence, and ends it, children included."""
+    text = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from tests.fleet.own_cluster import main\n"
+        "if __name__ == '__main__': main(sys.argv[2:])\n"
+    )
+    logs = [one.log for one in jobs[:3]]
+    done = subprocess.run(
+        [sys.executable, "-c", text, str(REPO), *logs],
+        capture_output=True, text=True, timeout=120, check=False, cwd=REPO,
+    )  # fmt: skip
+    assert done.stderr == ""
+    lines = done.stdout.splitlines()
+    assert sorted(lines[:3]) == sorted(f"{log} ok" for log in logs)
+    assert all(gone(int(pid)) for pid in lines[3].split())
+
+
+def test_another_version_is_refused() -> None:
+    """Numbers of another release never come into one folder."""
+    with pytest.raises(ConfigError, match=r"canid 0\.0\.9, this is|has canid .*, this is 0\.0\.9"):
+        dask_worker.analyse("0.0.9/1", job("no.blf"), GENERIC)
+
+
+def test_workers_without_canid_are_refused(tmp_path: Path, jobs: list[Job]) -> None:
+    """One line, before the first log, that says which process it is and what to install."""
+    with cluster(tmp_path, 0) as made:
+        # a worker whose `import canid` fails: a file of that name comes first on its path
+        hidden = tmp_path / "hidden" / "canid"
+        hidden.mkdir(parents=True)
+        (hidden / "__init__.py").write_text("raise ModuleNotFoundError(\"No module named 'canid'\")\n")
+        made._start(
+            f"PYTHONPATH={hidden.parent} {sys.executable} -m distributed.cli.dask_worker {made.address} --host 127.0.0.1 "
+            "--nthreads 1 --no-dashboard"
+        )
+        with pytest.raises(ConfigError, match="cannot import canid") as raised:
+            next(dask_run.outcomes(jobs, SOURCES, scheduler=made.address, workers=0))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:{port}", "no address at all"])
+def test_nothing_at_the_address(address: str, jobs: list[Job], monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line that names the address, within some seconds."""
+    monkeypatch.setattr("canid.fleet.dask_cluster.CONNECT_S", 1.0)
+    named = address.format(port=free_port())
+    with pytest.raises(ConfigError) as raised:
+        next(dask_run.outcomes(jobs, SOURCES, scheduler=named, workers=0))
+    assert named in str(raised.value)
+    assert "\n" not in str(raised.value)
