@@ -9,6 +9,7 @@ import argparse
 import re
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,6 +63,11 @@ def commands() -> Iterator[Command]:
         yield command(verbs[name], name, text)
         for part, parser in _nested(verbs[name]).items():
             yield command(parser, f"{name} {part}", parser.description or "")
+        # of a verb that takes words of any kind, of which a few are verbs themselves
+        for part, what in getattr(import_module(f"canid.cli.{name}"), "SUB_VERBS", {}).items():
+            parser = argparse.ArgumentParser(f"canid {name} {part}", description=what)
+            import_module(f"canid.cli.{name}_{part}").arguments(parser)
+            yield command(parser, f"{name} {part}", what)
 
 
 def command(parser: argparse.ArgumentParser, name: str, text: str) -> Command:
