@@ -42,7 +42,8 @@ class Listed(NamedTuple):
     @property
     def relative(self) -> str:
         """The path below the root, with slashes."""
-        return below(self.log, self.root)
+        # of a URL in several links, such as of an archive in a bucket, the first holds the path
+        return below(self.log, self.root).partition("::" if is_url(self.log) else "\0")[0]
 
 
 def below(path: str, root: str) -> str:

@@ -88,7 +88,7 @@ def planned(
 
 
 def _need_no_vehicle(found: Sequence[Listed]) -> None:
-    frames = [one.log for one in found if not _may_be_table(one.log)]
+    frames = [one.log for one in found if not _may_be_table(one.relative)]
     if frames:
         more = f" (and {len(frames) - 1:,} more)" if len(frames) > 1 else ""
         raise ConfigError(
@@ -119,9 +119,7 @@ def _planned(
         car = decoded.name if decoded is not None else ""
     # the same few names stand in 100,000 rows
     root, driver, car, group, source = map(sys.intern, (one.root, driver, car, group, source))
-    return PlannedLog(
-        one.log, root, one.size, one.modified_ns, driver, car, group, source, failure, reason
-    )
+    return PlannedLog(one.log, root, one.size, one.modified_ns, driver, car, group, source, failure, reason)
 
 
 def _problem(

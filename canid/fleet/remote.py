@@ -48,8 +48,8 @@ def listed(url: str) -> list[Listed]:
         root = root.rpartition("/")[0]
     out = [
         listing.Listed(
-            str(system.unstrip_protocol(name)),
-            str(system.unstrip_protocol(root)).rstrip("/"),
+            url_of(url, name),
+            root_of(url, root),
             int(info.get("size") or 0),
             modified_ns(info),
         )
@@ -68,6 +68,34 @@ def _found(system: Any, path: str) -> dict[str, Any]:
     if system.isdir(path):
         return dict(system.find(path, detail=True))
     return {path: system.info(path)}
+
+
+def url_of(url: str, path: str) -> str:
+    """The URL of another path in the storage of a URL.
+
+    Example:
+        >>> url_of("s3://bucket/**.blf", "bucket/a.blf"), url_of("zip://*.blf::s3://b/c.zip", "a.blf")
+        ('s3://bucket/a.blf', 'zip://a.blf::s3://b/c.zip')
+        >>> url_of("simplecache::s3://bucket/x", "bucket/a.blf")
+        'simplecache::s3://bucket/a.blf'
+    """
+    links = url.split("::")
+    at = next(k for k, link in enumerate(links) if "://" in link)
+    scheme = links[at].partition("://")[0]
+    links[at] = path if "://" in path else f"{scheme}://{path}"
+    return "::".join(links)
+
+
+def root_of(url: str, path: str) -> str:
+    """The URL of a folder, with which those of all logs in it begin.
+
+    Example:
+        >>> root_of("zip://*.blf::s3://b/c.zip", "anna"), root_of("simplecache::s3://b/x", "b")
+        ('zip://anna', 'simplecache::s3://b')
+    """
+    links = url_of(url, path.rstrip("/")).split("::")
+    at = next(k for k, link in enumerate(links) if "://" in link)
+    return "::".join(links[: at + 1])
 
 
 def modified_ns(info: Mapping[str, Any]) -> int:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from fnmatch import fnmatchcase
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -208,6 +209,49 @@ def test_logs_of_frames_need_a_vehicle_and_tables_do_not(tmp_path: Path) -> None
     touch(tmp_path / "c.blf")
     with pytest.raises(ConfigError, match=r"c\.blf is a log of CAN frames.*--vehicle"):
         planned([str(tmp_path)])
+
+
+def test_logs_in_storage_have_the_drivers_of_their_folders() -> None:
+    """A folder, a pattern and a file in fsspec's storage in memory; a second listing is the same."""
+    import fsspec
+
+    storage = fsspec.filesystem("memory")
+    for name, content in (
+        ("anna/a.blf", b"12"),
+        ("ben/x y.log", b"123"),
+        ("ben/notes.txt", b"1"),
+        ("c.csv", b""),
+    ):
+        storage.pipe(f"/canid fleet/{name}", content)
+    try:
+        whole = planned(["memory://canid fleet"], vehicle="generic").logs
+        assert [(one.log, one.driver, one.size) for one in whole] == [
+            ("memory:///canid fleet/anna/a.blf", "anna", 2),
+            ("memory:///canid fleet/ben/x y.log", "ben", 3),
+            ("memory:///canid fleet/c.csv", "c", 0),
+        ]
+        assert all(one.modified_ns > 1.6e18 for one in whole)
+        pattern_of_logs = ["memory://canid fleet/*/*.log", "memory://canid fleet/anna/a.blf"]
+        some = planned(pattern_of_logs, vehicle="generic").logs
+        assert [(one.log, one.driver) for one in some] == [(whole[1].log, "ben"), (whole[0].log, "a")]
+        with pytest.raises(ConfigError, match="holds no log"):
+            planned(["memory://canid fleet/*.trc"], vehicle="generic")
+    finally:
+        storage.rm("/canid fleet", recursive=True)
+
+
+@pytest.mark.parametrize(
+    ("url", "says"),
+    [("s3://bucket/a", r"canid\[s3\]"), ("nothing://a/b", "nothing"), ("zip://a::file:///no.zip", "zip")],
+)
+def test_storage_that_cannot_be_listed_is_one_line(url: str, says: str) -> None:
+    """A package that is missing is named with the extra that has it; all else with what the storage says."""
+    if url.startswith("s3:") and find_spec("s3fs") is not None:
+        pytest.skip("s3fs is installed")
+    with pytest.raises(ConfigError, match=says) as refused:
+        planned([url], vehicle="generic")
+    assert len(refused.value.mistakes) == 1
+    assert "\n" not in str(refused.value)
 
 
 COUNTING = """
