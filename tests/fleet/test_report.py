@@ -44,8 +44,19 @@ VOID = {"meta", "link", "br", "circle", "line", "rect", "path", "polyline", "pol
 
 @pytest.fixture(scope="module")
 def planted(tmp_path_factory: pytest.TempPathFactory) -> Planted:
+    """Ten drivers, of whom one changes, and one has a hostile name, as have his car and logs."""
     folder = tmp_path_factory.mktemp("fleet") / "fleet"
-    return made(folder, seed=7, drivers=10, drives=5, change={"driver 003": 1.5})
+    of = made(folder, seed=7, drivers=10, drives=5, change={"driver 003": 1.5})
+    for row in of.rows:
+        row["car"] = "car A"
+        if row["driver"] == "driver 009":
+            row |= {"driver": HOSTILE, "car": HOSTILE, "log": HOSTILE + row["log"], "vehicle": HOSTILE}
+            row |= {"signal_findings": [HOSTILE]}
+    of.rows[-1] |= {"log": HOSTILE, "reason": HOSTILE, "failure": HOSTILE}
+    write(folder, of.rows)
+    return of._replace(
+        drivers={HOSTILE if name == "driver 009" else name: x for name, x in of.drivers.items()}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +73,7 @@ def test_the_planted_population_comes_back(planted: Planted, summary: FleetSumma
     inside, count, error = 0, 0, {"shrunken": 0.0, "own": 0.0}
     for driver in of.drivers:
         if driver.name == "driver 003":  # who changed
+            assert next(t for q in of.questions for t in q.tests).subject == "driver 003"
             continue
         for k, name in enumerate(POOLED):
             truth = on_its_scale(name, Interval(*[planted.drivers[driver.name][k]] * 3)).value
@@ -107,14 +119,14 @@ def test_the_page_shows_its_numbers_and_loads_nothing(planted: Planted, summary:
     html = page(summary, Provenance(command="canid fleet report fleet"))
     seen = _read(html)
     text = " ".join(" ".join(seen.text).split())
-    for driver in planted.drivers:
+    for driver in set(planted.drivers) - {HOSTILE}:
         assert driver in text
     (of,) = summary.populations
     for one in of.parameters:
         assert f"{label(one.name)} {interval(one.mean)} {one.unit}" in text
     for sentence in summary.sentences:
         assert sentence.split(";")[0][1:60] in text
-    assert "not a log" in text
+    assert "0 bytes" in text
     assert "canid fleet report fleet" in text
     assert seen.addresses <= {"data:,"} | {f"#{name}" for name in seen.ids}
     assert "<script" not in html
@@ -148,20 +160,13 @@ def test_little_data_is_a_page_as_well(tmp_path: Path, planted: Planted, drives:
         assert of.excluded[0].number == 1
 
 
-def test_hostile_names_are_inert(tmp_path: Path, planted: Planted) -> None:
-    """Names of drivers, cars, logs, groups, faults and reasons, through the tables to the page."""
-    own = [{**row} for row in planted.rows if row.get("driver") in ("driver 000", "driver 001")]
-    for row in own[:5]:
-        row |= {"driver": HOSTILE, "car": HOSTILE, "group_name": HOSTILE, "log": HOSTILE + row["log"]}
-        row |= {"signal_findings": [HOSTILE], "vehicle": HOSTILE}
-    own.append({**planted.rows[-1], "log": HOSTILE, "reason": HOSTILE, "failure": HOSTILE})
-    folder = tmp_path / "fleet"
-    write(folder, own)
-    html = page(summarise(folder), Provenance(command=HOSTILE))
+def test_hostile_names_are_inert(summary: FleetSummary) -> None:
+    """Names of drivers, cars, logs, faults and reasons, through the tables to the page: text, and nothing else."""
+    html = page(summary, Provenance(command=HOSTILE, log=HOSTILE))
     seen = _read(html)
     assert "script" not in seen.tags
     assert "img" not in seen.tags
-    assert "49" not in "".join(seen.text).split("What to drive next")[-1]
+    assert "{{ 7 * 7 }}" in " ".join(seen.text)
     assert not [name for name in seen.attributes if name.startswith("on")]
     assert html.count("</style>") == 1
 
