@@ -13,7 +13,6 @@ import argparse
 import math
 import os
 import time
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -54,9 +53,14 @@ PARAMETERS = (
 )
 
 
+# the parameters that a minute shows at all
+MAIN = ("K1", "K2", "τ2+θ2")
+
+
 class Pair(NamedTuple):
     """One parameter of one window, without and with the prior."""
 
+    driver: str
     name: str
     without: Interval
     known: Interval
@@ -91,7 +95,17 @@ def main() -> None:
     if logs:
         print(f"\n**{len(logs)} measured drives, each minute as the first one**\n")
         with ProcessPoolExecutor(args.workers) as processes:
-            print("\n".join(lines(measured(logs, processes))))
+            found = measured(logs, processes)
+        print("\n".join(lines(found)))
+        print("\n**By driver: windows; K1, K2 hold the whole drive's without and with the prior**\n")
+        for log in logs:
+            own = [[p for p in found if (p.driver, p.name) == (log.stem, name)] for name in ("K1", "K2")]
+            held = [
+                np.mean([holds(getattr(p, of), p.truth) for p in k])
+                for k in own
+                for of in ("without", "known")
+            ]
+            print(f"{log.stem}: {len(own[0])}; " + ", ".join(f"{share:.2f}" for share in held))
     print(f"\nseeds {seeds}, {time.perf_counter() - began:.0f} s")
 
 
@@ -114,7 +128,7 @@ def fleet(seed: int) -> tuple[list[Pair], list[Pair], list[Pair]]:
     early: list[Pair] = []
     late: list[Pair] = []
     known = prior(pool(table(drives)))
-    for k in range(6):
+    for k in range(12):
         off = ATYPICAL[k % len(ATYPICAL)]
         one = drive(k + seed // 1000, driver(of, rng, off), seed + 500 + k)
         which = {"K1"} if off[0] else {"K2"}
@@ -130,11 +144,12 @@ def _truth(one: Drive) -> dict[str, Interval]:
     return {name: Interval(x, x, x) for name, x in values.items()}
 
 
-def pairs(of: Trace, known: Prior | None, truth: dict[str, Interval]) -> list[Pair]:
+def pairs(of: Trace, known: Prior | None, truth: dict[str, Interval], driver: str = "") -> list[Pair]:
     """Each parameter of a window, without and with the prior."""
     without, with_prior = channels(of, None), channels(of, known)
     return [
         Pair(
+            driver,
             name,
             getattr(without[channel], parameter),
             getattr(with_prior[channel], parameter),
@@ -172,7 +187,7 @@ def measured(logs: Sequence[Path], processes: ProcessPoolExecutor) -> list[Pair]
         known = prior(pool(drive_table(NAMES, estimate, covariance, names)))
         rows = round(FIRST_S / drives.dt)
         starts = range(0, len(drives.t) - rows, rows)
-        jobs += [(part(drives, start, start + rows + 1), known, truth) for start in starts]
+        jobs += [(part(drives, start, start + rows + 1), known, truth, logs[k].stem) for start in starts]
     for found in processes.map(pairs, *zip(*jobs, strict=True)):
         out += found
     return out
@@ -192,8 +207,12 @@ def lines(every: Iterable[Pair]) -> list[str]:
         "|  | n | width | with prior | ratio (10 to 90 %) | holds truth | with prior | quotable | with prior | of prior |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for name in [name for *_, name in PARAMETERS if name in Counter(pair.name for pair in every)]:
-        own = [pair for pair in every if pair.name == name]
+    there = {pair.name for pair in every}
+    groups = {name: {name} for *_, name in PARAMETERS if name in there}
+    if len(groups) > len(MAIN):
+        groups[", ".join(MAIN)] = set(MAIN)
+    for name, names in groups.items():
+        own = [pair for pair in every if pair.name in names]
         before = np.array([pair.without.high - pair.without.low for pair in own])
         after = np.array([pair.known.high - pair.known.low for pair in own])
         low, middle, high = np.quantile(after / before, (0.1, 0.5, 0.9))

@@ -10,7 +10,15 @@ from scipy.stats import multivariate_normal, norm
 from canid.estimators.fopdt import FOPDT, FopdtSettings
 from canid.identification.fopdt import fopdt_fit, fopdt_posterior, gain_prior
 from canid.identification.fopdt.gain_prior import ATYPICAL_FACTOR, Normal
-from canid.identification.fopdt.prior import ChannelPrior, InputPrior, Prior, check_prior, density, for_inputs
+from canid.identification.fopdt.prior import (
+    ChannelPrior,
+    InputPrior,
+    Prior,
+    check_prior,
+    density,
+    for_inputs,
+    states_all,
+)
 from canid.identification.fopdt.reduced_basis import Box
 from canid.types import Identifiable, LearnGate, Sample
 
@@ -255,3 +263,22 @@ def test_absurd_priors_give_ordered_numbers(own, atypical, follow):
             assert not iv.value < iv.low
             assert not iv.value > iv.high
         assert all(0.0 <= share <= 1.0 for share in channel.prior_weights.values())
+
+
+def test_where_all_is_declared_the_interval_is_that_of_the_posterior(follow):
+    """Ends of both gains' intervals: the 2.5 and 97.5 % points of the mixture over all cells and components."""
+    y, u = follow(4, seconds=60.0)
+    own = ChannelPrior(K=5.0, K_sd=1.0, tau_plus_dead_time=0.6, tau_plus_dead_time_factor=1.3)
+    found = fit(y, u, Prior(headway_error=own, range_rate=own))
+    posterior = found.posterior
+    weight = (posterior.gains.share * posterior.weight).ravel()
+    for i, channel in enumerate(found.channels):
+        mean, sd = posterior.gains.mean[i].ravel(), np.sqrt(posterior.gains.variance[i].ravel())
+        for end in (channel.K.low, channel.K.high):
+            share = float(weight @ norm.cdf((end - mean) / sd))
+            # 41 points for a Gaussian, in 32 bins of means: the ends are right to an eighth of a standard deviation
+            assert 0.018 < min(share, 1.0 - share) < 0.034
+    # the delays of headway are left to the box: the union over all lags that the data allow is wider
+    open_delays = Prior(headway_error=ChannelPrior(K=5.0, K_sd=1.0), range_rate=own)
+    assert not states_all(for_inputs(open_delays, NAMES))
+    assert states_all(for_inputs(open_delays._replace(same_tau=0.5, same_dead_time=0.5), NAMES))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from canid.identification import band, feedback_bias, identifiability, innovation_law
 from canid.identification.fopdt import fopdt_posterior, reduced_basis, row_noise
 from canid.identification.fopdt import regression_rows as rows
-from canid.identification.fopdt.prior import InputPrior, Prior, density, for_inputs
+from canid.identification.fopdt.prior import InputPrior, Prior, density, for_inputs, states_all
 from canid.identification.fopdt.row_noise import Data, Noise, Point, by_channel, power, residual_of
 from canid.identification.output_filter import Equalizer, apply, complete, equalizer, is_unknown
 from canid.state_constraints import FINITE
@@ -321,6 +321,7 @@ def _search(
             count * layout.step,
             prior is not None,
             () if prior is None or prior.gains is None else prior.gains.stated,
+            prior is not None and states_all(prior),
         )
         if credible
         else (Channel(),) * m,

@@ -20,6 +20,7 @@ from canid.identification.confidence import CHI_SQUARED_QUANTILE, QUANTILES
 from canid.identification.fopdt import gain_prior
 from canid.identification.fopdt.gain_prior import Components, GainPrior
 from canid.identification.fopdt.reduced_basis import Box
+from canid.identification.identifiability import PARAMETERS
 from canid.state_constraints import NOT_NEGATIVE, POSITIVE
 from canid.types import NAN, Array, Channel, Interval
 
@@ -494,13 +495,15 @@ def channels(
     used: float,
     believed: bool = False,
     gains: Sequence[bool] = (),
+    settled: bool = False,
 ) -> tuple[Channel, ...]:
     """Channels: every interval, and which of them may be quoted.
 
     Identifiability is judged by what the data alone allow, not by the width of the posterior, which the box narrows as
     well; how well it is known is the posterior's width. With a declared prior (`believed`) it is judged by the
     posterior, and `prior_weights` are the shares of it that the prior brought. `used`: s of data; `gains`: per channel,
-    whether a prior of its gain is declared.
+    whether a prior of its gain is declared; `settled`: of all gains and delays one is declared, so none is left to the box:
+    the intervals of gains are the posterior's then, without the union over all lags that the data allow.
     """
     weight, every_K, every_sd = grid.weight, grid.K, grid.K_sd
     possible = np.where(np.isfinite(grid.log), grid.fit, -np.inf)
@@ -517,7 +520,7 @@ def channels(
     for i, (K, sd) in enumerate(zip(every_K, every_sd, strict=True)):
         K, sd = K.ravel(), sd.ravel()
         mean = _gain(weight[kept], K[kept], sd[kept])
-        low, high = _worst(left, K[allowed], sd[allowed])
+        low, high = (mean.low, mean.high) if settled else _worst(left, K[allowed], sd[allowed])
         gain = Interval(mean.value, min(mean.low, low), max(mean.high, high))
         out.append(_channel(grid, i, box, gain, limits[i], used, believed, bool(gains) and gains[i]))
     return tuple(out)
@@ -552,7 +555,7 @@ def _channel(
         # share of the precision: the data's own is what they would know alone
         weights = {
             name: 1.0 - (a / b) ** 2 if a < b else 0.0
-            for name, a, b in zip(identifiability.PARAMETERS, known, limit, strict=True)
+            for name, a, b in zip(PARAMETERS, known, limit, strict=True)
         }
         weight = max(of for name, of in weights.items() if name != "K" or gain_believed)
         least = Deviations(*(min(a, b) for a, b in zip(known, limit, strict=True)))
@@ -569,7 +572,15 @@ def _channel(
     made = identifiability.channel(status, K, *delays)
     by_tau, by_dead_time = (p**-0.5 for p in precision(box))
     of_box = (math.inf, by_tau, by_dead_time, math.hypot(by_tau, by_dead_time))
-    missing = identifiability.progress(made.status, K, limit, of_box, used, free)
+    # what the prior knows was there before the data, as the box
+    known_before = weights if gain_believed else {**weights, "K": 0.0}
+    before = [
+        box_sd if not share > 0.0 else (share / max(sd * sd, 1e-300) + box_sd**-2) ** -0.5
+        for box_sd, sd, share in zip(
+            of_box, limit, (known_before.get(p, 0.0) for p in PARAMETERS), strict=True
+        )
+    ]
+    missing = identifiability.progress(made.status, K, limit, before, used, free)
     return made._replace(prior_weight=weight, progress=missing, prior_weights=weights)
 
 

@@ -92,6 +92,24 @@ def for_inputs(prior: Prior, names: Sequence[str]) -> InputPrior:
     return InputPrior(prior, own, gain_prior.make(normals, correlation, atypical), atypical)
 
 
+def states_all(prior: InputPrior) -> bool:
+    """Whether it is about every gain, and about the delays of every channel, if only by a tie to those of another.
+
+    >>> one = ChannelPrior(K=5.6, K_sd=1.1, tau_plus_dead_time=0.8, tau_plus_dead_time_factor=1.3)
+    >>> states_all(for_inputs(Prior(range_rate=one), ("range_rate",)))
+    True
+    """
+    common = prior.common
+    delays = [
+        common.tau > 0.0
+        or common.dead_time >= 0.0
+        or (own is not None and (own.tau > 0.0 or own.dead_time >= 0.0 or own.tau_plus_dead_time > 0.0))
+        for own in prior.own
+    ]
+    tied = common.same_tau > 0.0 and common.same_dead_time > 0.0
+    return prior.gains is not None and all(prior.gains.stated) and (any(delays) if tied else all(delays))
+
+
 _PAIRS = (
     ("K", "K_sd"),
     ("tau", "tau_factor"),
