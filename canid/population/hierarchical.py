@@ -26,13 +26,15 @@ from canid.types import NAN, Array
 # chains, and steps of each: the ends of intervals are then known to some 0.1 sd
 CHAINS, STEPS = 6, 800
 # of large tables, whose posterior is nearly normal and narrow against the spread
-FEW_CHAINS, FEW_STEPS = 2, 400
-# numbers in the covariances of the estimates from which on a table is large: a step of all chains then takes 5 ms
-LARGE = 20_000
+FEW_CHAINS, FEW_STEPS = 2, 500
+# numbers in the covariances of the estimates from which on a table is large: a step of all chains then takes 4 ms
+LARGE = 12_000
 # share of the steps that is dropped: chains forget their start within some ten steps, of large tables within fifty
 DROPPED = 0.4
 # potential scale reduction above which a longer run is made, once (Gelman & Rubin 1992: "below 1.1 for most examples")
 MAX_REDUCTION, LONGER = 1.1, 4
+# draws of which a driver's predictive distribution is the mixture: it is smooth, and its quantiles are then known to 0.05 sd
+MIXTURE_DRAWS = 200
 # probability of being an outlier from which on a drive or driver is called one
 OUTLIER = 0.5
 # drivers below which the spread between them is hardly known: of two there is one difference
@@ -201,7 +203,8 @@ def _reduction(of: gibbs.Draws) -> float:
 
 def _another_drive(own: Array, within: Array, unknown: Flags) -> Estimates:
     """Predictive of another drive, driver by driver: an array of all draws of all drivers' covariances would be large."""
-    each = [estimates.of_mixture(own[:, i], within) for i in range(own.shape[1])]
+    thin = np.linspace(0, len(own) - 1, min(MIXTURE_DRAWS, len(own))).astype(np.intp)
+    each = [estimates.of_mixture(own[thin, i], within[thin]) for i in range(own.shape[1])]
     columns = [np.array([of[k] for of in each]) for k in range(4)]
     # the mixture's correlations are those of W; the driver's own uncertainty has others
     drawn = np.einsum("ikk->ik", estimates.of_draws(own).covariance)
