@@ -84,8 +84,8 @@ class Driver(NamedTuple):
     own: Mapping[str, Interval]  # of his own drives alone
 
 
-class Test(NamedTuple):
-    """One question to one driver, or to a pair of groups, among all that were asked."""
+class Answer(NamedTuple):
+    """The answer to one question to one driver, or to a pair of groups, among all that were asked."""
 
     subject: str
     parameter: str  # "": all together
@@ -104,7 +104,7 @@ class Questions(NamedTuple):
     asked: int
     found: int
     rate: float  # false discovery rate that is kept
-    tests: tuple[Test, ...]  # the found ones first, then those with the smallest q
+    tests: tuple[Answer, ...]  # the found ones first, then those with the smallest q
     says: str  # what could not be asked, and why; ""
     sentence: str  # what was found; "": nothing
 

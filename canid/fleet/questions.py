@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from canid.fleet.columns import natural
-from canid.fleet_summary import Kind, Questions, Test
+from canid.fleet_summary import Answer, Kind, Questions
 from canid.population import change_over_time, groups, same_driver
 from canid.population.drive_table import DriveTable
 from canid.population.false_discovery import RATE
@@ -52,7 +52,7 @@ def changes(table: DriveTable, pool: Population, kind: Kind) -> Questions:
         effect, units = _change(slope, name, kind)
         says = f"over {of.weeks[i]:.0f} weeks, {of.drives[i]:.0f} drives"
         tests.append(
-            Test(
+            Answer(
                 table.drivers[i], name, effect, f"{units} per week", float(of.p_value[i]), float(of.adjusted[i]),
                 bool(of.changed[i]), says,
             )
@@ -72,7 +72,7 @@ def labels(table: DriveTable, pool: Population) -> Questions:
             says += f", but is most like {table.drivers[of.closest[i]]}"
         k = _clearest(of.score[i], np.ones(len(table.names)))
         p, q = float(of.p_value[i]), float(of.adjusted[i])
-        tests.append(Test(table.drives[i], table.names[k], Interval(), "", p, q, bool(of.misfit[i]), says))
+        tests.append(Answer(table.drives[i], table.names[k], Interval(), "", p, q, bool(of.misfit[i]), says))
     why = "" if tests else f"no drive was tested: {_commonest(of.status)}"
     return _questions(
         "is each drive by the driver it stands with?", tests, why, "not like their driver's other drives: {}"
@@ -87,7 +87,7 @@ def pairs(table: DriveTable, pool: Population) -> Questions:
     alike = [m for m in tested if of.status[m].startswith("perhaps one person")]
     unknown = sum(of.status[m].startswith("cannot be separated") for m in tested)
     tests = [
-        Test(
+        Answer(
             f"{table.drivers[of.a[m]]} and {table.drivers[of.b[m]]}", "", Interval(), "", float(of.p_value[m]),
             float(of.adjusted[m]), False, "perhaps one person",
         )
@@ -118,11 +118,13 @@ def between_groups(table: DriveTable, names: Sequence[str], what: str, kind: Kin
         effect, units = _change(iv, table.names[k], kind)
         subject = f"{of.groups[of.b[m]]} less {of.groups[of.a[m]]}"
         p, q = float(of.p_value[m]), float(of.adjusted[m])
-        tests.append(Test(subject, table.names[k], effect, units, p, q, bool(of.different[m]), of.status[m]))
+        tests.append(
+            Answer(subject, table.names[k], effect, units, p, q, bool(of.different[m]), of.status[m])
+        )
     return _questions(f"do {what} differ?", tests, "; ".join(of.says), f"{what} differ: {{}}")
 
 
-def _questions(question: str, tests: list[Test], says: str, sentence: str) -> Questions:
+def _questions(question: str, tests: list[Answer], says: str, sentence: str) -> Questions:
     ordered = sorted(tests, key=lambda test: (not test.found, test.q, test.p, test.subject))
     found = [test.subject for test in ordered if test.found]
     more = len(found) - MAX_NAMES

@@ -19,6 +19,7 @@ from canid.fleet.database import opened, rows
 from canid.fleet.pooled import on_its_scale
 from canid.fleet.summary import current, summarise
 from canid.fleet_summary import (
+    Answer,
     Cause,
     Counted,
     Counts,
@@ -29,7 +30,6 @@ from canid.fleet_summary import (
     Parameter,
     Population,
     Questions,
-    Test,
 )
 from canid.types import Interval
 from canid.views.fleet_report.fleet_page import page
@@ -37,7 +37,6 @@ from canid.views.fleet_report.labels import label
 from canid.views.numbers import interval
 from tests.fixtures.fleet_folder import Planted, made, write
 
-Test.__test__ = False  # type: ignore[attr-defined]  # no class of tests
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)> \u202e {{ 7 * 7 }} </style>"
 VOID = {"meta", "link", "br", "circle", "line", "rect", "path", "polyline", "polygon", "img"}
 
@@ -328,7 +327,7 @@ def _summary(drivers: int, *, hostile: bool = False) -> FleetSummary:
         for k in range(drivers)
     )  # fmt: skip
     tests = tuple(
-        Test(
+        Answer(
             f"driver {k}",
             names[1],
             around(0.1, 0.05),
