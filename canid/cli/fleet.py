@@ -144,6 +144,8 @@ def run(args: argparse.Namespace) -> int:
         info(note)
     settings = _settings(args)
     with fleet_store.opened(args.output) as store:
+        # at once: what is made of the results of an interrupted run needs to know its vehicle files
+        store.note(command=command(args), settings=_noted(settings))
         with Progress(f"{len(plan.logs):,} logs") as bar:
             shown = _shown(bar)
             try:

@@ -10,16 +10,21 @@ from typing import Any
 
 from canid.errors import OutputError
 from canid.fleet import parquet_files, parts, typed_rows
-from canid.fleet.columns import LOGS, TABLES, Column
+from canid.fleet.columns import LOGS, SUMMARIES, TABLES, Column
 
 # columns of a log that stand in `drives` as well
 OF_THE_LOG = ("log", "driver", "car", "group_name", "status", "failure", "reason", "duplicate_of")
 NAMES = ("logs", *TABLES)
+# joint findings have keys of their own, of the drives that were diagnosed together
+_OF_ALL_DRIVES = tuple(name for name in SUMMARIES if name != "joint_findings")
 _ORDER = Column("number", "BIGINT")
 
 
 def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
     """Write `logs.parquet`, `drives.parquet` and the other tables, each whole or not at all.
+
+    Tables that were computed from all drives together (`columns.SUMMARIES`) are deleted where the drives are others now:
+    `canid fleet report` writes them anew. Those that are kept by the content of their drives stay.
 
     `drives` has one row per log: a log that failed has no numbers, nor has a duplicate, whose numbers stand with
     the first log of the same bytes.
@@ -46,6 +51,9 @@ def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
             )
             for name in NAMES:
                 parquet_files.write(connection, _query(folder, name), new[name])
+            if not _same_drives(connection, folder / "logs.parquet"):
+                for name in _OF_ALL_DRIVES:
+                    (folder / f"{name}.parquet").unlink(missing_ok=True)
         for name in NAMES:
             os.replace(new[name], folder / f"{name}.parquet")
         parquet_files.sync_folder(folder)
@@ -55,6 +63,18 @@ def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
         for path in (lines, *new.values()):
             with suppress(OSError):
                 path.unlink(missing_ok=True)
+
+
+def _same_drives(connection: Any, before: Path) -> bool:
+    """Whether the plan has the drives, of the same drivers and cars, that the tables had before."""
+    if not before.exists():
+        return False
+    of = "SELECT key, driver, car, group_name FROM {} WHERE status IN ('ok', 'damaged') AND duplicate_of IS NULL"
+    old = of.format(f"read_parquet({parquet_files.quoted(before)})")
+    new = of.format("plan")
+    differing = f"(({old} EXCEPT ALL {new}) UNION ALL ({new} EXCEPT ALL {old}))"
+    count: int = connection.execute(f"SELECT count(*) FROM {differing}").fetchone()[0]
+    return count == 0
 
 
 def _query(folder: Path, table: str) -> str:

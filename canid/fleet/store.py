@@ -142,6 +142,8 @@ def opened(path: str | Path) -> Iterator[Store]:
         ['fleet.json', 'fleet.lock', 'parts', 'segments']
     """
     folder = Path(path)
+    if typed_rows.text(folder) != str(folder):
+        raise ConfigError(f"{folder}: DuckDB cannot open files in a folder of this name; choose another one")
     _check(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import OutputError
+from canid.errors import ConfigError, OutputError
 from canid.fleet import store
 from tests.fleet import short_logs
 from tests.fleet.short_logs import QUICK, REPO, Done, fleet_here, table
@@ -104,6 +104,23 @@ def test_two_runs_into_one_folder_refuse(tmp_path: Path) -> None:
         pass
 
 
+def test_tables_of_all_drives_go_when_the_drives_are_others(tmp_path: Path) -> None:
+    """Drivers and population that were computed from other drives are not shown; the same drives keep them."""
+    logs, out = tmp_path / "logs", tmp_path / "out"
+    files = short_logs.write(logs, 3)
+    assert fleet_here(logs, "-o", out, *QUICK).returncode == 0
+    for change in (None, "driver", "log"):
+        for name in ("drivers", "population", "joint_findings"):
+            shutil.copy(out / "power.parquet", out / f"{name}.parquet")
+        if change == "driver":
+            (logs / "driver 1").rename(logs / "driver 9")
+        elif change == "log":
+            files[0].unlink()
+        assert fleet_here(logs, "-o", out, *QUICK).returncode == 0
+        there = [(out / f"{name}.parquet").exists() for name in ("drivers", "population", "joint_findings")]
+        assert there == [change is None, change is None, True], change
+
+
 @pytest.mark.parametrize("name", ["thesis.tex", "fleet.json", "drives.parquet", "segments/000001.jsonl"])
 def test_a_folder_with_other_things_is_left_as_it_is(tmp_path: Path, name: str) -> None:
     """Nothing is written into a folder that holds anything but a fleet's results."""
@@ -114,6 +131,16 @@ def test_a_folder_with_other_things_is_left_as_it_is(tmp_path: Path, name: str) 
         pass
     assert [file for file in (tmp_path / "out").rglob("*") if file.is_file()] == [path]
     assert path.read_text() == "{}"
+
+
+def test_a_name_that_no_table_can_have_is_refused(tmp_path: Path) -> None:
+    """A folder's name in bytes that are no text: one line, and nothing is made."""
+    with (
+        pytest.raises(ConfigError, match="choose another"),
+        store.opened(os.fsdecode(bytes(tmp_path) + b"/\xff")),
+    ):
+        pass
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_worker_that_outlives_a_killed_run_does_not_hold_the_folder(tmp_path: Path) -> None:
