@@ -12,7 +12,7 @@ from canid.fleet.columns import POOLED
 from canid.systems.posterior_draws import Drawn
 from canid.types import TASK_INPUTS, Array
 
-# s; a lag of which a logarithm is taken is at least this: a tenth of a sample, which no data tell from 0
+# s; a lag of which a logarithm is taken is at least this: a tenth of a sample, in no data distinct from 0
 MIN_TAU_S = 0.01
 
 

@@ -56,7 +56,9 @@ class Cluster:
         with (self.folder / "dask.txt").open("ab") as log:
             made = subprocess.Popen(
                 ["sh", "-c", command], stdout=log, stderr=log, start_new_session=True, cwd=self.folder,
-                env={**os.environ, "OMP_NUM_THREADS": "1", "DASK_TEMPORARY_DIRECTORY": str(self.folder)},
+                env={**os.environ, "OMP_NUM_THREADS": "1", "DASK_TEMPORARY_DIRECTORY": str(self.folder),
+                     # as Dask's default of 3, but a log that kills its workers costs fewer of them
+                     "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"},
             )  # fmt: skip
         self._groups.append(made)
         return made

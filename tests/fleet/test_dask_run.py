@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,7 @@ pytest.importorskip("distributed", reason="needs distributed: pip install 'canid
 
 from canid.errors import CanidError, ConfigError
 from canid.fleet import dask_run, dask_worker, local_run
-from canid.fleet.job import Job, Outcome
+from canid.fleet.job import Failure, Job, Outcome, Status
 from tests.fleet import short_logs
 from tests.fleet.dask_processes import Cluster, cluster, descendants, free_port
 from tests.fleet.fleet_jobs import GENERIC, REPO, SOURCES, job
@@ -85,6 +86,31 @@ def test_a_worker_that_is_killed_loses_nothing(
             os.kill(workers[0], signal.SIGKILL)
     check(found, expected, 2)
     assert all(gone(pid) for pid in children)
+
+
+# of a job whose unpickling ends a worker; in the scheduler, which unpickles it as well, it stays what it is
+POISON = (
+    "__import__('os').kill(__import__('os').getpid(), 9) if 'worker' in __import__('sys').argv[0:2] "
+    "else type('Poison', (), {'__reduce__': lambda self: (eval, (code, {'code': code}))})()"
+)
+
+
+class Poison:
+    def __reduce__(self) -> Any:
+        return (eval, (POISON, {"code": POISON}))
+
+
+def test_a_log_that_kills_its_workers_fails_alone(
+    running: Cluster, jobs: list[Job], expected: dict[str, str]
+) -> None:
+    """`crashed`; no other log is blamed for it, whatever was in the same workers' hands."""
+    poisoned = Job("poison.blf", -1, 0, "generic", together=(Poison(),))  # type: ignore[arg-type]
+    found = list(
+        dask_run.outcomes([*jobs[:3], poisoned, *jobs[3:]], SOURCES, scheduler=running.address, workers=0)
+    )
+    (failed,) = (one for one in found if one.log == poisoned.log)
+    assert (failed.status, failed.failure) == (Status.FAILED, Failure.CRASHED)
+    check([one for one in found if one is not failed], expected)
 
 
 def test_the_scheduler_is_killed_and_comes_back(

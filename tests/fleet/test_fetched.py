@@ -118,7 +118,7 @@ def test_what_does_not_fit_is_not_fetched(
 
 
 def test_what_was_fetched_goes_with_a_child_that_is_ended(scratch: Path) -> None:
-    """A child keeps its copies in a folder of its own, which is deleted when it is killed, in the middle of a log as well."""
+    """A child keeps its copies in a folder of its own, which is deleted where it is killed in the middle of a log."""
     child = Child()
     slow = sparse(scratch.parent / "slow.blf", 20_000_000_000)
     try:
