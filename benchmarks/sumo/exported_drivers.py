@@ -130,6 +130,7 @@ def row(case: Case, seed: int) -> dict[str, Any]:
         "nrmse": found.chosen.error._asdict(),
         "exported": _plain(compared(log, got)),
         "default": _plain(compared(log, default)),
+        "second_half": _second_half(case, seed),
         "collisions": int(sum(np.sum(x <= 0.0) for x in got["gap"])),
         "percentiles": {
             name: {
@@ -141,6 +142,27 @@ def row(case: Case, seed: int) -> dict[str, Any]:
         "planted": _planted(found, case.truth),
         "fit": to_json(found),
     }
+
+
+def _second_half(case: Case, seed: int) -> dict[str, Any] | None:
+    """The model of the first half behind the leads of the second one; None: too little of the drive."""
+    middle = case.trace.t.size // 2
+    first, second = _part(case.trace, slice(0, middle)), following(_part(case.trace, slice(middle, None)))
+    found = fit(first, case.output)
+    runs = [] if second is None else measured_runs(second)
+    if isinstance(found, NoModel) or not runs:
+        return None
+    of = vehicle_type("driver", pooled(case.name, [Drive(case.name, found)]))
+    got = simulated_columns(runs, "\n".join(element(of)), of.id, seed)
+    return _plain(compared(measured_columns(runs), got))
+
+
+def _part(of: Trace, rows: slice) -> Trace:
+    return of._replace(
+        t=of.t[rows], output=of.output[rows], inputs=of.inputs[rows], gate=of.gate[rows], learn=of.learn[rows],
+        segment=of.segment[rows], signals={name: x[rows] for name, x in of.signals.items()},
+        bound=None, variance=None,
+    )  # fmt: skip
 
 
 def _plain(of: dict[str, Any]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ def table(rows: Sequence[dict[str, Any]], seed: int) -> str:
         "Wasserstein: gap m, time gap s, speed m/s, accel m/s²",
         "independent gaps",
         "gap sd, m: log / SUMO",
+        "second half, model of the first: KS gap, time gap",
     ]
     out = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for one in rows:
@@ -34,6 +35,12 @@ def table(rows: Sequence[dict[str, Any]], seed: int) -> str:
         cells += [", ".join(f"{one['exported'][name]['simulated']['wasserstein']:.2f}" for name in names)]
         gap = one["exported"]["gap"]
         cells += [f"{gap['independent']:.0f}", f"{gap['measured'][1]:.1f} / {gap['got'][1]:.1f}"]
+        half = one["second_half"]
+        cells += [
+            "–"
+            if half is None
+            else ", ".join(f"{half[name]['simulated']['ks']:.2f}" for name in ("gap", "time_gap"))
+        ]
         out.append(f"| {' | '.join(cells)} |")
     return "\n".join([*out, "", *figures(rows, seed)])
 
@@ -61,6 +68,13 @@ def figures(rows: Sequence[dict[str, Any]], seed: int) -> list[str]:
         out.append(
             f"| {name}: nearer than the halves; nearer than the default type; within chance | "
             f"{np.sum(ks[:, 0] <= ks[:, 1])}, {np.sum(ks[:, 0] < ks[:, 2])}, {np.sum(ks[:, 0] <= chance)} of {len(known)} |"
+        )
+    both = [one for one in known if one["second_half"] is not None]
+    for name in QUANTITIES if both else ():
+        ks = np.array([(one["second_half"][name]["simulated"]["ks"], _ks(one, name)[1]) for one in both])
+        out.append(
+            f"| KS of {name} in the second half by a model of the first, median; nearer than the first half itself | "
+            f"{np.median(ks[:, 0]):.2f} / {np.median(ks[:, 1]):.2f}; {np.sum(ks[:, 0] <= ks[:, 1])} of {len(both)} |"
         )
     out.append(f"| steps with a collision | {sum(one['collisions'] for one in known)} |")
     planted = [(key, *x) for one in known for key, x in one["planted"].items()]
@@ -107,12 +121,12 @@ def _figure(of: dict[str, list[float]]) -> str:
     both = of["measured"] + of["exported"]
     low, high = min(both), max(both)
     lines = []
-    for key, colour in (("measured", "#888"), ("exported", "#06c")):
+    for key, stroke in (("measured", "#888"), ("exported", "#06c")):
         points = " ".join(
             f"{(x - low) / max(high - low, 1e-9) * WIDTH:.1f},{HEIGHT - k * HEIGHT / 98:.1f}"
             for k, x in enumerate(of[key])
         )
-        lines.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.5" points="{points}"/>')
+        lines.append(f'<polyline fill="none" stroke="{stroke}" stroke-width="1.5" points="{points}"/>')
     return (
         f'<svg width="{WIDTH}" height="{HEIGHT + 14}" role="img">{"".join(lines)}<text x="0" y="{HEIGHT + 12}" '
         f'font-size="10">{low:.1f}</text><text x="{WIDTH}" y="{HEIGHT + 12}" font-size="10" text-anchor="end">'

@@ -10,7 +10,7 @@ import numpy as np
 from canid.diagnosis.rivals.rival_model import RivalModel, RivalParameter
 from canid.types import Array
 
-# s; of the calibration of all of SUMO's models: half the work of 0.2 s, and the errors are the same within 3 %
+# s; of the calibration of all of SUMO's models: half the work of 0.2 s, errors on measured drives the same to 5 %
 STEP_S = 0.4
 # m/s²; SUMO's default of `decel`, which followers assume of a lead. `vehicle_types` writes it as `apparentDecel`
 LEAD_DECEL = 4.5
