@@ -48,6 +48,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SIZE",
         help="memory that a query may take: 500M, 8G; default: 2G",
     )
+    # `DIR --format csv "SELECT ..."`: argparse takes words on both sides of an option as one list in this way only
+    parser.parse_args = parser.parse_intermixed_args  # type: ignore[method-assign]
 
 
 def run(args: argparse.Namespace) -> int:

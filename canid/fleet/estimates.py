@@ -45,6 +45,8 @@ _QUOTED = {
     "tau": (Identifiable.OK.value,),
     "dead_time": (Identifiable.OK.value,),
 }
+# in the JSON of canid identify, where a declared prior has a share in an estimate
+WITH_PRIOR = r'"prior_weight": *[0-9]'
 # s; of less no estimator gives anything (`canid.estimators`): with more it is the excitation that lacks
 MIN_USABLE_S = 60.0
 
@@ -262,11 +264,14 @@ def _excluded(
     logs, drivers = of.text("log"), of.text("driver")
     faults = of.text("array_to_string(signal_findings, ', ')")
     steps, usable = of.number("gain_steps"), of.number("usable")
+    leaning = of.text(f"regexp_matches(identify_json, '{WITH_PRIOR}')")
     out, keep = [], np.ones(len(logs), dtype=np.bool_)
     for k, log in enumerate(logs):
         why = ""
         if steps[k] > 0:
             why = "the gains changed during the drive: it has no one estimate"
+        elif leaning[k] == "true":
+            why = "identified with a declared [fopdt.prior]: the population would count that one again"
         elif not known[k].any():
             why = _unknown(faults[k], usable[k])
         elif not drivers[k]:

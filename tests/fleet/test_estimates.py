@@ -131,6 +131,10 @@ def test_what_is_left_out_has_a_reason(planted: Planted) -> None:
     short = changed(planted, 2, **unknown, usable=20.0)
     still = changed(planted, 3, **unknown, usable=900.0)
     nobody = changed(planted, 4, driver=None)
+    leaning = changed(
+        planted, 6, identify_json='{"whole": {"channels": {"range_rate": {"prior_weight": 0.4}}}}'
+    )
+    changed(planted, 7, identify_json='{"whole": {"channels": {"range_rate": {"prior_weight": null}}}}')
     # as the engine writes a copy: a row of its log without numbers
     copy = {
         **dict.fromkeys(planted.rows[5]),
@@ -147,9 +151,10 @@ def test_what_is_left_out_has_a_reason(planted: Planted) -> None:
     assert "a minute" in why[short["log"]]
     assert "excites too little" in why[still["log"]]
     assert "no driver" in why[nobody["log"]]
-    assert len(why) == 5
-    assert set(of.table.drives) == {row["log"] for row in planted.rows[5:9]}
-    assert of.table.estimate.shape == (4, len(MAIN))
+    assert "[fopdt.prior]" in why[leaning["log"]]
+    assert len(why) == 6
+    assert set(of.table.drives) == {planted.rows[k]["log"] for k in (5, 7, 8)}
+    assert of.table.estimate.shape == (3, len(MAIN))
 
 
 def test_gains_of_different_outputs_units_and_pedals_are_never_pooled(planted: Planted) -> None:

@@ -146,7 +146,7 @@ def test_mistakes_are_named(planted: Planted, tmp_path: Path, monkeypatch: pytes
         ask(damaged, "drives")
 
 
-def test_the_folder_may_be_named_in_three_ways(
+def test_the_folder_may_be_named_in_several_ways(
     planted: Planted, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = []
@@ -157,7 +157,9 @@ def test_the_folder_may_be_named_in_three_ways(
     monkeypatch.chdir(planted.folder)
     ask("failed")
     said.append(capsys.readouterr().out)
-    assert said[0] == said[1] == said[2] != ""
+    ask(planted.folder, "--memory", "500M", "failed")
+    said.append(capsys.readouterr().out)
+    assert said[0] == said[1] == said[2] == said[3] != ""
     ask("--list")
     listed = capsys.readouterr().out
     assert all(query.name in listed for query in QUERIES)
