@@ -30,6 +30,12 @@ def verdict(of: FleetSummary) -> str:
 def sentences(of: FleetSummary) -> tuple[str, ...]:
     """The answer, plainly."""
     out = [_counts(of)]
+    if of.excluded:
+        most = of.excluded[0]
+        n = sum(one.number for one in of.excluded)
+        out.append(
+            f"{_plural(n, 'drive')} with results do not count for the population; most often: {most.what}"
+        )
     if of.populations:
         out += _spread(of.populations[0])
         if len(of.populations) > 1:
