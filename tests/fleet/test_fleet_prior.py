@@ -14,6 +14,7 @@ from canid.cli import fleet_prior as verb
 from canid.errors import ConfigError, OutputError
 from canid.fleet.prior_file import MARK, FleetPrior, fleet_prior, toml_of
 from canid.identification.fopdt.prior import check_prior
+from canid.population.population_prior import SAME_DELAYS_SD_S
 from canid.vehicle import read_vehicle
 from canid.vehicle.vehicle_file import shipped
 from tests import seeds
@@ -46,15 +47,13 @@ def asked(*words: str) -> int:
     return verb.run(parser.parse_args(words))
 
 
-def test_what_is_written_is_read_back_equal(planted: Planted, found: FleetPrior, tmp_path: Path) -> None:
+def test_what_is_written_is_read_back_equal(found: FleetPrior, tmp_path: Path) -> None:
     """The file, appended to a vehicle file of the same output, gives the prior to the last bit."""
-    file = tmp_path / "prior.toml"
-    asked(str(planted.folder), "-o", str(file))
     text = (shipped() / "openacc.toml").read_text(encoding="utf-8")
     for dbc in shipped().glob("*.dbc"):
         (tmp_path / dbc.name).write_bytes(dbc.read_bytes())
     car = tmp_path / "car.toml"
-    car.write_text(text + "\n" + file.read_text(encoding="utf-8"), encoding="utf-8")
+    car.write_text(text + "\n" + toml_of(found, "2026-01-06"), encoding="utf-8")
     read = read_vehicle(car).estimators["fopdt"].prior
     # NaN is not equal to itself
     assert repr(read) == repr(found.prior)
@@ -86,7 +85,9 @@ def test_comments_say_what_it_rests_on(found: FleetPrior) -> None:
     assert tomllib.loads(text)["fopdt"].keys() == {"prior"}
 
 
-def test_a_driver_who_is_left_out_does_not_count(planted: Planted, folder: Path, found: FleetPrior) -> None:
+def test_a_driver_who_is_left_out_does_not_count(
+    planted: Planted, folder: Path, found: FleetPrior, tmp_path: Path
+) -> None:
     """A driver with absurd gains, left out: the prior is nearly that of all without the absurd driver."""
     rows = []
     for row in planted.rows:
@@ -96,13 +97,32 @@ def test_a_driver_who_is_left_out_does_not_count(planted: Planted, folder: Path,
             row = row | {"estimate": estimate, "range_rate_K": estimate[1]}
         rows.append(row)
     write(folder, rows)
-    without = fleet_prior(folder, leave_out=["driver 003"])
-    assert without.population.counts[0].tolist() == [22.0, 11.0]
-    own, before = without.prior.range_rate, found.prior.range_rate
+    file = tmp_path / "prior.toml"
+    file.write_text(f"{MARK}: an earlier one, which is replaced\n", encoding="utf-8")
+    asked(str(folder), "--leave-out", "driver 003", "-o", str(file))
+    text = file.read_text(encoding="utf-8")
+    assert "Left out: driver 003." in text
+    assert text.count("# 11 drivers, 22 drives") == 4
+    own, before = tomllib.loads(text)["fopdt"]["prior"]["range_rate"], found.prior.range_rate
+    assert before is not None
+    assert abs(own["K"] - before.K) < before.K_sd
+    assert 0.4 < own["K_sd"] / before.K_sd < 2.5
+
+
+def test_gains_that_may_not_be_quoted_count_and_unknown_delays_are_tied(
+    planted: Planted, folder: Path, found: FleetPrior
+) -> None:
+    """No drive may quote anything of headway: its gains count with their errors, its delays are tied, which is said."""
+    write(folder, [row | {"headway_error_status": "not_identifiable"} for row in planted.rows])
+    without = fleet_prior(folder)
+    own, before = without.prior.headway_error, found.prior.headway_error
     assert own is not None
     assert before is not None
-    assert abs(own.K - before.K) < before.K_sd
-    assert 0.4 < own.K_sd / before.K_sd < 2.5
+    assert abs(own.K - before.K) < 0.5 * before.K_sd
+    assert math.isnan(own.tau_plus_dead_time)
+    assert without.prior.same_tau == without.prior.same_dead_time == SAME_DELAYS_SD_S
+    assert "not from these drives" in toml_of(without, "2026-01-06")
+    assert math.isnan(found.prior.same_tau)
 
 
 def test_what_cannot_be_made_is_refused(planted: Planted, folder: Path, tmp_path: Path) -> None:
