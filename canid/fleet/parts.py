@@ -2,7 +2,8 @@
 
 A journal `segments/000001.jsonl` becomes the folder `parts/000001`: its files are written to `parts/.000001.new`, which is
 renamed when all are on the disk, and then the journal is deleted. A kill before the rename leaves the journal, one after it
-the part; `recovered` deletes what is left over.
+the part; `recovered` deletes what is left over. Many parts are merged into one, `parts/000001-000064`, in the same way: once
+it is there, the parts that it covers do not count.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from canid.fleet import journal, parquet_files
 from canid.fleet.columns import TABLES
 from canid.fleet.outcome_rows import OUTCOMES
 
+# A run adds a part, however small: more than these, and reading their files takes longer than merging them.
+MAX_PARTS = 64
 COLUMNS = {journal.LAST: OUTCOMES, **TABLES}
 
 
@@ -34,9 +37,13 @@ def recovered(folder: Path) -> list[Path]:
         made.mkdir(exist_ok=True)
         for staged in made.glob(".*.new"):
             shutil.rmtree(staged)
+        present = [*made.glob("[0-9]*")]
+        for path in present:
+            if any(_covers(other, path) for other in present if other != path):
+                shutil.rmtree(path)
         left = []
         for path in sorted(segments.glob("[0-9]*.jsonl")):
-            if (made / path.stem).exists():
+            if any(_covers(other, path) for other in present):
                 path.unlink()
             else:
                 left.append(path)
@@ -50,9 +57,24 @@ def parts(folder: Path) -> list[Path]:
     return sorted((folder / "parts").glob("[0-9]*"))
 
 
+def _range(path: Path) -> tuple[int, int]:
+    """The journals of which a part, or a journal, holds the outcomes: the first and the last.
+
+    >>> _range(Path("parts/000001-000064")), _range(Path("segments/000003.jsonl"))
+    ((1, 64), (3, 3))
+    """
+    first, _, last = path.stem.partition("-")
+    return int(first), int(last or first)
+
+
+def _covers(part: Path, other: Path) -> bool:
+    (first, last), (low, high) = _range(part), _range(other)
+    return first <= low and high <= last
+
+
 def next_segment(folder: Path) -> Path:
     """The name of the next journal."""
-    used = [int(path.stem) for path in (*parts(folder), *(folder / "segments").glob("[0-9]*.jsonl"))]
+    used = [_range(path)[1] for path in (*parts(folder), *(folder / "segments").glob("[0-9]*.jsonl"))]
     return folder / "segments" / f"{max(used, default=0) + 1:06d}.jsonl"
 
 
@@ -79,6 +101,37 @@ def sealed(folder: Path, segment: Path, end: int) -> None:
         os.rename(staged, made)
         parquet_files.sync_folder(made.parent)
         segment.unlink()
+    except OSError as error:
+        raise OutputError(f"{error.filename or made}: cannot be written ({error.strerror})") from None
+    finally:
+        if staged.exists():
+            with suppress(OSError):
+                shutil.rmtree(staged)
+
+
+def merged(folder: Path) -> None:
+    """Merge the parts into one where they are many.
+
+    Raises:
+        OutputError: it cannot be written, such as on a full disk; the parts stay.
+    """
+    before = parts(folder)
+    if len(before) <= MAX_PARTS:
+        return
+    name = f"{_range(before[0])[0]:06d}-{_range(before[-1])[1]:06d}"
+    staged, made = folder / "parts" / f".{name}.new", folder / "parts" / name
+    try:
+        staged.mkdir()
+        with parquet_files.connected(staged) as connection:
+            for table, columns in COLUMNS.items():
+                if of := files(folder, table):
+                    rows = parquet_files.of_files(of, columns)
+                    parquet_files.write(connection, f"SELECT * FROM {rows}", staged / f"{table}.parquet")
+        parquet_files.sync_folder(staged)
+        os.rename(staged, made)
+        parquet_files.sync_folder(made.parent)
+        for path in before:
+            shutil.rmtree(path)
     except OSError as error:
         raise OutputError(f"{error.filename or made}: cannot be written ({error.strerror})") from None
     finally:

@@ -112,6 +112,7 @@ class Store:
         """Turn the journal into a part, and begin a new one. Raises OutputError; the journal then stays."""
         self._journal.close()
         parts.sealed(self.folder, self._journal.path, self._journal.size)
+        parts.merged(self.folder)
         self._journal = Journal(parts.next_segment(self.folder), 0)
 
     def close(self) -> None:

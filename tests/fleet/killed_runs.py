@@ -15,6 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from canid.fleet import parts
 from canid.fleet import run as fleet_run
 from canid.fleet import store as fleet_store
 from canid.fleet.job import Failure, Job, Outcome, Settings, Status
@@ -23,8 +24,9 @@ from canid.fleet.plan import planned
 
 # calls by which files and names change; each is a place where a kill may come before or after it
 CALLS = ("write", "fsync", "fdatasync", "rename", "replace", "unlink", "rmdir", "mkdir", "ftruncate")
-# a part after so few outcomes that a short run makes several
-OUTCOMES_OF_A_PART = 4
+# a part after so few outcomes that a short run makes several, of which some are merged
+OUTCOMES_OF_A_PART = 3
+MAX_PARTS = 2
 
 
 def outcomes(jobs: Iterable[Job]) -> Generator[Outcome]:
@@ -87,6 +89,7 @@ def once(logs: str, folder: str, after: int) -> None:
             write(notes["stored"], f"{outcome.log}\n".encode())
 
     fleet_store.SEGMENT_OUTCOMES = OUTCOMES_OF_A_PART
+    parts.MAX_PARTS = MAX_PARTS
     plan = planned([logs], vehicle="generic")
     if after:
         killing(after)

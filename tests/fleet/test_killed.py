@@ -95,8 +95,8 @@ def test_a_kill_before_any_call_that_changes_files(tmp_path: Path, seed: int) ->
     for attempt in range(2):
         with Forks(source, tmp_path / f"killed {attempt}") as forks:
             kills = 0
-            # at first within the first part, later anywhere: a run has some 130 calls
-            while forks.run(rng.randrange(1, 30 if kills < 8 else 140)) != "done":
+            # at first within the first part, later anywhere: a run has some 220 calls
+            while forks.run(rng.randrange(1, 30 if kills < 8 else 230)) != "done":
                 kills += 1
                 stored, submitted = forks.noted("stored"), forks.noted("submitted")
                 assert max(Counter(stored).values(), default=0) <= 1
