@@ -32,7 +32,7 @@ SCALE_OUTLIER = 5.0
 # Beta prior of the share of outliers: 5 % with the weight of 20 drives, gross errors of field data are 1 to 10 % (Hampel et
 # al. 1986, section 1.2c)
 SHARE_OUTLIER = (1.0, 19.0)
-# drivers from which on one of them may be an outlier: of fewer it cannot be told from a wide spread
+# drivers from which on one of them may be an outlier: of fewer it cannot be separated from a wide spread
 MIN_DRIVERS = 5
 # scales of the half-t priors of standard deviations between drivers and between drives of one, in units of `scaling`, which
 # is the whole spread of the estimates. Between drivers twice it: of 2 to 4 drivers the unit is often too small, and at 1 the

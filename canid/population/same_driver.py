@@ -29,6 +29,10 @@ MAX_DRIVERS = 500
 POWER = 0.8
 # normal quantiles of a two-sided 5 % test and of that power: 1.96 + 0.84
 DETECTABLE = 2.80
+ONE_DRIVE_EACH = (
+    "one drive per driver: differences between drivers and between drives of one driver cannot be separated; record a "
+    "second drive of some drivers"
+)
 
 
 class DriveFit(NamedTuple):
@@ -194,7 +198,9 @@ def pairs(table: DriveTable, population: Population, *, rate: float = RATE) -> P
         used += 1
     mean, covariance = mean / used, covariance / used
     variance = np.einsum("kkm->km", covariance) + np.maximum(square / used - mean**2, 0.0)
-    tested = count > 0
+    # with one drive of each driver a difference may be one of drives
+    single = len(of.order) == len(of.first)
+    tested = (count > 0) & (not single)
     p_value = np.where(tested, total / used, NAN)
     fdr = adjusted(p_value, dependent=True)
     different = np.nan_to_num(fdr, nan=1.0) <= rate
@@ -202,7 +208,7 @@ def pairs(table: DriveTable, population: Population, *, rate: float = RATE) -> P
     sd = np.where(both, np.sqrt(variance), NAN) * of.unit[:, None]
     difference = np.where(both, mean, NAN) * of.unit[:, None]
     status = tuple(
-        _status(bool(t), bool(d), float(x), float(w))
+        ONE_DRIVE_EACH if single else _status(bool(t), bool(d), float(x), float(w))
         for t, d, x, w in zip(tested, different, p_value, power, strict=True)
     )
     capped: tuple[str, ...] = ()

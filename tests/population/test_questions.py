@@ -47,7 +47,7 @@ def one_person(seed: int) -> tuple[DriveTable, Population]:
 
 
 @two_of_three
-def test_one_person_labelled_as_twelve_is_not_told_apart(seed: int) -> None:
+def test_one_person_labelled_as_twelve_is_not_separated(seed: int) -> None:
     """No pair differs, no drive misfits, nobody changes, no group differs, and the spread between drivers may be 0."""
     table, of = one_person(seed)
     assert np.all(of.between.low == 0.0)
@@ -137,6 +137,10 @@ def test_what_is_not_identifiable_is_said(seed: int) -> None:
     assert all("cannot be separated" in x for x in each.status)
     assert np.all(each.within.low == 0.0)
     assert all("only drive" in x for x in drives_fit(single, each).status)
+    compared = pairs(single, each)
+    assert np.isnan(compared.p_value).all()
+    assert not compared.different.any()
+    assert "cannot be separated" in compared.status[0]
     nothing = table._replace(estimate=np.full_like(table.estimate, np.nan))
     of = pool(nothing)
     assert np.isnan(of.mean.value).all()
