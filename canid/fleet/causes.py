@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from canid.fleet.database import rows
@@ -13,18 +14,34 @@ from canid.types import NAN, Interval
 from canid.views.names import readable
 from canid.views.numbers import interval as interval_text
 
+_Joint = Mapping[tuple[str, str], tuple[str, str]]
 # verdicts of drives in which a cause could have been named
 _DIAGNOSED = "('adequate', 'named', 'one_of', 'unexplained')"
 
 
 def found(db: Any) -> tuple[tuple[Cause, ...], str]:
-    """Causes that some drive names, the surest first; and why there are none.
+    """Causes that some drive names, or several drives of a driver together, the surest first; and why there are none.
 
     Surrogates are no causes: they help, but leave structure in the residual.
 
     Args:
         db: from `database.opened`.
     """
+    joint = _joint(db)
+    by_drives, why = _by_drives(db, joint)
+    there = {(one.car, one.effect) for one in by_drives}
+    only = tuple(
+        Cause(
+            car, effect, where, 0, 0, 0, Interval(), Interval(), Interval(), NAN, NAN, says, "no drive alone names it"
+        )
+        for (car, effect), (where, says) in sorted(joint.items())
+        if (car, effect) not in there
+    )  # fmt: skip
+    return (*by_drives, *only), "" if only else why
+
+
+def _by_drives(db: Any, joint: _Joint) -> tuple[tuple[Cause, ...], str]:
+    """Causes that some drive names."""
     (total,) = rows(
         db,
         f"SELECT count(*) FILTER (verdict IS NOT NULL) AS diagnosed, count(*) FILTER (verdict IN {_DIAGNOSED}) AS enough "
@@ -48,7 +65,6 @@ WHERE NOT coalesce(f.surrogate, false) AND d.verdict IN {_DIAGNOSED} GROUP BY d.
     of: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for row in named:
         of.setdefault((row["car"], row["effect"]), []).append(row)
-    joint = _joint(db)
     return tuple(_cause(one, of[one.car, one.effect], joint) for one in pooled), ""
 
 
@@ -88,7 +104,7 @@ def _strength(parameters: str | None) -> Interval:
     return interval(*(first.get(end) for end in ("value", "low", "high")))
 
 
-def _cause(of: PooledCause, named: list[dict[str, Any]], joint: dict[tuple[str, str], str]) -> Cause:
+def _cause(of: PooledCause, named: list[dict[str, Any]], joint: _Joint) -> Cause:
     gain, _ = random_effects_mean([interval(*row["gain"]) for row in named])
     score, _ = random_effects_mean([interval(*row["score"]) for row in named])
     says = (
@@ -96,7 +112,7 @@ def _cause(of: PooledCause, named: list[dict[str, Any]], joint: dict[tuple[str, 
     )
     return Cause(
         of.car, of.effect, named[0]["where"] or "", of.named, of.diagnosed, of.drivers, of.rate, gain, score, of.p_value,
-        of.adjusted, joint.get((of.car, of.effect), ""), "; ".join(filter(None, [*says, of.status])),
+        of.adjusted, joint.get((of.car, of.effect), ("", ""))[1], "; ".join(filter(None, [*says, of.status])),
     )  # fmt: skip
 
 
@@ -104,12 +120,16 @@ def _parameter(named: list[dict[str, Any]]) -> str:
     return readable(next(iter(json.loads(named[0]["parameters"] or "{}")), "strength"))
 
 
-def _joint(db: Any) -> dict[tuple[str, str], str]:
-    """What the diagnoses of several drives together say of causes, by car and effect."""
+def _joint(db: Any) -> _Joint:
+    """What the diagnoses of several drives together say of causes, by car and effect: block, and for how many drivers."""
     found = rows(
         db,
-        """SELECT coalesce(car, '') AS car, effect, count(*) AS n,
-       (SELECT count(DISTINCT o.key) FROM joint_findings o WHERE o.car IS NOT DISTINCT FROM j.car) AS made
-FROM joint_findings j WHERE effect IS NOT NULL AND NOT coalesce(surrogate, false) GROUP BY car, effect""",
+        """SELECT coalesce(car, '') AS car, effect, any_value("where") AS "where", count(DISTINCT key) AS n,
+       (SELECT count(DISTINCT o.key) FROM joint_findings o WHERE coalesce(o.car, '') = coalesce(j.car, '')) AS made
+FROM joint_findings j WHERE effect IS NOT NULL AND NOT coalesce(surrogate, false)
+GROUP BY coalesce(car, ''), effect, made""",
     )
-    return {(row["car"], row["effect"]): f"named for {row['n']} of {row['made']} drivers" for row in found}
+    return {
+        (row["car"], row["effect"]): (row["where"] or "", f"named for {row['n']} of {row['made']} drivers")
+        for row in found
+    }

@@ -51,7 +51,10 @@ def sentences(of: FleetSummary) -> tuple[str, ...]:
         ]
         if listed:
             out.append(f"causes beyond chance: {_names(listed)}")
-        else:
+        joint = [f"{readable(one.effect)} in {one.car} ({one.joint})" for one in of.causes if one.joint]
+        if joint:
+            out.append(f"causes on several drives of a driver together: {_names(joint)}")
+        if not listed and not joint:
             out.append(
                 f"{_plural(len(of.causes), 'cause')} named, none beyond what chance gives over so many drives"
             )

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from canid.fleet import causes
+from canid.fleet.columns import JOINT_FINDINGS
 from canid.fleet.database import opened
-from tests.fixtures.fleet_folder import Planted, made, write
+from tests.fixtures.fleet_folder import Planted, made, table, write
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +77,30 @@ def test_why_there_is_none_is_said(planted: Planted, tmp_path: Path) -> None:
             found, why = causes.found(db)
         assert found == ()
         assert said in why
+
+
+def test_what_several_drives_together_name_is_shown_also_where_no_drive_names_it(
+    planted: Planted, tmp_path: Path
+) -> None:
+    """Next to what drives name, and alone; drivers of another car are not counted."""
+    joint = [
+        {
+            "key": f"j{k}",
+            "subject": "driver",
+            "driver": f"driver {k}",
+            "car": car,
+            "effect": effect,
+            "where": "driver",
+        }
+        for k, (car, effect) in enumerate([("car A", "backlash"), ("car A", None), ("car B", None)])
+    ]
+    folder = tmp_path / "fleet"
+    key = planted.rows[0]["key"]
+    for findings, count in (([], 1), ([finding(key, "backlash", 0.5)], 1), ([finding(key, "delay", 0.5)], 2)):
+        write(folder, planted.rows, findings=findings)
+        table(folder / "joint_findings.parquet", JOINT_FINDINGS, joint)
+        with opened(folder) as db:
+            found, why = causes.found(db)
+        assert why == ""
+        assert len(found) == count
+        assert [one.joint for one in found if one.effect == "backlash"] == ["named for 1 of 2 drivers"]
