@@ -101,6 +101,7 @@ class Questions(NamedTuple):
     """All tests of one question."""
 
     question: str
+    finding: str  # what `found` of the `asked` do: "drivers changed"
     asked: int
     found: int
     rate: float  # false discovery rate that is kept

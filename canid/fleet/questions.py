@@ -58,7 +58,9 @@ def changes(table: DriveTable, pool: Population, kind: Kind) -> Questions:
             )
         )  # fmt: skip
     why = "" if tests else f"no driver was tested: {_commonest(of.status)}"
-    return _questions("did a driver change over the weeks?", tests, why, "{} changed over the weeks")
+    return _questions(
+        "did a driver change over the weeks?", "drivers changed", tests, why, "{} changed over the weeks"
+    )
 
 
 def labels(table: DriveTable, pool: Population) -> Questions:
@@ -75,7 +77,11 @@ def labels(table: DriveTable, pool: Population) -> Questions:
         tests.append(Answer(table.drives[i], table.names[k], Interval(), "", p, q, bool(of.misfit[i]), says))
     why = "" if tests else f"no drive was tested: {_commonest(of.status)}"
     return _questions(
-        "is each drive by the driver it stands with?", tests, why, "not like their driver's other drives: {}"
+        "is each drive by the driver it stands with?",
+        "drives do not fit their driver",
+        tests,
+        why,
+        "not like their driver's other drives: {}",
     )
 
 
@@ -103,7 +109,7 @@ def pairs(table: DriveTable, pool: Population) -> Questions:
             f"{len(alike):,} pairs are perhaps one person: two drivers of this population would mostly be seen to differ"
         )
     return Questions(
-        "which pairs of drivers differ?", len(tested), found, RATE, tuple(tests), "; ".join(says),
+        "which pairs of drivers differ?", "pairs of drivers differ", len(tested), found, RATE, tuple(tests), "; ".join(says),
         f"{found:,} of {len(tested):,} pairs of drivers differ" if len(tested) else "",
     )  # fmt: skip
 
@@ -121,10 +127,12 @@ def between_groups(table: DriveTable, names: Sequence[str], what: str, kind: Kin
         tests.append(
             Answer(subject, table.names[k], effect, units, p, q, bool(of.different[m]), of.status[m])
         )
-    return _questions(f"do {what} differ?", tests, "; ".join(of.says), f"{what} differ: {{}}")
+    return _questions(
+        f"do {what} differ?", f"pairs of {what} differ", tests, "; ".join(of.says), f"{what} differ: {{}}"
+    )
 
 
-def _questions(question: str, tests: list[Answer], says: str, sentence: str) -> Questions:
+def _questions(question: str, finding: str, tests: list[Answer], says: str, sentence: str) -> Questions:
     ordered = sorted(tests, key=lambda test: (not test.found, test.q, test.p, test.subject))
     found = [test.subject for test in ordered if test.found]
     more = len(found) - MAX_NAMES
@@ -135,6 +143,7 @@ def _questions(question: str, tests: list[Answer], says: str, sentence: str) -> 
     ]
     return Questions(
         question,
+        finding,
         len(tests),
         len(found),
         RATE,

@@ -339,7 +339,9 @@ def _summary(drivers: int, *, hostile: bool = False) -> FleetSummary:
         )
         for k in range(1000)
     )
-    asked = Questions("did a driver change over the weeks?", 1000, 20, 0.05, tests, "", "20 changed")
+    asked = Questions(
+        "did a driver change over the weeks?", "drivers changed", 1000, 20, 0.05, tests, "", "20 changed"
+    )
     long = "/mnt/a/very/long/path/of/a/fleet/without/any/blank/in/it" * 3 if hostile else "a.blf"
     counted = (Counted("frozen_gap", 12, "gap is frozen " * 10, (long, long)),)
     share, gain = Interval(0.3, 0.2, 0.4), Interval(0.2, 0.1, 0.3)
