@@ -1,7 +1,7 @@
 """Values with 95 % intervals and a covariance, from draws of a posterior or a mixture of normal distributions.
 
 The covariance has the standard deviations whose normal 95 % intervals are as wide as those of the distribution: of few
-drivers its own second-order spread is that of the widest draws, or infinite.
+drivers its own variance is that of the widest draws, or infinite.
 """
 
 from __future__ import annotations
