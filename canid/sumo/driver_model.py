@@ -18,7 +18,7 @@ from canid.diagnosis.rivals.rival_simulation import Leads, leads, simulate
 from canid.findings import ClosedLoopError, nrmse
 from canid.sumo import driver_noise
 from canid.sumo.driver_noise import DriverNoise
-from canid.sumo.following import distributions, following, in_stretches, quantiles
+from canid.sumo.following import Following, distributions, following, in_stretches, quantiles
 from canid.sumo.krauss import STEP_S
 from canid.sumo.sumo_models import MODELS, SumoModel, sensitivity
 from canid.types import NAN, Array, Interval, Trace
@@ -29,6 +29,8 @@ NOT_ENOUGH_DATA = "not_enough_data"
 OK = "ok"
 # of the highest speed driven: a lower wanted speed may fit a drive, and loses every lead that drives faster
 FASTER = 1.1
+# m/s; behind a steadier lead every driver keeps a gap, and nothing shows how
+LEAST_LEAD_SD = 0.5
 # a model whose gap errs by more than it varies describes nobody
 WORST_ERROR = 1.0
 
@@ -94,6 +96,10 @@ def fit(trace: Trace, output: str = "") -> DriverModel | NoModel:
     where = in_stretches(columns)
     if len(where) < MIN_STRETCHES:
         return NoModel(f"{len(where)} stretches behind a lead, {MIN_STRETCHES} are needed: drive longer")
+    if not _moves(columns):
+        return NoModel(
+            f"the lead's speed hardly changes (standard deviation below {LEAST_LEAD_SD} m/s): drive with varying speed"
+        )
     side = leads(columns.gap, columns.speed, columns.lead, where, columns.dt, STEP_S)
     fold = np.array([one.block % FOLDS for one in where])
     driven = quantiles(distributions(columns.gap, columns.speed, columns.shown, columns.dt))
@@ -103,6 +109,11 @@ def fit(trace: Trace, output: str = "") -> DriverModel | NoModel:
     if best is None:
         return NoModel("no model follows the lead of this drive in closed loop")
     return DriverModel(*best, found, float(columns.shown.sum()) * columns.dt, top_speed, driven)
+
+
+def _moves(of: Following) -> bool:
+    """Does the lead's speed change by more than a sensor's noise?"""
+    return float(np.std(of.lead[of.shown])) >= LEAST_LEAD_SD
 
 
 def _above(rival: RivalModel, top_speed: float) -> RivalModel:

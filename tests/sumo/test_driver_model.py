@@ -109,14 +109,15 @@ def test_weak_drives_give_a_reason(drive: Driven) -> None:
         assert found.reason
     assert isinstance(fit(t, "steering_angle"), NoModel)
     n = 6000
-    still = from_arrays(
-        time=0.1 * np.arange(n),
-        accel=np.zeros(n),
-        speed=np.zeros(n),
-        gap=np.full(n, 3.0),
-        range_rate=np.zeros(n),
+    zero = np.zeros(n)
+    still = from_arrays(time=0.1 * np.arange(n), accel=zero, speed=zero, gap=zero + 3.0, range_rate=zero)
+    cruising = from_arrays(
+        time=0.1 * np.arange(n), accel=zero, speed=zero + 20, gap=zero + 30, range_rate=zero
     )
-    assert isinstance(fit(still, "accel"), DriverModel | NoModel)
+    for trace in (still, cruising):
+        found = fit(trace, "accel")
+        assert isinstance(found, NoModel)
+        assert "hardly changes" in found.reason
 
 
 def test_another_lead_ends_a_stretch(drive: Driven) -> None:
