@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections import Counter
 from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -13,8 +14,8 @@ import numpy as np
 
 from canid.errors import ConfigError
 from canid.fleet import estimates
-from canid.fleet.database import opened, rows
-from canid.fleet_summary import Kind
+from canid.fleet.database import opened
+from canid.fleet_summary import Excluded, Kind
 from canid.identification.fopdt.prior import CHANNELS, ChannelPrior, Prior
 from canid.population import drive_table as tables
 from canid.population.hierarchical import MIN_DRIVERS, Population, pool
@@ -56,8 +57,7 @@ def fleet_prior(
         leave_out: drivers who do not count.
 
     Raises:
-        ConfigError: no folder of canid fleet; none or several kinds of output; no such driver; too few drivers; drives that
-            were identified with a prior.
+        ConfigError: no folder of canid fleet; none or several kinds of output; no such driver; too few drivers.
     """
     with opened(folder) as db:
         there = estimates.kinds(db)
@@ -69,10 +69,10 @@ def fleet_prior(
                 f"{folder}: gains of different outputs are different numbers: choose one with --role, --unit, --car; "
                 f"here are: {found}"
             )
-        _refuse_circular(db, folder)
         names: tuple[str, ...] = estimates.LANE if fitting[0].output == "steering_angle" else estimates.MAIN
         names = tuple(name for name in names if name.startswith(_PREFIXES))
-        table = estimates.selection(db, fitting[0], names, every_gain=True).table
+        chosen = estimates.selection(db, fitting[0], names, every_gain=True)
+    table = chosen.table
     for driver in leave_out:
         if driver not in table.drivers:
             near = get_close_matches(driver, table.drivers, n=1)
@@ -90,23 +90,17 @@ def fleet_prior(
         drivers = int(found_population.counts[:, 1].max(initial=0.0))
         raise ConfigError(
             f"{folder}: a population needs {MIN_DRIVERS} drivers whose gains are known; here are {drivers} "
-            f"({fitting[0].text()})"
+            f"({fitting[0].text()}){_left_out(chosen.excluded)}"
         )
     return FleetPrior(prior, fitting[0], found_population, tuple(leave_out), str(folder))
 
 
-def _refuse_circular(db: object, folder: str | Path) -> None:
-    """A prior of estimates that hold a prior would count that one again."""
-    found = rows(
-        db,
-        r"SELECT count(*) AS n FROM drives WHERE regexp_matches(identify_json, '\"prior_weight\": *[0-9]')",
-    )
-    n = next(int(row["n"]) for row in found)
-    if n:
-        raise ConfigError(
-            f"{folder}: {n:,} drives were identified with a declared [fopdt.prior], which this one would count again: "
-            "run canid fleet with vehicle files without it"
-        )
+def _left_out(excluded: Sequence[Excluded]) -> str:
+    """Why most of the drives that do not count do not."""
+    if not excluded:
+        return ""
+    (why, n), *_ = Counter(one.why for one in excluded).most_common(1)
+    return f"; {n:,} drives do not count: {why}"
 
 
 def toml_of(found: FleetPrior, date: str) -> str:
