@@ -99,7 +99,10 @@ def main() -> None:
         print("\n".join(lines(found)))
         print("\n**By driver: windows; K1, K2 hold the whole drive's without and with the prior**\n")
         for log in logs:
-            own = [[p for p in found if (p.driver, p.name) == (log.stem, name)] for name in ("K1", "K2")]
+            own = [
+                [p for p in found if (p.driver, p.name) == (log.stem, name) and has_fit(p)]
+                for name in ("K1", "K2")
+            ]
             held = [
                 np.mean([holds(getattr(p, of), p.truth) for p in k])
                 for k in own
@@ -200,9 +203,14 @@ def _read(path: Path) -> tuple[Trace, dict[str, Interval], tuple[np.ndarray, np.
     return drives, truth, fleet_estimate(drives)
 
 
+def has_fit(pair: Pair) -> bool:
+    """Whether the window has enough data for a fit at all."""
+    return math.isfinite(pair.without.high - pair.without.low)
+
+
 def lines(every: Iterable[Pair]) -> list[str]:
     """The table: medians and distribution of the ratio of widths, coverage, how often a parameter may be quoted."""
-    every = [pair for pair in every if math.isfinite(pair.without.high - pair.without.low)]
+    every = [pair for pair in every if has_fit(pair)]
     out = [
         "|  | n | width | with prior | ratio (10 to 90 %) | holds truth | with prior | quotable | with prior | of prior |",
         "|---|---|---|---|---|---|---|---|---|---|",
