@@ -37,7 +37,7 @@ def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
         OutputError: they cannot be written, such as on a full disk; those of an earlier run stay.
     """
     new = {name: folder / f".{name}.parquet.new" for name in NAMES}
-    lines = folder / ".logs.jsonl.new"
+    lines, before = folder / ".logs.jsonl.new", folder / "logs.parquet"
     try:
         with lines.open("wb") as file:
             for number, row in enumerate(logs):
@@ -46,16 +46,22 @@ def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
         with parquet_files.connected(folder) as connection:
             source = parquet_files.of_lines(lines, (_ORDER, *LOGS))
             connection.execute(f"CREATE TEMP TABLE plan AS SELECT * FROM {source}")
+            present = all((folder / f"{name}.parquet").exists() for name in NAMES)
+            if present and _same(connection, before, _EVERY):
+                return  # results are stored by content: the same logs with the same keys have the same rows
             connection.execute(
                 "CREATE TEMP TABLE keys AS SELECT DISTINCT key FROM plan WHERE key IS NOT NULL"
             )
             for name in NAMES:
                 parquet_files.write(connection, _query(folder, name), new[name])
-            if not _same_drives(connection, folder / "logs.parquet"):
+            if not _same(connection, before, _WITH_RESULTS):
                 for name in _OF_ALL_DRIVES:
                     (folder / f"{name}.parquet").unlink(missing_ok=True)
-        for name in NAMES:
+        for name in TABLES:
             os.replace(new[name], folder / f"{name}.parquet")
+        # `logs` last, when the others are on the disk: by it the next run sees whether they are current
+        parquet_files.sync_folder(folder)
+        os.replace(new["logs"], before)
         parquet_files.sync_folder(folder)
     except OSError as error:
         raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
@@ -65,13 +71,20 @@ def written(folder: Path, logs: Iterable[Mapping[str, Any]]) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _same_drives(connection: Any, before: Path) -> bool:
-    """Whether the plan has the drives, of the same drivers and cars, that the tables had before."""
+_EVERY = "SELECT {columns} FROM {source}"
+_WITH_RESULTS = (
+    "SELECT key, driver, car, group_name FROM {source} "
+    "WHERE status IN ('ok', 'damaged') AND duplicate_of IS NULL"
+)
+
+
+def _same(connection: Any, before: Path, query: str) -> bool:
+    """Whether a query gives the same rows of the plan and of the table that an earlier run has written."""
     if not before.exists():
         return False
-    of = "SELECT key, driver, car, group_name FROM {} WHERE status IN ('ok', 'damaged') AND duplicate_of IS NULL"
-    old = of.format(f"read_parquet({parquet_files.quoted(before)})")
-    new = of.format("plan")
+    columns = _names(LOGS)
+    old = query.format(columns=columns, source=parquet_files.of_files([before], LOGS))
+    new = query.format(columns=columns, source="plan")
     differing = f"(({old} EXCEPT ALL {new}) UNION ALL ({new} EXCEPT ALL {old}))"
     count: int = connection.execute(f"SELECT count(*) FROM {differing}").fetchone()[0]
     return count == 0

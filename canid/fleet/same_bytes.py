@@ -49,7 +49,7 @@ def hashes(
     known = frozenset(stored)
     groups: defaultdict[tuple[int, bytes], list[File]] = defaultdict(list)
     for one in files:
-        # an empty file is told from others by nothing, and costs nothing
+        # empty files are all the same, and cost nothing
         if one.size > 0 and (one.size in known or often[one.size] > 1):
             groups[one.size, b"" if one.size in known else _ends(one)].append(one)
     chosen = [one for (size, _), group in groups.items() if size in known or len(group) > 1 for one in group]

@@ -44,7 +44,12 @@ def test_a_second_run_does_nothing_and_only_what_changed_is_analysed(tmp_path: P
     ]
     before = table(out, "drives", "log, key, sha256, duration", "WHERE duplicate_of IS NULL ORDER BY key")
 
+    times = {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
     assert analysed(fleet_here(logs, "-o", out, *QUICK)) == 0
+    assert {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")} == times
+    (out / "windows.parquet").unlink()
+    assert analysed(fleet_here(logs, "-o", out, *QUICK)) == 0
+    assert table(out, "windows", "count(*)") == [(0,)]
 
     shutil.move(files[0], logs / "moved.log")
     os.utime(files[2])

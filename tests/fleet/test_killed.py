@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -133,6 +134,36 @@ def test_every_call_may_be_the_last_one(tmp_path: Path, seed: int) -> None:
             forks.folder.rmdir()
             for name in ("stored", "submitted"):
                 Path(f"{forks.folder}.{name}").unlink()
+    assert after > 50
+
+
+def test_a_second_run_with_more_logs_may_be_killed_anywhere(tmp_path: Path, seed: int) -> None:
+    """Tables that an earlier run has left, and a plan with other logs: after a kill and one more run they are those of
+    the new plan, before every seventh call.
+    """
+    source = logs(tmp_path / "logs")
+    files = sorted(source.rglob("*.log"))
+    later = {path: path.read_bytes() for path in files[4:8]}
+    for path in files[4:]:
+        path.unlink()
+    with Forks(source, tmp_path / "first") as forks:
+        assert forks.run() == "done"
+    files[0].unlink()
+    for path, content in later.items():
+        path.write_bytes(content)
+    with Forks(source, tmp_path / "calm") as forks:
+        assert forks.run() == "done"
+    expected = rows(tmp_path / "calm")
+    after = seed % 7
+    with Forks(source, tmp_path / "out") as forks:
+        while True:
+            shutil.copytree(tmp_path / "first", forks.folder)
+            after += 7
+            if forks.run(after) == "done":
+                break
+            assert forks.run() == "done"
+            assert rows(forks.folder) == expected, after
+            shutil.rmtree(forks.folder)
     assert after > 50
 
 
