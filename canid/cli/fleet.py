@@ -145,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
     settings = _settings(args)
     with fleet_store.opened(args.output) as store:
         # at once: what is made of the results of an interrupted run needs to know its vehicle files
-        store.note(command=command(args), settings=_noted(settings))
+        store.note(command=command(_anywhere(args)), settings=_noted(settings))
         with Progress(f"{len(plan.logs):,} logs") as bar:
             shown = _shown(bar)
             try:
@@ -164,7 +164,7 @@ def run(args: argparse.Namespace) -> int:
             except OutputError as error:
                 raise OutputError(f"{error}; make room, and the same command goes on") from None
         found = fleet_run.counts(done.logs)
-        store.note(command=command(args), settings=_noted(settings), logs=found._asdict())
+        store.note(command=command(_anywhere(args)), settings=_noted(settings), logs=found._asdict())
     show = line_printer(args.json)
     for line in summary(found, done.analysed, args.output):
         show(line)
@@ -312,6 +312,16 @@ def command(args: argparse.Namespace) -> str:
         if getattr(args, name)
     ]
     return shlex.join(words)
+
+
+def _anywhere(args: argparse.Namespace) -> argparse.Namespace:
+    """The same with absolute paths: the folder is read from other folders than that of the run."""
+
+    def full(word: str | None) -> str | None:
+        return os.path.abspath(word) if word is not None and os.path.exists(word) else word
+
+    of_files = {name: full(getattr(args, name)) for name in ("vehicle", "vehicles", "output")}
+    return argparse.Namespace(**{**vars(args), **of_files, "logs": [full(word) for word in args.logs]})
 
 
 def _noted(settings: Settings) -> dict[str, Any]:
