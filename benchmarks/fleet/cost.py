@@ -41,7 +41,7 @@ class Sizes(NamedTuple):
     minute_logs: int  # of 1 min, next to it
 
 
-FULL = Sizes(24, 3, (2_500, 5_000, 10_000), 120.0, 60)
+FULL = Sizes(12, 3, (2_500, 5_000, 10_000), 120.0, 60)
 QUICK = Sizes(6, 1, (50, 100, 200), 12.0, 8)
 
 

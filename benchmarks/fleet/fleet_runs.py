@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -49,35 +50,29 @@ def run(words: Sequence[str | Path], *, nice: int = 0, check: bool = True) -> Ra
     command = [sys.executable, "-m", "canid", "fleet", *map(str, words)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     begin = time.perf_counter()
-    with subprocess.Popen(
-        ["nice", "-n", str(nice), *command],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        stdin=subprocess.DEVNULL,
-        env=environment,
-        text=True,
-        errors="replace",
-    ) as program:
+    with (
+        tempfile.TemporaryFile() as output,
+        subprocess.Popen(
+            ["nice", "-n", str(nice), *command],
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            env=environment,
+        ) as program,
+    ):
         client = worker = 0
         own = 0.0
-        assert program.stdout is not None
-        os.set_blocking(program.stdout.fileno(), False)
-        output: list[str] = []
-        end = None
-        while end is None:
-            output.append(program.stdout.read() or "")
+        pid = 0
+        while not pid:
             client, own = max(client, _peak(program.pid)), max(own, _cpu(program.pid))
             worker = max([worker, *map(_peak, _below(program.pid))])
             pid, status, usage = os.wait4(program.pid, os.WNOHANG)
-            if pid:
-                end = status, usage
-            else:
+            if not pid:
                 time.sleep(POLL_S)
         wall = time.perf_counter() - begin
-        output.append(program.stdout.read() or "")
-        status, usage = end
         program.returncode = os.waitstatus_to_exitcode(status)
-    text = "".join(output)
+        output.seek(0)
+        text = output.read().decode(errors="replace")
     if check and program.returncode not in GOOD_EXITS:
         raise RuntimeError(f"canid fleet ended with {program.returncode}:\n{text}")
     return Ran(program.returncode, wall, usage.ru_utime + usage.ru_stime, own, client, worker, text)

@@ -21,7 +21,7 @@ from pathlib import Path
 # one thread: the matrices are small
 os.environ["OMP_NUM_THREADS"] = "1"
 
-from benchmarks.fleet import page, planted_table
+from benchmarks.fleet import page, planted_answers, planted_table
 from benchmarks.fleet.fleet_runs import machine, run
 from benchmarks.fleet.planted_score import Score, read_truth, score, single_drives
 from tests.fleet.planted.drive_files import write
@@ -67,22 +67,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args.clean:
         size = size._replace(causes=False, changed=False, swapped=False, groups_differ=False)
     scores: list[Score] = []
+    answered: list[planted_answers.Answers] = []
     lines: list[str] = []
     for seed in range(first, first + args.fleets):
         print(f"seed {seed}", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory() as temporary:
             home = (args.keep or Path(temporary)) / f"fleet {seed}"
-            one, said = fleet(seed, size, home, args)
+            one, answers, said = fleet(seed, size, home, args)
         scores.append(one)
+        answered.append(answers)
         lines += said
-    text = "\n".join([*planted_table.table(scores), "", *lines, "", f"Machine: {machine()}."])
+    text = "\n".join(
+        [
+            *planted_table.table(scores),
+            "",
+            *planted_answers.table(answered),
+            "",
+            *lines,
+            "",
+            f"Machine: {machine()}.",
+        ]
+    )
     print(text)
     if args.into is not None:
         page.replace(args.into, "planted fleet", text)
     return 0
 
 
-def fleet(seed: int, size: Size, home: Path, args: argparse.Namespace) -> tuple[Score, list[str]]:
+def fleet(
+    seed: int, size: Size, home: Path, args: argparse.Namespace
+) -> tuple[Score, planted_answers.Answers, list[str]]:
     """Plant one fleet, run canid on it and score it; lines on the run itself."""
     truth = home / "truth.json"
     begin = time.perf_counter()
@@ -93,10 +107,15 @@ def fleet(seed: int, size: Size, home: Path, args: argparse.Namespace) -> tuple[
     words += ["--workers", str(args.workers), *["--no-diagnosis"] * args.no_diagnosis]
     ran = run(words, nice=args.nice)
     found = read_truth(truth)
+    begin = time.perf_counter()
+    # the summary writes the tables of drivers and population
+    answers = planted_answers.answers(home / "results", found)
+    summary = time.perf_counter() - begin
     out = score(home / "results", found)
     lines = [
         f"Seed {seed}: planted in {planted:.0f} s, canid fleet {ran.wall_s:.0f} s ({ran.cpu_s:.0f} s of CPU, "
-        f"{args.workers} workers), client {ran.client_bytes / 1e6:.0f} MB, largest worker {ran.worker_bytes / 1e6:.0f} MB."
+        f"{args.workers} workers), client {ran.client_bytes / 1e6:.0f} MB, largest worker {ran.worker_bytes / 1e6:.0f} MB; "
+        f"summary {summary:.0f} s."
     ]
     if not args.no_diagnosis:
         planted_in, named, clean, false = single_drives(home / "results", found)
@@ -104,7 +123,7 @@ def fleet(seed: int, size: Size, home: Path, args: argparse.Namespace) -> tuple[
             f"Each drive alone: a planted cause is named in {named} of {planted_in} drives that have one, and some cause in "
             f"{false} of {clean} that have none."
         )
-    return out, lines
+    return out, answers, lines
 
 
 if __name__ == "__main__":

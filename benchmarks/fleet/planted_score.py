@@ -115,13 +115,18 @@ def swapped(truth: Mapping[str, Any]) -> set[str]:
 
 
 def _population(folder: Path, truth: Mapping[str, Any]) -> list[Held]:
+    by_column = {_column(parameter)[0]: parameter for parameter in VALUES}
     out = []
     for row in rows(folder, "SELECT * FROM {population}"):
-        true = truth["population"].get(row["parameter"])
-        if true is None:
+        parameter = by_column.get(row["parameter"])
+        if parameter is None:
             continue
+        true = truth["population"][parameter]
+        # the mean of a logarithm stands there as the geometric mean
+        log = _column(parameter)[1]
+        values = {**true, "mean": math.exp(true["mean"]) if log else true["mean"]}
         for of in QUANTITIES:
-            held = _held(row, of, row["parameter"], of, true[of])
+            held = _held(row, of, parameter, of, values[of])
             if held is not None:
                 out.append(held)
     return out
