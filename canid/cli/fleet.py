@@ -165,6 +165,8 @@ def run(args: argparse.Namespace) -> int:
                 raise OutputError(f"{error}; make room, and the same command goes on") from None
         found = fleet_run.counts(done.logs)
         store.note(command=command(_anywhere(args)), settings=_noted(settings), logs=found._asdict())
+        if not args.report:  # the page pools them as well
+            _pooled(args.output, found)
     show = line_printer(args.json)
     for line in summary(found, done.analysed, args.output):
         show(line)
@@ -175,6 +177,15 @@ def run(args: argparse.Namespace) -> int:
             sink.write(json_values.document("fleet", to_json(args, done, found)) + "\n")
     code = DAMAGED if found.failed or found.damaged else DONE
     return (_report(args) or code) if args.report else code
+
+
+def _pooled(folder: str, found: Counts) -> None:
+    """Write the tables of drivers and of the population, unless they are those of these drives."""
+    from canid.fleet.summary import current, summarise
+
+    if found.drivers and not current(folder):
+        with Progress("pooling the drives"):
+            summarise(folder)
 
 
 def _know_the_words(words: Sequence[str]) -> None:

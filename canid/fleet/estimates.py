@@ -38,9 +38,9 @@ TIMES = (
 LANE = ("lateral_offset.K", "lateral_offset.log_tau_plus_dead_time", "log_noise_sd")
 # outputs whose gains mean the same in every car
 _OF_ANY_CAR = ("accel", "accel_command")
-# statuses that let a parameter be quoted; a posterior that the box or the prior decides is no estimate
-_QUOTED = {
-    "K": (Identifiable.OK.value, Identifiable.SUM_ONLY.value, Identifiable.GAIN_ONLY.value),
+# statuses in which a parameter is known: a gain in each of them, a delay where the box does not decide its posterior
+_KNOWN = {
+    "K": tuple(status.value for status in Identifiable),
     "tau_plus_dead_time": (Identifiable.OK.value, Identifiable.SUM_ONLY.value),
     "tau": (Identifiable.OK.value,),
     "dead_time": (Identifiable.OK.value,),
@@ -113,27 +113,27 @@ def without_output(db: Any) -> list[Excluded]:
     ]
 
 
-def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN, *, every_gain: bool = False) -> Selection:
+def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN) -> Selection:
     """The table of one kind of output.
 
     Args:
         db: from `database.opened`.
         kind: of output.
         names: parameters, see `columns.POPULATION_PARAMETERS`.
-        every_gain: K of the joint posterior also where its status does not let it be quoted: small gains are left out else,
-            and a population of the others is too large and too narrow.
 
     Returns:
-        Drives with at least one known parameter. K is known where its status lets it be quoted; log tau + dead time where
-        the status is ok or sum_only, log tau and dead time where it is ok. Covariances between parameters are those of the
-        joint posterior where a drive has one, else 0; log noise sd and wanted headway are from their intervals.
+        Drives with at least one known parameter. K is known wherever it has an interval, also one that its status does not
+        let be quoted: small gains would be left out else, and a population of the others is too large and too narrow. Log
+        tau + dead time is known where the status is ok or sum_only, log tau and dead time where it is ok. Covariances
+        between parameters are those of the joint posterior where a drive has one, else 0; log noise sd and wanted headway
+        are from their intervals.
     """
     of = _Columns(db, kind)
     n = len(of.text("log"))
     estimate = np.full((n, len(names)), np.nan)
     covariance = np.full((n, len(names), len(names)), np.nan)
     for j, name in enumerate(names):
-        estimate[:, j], covariance[:, j, j] = _marginal(of, name, every_gain)
+        estimate[:, j], covariance[:, j, j] = _marginal(of, name)
     known = np.isfinite(estimate)
     for j, first in enumerate(names):
         for k, second in enumerate(names[:j]):
@@ -224,8 +224,8 @@ class _Columns:
         return self._read[sql]
 
 
-def _marginal(of: _Columns, name: str, every_gain: bool) -> tuple[Array, Array]:
-    """Estimate and its variance, (n,) each; NaN where it may not be quoted."""
+def _marginal(of: _Columns, name: str) -> tuple[Array, Array]:
+    """Estimate and its variance, (n,) each; NaN where it is not known."""
     column, log = natural(name)
     value, low, high = (of.number(f'"{column}{end}"') for end in ("", "_low", "_high"))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -235,12 +235,12 @@ def _marginal(of: _Columns, name: str, every_gain: bool) -> tuple[Array, Array]:
     channel, _, parameter = name.rpartition(".")
     usable = np.isfinite(mean) & np.isfinite(variance) & (variance > 0.0)
     if channel:
-        quoted = _QUOTED[parameter.removeprefix("log_")]
-        usable &= np.isin(np.array(of.text(f"{channel}_status"), dtype=object), quoted)
         joint, joint_variance = of.number(_element(name)), _joint_covariance(of, name, name)
         there = np.isfinite(joint) & (joint_variance > 0.0)
-        if every_gain and parameter == "K":
+        if parameter == "K":
             usable |= there
+        statuses = _KNOWN[parameter.removeprefix("log_")]
+        usable &= np.isin(np.array(of.text(f"{channel}_status"), dtype=object), statuses)
         there &= usable
         mean, variance = np.where(there, joint, mean), np.where(there, joint_variance, variance)
     return np.where(usable, mean, np.nan), np.where(usable, variance, np.nan)

@@ -71,7 +71,7 @@ def fleet_prior(
             )
         names: tuple[str, ...] = estimates.LANE if fitting[0].output == "steering_angle" else estimates.MAIN
         names = tuple(name for name in names if name.startswith(_PREFIXES))
-        chosen = estimates.selection(db, fitting[0], names, every_gain=True)
+        chosen = estimates.selection(db, fitting[0], names)
     table = chosen.table
     for driver in leave_out:
         if driver not in table.drivers:

@@ -15,8 +15,8 @@ MAX_NAMES = 3
 
 def verdict(of: FleetSummary) -> str:
     """In a few words."""
-    population = of.populations[0] if of.populations else None
-    if population is None or not population.drivers:
+    population = _first(of)
+    if population is None:
         return "no drive has an estimate"
     drives = sum(driver.drives for one in of.populations for driver in one.drivers)
     drivers = len({driver.name for one in of.populations for driver in one.drivers})
@@ -36,12 +36,12 @@ def sentences(of: FleetSummary) -> tuple[str, ...]:
         out.append(
             f"{_plural(n, 'drive')} with results do not count for the population; most often: {most.what}"
         )
-    if of.populations:
-        out += _spread(of.populations[0])
-        if len(of.populations) > 1:
-            out.append(
-                f"{len(of.populations)} kinds of output are pooled apart, because their gains cannot be compared"
-            )
+    population = _first(of)
+    if population is not None:
+        out += _spread(population)
+        kinds = sum(bool(one.drivers) for one in of.populations)
+        if kinds > 1:
+            out.append(f"{kinds} kinds of output are pooled apart, because their gains cannot be compared")
     for population in of.populations:
         out += [asked.sentence for asked in population.questions if asked.sentence]
     if of.causes:
@@ -62,6 +62,11 @@ def sentences(of: FleetSummary) -> tuple[str, ...]:
         worst = of.signals[0]
         out.append(f"worst signal: {readable(worst.what)} in {_plural(worst.number, 'drive')}")
     return tuple(out)
+
+
+def _first(of: FleetSummary) -> Population | None:
+    """The kind of output with most drives, among those of which something is known; None: there is none."""
+    return next((one for one in of.populations if one.drivers), None)
 
 
 def _counts(of: FleetSummary) -> str:
