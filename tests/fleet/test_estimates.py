@@ -96,7 +96,7 @@ def test_noise_and_wanted_headway_come_from_their_intervals(planted: Planted) ->
 def test_a_status_decides_what_is_known(
     planted: Planted, status: str | None, K: bool, total: bool, apart: bool
 ) -> None:
-    """A delay that the box decides is no estimate, however narrow; a gain counts in every status: no small ones are left out."""
+    """A delay that the box decides is no estimate, however narrow; a gain counts in every status."""
     row = changed(planted, 2, range_rate_status=status)
     of = chosen(planted.folder, names=(*MAIN, *TIMES))
     known = dict(zip(of.table.names, tables.known(of.table)[row_of(of, row["log"])].tolist(), strict=True))
