@@ -45,6 +45,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--clean", action="store_true", help="no cause, no change, no swap, no groups: coverage alone"
     )
     parser.add_argument("--no-diagnosis", action="store_true")
+    parser.add_argument(
+        "--together",
+        metavar="TIME",
+        help="diagnose drives of a driver together as well, up to so much: 30min",
+    )
     parser.add_argument("--quick", action="store_true", help="24 drives of 6 drivers")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--nice", type=int, default=0)
@@ -106,6 +111,10 @@ def fleet(
     words: list[str | Path] = [home / "logs", "-o", home / "results", "--vehicles", home / "map.toml"]
     words += ["--workers", str(args.workers), *["--no-diagnosis"] * args.no_diagnosis]
     ran = run(words, nice=args.nice)
+    joint = None
+    if args.together is not None:
+        together = ["--together", args.together, "--workers", str(args.workers)]
+        joint = run(["causes", home / "results", *together], nice=args.nice)
     found = read_truth(truth)
     begin = time.perf_counter()
     # the summary writes the tables of drivers and population
@@ -117,6 +126,10 @@ def fleet(
         f"{args.workers} workers), client {ran.client_bytes / 1e6:.0f} MB, largest worker {ran.worker_bytes / 1e6:.0f} MB; "
         f"summary {summary:.0f} s."
     ]
+    if joint is not None:
+        lines.append(
+            f"canid fleet causes --together {args.together}: {joint.wall_s:.0f} s ({joint.cpu_s:.0f} s of CPU)."
+        )
     if not args.no_diagnosis:
         planted_in, named, clean, false = single_drives(home / "results", found)
         lines.append(
