@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # the first word after `canid fleet`; the module canid.cli.fleet_<word> has `arguments(parser)` and `run(args)`
 SUB_VERBS = {
-    "causes": "diagnose several drives of each driver together",
+    "causes": "diagnose the drives of each driver, and of each car, together",
     "query": "ask the tables of a fleet in SQL, or one of the ready questions",
     "report": "write one page on a fleet: drivers side by side, causes, worst data, what to drive next",
     "prior": "write what a fleet teaches on a new driver as [fopdt.prior]",

@@ -1,4 +1,4 @@
-"""`canid fleet causes DIR`: several drives of each driver diagnosed together, for what each alone is too short to show."""
+"""`canid fleet causes DIR`: drives of each driver, and of each car, diagnosed together: what each is too short to show."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         known = rows(db, "SELECT * FROM joint_findings")
     if not planned:
         info(
-            "no driver has two drives with a minute of usable driving behind a lead: nothing to diagnose together"
+            "no driver or car has two drives with a minute of usable driving behind a lead: nothing to diagnose together"
         )
         return DONE
     wanted = {job.log: (job, columns) for job, columns in planned}
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     with lock.held(folder):
         if new:
             sources = _sources(args, {job.source for job, _ in new.values()})
-            with Progress(f"{len(new):,} drivers") as bar:
+            with Progress(f"{len(new):,} drivers and cars") as bar:
                 bar.count(0, len(new), "")
                 done = 0
                 try:
@@ -90,7 +90,9 @@ def run(args: argparse.Namespace) -> int:
                         job, columns = new[outcome.log]
                         if outcome.status is Status.FAILED:
                             failed += 1
-                            info(f"{columns['driver']}: {outcome.failure.value}: {outcome.reason}")
+                            info(
+                                f"{columns['driver'] or columns['car']}: {outcome.failure.value}: {outcome.reason}"
+                            )
                         common = {**columns, "logs": len(job.together)}
                         found += [
                             {**common, **_known(row)} for row in outcome.tables.get("joint_findings", ())
@@ -109,14 +111,20 @@ def _known(row: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in row.items() if value is not None}
 
 
-def _lines(found: list[dict[str, Any]], drivers: int, new: int) -> list[str]:
-    named: dict[tuple[str, str], int] = {}
+def _lines(found: list[dict[str, Any]], planned: int, new: int) -> list[str]:
+    drivers: dict[tuple[str, str], int] = {}
+    cars: list[tuple[str, str, str]] = []
     for row in found:
-        if row.get("effect") and not row.get("surrogate"):
-            of = (row.get("car") or "", row["effect"])
-            named[of] = named.get(of, 0) + 1
-    lines = [f"{drivers:,} drivers with several drives; {new:,} diagnosed now"]
-    lines += [f"  {effect} in {car}: {n:,} drivers" for (car, effect), n in sorted(named.items())]
+        if not row.get("effect") or row.get("surrogate"):
+            continue
+        of = (row.get("car") or "", row["effect"])
+        if row.get("subject") == "car":
+            cars.append((*of, f"{row['logs']} drives of all drivers"))
+        else:
+            drivers[of] = drivers.get(of, 0) + 1
+    named = cars + [(*of, f"{n:,} driver{'' if n == 1 else 's'}") for of, n in drivers.items()]
+    lines = [f"{planned:,} drivers and cars with several drives; {new:,} diagnosed now"]
+    lines += [f"  {effect} in {car}: {by}" for car, effect, by in sorted(named)]
     return lines if named else [*lines, "  no cause is named"]
 
 

@@ -121,15 +121,22 @@ def _parameter(named: list[dict[str, Any]]) -> str:
 
 
 def _joint(db: Any) -> _Joint:
-    """What the diagnoses of several drives together say of causes, by car and effect: block, and for how many drivers."""
+    """What the diagnoses of several drives together say of causes, by car and effect: block, and on what they rest."""
     found = rows(
         db,
-        """SELECT coalesce(car, '') AS car, effect, any_value("where") AS "where", count(DISTINCT key) AS n,
-       (SELECT count(DISTINCT o.key) FROM joint_findings o WHERE coalesce(o.car, '') = coalesce(j.car, '')) AS made
+        """SELECT coalesce(car, '') AS car, effect, subject, any_value("where") AS "where", count(DISTINCT key) AS n,
+       any_value(logs) AS logs, any_value(holds_on) AS holds_on, (SELECT count(DISTINCT o.key) FROM joint_findings o
+       WHERE coalesce(o.car, '') = coalesce(j.car, '') AND o.subject = j.subject) AS made
 FROM joint_findings j WHERE effect IS NOT NULL AND NOT coalesce(surrogate, false)
-GROUP BY coalesce(car, ''), effect, made""",
+GROUP BY coalesce(car, ''), effect, subject, made ORDER BY subject""",
     )
-    return {
-        (row["car"], row["effect"]): (row["where"] or "", f"named for {row['n']} of {row['made']} drivers")
-        for row in found
-    }
+    out: dict[tuple[str, str], tuple[str, str]] = {}
+    for row in found:
+        says = f"named for {row['n']} of {row['made']} drivers"
+        if row["subject"] == "car":
+            holds = "" if row["holds_on"] is None else f", holds on {row['holds_on']}"
+            says = f"named on {row['logs']} drives of all drivers together{holds}"
+        of = (row["car"], row["effect"])
+        before = out.get(of, ("", ""))[1]
+        out[of] = (row["where"] or "", "; ".join(filter(None, [before, says])))
+    return out

@@ -40,7 +40,8 @@ class Job(NamedTuple):
     modified_ns: int  # ns since 1970, when the log was listed; 0: not known
     source: str  # key of its `Source`
     settings: Settings = Settings()
-    together: tuple[Job, ...] = ()  # logs of one driver that are diagnosed together; then `log` is no log, but their key
+    together: tuple[Job, ...] = ()  # logs that are diagnosed together; then `log` is no log, but their key
+    of_car: bool = False  # together: of one car, whoever drove; else of one driver
 
 
 class Status(Enum):

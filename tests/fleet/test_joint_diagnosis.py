@@ -81,13 +81,13 @@ def test_the_drives_with_the_most_usable_time_are_chosen(tmp_path: Path, seed: i
     planted: Planted = made(tmp_path / "fleet", seed, drivers=2, drives=5)
     for k, row in enumerate(planted.rows):
         if row.get("key"):
-            row |= {"source": "f", "usable": 100.0 * (1 + k % 5)}
+            row |= {"source": "f", "usable": 100.0 * (1 + k % 5), "behind_lead": 600.0}
     planted.rows[0]["usable"] = 59.0
     planted.rows[9]["source"] = "another vehicle file"
     write(planted.folder, planted.rows)
     with opened(planted.folder) as db:
         jobs = joint_diagnosis.jobs(db, Settings(), max_s=1000.0)
-    chosen = {columns["driver"]: [one.log for one in job.together] for job, columns in jobs}
+    chosen = {columns["driver"]: [one.log for one in job.together] for job, columns in jobs if not job.of_car}
     first, second = ([row["log"] for row in planted.rows[k : k + 5]] for k in (0, 5))
     # 500 + 400 + 300 > 1000, then 200 > 100 left, and 59 s are too short
     assert chosen == {
@@ -95,4 +95,23 @@ def test_the_drives_with_the_most_usable_time_are_chosen(tmp_path: Path, seed: i
         "driver 001": [second[3], second[2], second[1], second[0]],
     }
     with opened(planted.folder) as db:
-        assert joint_diagnosis.jobs(db, Settings(), max_s=450.0) == []
+        assert [job for job, _ in joint_diagnosis.jobs(db, Settings(), max_s=450.0) if not job.of_car] == []
+
+
+def test_a_car_is_diagnosed_with_all_its_drivers_by_turns(tmp_path: Path, seed: int) -> None:
+    """Each driver's longest drive comes before anybody's second; a car of one driver has no job of its own."""
+    planted: Planted = made(tmp_path / "fleet", seed, drivers=3, drives=3)
+    cars = ["shared", "shared", "own"]
+    for k, row in enumerate(planted.rows):
+        if row.get("key"):
+            seconds = 100.0 * (1 + k % 3) + 10.0 * (k // 3)
+            row |= {"source": "f", "car": cars[k // 3], "usable": 0.0, "behind_lead": seconds}
+    write(planted.folder, planted.rows)
+    with opened(planted.folder) as db:
+        jobs = joint_diagnosis.jobs(db, Settings(), max_s=850.0)
+    (of,) = [(job, columns) for job, columns in jobs if job.of_car]
+    logs = [row["log"] for row in planted.rows]
+    # 310 + 300 + 210 < 850, and 30 s are left
+    assert [one.log for one in of[0].together] == [logs[5], logs[2], logs[4]]
+    assert (of[1]["subject"], of[1]["driver"], of[1]["car"]) == ("car", "", "shared")
+    assert of[0].log not in {job.log for job, _ in jobs if not job.of_car}
