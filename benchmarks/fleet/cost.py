@@ -14,6 +14,7 @@ import math
 import os
 import shutil
 import statistics
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -36,13 +37,14 @@ class Sizes(NamedTuple):
 
     drives: int  # of 3 min, for workers and Dask
     rounds: int
-    short: tuple[int, ...]  # logs of 20 to 30 s, a growing folder
+    short: tuple[int, ...]  # logs of 20 to 30 s
+    analysed: int  # of these
     long_min: float  # min, of the long log
     minute_logs: int  # of 1 min, next to it
 
 
-FULL = Sizes(12, 3, (2_500, 5_000, 10_000), 120.0, 60)
-QUICK = Sizes(6, 1, (50, 100, 200), 12.0, 8)
+FULL = Sizes(12, 3, (2_500, 5_000, 10_000), 200, 120.0, 60)
+QUICK = Sizes(6, 1, (50, 100, 200), 20, 12.0, 8)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -159,50 +161,67 @@ def dask(sizes: Sizes, home: Path, nice: int) -> tuple[list[str], dict[str, floa
 
 
 def scale(sizes: Sizes, home: Path, nice: int) -> tuple[list[str], dict[str, float]]:
-    """A growing folder of short logs: time and memory of the client, and a second run that has nothing to do."""
+    """Thousands of short logs: planning and result handling of the client, and a second run that has nothing to do.
+
+    The client's work is what `canid fleet` does, with the outcome of one real analysis for every log; the analysis itself
+    is measured on the first of them.
+    """
     folder = home / "short"
     folder.mkdir(exist_ok=True)
     vehicle = short_logs.write(sizes.short[-1], folder, seed=7)
-    results = home / "short results"
-    shutil.rmtree(results, ignore_errors=True)
-    lines, client, again = [], [], []
-    done = 0
-    peak = 0
+    analysed = folder / f"first {sizes.analysed}.txt"
+    _listed(analysed, sizes.analysed)
+    real = _fresh([f"@{analysed}", "--vehicle", vehicle, "--workers", "2", "--no-diagnosis"], home, nice)
+    cpu = rows(home / "results", "SELECT median(cpu_s) c FROM {drives}")[0]["c"]
+    lines = [
+        f"| {sizes.analysed} logs of 20 to 30 s, without diagnosis, 2 workers: wall; CPU of the analysis of one | "
+        f"{real.wall_s:.0f} s; {cpu:.2f} s | |"
+    ]
+    walls, peaks, again = [], [], []
     for number in sizes.short:
         names = folder / f"first {number}.txt"
-        names.write_text("".join(f"logs/{short_logs.name(k)}\n" for k in range(number)), encoding="utf-8")
-        words: list[str | Path] = [f"@{names}", "-o", results, "--vehicle", vehicle]
-        words += ["--workers", "2", "--no-diagnosis"]
-        first = run(words, nice=nice)
-        second = run(words, nice=nice)
-        rows_of = rows(results, "SELECT count(*) n, count(DISTINCT log) logs, count(key) keys FROM {logs}")[0]
-        peak = max(peak, first.client_bytes, second.client_bytes)
-        handling = (first.client_cpu_s - second.client_cpu_s) / (number - done)
-        client.append(handling)
-        again.append(second.wall_s)
+        _listed(names, number)
+        results = home / "short results"
+        shutil.rmtree(results, ignore_errors=True)
+        words = [str(results), f"@{names}", str(vehicle), str(folder / "logs" / short_logs.name(0))]
+        first, second = _handled(words), _handled(words)
+        if (first["analysed"], second["analysed"], second["logs"]) != (number, 0, number):
+            raise RuntimeError(f"{number} logs: {first}, then {second}")
+        walls.append(first["wall_s"])
+        again.append(second["wall_s"])
+        peaks.append(max(first["peak_bytes"], second["peak_bytes"]))
         lines.append(
-            f"| {number:,} logs of 20 to 30 s ({number - done:,} new): wall; CPU of the client per new log; client's peak | "
-            f"{first.wall_s:.0f} s; {1000 * handling:.1f} ms; {first.client_bytes / 1e6:.0f} MB | "
-            f"≤ {MAX_CLIENT_BYTES / 1e6:.0f} MB |"
+            f"| {number:,} logs, planning and results alone: wall, of it planning; CPU per log; client's peak | "
+            f"{first['wall_s']:.1f} s, {first['planning_s']:.2f} s; {1000 * first['cpu_s'] / number:.2f} ms; "
+            f"{first['peak_bytes'] / 1e6:.0f} MB | ≤ {MAX_CLIENT_BYTES / 1e6:.0f} MB |"
         )
         lines.append(
-            f"| · a second run, which has nothing to do: wall; per log | {second.wall_s:.1f} s; "
-            f"{1000 * second.wall_s / number:.2f} ms | linear |"
+            f"| · a second run, which has nothing to do: wall; per log | {second['wall_s']:.1f} s; "
+            f"{1000 * second['wall_s'] / number:.2f} ms | |"
         )
-        if (rows_of["n"], rows_of["logs"]) != (number, number):
-            lines.append(
-                f"| · FAULT: {rows_of['n']} rows of {rows_of['logs']} logs instead of {number} | | |"
-            )
-        done = number
-    exponent = math.log(again[-1] / again[0]) / math.log(sizes.short[-1] / sizes.short[0])
+    factor = math.log(sizes.short[-1] / sizes.short[0])
+    exponents = [math.log(x[-1] / x[0]) / factor for x in (walls, again)]
     lines.append(
-        f"| · growth of the second run: exponent | {exponent:.2f} (1: linear; below: a fixed part) | ≤ 1 |"
+        f"| · growth with the number of logs, as an exponent: first run, second run | {exponents[0]:.2f}, "
+        f"{exponents[1]:.2f} | ≤ 1: linear |"
     )
     return lines, {
-        "client_s_per_log": client[-1],
+        "client_s_per_log": walls[-1] / sizes.short[-1],
         "plan_s_per_log": again[-1] / sizes.short[-1],
-        "client_bytes_per_log": peak / sizes.short[-1],
+        "client_bytes_per_log": (peaks[-1] - peaks[0]) / (sizes.short[-1] - sizes.short[0]),
+        "client_bytes": float(peaks[0]),
     }
+
+
+def _listed(names: Path, number: int) -> None:
+    names.write_text("".join(f"logs/{short_logs.name(k)}\n" for k in range(number)), encoding="utf-8")
+
+
+def _handled(words: Sequence[str]) -> dict[str, float]:
+    command = [sys.executable, "-m", "benchmarks.fleet.result_handling", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    out: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return out
 
 
 def long(sizes: Sizes, home: Path, nice: int) -> tuple[list[str], dict[str, float]]:
