@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.fleet.many_fleets import Fleets, Layout, draw, sampler_data
 from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
 from canid.population import gibbs, normal_mixture, spread
 from canid.types import Array
+from tests.plants.many_fleets import Fleets, Layout, draw, sampler_data
 
 LAYOUTS = (
     Layout("2 drivers", 2, 6, 2, 1.0, 0.4),
