@@ -108,7 +108,9 @@ def test_groups_differ_where_they_do(seed: int) -> None:
     assert of.low[0, 0] < -0.6 < of.high[0, 0]
     assert of.high[0, 0] - of.low[0, 0] < 0.7
     assert of.low[0, 1] < 0.0 < of.high[0, 1]
-    assert "12 drivers drive both" in of.status[0]
+    # by chance a driver has one setting in all six drives
+    both = sum(len(set(setting[table.driver == k].tolist())) == 2 for k in range(DRIVERS))
+    assert f"{both} drivers drive both" in of.status[0]
 
 
 def test_groups_of_different_drivers_have_the_spread_between_drivers_as_error(seed: int) -> None:
