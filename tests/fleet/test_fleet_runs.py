@@ -109,21 +109,21 @@ def test_two_runs_into_one_folder_refuse(tmp_path: Path) -> None:
         pass
 
 
-def test_tables_of_all_drives_go_when_the_drives_are_others(tmp_path: Path) -> None:
-    """Drivers and population that were computed from other drives are not shown; the same drives keep them."""
+def test_tables_of_all_drives_are_made_anew_when_the_drives_are_others(tmp_path: Path) -> None:
+    """Drivers and population are those of the drives of the plan; the same drives keep them."""
     logs, out = tmp_path / "logs", tmp_path / "out"
     files = short_logs.write(logs, 3)
     assert fleet_here(logs, "-o", out, *QUICK).returncode == 0
+    tables = [out / f"{name}.parquet" for name in ("drivers", "population")]
     for change in (None, "driver", "log"):
-        for name in ("drivers", "population", "joint_findings"):
-            shutil.copy(out / "power.parquet", out / f"{name}.parquet")
+        before = [table.stat().st_ino for table in tables]
         if change == "driver":
             (logs / "driver 1").rename(logs / "driver 9")
         elif change == "log":
             files[0].unlink()
         assert fleet_here(logs, "-o", out, *QUICK).returncode == 0
-        there = [(out / f"{name}.parquet").exists() for name in ("drivers", "population", "joint_findings")]
-        assert there == [change is None, change is None, True], change
+        kept = [table.stat().st_ino == inode for table, inode in zip(tables, before, strict=True)]
+        assert kept == [change is None] * 2, change
 
 
 @pytest.mark.parametrize("name", ["thesis.tex", "fleet.json", "drives.parquet", "segments/000001.jsonl"])
