@@ -3,7 +3,8 @@
 The means of groups are fixed effects of the hierarchical model of `gibbs` (Laird & Ware 1982), fitted anew with them: a
 spread between drivers that holds the groups' differences would hide them. Where drivers drive several groups, each driver's
 own drives are compared; where each drives one, the spread between drivers is the error. Given B and W the means are normal;
-p-values and intervals are those of the mixture over draws.
+p-values and intervals are those of the mixture over draws. A difference between groups is taken as the same for each driver:
+where drivers differ in it (an interaction, a random slope), intervals of the mean difference are too short.
 """
 
 from __future__ import annotations
