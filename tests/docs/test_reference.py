@@ -30,7 +30,9 @@ def test_both_are_current(made: Path) -> None:
 
 def test_the_tables_of_a_fleet_are_current(tmp_path: Path) -> None:
     """The columns that docs/fleet.md lists are those of canid/fleet/columns.py."""
-    script = "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import fleet_tables as f; "
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import fleet_tables as f; "
+    )
     write = "Path('page').write_text(f.replaced(f.PAGE.read_text('utf-8')), 'utf-8')"
     subprocess.run([sys.executable, "-c", script + write, DOCS], check=True, cwd=tmp_path)
     again = "columns have changed: run python docs/fleet_tables.py"
