@@ -1,10 +1,10 @@
 """Differences between groups of drives, such as settings of the ACC or cars: a mixed model with drivers as random effects.
 
 The means of groups are fixed effects of the hierarchical model of `gibbs` (Laird & Ware 1982), fitted anew with them: a
-spread between drivers that holds the groups' differences would hide them. Where drivers drive several groups, each driver's
-own drives are compared; where each drives one, the spread between drivers is the error. Given B and W the means are normal;
-p-values and intervals are those of the mixture over draws. A difference between groups is taken as the same for each driver:
-where drivers differ in it (an interaction, a random slope), intervals of the mean difference are too short.
+spread between drivers that holds the groups' differences would hide them. Where two or more drivers drive both groups, each
+driver's own drives are compared, and the error is the scatter of the drivers' differences (`driver_contrasts`); where each
+drives one, the spread between drivers is the error: given B and W the means are then normal, and p-values and intervals are
+those of the mixture over draws.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from scipy.special import chdtrc
 
 from canid.population import normal_mixture, scaling
 from canid.population.drive_table import DriveTable, Flags, Index, known
+from canid.population.driver_contrasts import MeanContrast, mean_contrast
 from canid.population.false_discovery import RATE, adjusted
+from canid.population.gibbs import Data, Draws
 from canid.population.hierarchical import run
 from canid.population.spread import wide
 from canid.types import NAN, Array
@@ -139,6 +141,14 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
         each[pair, of] = np.mean(chdtrc(1.0, (d / sd) ** 2), axis=0)
         for x, found_ in zip((value, low, high), normal_mixture.interval(d, sd), strict=True):
             x[pair, of] = found_ * units.size[column][of]
+        crossed = _within_drivers(data, found, g, h)
+        for place in np.flatnonzero([one.drivers > 1 for one in crossed]):
+            iv = crossed[place].difference
+            for x, end in zip((value, low, high), iv, strict=True):
+                x[pair, place] = end * units.size[column][place]
+            each[pair, place] = crossed[place].p_value
+            # of parameters that are correlated: Bonferroni's of the clearest one holds whatever their dependence
+            joint[pair] = min(1.0, float(np.isfinite(each[pair]).sum() * np.nanmin(each[pair])))
     drives: Flags = np.asarray(cells.any(axis=2))
     of_both = np.array(
         [int((drives[:, g] & drives[:, h]).sum()) for g, h in zip(a, b, strict=True)], dtype=np.float64
@@ -165,6 +175,20 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
         tuple(_status(int(x), int(y.min())) for x, y in zip(of_both, sides, strict=True)),
         says,
     )
+
+
+def _within_drivers(data: Data, found: Draws, g: int, h: int) -> list[MeanContrast]:
+    """Contrasts of two groups within drivers, of each parameter."""
+    within = np.einsum("dckk->dck", found.within).mean(axis=(0, 1))
+    weight = np.maximum(found.drive_weight.mean(axis=0), 1e-9)
+    here: Flags = np.asarray((data.group == g) | (data.group == h))
+    second: Flags = np.asarray(data.group == h)
+    return [
+        mean_contrast(
+            data.y[k, 0], (data.s[k, k, 0] + within[k]) / weight, data.known[k, 0], data.driver, second, here
+        )
+        for k in range(len(data.y))
+    ]
 
 
 def _groups(labels: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
