@@ -81,10 +81,28 @@ def planned(
     found = listing.listed(words, skip)
     if vehicle is None and of is None:
         _need_no_vehicle(found)
-    logs = [_planned(one, by, of, default, sources) for one in found]
+    flat = _flat_folders(found) if by is None else frozenset()
+    logs = [_planned(one, by, of, default, sources, flat) for one in found]
     if any(one.source == HEADINGS.fingerprint for one in logs):
         sources[HEADINGS.fingerprint] = HEADINGS
-    return Plan(logs, sources, _notes(found, logs, by, of))
+    return Plan(logs, sources, _notes([_below_named(one, flat) for one in found], logs, by, of))
+
+
+def _flat_folders(found: Sequence[Listed]) -> frozenset[str]:
+    """Roots whose logs lie in them directly, where several were named: then their own names are the drivers'."""
+    roots = {one.root for one in found}
+    deep = {one.root for one in found if "/" in one.relative}
+    return frozenset(roots - deep) if len(roots) > 1 else frozenset()
+
+
+def _below_named(one: Listed, flat: frozenset[str]) -> str:
+    """The path by which driver and car are known.
+
+    >>> _below_named(Listed("/logs/anna/a.blf", "/logs/anna", 1, 0), frozenset(["/logs/anna"]))
+    'anna/a.blf'
+    """
+    name = one.root.rstrip("/").rpartition("/")[2]
+    return f"{name}/{one.relative}" if one.root in flat and name else one.relative
 
 
 def _need_no_vehicle(found: Sequence[Listed]) -> None:
@@ -102,11 +120,16 @@ def _may_be_table(path: str) -> bool:
 
 
 def _planned(
-    one: Listed, by: FolderPattern | None, of: VehicleMap | None, default: str, sources: Mapping[str, Source]
+    one: Listed,
+    by: FolderPattern | None,
+    of: VehicleMap | None,
+    default: str,
+    sources: Mapping[str, Source],
+    flat: frozenset[str],
 ) -> PlannedLog:
     relative = one.relative
     entry = entry_of(relative, of) if of is not None else None
-    folders = whose(relative, by)
+    folders = whose(_below_named(one, flat), by)
     driver = (entry.driver if entry else "") or (folders.driver if folders else "")
     car = (entry.car if entry else "") or (folders.car if folders else "")
     group = (entry.group if entry else "") or (folders.group if folders else "")
@@ -148,11 +171,11 @@ def _problem(
 
 
 def _notes(
-    found: Sequence[Listed], logs: Sequence[PlannedLog], by: FolderPattern | None, of: VehicleMap | None
+    found: Sequence[str], logs: Sequence[PlannedLog], by: FolderPattern | None, of: VehicleMap | None
 ) -> tuple[str, ...]:
     if by is not None or of is not None:
         return ()
-    depths = {min(one.relative.count("/"), 2) for one in found}
+    depths = {min(one.count("/"), 2) for one in found}
     drivers = {one.driver for one in logs}
     says = {
         0: "logs without folders have their names as drivers",

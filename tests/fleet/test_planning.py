@@ -233,7 +233,7 @@ def test_logs_in_storage_have_the_drivers_of_their_folders() -> None:
         assert all(one.modified_ns > 1.6e18 for one in whole)
         pattern_of_logs = ["memory://canid fleet/*/*.log", "memory://canid fleet/anna/a.blf"]
         some = planned(pattern_of_logs, vehicle="generic").logs
-        assert [(one.log, one.driver) for one in some] == [(whole[1].log, "ben"), (whole[0].log, "a")]
+        assert [(one.log, one.driver) for one in some] == [(whole[1].log, "ben"), (whole[0].log, "anna")]
         with pytest.raises(ConfigError, match="holds no log"):
             planned(["memory://canid fleet/*.trc"], vehicle="generic")
     finally:
@@ -285,3 +285,13 @@ def test_ten_thousand_logs_are_planned_without_reading_one(tmp_path: Path) -> No
     logs, opened, folders, bytes_of_a_log = map(int, done.stdout.split())
     assert (logs, opened, folders) == (10_000, 0, 101)
     assert bytes_of_a_log < 1000
+
+
+def test_folders_that_are_named_one_by_one_are_drivers(tmp_path: Path) -> None:
+    """`canid fleet logs/anna logs/ben`: the folders' own names; one with folders of its own keeps those."""
+    for name in ("anna/a.blf", "ben/b.blf", "car/cleo/c.blf"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_bytes(b"0")
+    words = [str(tmp_path / name) for name in ("anna", "ben", "car")]
+    assert [one.driver for one in planned(words, vehicle="generic").logs] == ["anna", "ben", "cleo"]
+    assert [one.driver for one in planned(words[:1], vehicle="generic").logs] == ["a"]
