@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -132,13 +132,14 @@ class ReceiveOnlyBus:
 
     def recv_many(self, timeout: float) -> ReceivedColumns | None:
         """Wait up to `timeout` s for frames, and a little for those that follow; otherwise as `recv`."""
-        if not isinstance(self._receiver, ManyReceiver):
+        receiver = self._receiver
+        # by its attribute: isinstance() with a protocol evaluates all others, and that of the drops is a query
+        if not hasattr(receiver, "recv_many"):
             return self._gathered(timeout)
+        many_receiver = cast(ManyReceiver, receiver)
         end = 0.0
         while True:
-            if self._receiver is None:
-                raise BusError(f"{self.name} is closed")
-            many = self._receiver.recv_many(timeout)
+            many = many_receiver.recv_many(timeout)
             if many is None:
                 return None
             frames = self._checked(many)
@@ -178,8 +179,7 @@ class ReceiveOnlyBus:
         frames = many.frames
         for why, ns in many.impossible:
             self._left_out(why, ns)
-        good = possible(frames)
-        if not good.all():
+        if not many.checked and not (good := possible(frames)).all():
             for got in frames_of(select(frames, ~good)):
                 self._left_out(why_impossible(got), got.ns if self._offset == 0 else 0)
             frames = select(frames, good)

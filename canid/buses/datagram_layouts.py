@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.buses.frame_check import ImpossibleFrameError, why_impossible
+from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, largest_id, why_impossible
 from canid.buses.received_columns import Many, ReceivedColumns, columns_of, select
 from canid.buses.received_frame import Received
 from canid.buses.udp_multicast import parse
@@ -27,6 +27,8 @@ _FEW = 8
 _UNSIGNED = {0xCC: 1, 0xCD: 2, 0xCE: 4}
 _FLOAT_64, _BIN_8, _STR_8 = 0xCB, 0xC4, 0xD9
 
+_BIG_ENDIAN = {1: ">u1", 2: ">u2", 4: ">u4"}
+
 Octets = npt.NDArray[np.uint8]
 
 
@@ -38,7 +40,10 @@ class Layout(NamedTuple):
     frame: Received
     id_at: int
     id_bytes: int
+    largest_id: int  # that such a frame can have
     data_at: int
+    flags: npt.NDArray[np.uint8]  # (`most`,) of as many frames as one call can return, all the same
+    length: npt.NDArray[np.uint8]  # as well
 
 
 class _Places(NamedTuple):
@@ -103,8 +108,8 @@ def places(datagram: bytes) -> _Places | None:
     return _Places(found["arbitration_id"], found["timestamp"], found["data"])
 
 
-def layout_of(datagram: bytes, frame: Received) -> Layout | None:
-    """The layout of a datagram that holds this frame; None where it has none."""
+def layout_of(datagram: bytes, frame: Received, most: int) -> Layout | None:
+    """The layout of a datagram that holds this frame; None where it has none. `most`: frames of one call."""
     found = places(datagram)
     if found is None or found.data[1] != len(frame.data):
         return None
@@ -119,15 +124,21 @@ def layout_of(datagram: bytes, frame: Received) -> Layout | None:
     padded[0, : len(datagram)] = np.frombuffer(datagram, np.uint8)
     padded[1, : len(datagram)] = compared
     words = padded.view(np.uint64)
-    return Layout(words[0] & words[1], words[1], frame, id_at, id_bytes, found.data[0])
+    flags = np.full(most, frame.flags, np.uint8)
+    length = np.full(most, max(frame.length, len(frame.data)), np.uint8)
+    largest = largest_id(frame.flags)
+    return Layout(
+        words[0] & words[1], words[1], frame, id_at, id_bytes, largest, found.data[0], flags, length
+    )
 
 
 class DatagramReader:
     """Datagrams as columns; remembers the layouts that came."""
 
-    def __init__(self, unpack: Callable[[bytes], Any]):
-        """`unpack`: msgpack's."""
+    def __init__(self, unpack: Callable[[bytes], Any], most: int):
+        """`unpack`: msgpack's; `most`: datagrams of one call."""
         self._unpack = unpack
+        self._most = most
         self._layouts: dict[int, list[Layout]] = {}  # by the datagram's size
         self._count = 0
 
@@ -147,6 +158,9 @@ class DatagramReader:
             whole: a datagram, by its row.
         """
         n = len(octets)
+        alike = self._read_all(octets, lengths, ns)
+        if alike is not None:
+            return alike
         frames = ReceivedColumns(
             ns.copy(),
             np.zeros(n, np.uint32),
@@ -175,6 +189,22 @@ class DatagramReader:
         if impossible:
             frames = select(frames, good)
         return Many(frames, impossible)
+
+    def _read_all(self, octets: Octets, lengths: npt.NDArray[Any], ns: npt.NDArray[np.int64]) -> Many | None:
+        """Read datagrams that have all one layout, which came before; None: they have not."""
+        size = int(lengths[0])
+        layouts = self._layouts.get(size)
+        if layouts is None or not (lengths == size).all():
+            return None
+        words = octets[:, : -(-size // 8) * 8].view(np.uint64)
+        for layout in layouts:
+            if ((words & layout.compared) == layout.words).all():
+                n, id_ = len(octets), _ids(octets, layout)
+                frames = ReceivedColumns(ns, id_, layout.flags[:n], layout.length[:n], _data(octets, layout))
+                return Many(
+                    frames, checked=int(id_.max()) <= layout.largest_id and bool(ns.max() <= MAX_STAMP_NS)
+                )
+        return None
 
     def _single(self, datagram: bytes, ns: int) -> Received | tuple[str, int]:
         """A datagram by itself; why it holds no frame that a bus can carry, and when it came."""
@@ -210,7 +240,7 @@ class DatagramReader:
         while len(rows) > _FEW:
             datagram = whole(int(rows[0]))
             got = self._single(datagram, 0)
-            found = layout_of(datagram, got) if isinstance(got, Received) else None
+            found = layout_of(datagram, got, self._most) if isinstance(got, Received) else None
             if found is None:
                 single.append(int(rows[0]))
                 rows, words = rows[1:], words[1:]
@@ -231,17 +261,28 @@ class DatagramReader:
 
 def _read_rows(octets: Octets, rows: npt.NDArray[np.int64], layout: Layout, frames: ReceivedColumns) -> None:
     """Read datagrams of one layout into their rows."""
-    _, _, flags, length, _ = frames
-    frame = layout.frame
-    id_ = np.zeros(len(rows), np.uint32)
-    for at in range(layout.id_at, layout.id_at + layout.id_bytes):
-        id_ = id_ << np.uint32(8) | octets[rows, at]
-    frames.id[rows] = id_
-    flags[rows] = frame.flags
-    length[rows] = max(frame.length, len(frame.data))
-    n = len(frame.data)
-    if n:
-        frames.data[rows, :n] = octets[rows, layout.data_at : layout.data_at + n]
+    alike = octets[rows]
+    data = _data(alike, layout)
+    frames.id[rows] = _ids(alike, layout)
+    frames.flags[rows] = layout.frame.flags
+    frames.length[rows] = layout.length[0]
+    frames.data[rows, : data.shape[1]] = data
+
+
+def _ids(octets: Octets, layout: Layout) -> npt.NDArray[np.uint32]:
+    """The ids of datagrams of one layout."""
+    part = octets[:, layout.id_at : layout.id_at + layout.id_bytes]
+    return (
+        np.ascontiguousarray(part).view(_BIG_ENDIAN[layout.id_bytes]).reshape(len(octets)).astype(np.uint32)
+    )
+
+
+def _data(octets: Octets, layout: Layout) -> Octets:
+    """The data of datagrams of one layout, as wide as columns are."""
+    size = len(layout.frame.data)
+    data = np.zeros((len(octets), CLASSIC_BYTES if size <= CLASSIC_BYTES else FD_BYTES), np.uint8)
+    data[:, :size] = octets[:, layout.data_at : layout.data_at + size]
+    return data
 
 
 def _put(frames: ReceivedColumns, row: int, got: Received) -> None:

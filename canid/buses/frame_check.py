@@ -80,6 +80,15 @@ def why_impossible(frame: Received) -> str:
     return _why(frame)
 
 
+def largest_id(flags: int) -> int:
+    """The largest id of a frame with these flags; -1 for flags that no bus can carry.
+
+    >>> largest_id(0), largest_id(int(Flag.EXTENDED)), largest_id(int(Flag.REMOTE | Flag.FD))
+    (2047, 536870911, -1)
+    """
+    return _RULES[flags][0] if flags in _RULES else -1
+
+
 def possible(columns: ReceivedColumns) -> npt.NDArray[np.bool_]:
     """Which frames a bus can carry: those for which `why_impossible` finds nothing.
 

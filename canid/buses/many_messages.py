@@ -81,7 +81,10 @@ class ManyMessages:
     """
 
     def __init__(self, sock: socket.socket, *, most: int, octets: int, ancillary: int, more: int = 0) -> None:
-        """`most` messages of `octets` bytes, and of `more` in another array, with `ancillary` bytes of control messages."""
+        """`most` messages of `octets` bytes, and of `more` in another array, with `ancillary` bytes of control messages.
+
+        `ancillary`: a multiple of 8.
+        """
         self.most = most
         self.octets = np.zeros((most, octets), np.uint8)
         self.more = np.zeros((most, more), np.uint8)
@@ -98,6 +101,8 @@ class ManyMessages:
         header["control"] = _addresses(self.ancillary)
         header["controllen"] = ancillary
         self._at = self._headers.ctypes.data
+        self._words = self.ancillary.view(np.int64)
+        self._usual: _Usual | None = None
         self.lengths = self._headers["length"]  # bytes of each message that are in the arrays
         self.flags = header["flags"]
         self.ancillary_lengths = header["controllen"]
@@ -112,9 +117,38 @@ class ManyMessages:
 
     def stamps(self, count: int) -> Stamps:
         """The control messages of the first `count` messages; they can be read once."""
-        found = stamps(self.ancillary[:count], self.ancillary_lengths[:count])
-        self.ancillary_lengths[:count] = self.ancillary.shape[1]
+        words, usual = self._words[:count], self._usual
+        # the words of headers are erased behind each reading: what fits has come with this call
+        if usual is None or not (words[:, : usual.stamp] == usual.heads).all():
+            lengths = self.ancillary_lengths[:count]
+            found = stamps(self.ancillary[:count], lengths)
+            self._usual = _usual(self.ancillary[0, : int(lengths[0])])
+            self.ancillary_lengths[:count] = self.ancillary.shape[1]
+        else:
+            at = usual.stamp
+            found = Stamps(words[:, at] * 1_000_000_000 + words[:, at + 1], None, None)
+            if usual.length != self.ancillary.shape[1]:
+                self.ancillary_lengths[:count] = self.ancillary.shape[1]
+        words[:, 0] = 0
         return found
+
+
+class _Usual(NamedTuple):
+    """Control messages that hold the kernel's stamp of 64 bits alone: so are nearly all."""
+
+    length: int
+    heads: npt.NDArray[np.int64]  # the words of the header
+    stamp: int  # the first word of the time
+
+
+def _usual(ancillary: Octets) -> _Usual | None:
+    found, heads = _walk(ancillary)
+    if len(found) != 1 or len(heads) % 8 or len(ancillary) % 8:
+        return None
+    kind, begin, end = found[0]
+    if kind not in (SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW) or begin != len(heads) or end - begin < 16:
+        return None
+    return _Usual(len(ancillary), ancillary[:begin].copy().view(np.int64), begin // 8)
 
 
 def _addresses(array: npt.NDArray[Any]) -> npt.NDArray[np.uintp]:
@@ -125,7 +159,9 @@ class Stamps(NamedTuple):
     """What the control messages of n messages say."""
 
     ns: npt.NDArray[np.int64]  # (n,) when the kernel received each; 0: not given
-    hardware: npt.NDArray[np.int64]  # (n,) ns of the device's own clock; 0: not given
+    hardware: (
+        npt.NDArray[np.int64] | None
+    )  # (n,) ns of the device's own clock, 0: not given; None: none at all
     drops: int | None  # the kernel's count as of the last message that gives it
 
 
@@ -137,7 +173,7 @@ def stamps(ancillary: Octets, lengths: npt.NDArray[Any]) -> Stamps:
         lengths: (n,) bytes of each.
     """
     n = len(ancillary)
-    out = Stamps(np.zeros(n, np.int64), np.zeros(n, np.int64), None)
+    ns, hardware = np.zeros(n, np.int64), np.zeros(n, np.int64)
     drops: int | None = None
     left = np.arange(n)
     while left.size:
@@ -151,13 +187,13 @@ def stamps(ancillary: Octets, lengths: npt.NDArray[Any]) -> Stamps:
         for kind, begin, end in found:
             value = whole[:, begin:end]
             if kind in (SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW):
-                out.ns[rows] = _timespec(value)
+                ns[rows] = _timespec(value)
             elif kind in (SO_TIMESTAMPING, SO_TIMESTAMPING_NEW):
                 # three times: software, one that is not used any more, raw hardware
-                out.hardware[rows] = _timespec(value[:, 2 * (end - begin) // 3 :])
+                hardware[rows] = _timespec(value[:, 2 * (end - begin) // 3 :])
             elif kind == SO_RXQ_OVFL:
                 drops = max(drops or 0, int(np.ascontiguousarray(value[-1:, :4]).view(np.uint32)[0, 0]))
-    return out._replace(drops=drops)
+    return Stamps(ns, hardware if hardware.any() else None, drops)
 
 
 def _walk(ancillary: Octets) -> tuple[list[tuple[int, int, int]], list[int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -29,12 +29,11 @@ class Many(NamedTuple):
     """The result of one call that receives many messages."""
 
     frames: ReceivedColumns
-    impossible: Sequence[
-        tuple[str, int]
-    ] = ()  # messages that are no frames: why, and when in ns (0: unknown)
+    # messages that are no frames: why, and when in ns (0: unknown)
+    impossible: Sequence[tuple[str, int]] = ()
+    checked: bool = False  # it is known that a bus can carry all of them
 
 
-@runtime_checkable
 class ManyReceiver(Receiver, Protocol):
     """A receiver that takes many messages with one call."""
 

@@ -126,12 +126,11 @@ class SocketcanColumnsReceiver(SocketcanReceiver):
         return frames
 
     def _chosen_stamps(
-        self, frames: ReceivedColumns, hardware: npt.NDArray[np.int64]
+        self, frames: ReceivedColumns, given: npt.NDArray[np.int64] | None
     ) -> npt.NDArray[np.int64]:
         """Choose the clock at the first frame that is no error frame, for all that follow; as `_stamped`."""
         n = len(frames.ns)
-        if not self._hardware:
-            hardware = np.zeros(n, np.int64)
+        hardware = given if given is not None and self._hardware else np.zeros(n, np.int64)
         ordinary = np.flatnonzero((frames.flags & int(Flag.ERROR)) == 0)
         kernel_from = n
         if self.clock is TimestampSource.UNKNOWN and ordinary.size:

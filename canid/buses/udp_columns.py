@@ -36,7 +36,7 @@ class UdpColumnsReceiver(UdpReceiver):
             ancillary=ANCILLARY_BYTES,
         )
         self._pace = Pace()
-        self._reader = DatagramReader(self._unpack)
+        self._reader = DatagramReader(self._unpack, MOST)
 
     def recv_many(self, timeout: float) -> Many | None:
         """Wait up to `timeout` s, and a little for those that follow; raises BusError where the socket fails."""
