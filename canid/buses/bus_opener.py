@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -114,10 +113,8 @@ def _socketcan(bus: Any, hardware_stamps: bool, device: DeviceWatch | None) -> R
     from canid.buses.socketcan import SocketcanReceiver
     from canid.buses.socketcan_columns import SocketcanColumnsReceiver
 
-    many = many_messages.available(bus.socket)
-    return (SocketcanColumnsReceiver if many else SocketcanReceiver)(
-        bus, hardware=hardware_stamps, device=device
-    )
+    receiver = SocketcanColumnsReceiver if many_messages.available() else SocketcanReceiver
+    return receiver(bus, hardware=hardware_stamps, device=device)
 
 
 def _udp(bus: Any, name: str, count: Callable[[], int]) -> Receiver:
@@ -125,9 +122,7 @@ def _udp(bus: Any, name: str, count: Callable[[], int]) -> Receiver:
     from canid.buses.udp_columns import UdpColumnsReceiver
     from canid.buses.udp_multicast import UdpReceiver
 
-    with socket.socket(fileno=os.dup(bus.fileno())) as sock:
-        many = many_messages.available(sock)
-    return (UdpColumnsReceiver if many else UdpReceiver)(bus, name, count)
+    return (UdpColumnsReceiver if many_messages.available() else UdpReceiver)(bus, name, count)
 
 
 def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:

@@ -61,9 +61,9 @@ def _call() -> Any:
     return call if ctypes.get_errno() == errno.EBADF else None
 
 
-def available(sock: object) -> bool:
-    """Whether many messages of this socket can be received with one call."""
-    return isinstance(sock, socket.socket) and _call() is not None
+def available() -> bool:
+    """Whether many messages can be received with one call."""
+    return _call() is not None
 
 
 class ManyMessages:
@@ -118,8 +118,7 @@ class ManyMessages:
     def stamps(self, count: int) -> Stamps:
         """The control messages of the first `count` messages; they can be read once."""
         words, usual = self._words[:count], self._usual
-        # the words of headers are erased behind each reading: what fits has come with this call
-        if usual is None or not (words[:, : usual.stamp] == usual.heads).all():
+        if usual is None or not self._are_usual(usual, count):
             lengths = self.ancillary_lengths[:count]
             found = stamps(self.ancillary[:count], lengths)
             self._usual = _usual(self.ancillary[0, : int(lengths[0])])
@@ -131,6 +130,14 @@ class ManyMessages:
                 self.ancillary_lengths[:count] = self.ancillary.shape[1]
         words[:, 0] = 0
         return found
+
+    def _are_usual(self, usual: _Usual, count: int) -> bool:
+        # the first words are erased behind each reading: headers that fit have come with this call
+        if not (self._words[:count, : usual.stamp] == usual.heads).all():
+            return False
+        # where they fill the room there is none for others
+        full = usual.length == self.ancillary.shape[1]
+        return full or bool((self.ancillary_lengths[:count] == usual.length).all())
 
 
 class _Usual(NamedTuple):

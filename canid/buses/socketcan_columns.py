@@ -60,17 +60,17 @@ def parse_many(
     room = np.where(fd, FD_BYTES, CLASSIC_BYTES)
     remote &= ~error
     length = np.where(remote, octets[:, 4], np.minimum(octets[:, 4], room)).astype(np.uint8)
-    flags = np.where(fd, _FD_FLAGS[octets[:, 5]], 0)
+    flags = np.where(fd, _FD_FLAGS[octets[:, 5]], np.uint8(0))
     flags[remote] |= int(Flag.REMOTE)
     flags[extended] |= int(Flag.EXTENDED)
     flags[error] = int(Flag.ERROR)
     # the kernel marks frames that this machine sent
-    flags |= np.where(message_flags & socket.MSG_DONTROUTE, int(Flag.TX), 0)
+    flags[(message_flags & socket.MSG_DONTROUTE) != 0] |= int(Flag.TX)
     shown = np.where(remote, 0, length)
     width = FD_BYTES if len(shown) and shown.max() > CLASSIC_BYTES else CLASSIC_BYTES
     data = octets[:, _HEADER_BYTES : _HEADER_BYTES + width] * (np.arange(width) < shown[:, None])
     id_ = word & np.where(error | extended, np.uint32(_EFF_MASK), np.uint32(_SFF_MASK))
-    return ReceivedColumns(ns, id_, flags.astype(np.uint8), length, data)
+    return ReceivedColumns(ns, id_, flags, length, data)
 
 
 class SocketcanColumnsReceiver(SocketcanReceiver):
