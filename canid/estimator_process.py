@@ -325,7 +325,7 @@ class Estimating:
                         # nothing was outstanding: the wait for an answer begins now
                         self._answered = sent_at
                     self._sent += len(chunk.t)
-                    pickle.dump(tuple(chunk), stream, protocol=5)
+                    stream.write(pickle.dumps(tuple(chunk), protocol=5))  # one system call
                     stream.flush()
                 if end:
                     break

@@ -83,11 +83,12 @@ class ManyMessages:
     def __init__(self, sock: socket.socket, *, most: int, octets: int, ancillary: int, more: int = 0) -> None:
         """`most` messages of `octets` bytes, and of `more` in another array, with `ancillary` bytes of control messages.
 
-        `ancillary`: a multiple of 8.
+        The room for control messages is rounded up to whole words of 8 bytes: a system of 32 bits aligns by 4.
         """
         self.most = most
         self.octets = np.zeros((most, octets), np.uint8)
         self.more = np.zeros((most, more), np.uint8)
+        ancillary += -ancillary % 8
         self.ancillary = np.zeros((most, ancillary), np.uint8)
         self._socket = sock
         self._parts = np.zeros((most, 2), _IOVEC)

@@ -30,7 +30,7 @@ from canid.recording.recorder_stats import BusStats, Stats
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import PROGRESS_S, join
 from canid.recording.trigger_gate import TriggerGate, TriggerStats
-from canid.types import Columns, Event, Flag
+from canid.types import Array, Columns, Event, Flag
 
 # s that all buses may be lost before the recorder gives up
 ALL_LOST_TIMEOUT_S = 5.0
@@ -314,7 +314,8 @@ class Recorder:
         if self._first_ns is None:
             self._first_ns = int(ns[0])
         bus = np.full(len(ns), index, np.uint16)
-        part = Columns((ns - self._first_ns).astype(np.float64) * 1e-9, bus, id_, flags, length, data)
+        t: Array = np.multiply(ns - self._first_ns, 1e-9)
+        part = Columns(t, bus, id_, flags, length, data)
         each = self._buses[index]
         each.busy += bus_load.seconds(part, each.bus.bitrate, each.bus.data_bitrate)
         self._latest = float(part.t[-1])
@@ -327,10 +328,10 @@ class Recorder:
             self._note_clock(each, float(part.t[0]))
         each.frames += len(ns)
         self._frames += len(ns)
-        errors = np.flatnonzero(flags & _ERROR)
-        for row in errors.tolist():
-            each.errors += 1
-            self._error_frame(each, int(id_[row]), data[row, : length[row]].tobytes())
+        if np.bitwise_or.reduce(flags) & _ERROR:
+            for row in np.flatnonzero(flags & _ERROR).tolist():
+                each.errors += 1
+                self._error_frame(each, int(id_[row]), data[row, : length[row]].tobytes())
         return part
 
     def _error_frame(self, each: BusReader, id_: int, data: bytes) -> None:
