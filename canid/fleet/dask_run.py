@@ -7,6 +7,7 @@ once more alone, so that no other log is blamed for it, and then fails.
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import queue
 import time
@@ -102,6 +103,7 @@ class _Run:
         self._done: queue.SimpleQueue[tuple[int, str]] = queue.SimpleQueue()
         self._generation = 0  # of the client
         self._numbers = count()
+        self._yielded = True  # since the last loss, or nothing was lost
         self._threads = 0
         self._counted = -CHECK_S  # s, when the threads were counted
 
@@ -118,6 +120,7 @@ class _Run:
                 self._reconnect()
                 continue
             if found is not None:
+                self._yielded = True
                 yield found
 
     def close(self, own: bool) -> None:
@@ -146,7 +149,11 @@ class _Run:
 
     def _reconnect(self) -> None:
         """Wait for the scheduler, and submit again what has no outcome."""
-        self._inform(
+        inform = (
+            self._inform if self._yielded else _silently
+        )  # a second loss before any outcome is the same one
+        self._yielded = False
+        inform(
             f"the connection to {self._address} is lost: waiting {self._patience_s:g} s for it; what has no result yet "
             "is submitted again"
         )
@@ -247,7 +254,7 @@ class _Run:
     def _gathered(self, key: str, future: Any) -> Outcome:
         try:
             outcome = future.result(timeout=self._patience_s)
-        except Exception as error:  # a lost connection has many names
+        except (Exception, asyncio.CancelledError) as error:  # a lost connection has many names
             raise SchedulerLostError(one_line(error)) from None
         self._forget(key)
         return Outcome(*outcome)
@@ -255,7 +262,7 @@ class _Run:
     def _erred(self, key: str, future: Any) -> Outcome | None:
         try:
             error: BaseException = future.exception(timeout=self._patience_s)
-        except Exception as lost:  # a lost connection has many names
+        except (Exception, asyncio.CancelledError) as lost:  # a lost connection has many names
             raise SchedulerLostError(one_line(lost)) from None
         of = self._in_hand[key]
         self._forget(key)

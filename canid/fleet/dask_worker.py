@@ -6,7 +6,7 @@ import atexit
 
 from canid.errors import ConfigError
 from canid.fleet.isolated import Children
-from canid.fleet.job import Job, Outcome, Source
+from canid.fleet.job import Failure, Job, Outcome, Source
 from canid.fleet.key import IDENTITY
 
 # of this worker's threads; they end with it, also where it is killed
@@ -24,10 +24,14 @@ def analyse(identity: str, job: Job, source: Source) -> Outcome:
 
     Raises:
         ConfigError: this worker has another version of canid.
+        RuntimeError: this worker is about to end; the log is for another one.
     """
     if identity != IDENTITY:
         raise ConfigError(other_version(IDENTITY, identity))
-    return _CHILDREN.analyse(job, source)
+    outcome = _CHILDREN.analyse(job, source)
+    if _CHILDREN.closed and outcome.failure is Failure.CRASHED:
+        raise RuntimeError("this worker ends")
+    return outcome
 
 
 def given(source: Source) -> Source:

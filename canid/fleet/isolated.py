@@ -185,6 +185,11 @@ class Children:
                 child.close()
         return child.analyse(job, source)
 
+    @property
+    def closed(self) -> bool:
+        """Whether they were ended: a log that was in hand then has no outcome of its own."""
+        return self._closed
+
     def close(self) -> None:
         """End all children at once."""
         with self._lock:
