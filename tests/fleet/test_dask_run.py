@@ -126,8 +126,9 @@ def test_the_scheduler_is_killed_and_comes_back(
         if len(found) == 2:
             running.restart_scheduler()
     check(found, expected)
-    assert len(lines) == 1
-    assert running.address in lines[0]
+    # at the beginning the workers that the test before has killed may not be back
+    (lost,) = (line for line in lines if "is lost" in line)
+    assert running.address in lost
 
 
 def test_a_scheduler_that_never_comes_back(tmp_path: Path, jobs: list[Job]) -> None:
