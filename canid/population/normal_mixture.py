@@ -30,8 +30,8 @@ def quantile(mean: Array, sd: Array, q: float) -> Array:
         (...), NaN where a component is NaN.
 
     Example:
-        >>> round(float(quantile(np.zeros(5), np.ones(5), 0.975)), 2)
-        1.96
+        >>> round(float(quantile(np.zeros(5), np.ones(5), 0.9)), 2)
+        1.28
     """
     low, high = np.min(mean - WIDEST * sd, axis=0), np.max(mean + WIDEST * sd, axis=0)
     # components without width are steps

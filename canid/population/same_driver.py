@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
-from canid.identification.confidence import MISS
+from canid.identification.confidence import MISS, NORMAL_QUANTILE
 from canid.population import weighted_drives
 from canid.population.batched_inverse import inverse, times
 from canid.population.drive_table import DriveTable, Flags, Index
@@ -27,8 +27,8 @@ MAX_DRIVERS = 500
 # chance of telling two drivers of this population apart from which on a pair that does not differ is perhaps one person, and
 # power by which a detectable difference is stated (Cohen 1988: 0.8)
 POWER = 0.8
-# normal quantiles of a two-sided 5 % test and of that power: 1.96 + 0.84
-DETECTABLE = 2.80
+# normal quantiles of a two-sided test, and of that power
+DETECTABLE = NORMAL_QUANTILE + 0.84
 ONE_DRIVE_EACH = (
     "one drive per driver: differences between drivers and between drives of one driver cannot be separated; record a "
     "second drive of some drivers"
