@@ -23,7 +23,6 @@ from canid.buses.message_stamps import MessageStamps
 from canid.errors import CanidError, one_line
 from canid.estimator_process import CHUNK_S, Estimating
 from canid.files import state_keeper
-from canid.frame_columns import columns_of
 from canid.types import Estimate, Event, Sample
 
 if TYPE_CHECKING:
@@ -252,7 +251,7 @@ class Listener(_PythonCanListener):
                 self._bad += 1
                 self._complain("a message", error)
         if frames:
-            self._estimating.put(columns_of(frames))
+            self._estimating.put(frames)
 
     def _keep_state(self) -> None:
         why = self._save(self._estimating.state)

@@ -8,18 +8,17 @@ all frames up to `pre` s after it; what cannot be evaluated counts as true.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import accumulate
 from math import inf
 from typing import NamedTuple
 
-import numpy as np
-
-from canid import frame_columns
-from canid.types import Array, Columns
+from canid.types import Frame
 
 # frames in the buffer: 60 s before the trigger and 30 s without an evaluation at 8,000 frames/s, a full 1 Mbit/s bus;
-# 30 MB (40 bytes a frame, 96 with the 64 data bytes of CAN FD)
+# some 200 MB (280 bytes a frame, 340 with the 64 data bytes of CAN FD)
 MAX_BUFFERED_FRAMES = 720_000
 # s that frames stay longer than `pre`, for a mark that is taken up late
 MARK_MARGIN_S = 2.0
@@ -50,8 +49,8 @@ class Batch(NamedTuple):
     """Frames that came together."""
 
     first: int  # number of the first frame
-    times: Array  # s, ascending
-    frames: Columns
+    times: list[float]  # s, ascending
+    frames: Sequence[Frame]
     at: float  # s, monotonic clock, when they came
 
 
@@ -67,7 +66,7 @@ class End(NamedTuple):
     window: Window
 
 
-Item = Columns | Begin | End
+Item = list[Frame] | Begin | End
 
 
 class PreTriggerBuffer:
@@ -75,11 +74,9 @@ class PreTriggerBuffer:
 
     Example:
         >>> buffer = PreTriggerBuffer(pre=1.0, post=0.5)
-        >>> from canid.types import Frame
-        >>> chunk = frame_columns.columns_of([Frame(0.5 * k, 0, k, b"") for k in range(10)])
-        >>> buffer.put(chunk, at=0.0)
+        >>> buffer.put([Frame(0.5 * k, 0, k, b"") for k in range(10)], at=0.0)
         >>> buffer.answered(6, [(4, 5, "brake")])
-        >>> [item.id.tolist() for item in buffer.take() if isinstance(item, Columns)]
+        >>> [[frame.id for frame in item] for item in buffer.take() if isinstance(item, list)]
         [[2, 3], [4, 5]]
     """
 
@@ -118,14 +115,13 @@ class PreTriggerBuffer:
         """The window that the newest frame is in."""
         return next((w for w in self._windows if w.start <= self.latest <= w.end), None)
 
-    def put(self, frames: Columns, at: float) -> None:
+    def put(self, frames: Sequence[Frame], at: float) -> None:
         """Take frames that came at `at` s of the monotonic clock."""
-        n = len(frames.t)
-        if not n:
+        if not frames:
             return
-        batch = Batch(self._number, self._times(frames.t, at), frames, at)
-        self._number += n
-        self.buffered += n
+        batch = Batch(self._number, self._times(frames, at), frames, at)
+        self._number += len(frames)
+        self.buffered += len(frames)
         self._ring.append(batch)
         self._unanswered.append(batch)
         if not self._evaluating:
@@ -137,7 +133,7 @@ class PreTriggerBuffer:
         if self._answers <= self._known:
             return  # it was decided without this answer
         if self._time_of(max(base, self._known)) <= self._settled:
-            until = _right(self._times_from(self._known), self._settled)
+            until = bisect_right(self._times_from(self._known), self._settled)
             self._true(self._known, min(self._known + until, self._answers), NOT_EVALUATED)
         else:
             self.unevaluated = False
@@ -161,7 +157,7 @@ class PreTriggerBuffer:
         """What came before `at` s (monotonic clock) and is not answered for counts as true; whether there was any."""
         some = False
         while self._unanswered and self._unanswered[0].at < at:
-            self._count_as_true(self._unanswered[0].first + len(self._unanswered[0].times))
+            self._count_as_true(self._unanswered[0].first + len(self._unanswered[0].frames))
             some = True
         if self._settled == inf:
             self._count_as_true(self._number)
@@ -189,16 +185,16 @@ class PreTriggerBuffer:
                 continue
             times = self._ring[0].times
             if window is None:
-                self._discard(_left(times, self._known_time - self._pre - MARK_MARGIN_S))
+                self._discard(bisect_left(times, self._known_time - self._pre - MARK_MARGIN_S))
                 if self._ring and self._ring[0].times is times:
                     break
             elif times[0] < window.start:
                 # an earlier frame can still be in a window until all up to `pre` after it is known
-                self._discard(_left(times, min(window.start, self._known_time - self._pre)))
+                self._discard(bisect_left(times, min(window.start, self._known_time - self._pre)))
                 if self._ring and self._ring[0].times is times:
                     break
             elif times[0] <= window.end:
-                most -= self._give(window, _right(times, window.end), out)
+                most -= self._give(window, bisect_right(times, window.end), out)
             elif self._known_time - self._pre > window.end:
                 self._close(window, out)
             else:
@@ -218,27 +214,28 @@ class PreTriggerBuffer:
             if window is not None and window.start <= head.times[0]:
                 return True, counted
             if head.first >= self._known:
-                self._count_as_true(head.first + len(head.times))
+                self._count_as_true(head.first + len(head.frames))
                 counted = True
             else:
-                outside = _left(head.times, window.start) if window is not None else len(head.times)
+                outside = bisect_left(head.times, window.start) if window is not None else len(head.frames)
                 self._discard(min(outside, self._known - head.first))
         return False, counted
 
     # --- time ---
 
-    def _times(self, stamps: Array, at: float) -> Array:
+    def _times(self, frames: Sequence[Frame], at: float) -> list[float]:
+        stamps = [frame.t for frame in frames]
         if self.latest == -inf:
-            self.latest, self._put_at = float(stamps[0]), at
+            self.latest, self._put_at = stamps[0], at
         passed, self._put_at = max(at - self._put_at, 0.0), at
         most, least = self.latest + passed + MAX_AHEAD_S, self.latest - MAX_BACK_S
-        if stamps.max() + self._offset > most or stamps.min() + self._offset < least:
-            return self._stepped(stamps.tolist(), passed)
-        times = np.maximum(np.maximum.accumulate(stamps + self._offset), self.latest)
-        self.latest = float(times[-1])
+        if max(stamps) + self._offset > most or min(stamps) + self._offset < least:
+            return self._stepped(stamps, passed)
+        times = list(accumulate([t + self._offset for t in stamps], max, initial=self.latest))[1:]
+        self.latest = times[-1]
         return times
 
-    def _stepped(self, stamps: list[float], passed: float) -> Array:
+    def _stepped(self, stamps: list[float], passed: float) -> list[float]:
         """The same, frame by frame, where a clock has stepped."""
         times = []
         for t in stamps:
@@ -248,23 +245,21 @@ class PreTriggerBuffer:
             self.latest = max(self.latest, t + self._offset)
             times.append(self.latest)
             passed = 0.0
-        return np.array(times)
+        return times
 
-    def _times_from(self, number: int) -> Array:
+    def _times_from(self, number: int) -> list[float]:
         """Times of the frames from `number` on that wait for their answer."""
-        return np.concatenate(
-            [b.times[max(number - b.first, 0) :] for b in self._unanswered] or [np.empty(0)]
-        )
+        return [x for b in self._unanswered for x in b.times[max(number - b.first, 0) :]]
 
     def _batch_of(self, number: int) -> Batch:
         for batch in self._unanswered:
-            if number < batch.first + len(batch.times):
+            if number < batch.first + len(batch.frames):
                 return batch
         raise ValueError(f"frame {number} has not come")
 
     def _time_of(self, number: int) -> float:
         batch = self._batch_of(number)
-        return float(batch.times[number - batch.first])
+        return batch.times[number - batch.first]
 
     # --- truth ---
 
@@ -276,10 +271,10 @@ class PreTriggerBuffer:
         batch = self._batch_of(start)
         row = start - batch.first
         # it was true up to here: the same window goes on, however long ago that frame was
-        first = self._true_time if start <= self._true_stop else float(batch.times[row])
+        first = self._true_time if start <= self._true_stop else batch.times[row]
         if stop > self._true_stop:
             self._true_stop, self._true_time = stop, self._time_of(stop - 1)
-        self._open(first, self._true_time, float(batch.frames.t[row]), says)
+        self._open(first, self._true_time, batch.frames[row].t, says)
 
     def _count_as_true(self, stop: int) -> None:
         if stop > self._known:
@@ -293,7 +288,7 @@ class PreTriggerBuffer:
             return
         self._known_time = self._time_of(stop - 1)
         self._known = stop
-        while self._unanswered and self._unanswered[0].first + len(self._unanswered[0].times) <= stop:
+        while self._unanswered and self._unanswered[0].first + len(self._unanswered[0].frames) <= stop:
             self._unanswered.popleft()
 
     def _open(self, first: float, last: float, t: float, says: str) -> None:
@@ -322,44 +317,32 @@ class PreTriggerBuffer:
 
     # --- the ring ---
 
-    def _discard(self, count: int) -> None:
-        if count:
-            self._discarded = float(self._ring[0].times[count - 1])
-            self._pass(count)
+    def _discard(self, rows: int) -> None:
+        if rows:
+            self._discarded = self._ring[0].times[rows - 1]
+            self._pass(rows)
 
-    def _pass(self, count: int) -> Columns:
-        """Take frames off the oldest batch."""
+    def _pass(self, rows: int) -> Sequence[Frame]:
+        """Take rows off the oldest batch."""
         first, times, frames, at = self._ring.popleft()
-        n = len(times)
-        self.buffered -= count
-        if count < n:
-            rest = frame_columns.rows(frames, count, n)
-            self._ring.appendleft(Batch(first + count, times[count:], rest, at))
-        return frame_columns.rows(frames, 0, count)
+        self.buffered -= rows
+        if rows < len(frames):
+            self._ring.appendleft(Batch(first + rows, times[rows:], frames[rows:], at))
+        return frames[:rows] if rows < len(frames) else frames
 
-    def _give(self, window: Window, count: int, out: list[Item]) -> int:
-        before = 0 if window.announced else _left(self._ring[0].times[:count], window.at)
-        frames = self._pass(count)
-        window.last = float(frames.t[-1])
-        if window.announced or before == count:
+    def _give(self, window: Window, rows: int, out: list[Item]) -> int:
+        before = 0 if window.announced else bisect_left(self._ring[0].times, window.at, 0, rows)
+        frames = list(self._pass(rows))
+        window.last = frames[-1].t
+        if window.announced or before == rows:
             out.append(frames)
-            return count
+            return rows
         window.announced = True
-        if before:
-            out.append(frame_columns.rows(frames, 0, before))
-        out += [Begin(window), frame_columns.rows(frames, before, count)]
-        return count
+        out += [part for part in (frames[:before], Begin(window), frames[before:]) if part]
+        return rows
 
     def _close(self, window: Window, out: list[Item]) -> None:
         if not window.announced:
             out.append(Begin(window))
         out.append(End(window))
         self._windows.remove(window)
-
-
-def _left(times: Array, at: float) -> int:
-    return int(np.searchsorted(times, at, "left"))
-
-
-def _right(times: Array, at: float) -> int:
-    return int(np.searchsorted(times, at, "right"))
