@@ -6,7 +6,7 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
 from difflib import get_close_matches
 from importlib import import_module
@@ -20,8 +20,7 @@ from canid.errors import DAMAGED, DONE, ConfigError, OutputError
 from canid.logs import formats
 
 if TYPE_CHECKING:
-    from canid.fleet.job import Job, Outcome, Settings
-    from canid.fleet.plan import Plan
+    from canid.fleet.job import Job, Outcome, Settings, Source
     from canid.fleet.run import Counts, Run
 
 # the first word after `canid fleet`; the module canid.cli.fleet_<word> has `arguments(parser)` and `run(args)`
@@ -153,7 +152,7 @@ def run(args: argparse.Namespace) -> int:
                     plan,
                     store,
                     settings,
-                    runner(args, plan),
+                    runner(args, plan.sources),
                     retry_failed=args.retry_failed,
                     progress=shown,
                     hashing=bar.to,
@@ -217,7 +216,9 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def runner(args: argparse.Namespace, plan: Plan) -> Callable[[Iterable[Job]], Generator[Outcome]]:
+def runner(
+    args: argparse.Namespace, sources: Mapping[str, Source]
+) -> Callable[[Iterable[Job]], Generator[Outcome]]:
     """Who analyses: processes of this machine, or Dask."""
     workers = args.workers or cores()
 
@@ -226,12 +227,12 @@ def runner(args: argparse.Namespace, plan: Plan) -> Callable[[Iterable[Job]], Ge
             from canid.fleet import dask_run
 
             yield from dask_run.outcomes(
-                jobs, plan.sources, scheduler=args.scheduler, workers=workers, inform=info
+                jobs, sources, scheduler=args.scheduler, workers=workers, inform=info
             )
         else:
             from canid.fleet import local_run
 
-            yield from local_run.outcomes(jobs, plan.sources, workers)
+            yield from local_run.outcomes(jobs, sources, workers)
 
     return analysed
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from canid.cli.output.progress import Progress
 from canid.errors import DAMAGED, DONE, ConfigError
 
 if TYPE_CHECKING:
-    from canid.fleet.job import Job, Outcome, Source
+    from canid.fleet.job import Source
 
 DEFAULT_TIMEOUT_S = 4 * 3600.0
 
@@ -60,6 +60,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose what is new, and write the table."""
+    from canid.cli.fleet import runner
     from canid.fleet import joint_diagnosis, lock, summary_tables
     from canid.fleet.database import opened, rows
     from canid.fleet.job import Settings, Status
@@ -85,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
                 bar.count(0, len(new), "")
                 done = 0
                 try:
-                    for outcome in _outcomes(args, [job for job, _ in new.values()], sources):
+                    for outcome in runner(args, sources)(job for job, _ in new.values()):
                         done += 1
                         job, columns = new[outcome.log]
                         if outcome.status is Status.FAILED:
@@ -170,19 +171,3 @@ def _of_the_run(mark: Path) -> tuple[str | None, str | None]:
                 f"fleet causes: {name} of the run is not here: run it in that run's folder, or name it with --vehicle"
             )
     return run.vehicle, run.vehicles
-
-
-def _outcomes(
-    args: argparse.Namespace, jobs: Iterable[Job], sources: Mapping[str, Source]
-) -> Generator[Outcome]:
-    from canid.cli.fleet import cores
-
-    workers = args.workers or cores()
-    if args.scheduler is not None:
-        from canid.fleet import dask_run
-
-        yield from dask_run.outcomes(jobs, sources, scheduler=args.scheduler, workers=workers)
-    else:
-        from canid.fleet import local_run
-
-        yield from local_run.outcomes(jobs, sources, workers)
