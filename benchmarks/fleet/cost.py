@@ -17,6 +17,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -247,10 +248,18 @@ PARTS: dict[str, Part] = {"workers": workers, "dask": dask, "scale": scale, "lon
 
 
 def _fresh(words: Sequence[str | Path], home: Path, nice: int) -> Ran:
-    """Run into an empty folder."""
+    """Run into an empty folder. Raises RuntimeError where the run has not analysed all logs itself."""
     folder = home / "results"
-    shutil.rmtree(folder, ignore_errors=True)
-    return run([*words, "-o", folder], nice=nice)
+    if folder.exists():
+        shutil.rmtree(folder)
+    begin = time.time()
+    ran = run([*words, "-o", folder], nice=nice)
+    of = rows(folder, "SELECT count(*) n, sum(wall_s) w FROM {drives}")[0]
+    plan = rows(folder, "SELECT count(*) n FROM {logs}")[0]["n"]
+    # two analyses at a time: less wall time than half of theirs is a run that took results from elsewhere
+    if of["n"] != plan or of["w"] > 2.2 * ran.wall_s:
+        raise RuntimeError(f"{of} of {plan} logs in {ran.wall_s:.1f} s from {begin:.0f} on:\n{ran.output}")
+    return ran
 
 
 def _median(x: Sequence[float]) -> float:

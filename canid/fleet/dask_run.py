@@ -11,6 +11,7 @@ import asyncio
 import hashlib
 import queue
 import time
+import uuid
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from itertools import count
@@ -102,6 +103,8 @@ class _Run:
         self._suspects: list[Job] = []  # their workers have died
         self._done: queue.SimpleQueue[tuple[int, str]] = queue.SimpleQueue()
         self._generation = 0  # of the client
+        # a key is of this run alone: the scheduler gives what another run left under the same key, an error too
+        self._run = uuid.uuid4().hex[:12]
         self._numbers = count()
         self._yielded = True  # since the last loss, or nothing was lost
         self._threads = 0
@@ -202,7 +205,7 @@ class _Run:
             self._take(self._suspects.pop(), alone=True)
 
     def _take(self, job: Job, alone: bool, retries: int = 0) -> None:
-        key = f"canid-{_digest(job)}-{next(self._numbers)}"
+        key = f"canid-{_digest(job)}-{self._run}-{next(self._numbers)}"
         self._in_hand[key] = _Job(job, alone, retries)
         self._submit(key)
 
@@ -219,7 +222,7 @@ class _Run:
     def _source(self, name: str) -> Any:
         """A source on the cluster: the result of a task, because scattered data are lost with the workers that hold them."""
         if name not in self._shared:
-            key = f"canid-source-{self._sources[name].fingerprint}-{next(self._numbers)}"
+            key = f"canid-source-{self._sources[name].fingerprint}-{self._run}-{next(self._numbers)}"
             self._shared[name] = self._client.submit(
                 dask_worker.given, self._sources[name], key=key, pure=False
             )

@@ -60,27 +60,30 @@ def of_name(name: str) -> re.Pattern[str]:
 
 def _name(name: str) -> str:
     """A stretch between two * is found at its first place and kept there: patterns of many * stay linear."""
-    stretches = [_stretch(stretch) for stretch in re.split(r"\*+", name)]
+    stretches = _stretches(name)
     if len(stretches) == 1:
         return stretches[0]
     first, *middle, last = stretches
-    return first + "".join(f"(?>[^/]*?{stretch})" for stretch in middle) + f"[^/]*{last}"
+    return first + "".join(f"(?>[^/]*?{stretch})" for stretch in middle if stretch) + f"[^/]*{last}"
 
 
-def _stretch(text: str) -> str:
-    out, at = [], 0
-    while at < len(text):
-        char = text[at]
-        end = text.find("]", at + 2 + (text[at + 1 : at + 2] == "!")) if char == "[" else -1
-        if char == "?":
-            out.append("[^/]")
+def _stretches(name: str) -> list[str]:
+    """What stands before, between and after the *, as expressions; a * within [...] is one of its characters."""
+    out, at = [""], 0
+    while at < len(name):
+        char = name[at]
+        end = name.find("]", at + 2 + (name[at + 1 : at + 2] == "!")) if char == "[" else -1
+        if char == "*":
+            out.append("")
+        elif char == "?":
+            out[-1] += "[^/]"
         elif end > 0:
-            out.append(_set(text[at + 1 : end]))
+            out[-1] += _set(name[at + 1 : end])
             at = end
         else:
-            out.append(re.escape(char))
+            out[-1] += re.escape(char)
         at += 1
-    return "".join(out)
+    return out
 
 
 def _set(inside: str) -> str:

@@ -79,9 +79,9 @@ def pooled_causes(
     Example:
         >>> who = [(str(k), f"driver {k % 4}", "van") for k in range(12)]
         >>> often = [Diagnosed(*one, "delay", k < 8, Interval(0.3, 0.2, 0.4), 0.2) for k, one in enumerate(who)]
-        >>> once = [Diagnosed(*one, "backlash", k < 1, detectable=0.1) for k, one in enumerate(who)]
+        >>> once = [Diagnosed(*one, "scale", k < 1, detectable=0.1) for k, one in enumerate(who)]
         >>> [(one.effect, one.named, one.possible, one.real) for one in pooled_causes([*often, *once])]
-        [('delay', 8, 12, True), ('backlash', 1, 12, False)]
+        [('delay', 8, 12, True), ('scale', 1, 12, False)]
     """
     if not 0.0 < false_names < 1.0:
         raise ValueError(f"false_names = {false_names}: give a probability between 0 and 1")

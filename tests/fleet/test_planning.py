@@ -37,7 +37,7 @@ def textbook(names: list[str], path: list[str]) -> bool:
     return bool(path) and fnmatchcase(path[0], names[0]) and textbook(names[1:], path[1:])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(PATTERNS, PATHS)
 def test_patterns_match_what_a_textbook_matcher_does(names: list[str], path: list[str]) -> None:
     """One regular expression of a whole pattern agrees with recursion over names by the standard library's fnmatch."""

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import integrate
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from canid.estimators.fopdt import FOPDT, FopdtSettings
@@ -33,18 +34,19 @@ def fit(y, u, prior):
 
 
 def by_quadrature(K, information, mean, sd, r, atypical):
-    """Textbook Bayes in two gains: mixture weights, evidence and posterior by formulas of conjugacy in full matrices."""
+    """Textbook Bayes in two gains: mixture weights, log evidence and posterior by formulas of conjugacy in full matrices."""
     S, out = np.linalg.inv(information), []
     for a, wa in ((1.0, 1.0 - atypical), (ATYPICAL_FACTOR, atypical)):
         for b, wb in ((1.0, 1.0 - atypical), (ATYPICAL_FACTOR, atypical)):
             d = np.array([a * sd[0], b * sd[1]])
             P = np.outer(d, d) * np.array([[1.0, r], [r, 1.0]])
-            evidence = wa * wb * multivariate_normal(mean, S + P).pdf(K)
+            evidence = math.log(wa * wb) + multivariate_normal(mean, S + P).logpdf(K)
             C = np.linalg.inv(np.linalg.inv(P) + information)
             out.append((evidence, C @ (information @ K + np.linalg.solve(P, mean)), C))
-    total = sum(e for e, _, _ in out)
-    m = sum(e * x for e, x, _ in out) / total
-    C = sum(e * (C + np.outer(x - m, x - m)) for e, x, C in out) / total
+    total = logsumexp([e for e, _, _ in out])
+    share = [math.exp(e - total) for e, _, _ in out]
+    m = sum(w * x for w, (_, x, _) in zip(share, out, strict=True))
+    C = sum(w * (C + np.outer(x - m, x - m)) for w, (_, x, C) in zip(share, out, strict=True))
     return total, m, C
 
 
@@ -83,7 +85,7 @@ def test_bayes_rule_at_one_pair_of_cells(draw, seed):
     assert math.isclose(between, C[0, 1], rel_tol=1e-5, abs_tol=1e-6 * math.sqrt(C[0, 0] * C[1, 1]))
     # over the likelihood at its maximum: the evidence without the normalisation of the likelihood, sqrt(det 2 pi S)
     S = np.linalg.inv(information)
-    by_hand = math.log(evidence) + 0.5 * float(np.linalg.slogdet(2.0 * math.pi * S)[1])
+    by_hand = evidence + 0.5 * float(np.linalg.slogdet(2.0 * math.pi * S)[1])
     assert math.isclose(float(made.log), by_hand, rel_tol=1e-6, abs_tol=1e-6)
 
 
