@@ -41,7 +41,7 @@ MAX_MISSED_DRIVERS, MAX_MISSED_SPREADS = 3, 2
 def test_spreads_and_shrunken_estimates_hold_the_truth(
     tmp_path_factory: pytest.TempPathFactory, seed: int
 ) -> None:
-    """Means, spreads between and within, and each driver's shrunken estimate: 95 % intervals, and smaller errors.
+    """Means, spreads between and within, and each driver's shrunken estimate: 95 % intervals, and errors within a spread.
 
     The drives are of two simulators that share no code with canid, and of canid's own. An estimate that is pooled wrongly,
     by the sampling errors or by labels that are mixed up, misses most of them.
@@ -59,7 +59,7 @@ def test_spreads_and_shrunken_estimates_hold_the_truth(
 def _check_drivers(drivers: list[dict[str, Any]], fleet: Fleet) -> None:
     true: Any = truth(fleet)["drivers"]
     assert {row["driver"] for row in drivers} == set(true)
-    missed, errors_own, errors_shrunken = [], list[float](), list[float]()
+    missed, errors = [], list[float]()
     for row in drivers:
         for parameter, column in COLUMNS.items():
             x, log = true[row["driver"]]["expected"][parameter], "log" in parameter
@@ -68,15 +68,11 @@ def _check_drivers(drivers: list[dict[str, Any]], fleet: Fleet) -> None:
             value, low, high = (_scaled(row[column + end], log) for end in ("", "_low", "_high"))
             if not low <= x <= high:
                 missed.append(f"{row['driver']} {parameter}: {x:.3f} not in [{low:.3f}, {high:.3f}]")
-            spread = spreads(0.0)[parameter].between
-            errors_shrunken.append((value - x) / spread)
-            errors_own.append((_scaled(row[f"{column}_own"], log) - x) / spread)
+            errors.append((value - x) / spreads(0.0)[parameter].between)
     assert len(missed) <= MAX_MISSED_DRIVERS, "; ".join(missed)
-    own, shrunken = (sum(e * e for e in errors) for errors in (errors_own, errors_shrunken))
-    # the pool may cost a tenth where drivers happen to lie far apart
-    assert shrunken < 1.1 * own
-    # and it is no way to say little: an estimate that ignored the drives would be one spread off
-    assert shrunken < len(errors_shrunken)
+    # an estimate that ignored the drives would be one spread off, one of another driver's drives 1.4. Whether the pool
+    # beats a driver's own drives is a question for more than six drivers: `python -m benchmarks planted_fleet`
+    assert sum(e * e for e in errors) < 0.5 * len(errors)
 
 
 def _check_population(rows: list[dict[str, Any]]) -> None:

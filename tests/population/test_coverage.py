@@ -13,6 +13,11 @@ from canid.types import Array
 from tests.plants.many_fleets import Layout, draw, sampler_data, tables
 
 
+# by which two runs of one table may differ, in widths of an interval: five standard errors of a difference of two medians
+# of 800 independent draws, 1.25 sqrt(2 / 800) sd each; of the 2,880 draws of a run each counts for a third
+SAME = 5.0 * 1.25 * (2.0 / 800.0) ** 0.5 / 3.92
+
+
 def test_chains_with_data_of_their_own_are_the_same_as_alone(seed: int) -> None:
     """The test bench's vectorised fleets say what each fleet says by `pool`, up to the scatter of draws."""
     of = draw(np.random.default_rng(seed), Layout("", 8, 4, 2, 1.0, 0.4), 2)
@@ -22,7 +27,7 @@ def test_chains_with_data_of_their_own_are_the_same_as_alone(seed: int) -> None:
     for r, table in enumerate(tables(of)[:1]):
         alone = pool(table)
         width = alone.mean.high - alone.mean.low
-        assert np.all(np.abs(alone.mean.value - mean[:, r]) < 0.08 * width)
+        assert np.all(np.abs(alone.mean.value - mean[:, r]) < SAME * width)
 
 
 def test_prior_step_has_its_stationary_distribution(seed: int) -> None:
@@ -72,17 +77,33 @@ def reml(y: Array, v: Array, who: Array) -> tuple[float, float, float, float]:
 
 
 def test_agrees_with_restricted_likelihood_where_drivers_are_many(seed: int) -> None:
-    """Of 40 drivers with 4 drives both routes give the same mean, error of the mean, and spreads."""
+    """Of 40 drivers with 4 drives both routes give the same mean, error of the mean, and spreads.
+
+    Over eight fleets, root mean square: each route has a random error that the other one has not, as the pool is robust
+    against outliers, which costs some per cent of efficiency. It was 0.08 to 0.11 in 40 fleets, 0.45 in the worst one.
+    """
     rng = np.random.default_rng(seed)
     who = np.repeat(np.arange(40), 4)
-    v = rng.uniform(0.05, 0.3, 160) ** 2
-    y = rng.normal(5.0, 1.0, 40)[who] + rng.normal(0.0, 0.4, 160) + np.sqrt(v) * rng.standard_normal(160)
-    mean, se, between, within = reml(y, v, who)
-    of = pool(drive_table(("K",), y[:, None], v[:, None], tuple(f"d{k}" for k in who)))
-    assert abs(of.mean.value[0] - mean) < 0.35 * se
-    assert abs(of.mean.covariance[0, 0] ** 0.5 / se - 1.0) < 0.2
-    for spread, known in ((of.between, between), (of.within, within)):
-        assert abs(spread.value[0] - known) < 0.35 * 0.5 * (spread.high[0] - spread.low[0])
+    out = []
+    for _ in range(8):
+        v = rng.uniform(0.05, 0.3, 160) ** 2
+        y = (
+            rng.normal(5.0, 1.0, 40)[who]
+            + rng.normal(0.0, 0.4, 160)
+            + np.sqrt(v) * rng.standard_normal(160)
+        )
+        mean, se, between, within = reml(y, v, who)
+        of = pool(drive_table(("K",), y[:, None], v[:, None], tuple(f"d{k}" for k in who)))
+        half = [0.5 * float(spread.high[0] - spread.low[0]) for spread in (of.between, of.within)]
+        out.append(
+            [
+                (of.mean.value[0] - mean) / se,
+                of.mean.covariance[0, 0] ** 0.5 / se - 1.0,
+                (of.between.value[0] - between) / half[0],
+                (of.within.value[0] - within) / half[1],
+            ]
+        )
+    assert np.all(np.sqrt(np.mean(np.square(out), axis=0)) < 0.25)
 
 
 def test_shrinks_as_the_normal_model_does(seed: int) -> None:
@@ -122,7 +143,7 @@ def test_order_changes_nothing_but_the_draws(seed: int) -> None:
     order = rng.permutation(len(table.drives))
     a, b = pool(table), pool(rows(table, order))
     width = a.driver.high - a.driver.low
-    assert np.all(np.abs(a.driver.value - b.driver.value) < 0.08 * width)
+    assert np.all(np.abs(a.driver.value - b.driver.value) < SAME * width)
     # NaN of both: a drive whose estimates are all missing
     assert np.array_equal(np.isnan(a.drive_outlier[order]), np.isnan(b.drive_outlier))
     assert np.nanmean(np.abs(a.drive_outlier[order] - b.drive_outlier)) < 0.03
@@ -132,6 +153,8 @@ def test_thousands_of_drives_find_the_truth(seed: int) -> None:
     """Of 300 drivers with 4 drives the spreads are known to some percent, and the true ones are within 4 standard errors."""
     (table,) = tables(draw(np.random.default_rng(seed), Layout("", 300, 7, 3, 1.0, 0.4), 1))
     of = pool(table)
+    # standard errors: sd / sqrt(2 degrees of freedom), 0.045 of 300 drivers, 0.016 of 1,800 drives with sampling errors as
+    # large as their spread; four of them, and a tenth for estimates that are missing
     assert np.all(np.abs(of.between.value - 1.0) < 0.2)
     assert np.all(np.abs(of.within.value - 0.4) < 0.08)
     assert np.all(np.isfinite(of.driver.value))
