@@ -130,8 +130,10 @@ def table(found: FleetSummary, folder: Path) -> list[str]:
     """What it says, and what the description contradicts."""
     out = [found.verdict, *found.sentences, ""]
     out += ["| not in a population | drives |", "|---|---|"]
-    out += [f"| {one.what}: {one.says} | {one.count} |" for one in (*found.failures, *found.excluded)]
+    out += [f"| {one.what}: {one.says} | {one.number} |" for one in (*found.failures, *found.excluded)]
     for population in found.populations:
+        if not any(one.drives for one in population.parameters):
+            continue
         out += ["", f"{population.kind.text()}", ""]
         out += ["| parameter | drivers / drives | mean | between drivers | within |", "|---|---|---|---|---|"]
         out += [
