@@ -26,8 +26,8 @@ from canid.types import Flag
 # id, length (of a classic frame with raw DLC the data have 8 bytes), flags, two bytes unused; the data follow
 _FRAME_HEADER = Struct("=IBB2x")
 CAN_MTU, CANFD_MTU = 16, 72
-_EFF, _RTR, _ERR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-_BRS, _ESI = 1, 2
+EFF, RTR, ERR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+BRS, ESI = 1, 2
 
 # asm-generic/socket.h; Python's socket module has none of them
 SO_RXQ_OVFL, SO_RCVBUFFORCE = 40, 33
@@ -39,7 +39,7 @@ _COUNT = Struct("=I")
 # linux/net_tstamp.h; the message holds three times: software, one that is not used any more, raw hardware
 SO_TIMESTAMPING, SO_TIMESTAMPING_NEW = 37, 65
 _RX_HARDWARE, _RX_SOFTWARE, _SOFTWARE, _RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
-_ANCILLARY_BYTES = (
+ANCILLARY_BYTES = (
     socket.CMSG_SPACE(_TIMESPEC_64.size)
     + socket.CMSG_SPACE(3 * _TIMESPEC_64.size)
     + socket.CMSG_SPACE(_COUNT.size)
@@ -93,16 +93,16 @@ def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: i
     asked = -1
     # the kernel marks frames that this machine sent
     flags = int(Flag.TX) if message_flags & socket.MSG_DONTROUTE else 0
-    if word & _ERR:
+    if word & ERR:
         return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.ERROR)), drops, hardware)
     if len(data) == CANFD_MTU:
         flags |= int(Flag.FD)
-        flags |= int(Flag.BRS) if bits & _BRS else 0
-        flags |= int(Flag.ESI) if bits & _ESI else 0
-    if word & _RTR:
+        flags |= int(Flag.BRS) if bits & BRS else 0
+        flags |= int(Flag.ESI) if bits & ESI else 0
+    if word & RTR:
         flags |= int(Flag.REMOTE)
         payload, asked = b"", length
-    if word & _EFF:
+    if word & EFF:
         extended = flags | int(Flag.EXTENDED)
         return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, extended, asked), drops, hardware)
     return Parsed(Received(ns, word & 0x7FF, payload, flags, asked), drops, hardware)
@@ -211,14 +211,10 @@ class SocketcanReceiver:
             try:
                 # a busy bus has a frame waiting: one system call each
                 data, ancillary, flags, _ = self._socket.recvmsg(
-                    CANFD_MTU, _ANCILLARY_BYTES, socket.MSG_DONTWAIT
+                    CANFD_MTU, ANCILLARY_BYTES, socket.MSG_DONTWAIT
                 )
             except (BlockingIOError, InterruptedError):
-                fault, self._fault = self._fault, None
-                if fault is not None:
-                    raise fault from None
-                if self._device is not None:
-                    self._device.drained()
+                self._is_empty()
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
@@ -226,14 +222,7 @@ class SocketcanReceiver:
                     time.sleep(READ_DELAY_S)
                 continue
             except OSError as error:
-                fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
-                if error.errno != errno.ENETDOWN and self._device is not None:
-                    self._device.unbound()
-                if self._fault is not None:
-                    self._fault = None
-                    raise fault from None
-                # the kernel reports this before the frames that it still holds: these come first
-                self._fault = fault
+                self._is_lost(error)
                 continue
             try:
                 parsed = parse(data, ancillary, flags)
@@ -249,6 +238,27 @@ class SocketcanReceiver:
             if self.clock is not TimestampSource.KERNEL:
                 return self._stamped(parsed)
             return frame
+
+    def _is_empty(self) -> None:
+        """Nothing waits; raises BusError where the device was found to be down before what waited was read."""
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault from None
+        if self._device is not None:
+            self._device.drained()
+
+    def _is_lost(self, error: OSError) -> None:
+        """The device is down or gone. The kernel reports this before the frames that it still holds: these come first.
+
+        Raises BusError at the second report.
+        """
+        fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
+        if error.errno != errno.ENETDOWN and self._device is not None:
+            self._device.unbound()
+        if self._fault is not None:
+            self._fault = None
+            raise fault from None
+        self._fault = fault
 
     def controller(self) -> str:
         """The controller's state where the device reports it and error frames do not; see `DeviceWatch.controller`."""
