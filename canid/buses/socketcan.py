@@ -17,6 +17,7 @@ import time
 from struct import Struct
 from typing import Any, NamedTuple
 
+from canid.buses.device_drops import DeviceDrops
 from canid.buses.device_watch import DeviceWatch
 from canid.buses.received_frame import Received
 from canid.buses.timestamp_source import TimestampSource
@@ -168,7 +169,7 @@ class SocketcanReceiver:
         self.clock = TimestampSource.UNKNOWN
         self._hardware = hardware
         self._ahead = 0  # ns, the device's clock before the kernel's
-        self._drops = 0
+        self._drops = self._before_socket = 0
         self._drops_seen = 0  # the kernel's own count, of 32 bits
         self._counting = threading.Lock()  # any thread may query
         self._fault: BusError | None = None
@@ -184,20 +185,27 @@ class SocketcanReceiver:
             raise BusError(f"{self._name}: {os.strerror(code)}; bring it up: {up} (type can bitrate 500000)")
         if device is not None:
             device.opened(self._channel)
+        self._device_drops = DeviceDrops(self._device_name)
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
 
     @property
     def _name(self) -> str:
-        return f"socketcan {self._device.name if self._device else self._channel}"
+        return f"socketcan {self._device_name}"
+
+    @property
+    def _device_name(self) -> str:
+        return self._device.name if self._device else self._channel
 
     @property
     def drops(self) -> int:
-        """Frames that the kernel dropped at this socket until now; of a closed one: until the last query."""
+        """Frames that the kernel dropped at this socket, and before it, until now; of a closed one: until the last query."""
         with self._counting:
             if self._meminfo:
                 self._count(dropped(self._socket))
-            return self._drops
+            if self._socket.fileno() >= 0:
+                self._before_socket = self._device_drops.count(self._device_name)
+            return self._drops + self._before_socket
 
     def _count(self, kernel: int | None) -> None:
         if kernel is not None:
