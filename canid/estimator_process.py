@@ -25,12 +25,12 @@ from typing import IO, Any, NamedTuple
 
 from canid.child_process import command as child_command
 from canid.errors import CanidError
-from canid.frame_columns import columns_of
+from canid.frame_columns import join, rows
 from canid.one_thread import use_one_thread
 from canid.triggers.trigger import Trigger
-from canid.types import Columns, Event, Frame
+from canid.types import Columns, Event
 
-# frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, some 60 MB
+# frames waiting for a child that starts or lags: 25 s of a full 500 kbit/s bus, 3 MB (8 MB of CAN FD)
 MAX_WAITING_FRAMES = 100_000
 # s between two chunks of frames, at least: a chunk costs 1 to 2 ms however few frames it has, and samples are 0.3 to
 # 0.6 s old by design. 0.05 s costs less at low rates, but brings the slowest 1 % of estimates past 0.1 s at 8,000
@@ -102,7 +102,8 @@ class Estimating:
         self._order: deque[list[int]] = (
             deque()
         )  # frames offered and not answered for: [kept 1 or dropped 0, how many]
-        self._waiting: deque[Frame] = deque()
+        self._waiting: deque[Columns] = deque()
+        self._held = 0  # frames in it
         self._wake = threading.Condition()
         self._offered = self._sent = self._done = self._dropped = self._lost = self._restarts = 0
         self._closing = self._finished = self._ended = False
@@ -116,19 +117,37 @@ class Estimating:
         self._thread = threading.Thread(target=self._supervise, name="canid-estimating", daemon=True)
         self._thread.start()
 
-    def put(self, frames: Sequence[Frame]) -> None:
+    def put(self, chunk: Columns) -> None:
         """Offer frames; never blocks. Without room the new ones are dropped, and counted."""
+        n = len(chunk.t)
+        if not n:
+            return
         with self._wake:
-            room = max(MAX_WAITING_FRAMES - len(self._waiting), 0)
-            self._offered += len(frames)
-            self._latest = frames[-1].t if frames else self._latest
-            self._dropped += max(len(frames) - room, 0)
-            self._waiting.extend(frames[:room])
+            taken = min(max(MAX_WAITING_FRAMES - self._held, 0), n)
+            self._offered += n
+            self._latest = float(chunk.t[-1])
+            self._dropped += n - taken
+            if taken:
+                self._waiting.append(chunk if taken == n else rows(chunk, 0, taken))
+                self._held += taken
             if self._on_truth is not None:
-                self._offer(1, min(len(frames), room))
-                self._offer(0, max(len(frames) - room, 0))
+                self._offer(1, taken)
+                self._offer(0, n - taken)
                 self._pass_dropped()
             self._wake.notify()
+
+    def _take(self, most: int) -> Columns | None:
+        """Take up to `most` of the frames that wait, with the lock; None: there are none."""
+        parts: list[Columns] = []
+        while self._waiting and most:
+            chunk = self._waiting.popleft()
+            n = min(len(chunk.t), most)
+            if n < len(chunk.t):
+                self._waiting.appendleft(rows(chunk, n, len(chunk.t)))
+            parts.append(rows(chunk, 0, n))
+            most -= n
+            self._held -= n
+        return join(parts) if parts else None
 
     def counts(self) -> Counts:
         """Return the counts so far."""
@@ -208,8 +227,8 @@ class Estimating:
             if self._closing:
                 # there is no time for another child: what still waits is missing in the estimates as well
                 with self._wake:
-                    self._dropped += len(self._waiting)
-                    self._waiting.clear()
+                    while (rest := self._take(self._held)) is not None:
+                        self._dropped += len(rest.t)
                 if not self._ended:
                     self._on_output(
                         self._latest, Event(self._latest, "estimator_ended", f"the estimator: {self._why}")
@@ -295,19 +314,18 @@ class Estimating:
                     self._wake.wait_for(
                         lambda: self._waiting or self._closing or child.poll() is not None, timeout=1.0
                     )
-                if len(self._waiting) < MAX_CHUNK_FRAMES and not self._closing:
+                if self._held < MAX_CHUNK_FRAMES and not self._closing:
                     time.sleep(max(sent_at + CHUNK_S - time.monotonic(), 0.0))
                 with self._wake:
-                    n = min(len(self._waiting), MAX_CHUNK_FRAMES)
-                    frames = [self._waiting.popleft() for _ in range(n)]
-                    end = self._closing and not frames
-                if frames:
+                    chunk = self._take(MAX_CHUNK_FRAMES)
+                    end = self._closing and chunk is None
+                if chunk is not None:
                     sent_at = time.monotonic()
                     if self._sent == self._done:
                         # nothing was outstanding: the wait for an answer begins now
                         self._answered = sent_at
-                    self._sent += n
-                    pickle.dump(tuple(columns_of(frames)), stream, protocol=5)
+                    self._sent += len(chunk.t)
+                    stream.write(pickle.dumps(tuple(chunk), protocol=5))  # one system call
                     stream.flush()
                 if end:
                     break

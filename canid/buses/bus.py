@@ -5,19 +5,35 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import numpy.typing as npt
 
 from canid import timestamps
 from canid.buses import listen_only
 from canid.buses.device_watch import DeviceWatch
-from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, why_impossible
+from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, possible, why_impossible
 from canid.buses.listen_only import ListenOnly
+from canid.buses.received_columns import (
+    Many,
+    ManyReceiver,
+    ReceivedColumns,
+    columns_of,
+    frames_of,
+    select,
+)
 from canid.buses.received_frame import Received, Receiver
 from canid.buses.timestamp_source import TimestampSource
 from canid.errors import BusError, one_line
 from canid.types import NAN, Flag
 
 _EXTENDED, _FD = int(Flag.EXTENDED), int(Flag.FD)
+
+# s after the first frame of an interface without a call for many that those that follow are waited for
+GATHER_S = 0.003
+# frames that are gathered at most: bounds the time of a stop
+MAX_GATHERED = 512
 
 Filters = Sequence[Mapping[str, Any]]
 
@@ -76,6 +92,7 @@ class ReceiveOnlyBus:
         self._receiver, self.listen_only, self._waiting = opener()
         self._news = [("listen_only", self.listen_only.says)] if self.listen_only.warns else []
         self._offset: int | None = None
+        self._fault: BusError | None = None  # came after frames that were gathered
         self._lost_drops = 0
 
     def recv(self, timeout: float) -> Received | None:
@@ -112,6 +129,93 @@ class ReceiveOnlyBus:
             if now >= end:
                 return None
             timeout = end - now
+
+    def recv_many(self, timeout: float) -> ReceivedColumns | None:
+        """Wait up to `timeout` s for frames, and a little for those that follow; otherwise as `recv`."""
+        receiver = self._receiver
+        # by its attribute: isinstance() with a protocol evaluates all others, and that of the drops is a query
+        if not hasattr(receiver, "recv_many"):
+            return self._gathered(timeout)
+        many_receiver = cast(ManyReceiver, receiver)
+        end = 0.0
+        while True:
+            many = many_receiver.recv_many(timeout)
+            if many is None:
+                return None
+            frames = self._checked(many)
+            if len(frames.ns):
+                return frames
+            if not timeout:
+                return None
+            now = time.monotonic()
+            end = end or now + timeout
+            if now >= end:
+                return None
+            timeout = end - now
+
+    def _gathered(self, timeout: float) -> ReceivedColumns | None:
+        """Frames of a receiver that takes one after the other."""
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault
+        got = self.recv(timeout)
+        if got is None:
+            return None
+        frames = [got]
+        until = time.monotonic() + GATHER_S if timeout else 0.0
+        try:
+            while len(frames) < MAX_GATHERED:
+                left = until - time.monotonic() if timeout else 0.0
+                got = self.recv(max(left, 0.0))
+                if got is None:
+                    break
+                frames.append(got)
+        except BusError as error:
+            self._fault = error
+        return columns_of(frames)
+
+    def _checked(self, many: Many) -> ReceivedColumns:
+        """The frames that a bus can carry and that no filter hides, at times since 1970."""
+        frames = many.frames
+        for why, ns in many.impossible:
+            self._left_out(why, ns)
+        if not many.checked and not (good := possible(frames)).all():
+            for got in frames_of(select(frames, ~good)):
+                self._left_out(why_impossible(got), got.ns if self._offset == 0 else 0)
+            frames = select(frames, good)
+        if self._offset != 0 and len(frames.ns):
+            frames = self._all_since_1970(frames)
+        if self._hides and len(frames.ns):
+            hidden = self._hidden_rows(frames)
+            if hidden.any():
+                self.hidden += int(hidden.sum())
+                self.passed_over_ns = int(frames.ns[hidden][-1])
+                frames = select(frames, ~hidden)
+        return frames
+
+    def _all_since_1970(self, frames: ReceivedColumns) -> ReceivedColumns:
+        first = next(frames_of(select(frames, slice(0, 1))))
+        self._since_1970(first)
+        assert self._offset is not None
+        ns = frames.ns + self._offset
+        good = (ns >= 0) & (ns <= MAX_STAMP_NS)
+        for _ in range(len(ns) - int(good.sum())):
+            self._left_out("a time stamp that no log can hold", 0)
+        return select(frames._replace(ns=ns), good)
+
+    def _hidden_rows(self, frames: ReceivedColumns) -> npt.NDArray[np.bool_]:
+        """Which frames filters drop; as `_hidden`."""
+        fd = (frames.flags & _FD) != 0
+        hidden = fd if self._hide_fd else np.zeros(len(fd), bool)
+        if self._filters:
+            extended = (frames.flags & _EXTENDED) != 0
+            let_through = np.zeros(len(fd), bool)
+            ids = frames.id.astype(np.int64)
+            for id_, mask, of in self._filters:
+                match = (ids ^ id_) & mask == 0
+                let_through |= match if of is None else match & (extended == bool(of))
+            hidden = hidden | ~let_through
+        return hidden
 
     def _since_1970(self, got: Received) -> Received:
         """Set a stamp of the interface's own against the host's clock. Raises ImpossibleFrameError."""
@@ -214,7 +318,7 @@ class ReceiveOnlyBus:
             return
         with contextlib.suppress(BusError):  # it is lost: an error at closing is not news
             self._close()
-        self._offset = None
+        self._offset = self._fault = None
         before = self.listen_only
         self._receiver, self.listen_only, self._waiting = self._opener()
         # `DeviceWatch` reports the changes of a SocketCAN device

@@ -13,6 +13,7 @@ from canid.buses.bus import Filters, Opened, ReceiveOnlyBus
 from canid.buses.bus_configuration import BusConfiguration, configure
 from canid.buses.device_watch import DeviceWatch
 from canid.buses.python_can_receiver import PythonCanReceiver
+from canid.buses.received_frame import Receiver
 from canid.errors import BusError, CanidError, ConfigError, one_line
 from canid.types import NAN
 
@@ -93,22 +94,35 @@ def _opener(
             ) from None
         silent = listen_only.read_back(interface, channel, bus)
         if interface == "socketcan" and own:
-            from canid.buses.socketcan import SocketcanReceiver
-
-            return Opened(SocketcanReceiver(bus, hardware=hardware_stamps, device=device), silent)
+            return Opened(_socketcan(bus, hardware_stamps, device), silent)
         if interface == "udp_multicast" and own:
             from canid.buses.udp_drops import watch
 
             if not hasattr(socket.socket, "recvmsg"):  # Windows
                 return Opened(PythonCanReceiver(bus, name, watch(bus)), silent)
-            from canid.buses.udp_multicast import UdpReceiver
-
-            return Opened(UdpReceiver(bus, name, watch(bus)), silent)
+            return Opened(_udp(bus, name, watch(bus)), silent)
         if interface == "virtual" and own:
             return Opened(PythonCanReceiver(bus, name), silent, bus.queue.qsize)
         return Opened(PythonCanReceiver(bus, name), silent)
 
     return opener
+
+
+def _socketcan(bus: Any, hardware_stamps: bool, device: DeviceWatch | None) -> Receiver:
+    from canid.buses import many_messages
+    from canid.buses.socketcan import SocketcanReceiver
+    from canid.buses.socketcan_columns import SocketcanColumnsReceiver
+
+    receiver = SocketcanColumnsReceiver if many_messages.available() else SocketcanReceiver
+    return receiver(bus, hardware=hardware_stamps, device=device)
+
+
+def _udp(bus: Any, name: str, count: Callable[[], int]) -> Receiver:
+    from canid.buses import many_messages
+    from canid.buses.udp_columns import UdpColumnsReceiver
+    from canid.buses.udp_multicast import UdpReceiver
+
+    return (UdpColumnsReceiver if many_messages.available() else UdpReceiver)(bus, name, count)
 
 
 def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.clock_watch import ClockWatch
 from canid.buses.draining import drain
-from canid.buses.received_frame import Received
+from canid.buses.received_columns import ReceivedColumns
 from canid.buses.timestamp_source import TimestampSource
 from canid.errors import BusError
 from canid.types import NAN
@@ -29,11 +29,11 @@ REPORT_GROWTH = 10
 
 
 class Arrival(NamedTuple):
-    """A frame in the queue."""
+    """Frames in the queue that were received together."""
 
     bus: int
     at: float  # s, monotonic clock
-    frame: Received
+    frames: ReceivedColumns
 
 
 class BusReader:
@@ -47,7 +47,7 @@ class BusReader:
         stopping: threading.Event,
         report: Callable[[str, str], object],
     ):
-        """`put` takes each frame, `report(what, says)` each event."""
+        """`put` takes frames that came together, `report(what, says)` each event."""
         self.bus = bus
         self.index = index
         self._put = put
@@ -55,6 +55,7 @@ class BusReader:
         self._report = report
         self.state = "open"
         self.lost_at: float | None = None  # s, monotonic clock
+        self.received = 0  # frames
         # kept by the passing thread
         self.frames = self.errors = 0
         self.drops_reported = 0
@@ -76,17 +77,21 @@ class BusReader:
                 checked = now
                 self._report_changes()
             try:
-                got = self.bus.recv(RECEIVE_TIMEOUT_S)
+                got = self.bus.recv_many(RECEIVE_TIMEOUT_S)
                 now = time.monotonic()
             except Exception as error:  # a reader must never die in silence
                 self._lose(error)
                 continue
             if got is not None:
-                self._put(Arrival(self.index, now, got))
+                self._pass(got, now)
         self._report_changes()
         if self.lost_at is None:
             self._drain()
         self._report_impossible(1)
+
+    def _pass(self, frames: ReceivedColumns, at: float) -> None:
+        self.received += len(frames.ns)
+        self._put(Arrival(self.index, at, frames))
 
     def _report_changes(self) -> None:
         """Report changes of the device and of the controller's state."""
@@ -133,8 +138,8 @@ class BusReader:
         self._report("bus_back", f"{self.bus.name} is back; nothing was received for {away:.1f} s")
 
     def _drain(self) -> None:
-        def put(got: Received) -> None:
-            self._put(Arrival(self.index, time.monotonic(), got))
+        def put(got: ReceivedColumns) -> None:
+            self._pass(got, time.monotonic())
 
         try:
             left = drain(self.bus, self.watch.lead_ns, put)

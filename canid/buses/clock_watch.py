@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 # ns; smaller steps cannot be distinguished from delays on a busy machine
 MIN_STEP_NS = 500_000_000
 
@@ -38,6 +41,15 @@ class ClockWatch:
             self._ahead = ahead
             return (ahead - largest) * 1e-9
         return 0.0
+
+    def update_many(self, ns: npt.NDArray[np.int64], at: float) -> list[float]:
+        """Process stamps of frames that were received together at `at` s; returns the steps in s."""
+        largest, newest = self._ahead, float(ns.max()) - at * 1e9
+        back = int(ns[0]) < self._last - MIN_STEP_NS or bool((ns[1:] < ns[:-1] - MIN_STEP_NS).any())
+        if largest is None or newest > largest + MIN_STEP_NS or back:
+            return [step for each in ns.tolist() if (step := self.update(each, at))]
+        self._last, self._ahead = int(ns[-1]), max(largest, newest)
+        return []
 
     @property
     def lead_ns(self) -> float | None:

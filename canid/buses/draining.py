@@ -9,7 +9,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from canid.buses.bus import ReceiveOnlyBus
+import numpy as np
+import numpy.typing as npt
+
+from canid.buses.bus import MAX_GATHERED, ReceiveOnlyBus
+from canid.buses.received_columns import ReceivedColumns, columns_of, select
 from canid.buses.received_frame import Received
 from canid.buses.timestamp_source import TimestampSource
 
@@ -62,25 +66,34 @@ class Stop:
 
     def is_before(self, ns: int) -> bool | None:
         """Whether a frame with this stamp was received before the stop; None: unknown."""
+        (later,) = self._later(np.array([ns]))
+        return None if np.isnan(later) else bool(later <= 0)
+
+    def first_after(self, ns: npt.NDArray[np.int64]) -> tuple[int, bool]:
+        """The first frame that was certainly received after the stop (n: none), and whether the one before is unknown."""
+        later = self._later(ns)
+        after = later > 0
+        first = int(after.argmax()) if after.any() else len(ns)
+        return first, bool(first and np.isnan(later[first - 1]))
+
+    def _later(self, ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """S from the stop to the receipt of each frame, as far as the stamps show it; NaN: unknown."""
         since = time.monotonic() - self.at
-        if self._host and ns:
+        if self._host:
             later = (ns - self.at_ns) * 1e-9
-        elif self._lead_ns is not None and ns:
+        elif self._lead_ns is not None:
             # no frame arrives before it was received: this is the earliest time of its receipt
             later = (ns - self._lead_ns) * 1e-9 - self.at - _MARGIN_S
         else:
-            return None
-        return None if later > since + _IMPLAUSIBLE_S else later <= 0
+            return np.full(len(ns), np.nan)
+        return np.where((ns == 0) | (later > since + _IMPLAUSIBLE_S), np.nan, later)
 
 
-def drain(bus: ReceiveOnlyBus, lead_ns: float | None, put: Callable[[Received], object]) -> str:
+def drain(bus: ReceiveOnlyBus, lead_ns: float | None, put: Callable[[ReceivedColumns], object]) -> str:
     """Take what was received before now. Returns "" or a sentence on what may be left unread. Raises BusError."""
     waiting = bus.waiting()
     if waiting is not None:
-        for _ in range(waiting):
-            got = bus.recv(0.0)
-            if got is not None:
-                put(got)
+        _drain_queue(bus, waiting, put)
         return ""
     stop = Stop(bus, lead_ns)
     # software filters of python-can answer None for a frame that they hide: ask again, with time to go on
@@ -88,18 +101,19 @@ def drain(bus: ReceiveOnlyBus, lead_ns: float | None, put: Callable[[Received], 
     empty = 0
     while empty < _EMPTY_ANSWERS:
         left_out = bus.left_out
-        got = bus.recv(wait)
+        got = bus.recv_many(wait)
         if got is None and bus.left_out == left_out:
             empty += 1
             continue
         empty = 0
-        before = stop.is_before(bus.passed_over_ns if got is None else got.ns)
-        if before is False:
+        stamps = np.array([bus.passed_over_ns]) if got is None else got.ns
+        first, unknown = stop.first_after(stamps)
+        if got is not None and first:
+            put(got if first == len(got.ns) else select(got, slice(0, first)))
+        if first < len(stamps):
             return ""
-        if got is not None:
-            put(got)
         since = time.monotonic() - stop.at
-        if before is None and since > MAX_UNKNOWN_S:
+        if unknown and since > MAX_UNKNOWN_S:
             return (
                 f"{bus.name}: frames still came {MAX_UNKNOWN_S:g} s after the stop, and their time stamps do not show"
                 " which of them came before it; reading ended here"
@@ -107,3 +121,19 @@ def drain(bus: ReceiveOnlyBus, lead_ns: float | None, put: Callable[[Received], 
         if since > MAX_DRAIN_S:
             return f"{bus.name}: frames that came before the stop were left unread after {MAX_DRAIN_S:g} s"
     return ""
+
+
+def _drain_queue(bus: ReceiveOnlyBus, waiting: int, put: Callable[[ReceivedColumns], object]) -> None:
+    """Take so many messages, of a bus that knows how many it holds."""
+    frames: list[Received] = []
+    try:
+        for _ in range(waiting):
+            got = bus.recv(0.0)
+            if got is not None:
+                frames.append(got)
+            if len(frames) == MAX_GATHERED:
+                put(columns_of(frames))
+                frames = []
+    finally:
+        if frames:
+            put(columns_of(frames))

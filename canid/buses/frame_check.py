@@ -6,6 +6,10 @@ and dropped, so that no writer, view or estimator has to handle it.
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
+from canid.buses.received_columns import ReceivedColumns
 from canid.buses.received_frame import Received
 from canid.types import Flag
 
@@ -46,6 +50,12 @@ def _rules() -> dict[int, tuple[int, frozenset[int], frozenset[int]]]:
 
 
 _RULES = _rules()
+# the same as arrays: the largest id for each combination of flags, and which lengths it may have
+_LARGEST = np.zeros(256, np.uint32)
+_POSSIBLE = np.zeros((256, 256), bool)
+for _flags, (_largest, _data, _asked) in _RULES.items():
+    _LARGEST[_flags] = _largest
+    _POSSIBLE[_flags, sorted(_asked if _flags & Flag.REMOTE else _data)] = True
 
 
 def why_impossible(frame: Received) -> str:
@@ -68,6 +78,28 @@ def why_impossible(frame: Received) -> str:
     ):
         return ""
     return _why(frame)
+
+
+def largest_id(flags: int) -> int:
+    """The largest id of a frame with these flags; -1 for flags that no bus can carry.
+
+    >>> largest_id(0), largest_id(int(Flag.EXTENDED)), largest_id(int(Flag.REMOTE | Flag.FD))
+    (2047, 536870911, -1)
+    """
+    return _RULES[flags][0] if flags in _RULES else -1
+
+
+def possible(columns: ReceivedColumns) -> npt.NDArray[np.bool_]:
+    """Which frames a bus can carry: those for which `why_impossible` finds nothing.
+
+    >>> from canid.buses.received_columns import columns_of
+    >>> possible(columns_of([Received(10**18, 0x7FF, b"ab", 0), Received(10**18, 0x800, b"ab", 0)])).tolist()
+    [True, False]
+    """
+    ns, id_, flags, length, _ = columns
+    in_time = (ns >= 0) & (ns <= MAX_STAMP_NS)
+    out: npt.NDArray[np.bool_] = _POSSIBLE[flags, length] & (id_ <= _LARGEST[flags]) & in_time
+    return out
 
 
 def _why(frame: Received) -> str:

@@ -23,6 +23,7 @@ from canid.buses.message_stamps import MessageStamps
 from canid.errors import CanidError, one_line
 from canid.estimator_process import CHUNK_S, Estimating
 from canid.files import state_keeper
+from canid.frame_columns import columns_of
 from canid.types import Estimate, Event, Sample
 
 if TYPE_CHECKING:
@@ -251,7 +252,7 @@ class Listener(_PythonCanListener):
                 self._bad += 1
                 self._complain("a message", error)
         if frames:
-            self._estimating.put(frames)
+            self._estimating.put(columns_of(frames))
 
     def _keep_state(self) -> None:
         why = self._save(self._estimating.state)

@@ -17,6 +17,7 @@ import time
 from struct import Struct
 from typing import Any, NamedTuple
 
+from canid.buses.device_drops import DeviceDrops
 from canid.buses.device_watch import DeviceWatch
 from canid.buses.received_frame import Received
 from canid.buses.timestamp_source import TimestampSource
@@ -26,8 +27,8 @@ from canid.types import Flag
 # id, length (of a classic frame with raw DLC the data have 8 bytes), flags, two bytes unused; the data follow
 _FRAME_HEADER = Struct("=IBB2x")
 CAN_MTU, CANFD_MTU = 16, 72
-_EFF, _RTR, _ERR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-_BRS, _ESI = 1, 2
+EFF, RTR, ERR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+BRS, ESI = 1, 2
 
 # asm-generic/socket.h; Python's socket module has none of them
 SO_RXQ_OVFL, SO_RCVBUFFORCE = 40, 33
@@ -39,7 +40,7 @@ _COUNT = Struct("=I")
 # linux/net_tstamp.h; the message holds three times: software, one that is not used any more, raw hardware
 SO_TIMESTAMPING, SO_TIMESTAMPING_NEW = 37, 65
 _RX_HARDWARE, _RX_SOFTWARE, _SOFTWARE, _RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
-_ANCILLARY_BYTES = (
+ANCILLARY_BYTES = (
     socket.CMSG_SPACE(_TIMESPEC_64.size)
     + socket.CMSG_SPACE(3 * _TIMESPEC_64.size)
     + socket.CMSG_SPACE(_COUNT.size)
@@ -93,16 +94,16 @@ def parse(data: bytes, ancillary: list[tuple[int, int, bytes]], message_flags: i
     asked = -1
     # the kernel marks frames that this machine sent
     flags = int(Flag.TX) if message_flags & socket.MSG_DONTROUTE else 0
-    if word & _ERR:
+    if word & ERR:
         return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, flags | int(Flag.ERROR)), drops, hardware)
     if len(data) == CANFD_MTU:
         flags |= int(Flag.FD)
-        flags |= int(Flag.BRS) if bits & _BRS else 0
-        flags |= int(Flag.ESI) if bits & _ESI else 0
-    if word & _RTR:
+        flags |= int(Flag.BRS) if bits & BRS else 0
+        flags |= int(Flag.ESI) if bits & ESI else 0
+    if word & RTR:
         flags |= int(Flag.REMOTE)
         payload, asked = b"", length
-    if word & _EFF:
+    if word & EFF:
         extended = flags | int(Flag.EXTENDED)
         return Parsed(Received(ns, word & 0x1FFF_FFFF, payload, extended, asked), drops, hardware)
     return Parsed(Received(ns, word & 0x7FF, payload, flags, asked), drops, hardware)
@@ -168,7 +169,7 @@ class SocketcanReceiver:
         self.clock = TimestampSource.UNKNOWN
         self._hardware = hardware
         self._ahead = 0  # ns, the device's clock before the kernel's
-        self._drops = 0
+        self._drops = self._before_socket = 0
         self._drops_seen = 0  # the kernel's own count, of 32 bits
         self._counting = threading.Lock()  # any thread may query
         self._fault: BusError | None = None
@@ -184,20 +185,27 @@ class SocketcanReceiver:
             raise BusError(f"{self._name}: {os.strerror(code)}; bring it up: {up} (type can bitrate 500000)")
         if device is not None:
             device.opened(self._channel)
+        self._device_drops = DeviceDrops(self._device_name)
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
 
     @property
     def _name(self) -> str:
-        return f"socketcan {self._device.name if self._device else self._channel}"
+        return f"socketcan {self._device_name}"
+
+    @property
+    def _device_name(self) -> str:
+        return self._device.name if self._device else self._channel
 
     @property
     def drops(self) -> int:
-        """Frames that the kernel dropped at this socket until now; of a closed one: until the last query."""
+        """Frames that the kernel dropped at this socket, and before it, until now; of a closed one: until the last query."""
         with self._counting:
             if self._meminfo:
                 self._count(dropped(self._socket))
-            return self._drops
+            if self._socket.fileno() >= 0:
+                self._before_socket = self._device_drops.count(self._device_name)
+            return self._drops + self._before_socket
 
     def _count(self, kernel: int | None) -> None:
         if kernel is not None:
@@ -211,14 +219,10 @@ class SocketcanReceiver:
             try:
                 # a busy bus has a frame waiting: one system call each
                 data, ancillary, flags, _ = self._socket.recvmsg(
-                    CANFD_MTU, _ANCILLARY_BYTES, socket.MSG_DONTWAIT
+                    CANFD_MTU, ANCILLARY_BYTES, socket.MSG_DONTWAIT
                 )
             except (BlockingIOError, InterruptedError):
-                fault, self._fault = self._fault, None
-                if fault is not None:
-                    raise fault from None
-                if self._device is not None:
-                    self._device.drained()
+                self._is_empty()
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
@@ -226,14 +230,7 @@ class SocketcanReceiver:
                     time.sleep(READ_DELAY_S)
                 continue
             except OSError as error:
-                fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
-                if error.errno != errno.ENETDOWN and self._device is not None:
-                    self._device.unbound()
-                if self._fault is not None:
-                    self._fault = None
-                    raise fault from None
-                # the kernel reports this before the frames that it still holds: these come first
-                self._fault = fault
+                self._is_lost(error)
                 continue
             try:
                 parsed = parse(data, ancillary, flags)
@@ -249,6 +246,27 @@ class SocketcanReceiver:
             if self.clock is not TimestampSource.KERNEL:
                 return self._stamped(parsed)
             return frame
+
+    def _is_empty(self) -> None:
+        """Nothing waits; raises BusError where the device was found to be down before what waited was read."""
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault from None
+        if self._device is not None:
+            self._device.drained()
+
+    def _is_lost(self, error: OSError) -> None:
+        """The device is down or gone. The kernel reports this before the frames that it still holds: these come first.
+
+        Raises BusError at the second report.
+        """
+        fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
+        if error.errno != errno.ENETDOWN and self._device is not None:
+            self._device.unbound()
+        if self._fault is not None:
+            self._fault = None
+            raise fault from None
+        self._fault = fault
 
     def controller(self) -> str:
         """The controller's state where the device reports it and error frames do not; see `DeviceWatch.controller`."""

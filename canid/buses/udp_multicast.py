@@ -22,9 +22,9 @@ from canid.errors import BusError
 from canid.types import Flag
 
 # bytes: a CAN FD frame with all its field names has 250
-_MAX_DATAGRAM_BYTES = 4096
+MAX_DATAGRAM_BYTES = 4096
 _STAMPS = (35, 64)  # SO_TIMESTAMPNS, old and new (asm-generic/socket.h)
-_ANCILLARY_BYTES = socket.CMSG_SPACE(16)
+ANCILLARY_BYTES = socket.CMSG_SPACE(16)
 _FLAG_FIELDS = (
     ("is_remote_frame", int(Flag.REMOTE)),
     ("is_error_frame", int(Flag.ERROR)),
@@ -99,7 +99,7 @@ class UdpReceiver:
         while True:
             try:
                 data, ancillary, _, _ = self._socket.recvmsg(
-                    _MAX_DATAGRAM_BYTES, _ANCILLARY_BYTES, socket.MSG_DONTWAIT
+                    MAX_DATAGRAM_BYTES, ANCILLARY_BYTES, socket.MSG_DONTWAIT
                 )
             except (BlockingIOError, InterruptedError):
                 left = end - time.monotonic()

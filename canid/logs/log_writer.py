@@ -12,9 +12,10 @@ from typing import Protocol
 from canid import timestamps
 from canid.errors import ConfigError
 from canid.files.new_file import Disk, TakenError
+from canid.frame_columns import chunks
 from canid.logs.blf.blf_writer import BlfWriter
 from canid.logs.formats import log_suffix
-from canid.types import NAN, Event, Frame
+from canid.types import NAN, Columns, Event, Frame
 
 
 class Writer(Protocol):
@@ -46,6 +47,12 @@ class Writer(Protocol):
 
     def append(self, frame: Frame) -> None:
         """Take one frame."""
+
+    def append_columns(self, chunk: Columns) -> None:
+        """Take frames; where that fails, `frames` says how many were taken.
+
+        Raises ValueError, before any is taken, where the format cannot hold one of them.
+        """
 
     def note(self, event: Event) -> None:
         """Write an event between the frames, where the format can."""
@@ -127,7 +134,7 @@ def write_log(
     """
     writer = open_writer(path, timestamps.epoch_ns(start_utc))
     try:
-        for frame in frames:
-            writer.append(frame)
+        for chunk in chunks(frames):
+            writer.append_columns(chunk)
     finally:
         writer.close()

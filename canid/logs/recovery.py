@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from canid.errors import LogError, OutputError
-from canid.frame_columns import frames_of
+from canid.frame_columns import rows
 from canid.logs.formats import log_suffix
 from canid.logs.log import Log, open_log
 from canid.logs.log_writer import WRITTEN_SUFFIXES, Writer, check_suffix, open_writer
 from canid.logs.reader_state import Note
-from canid.types import Columns, Damage, Flag, Frame
+from canid.types import Columns, Damage, Flag
 
 _CLASSIC_BYTES, _FD_BYTES, _MAX_STANDARD_ID = 8, 64, 0x7FF
-_FD, _ERROR, _EXTENDED = int(Flag.FD), int(Flag.ERROR), int(Flag.EXTENDED)
+_FD, _ERROR, _EXTENDED, _REMOTE = int(Flag.FD), int(Flag.ERROR), int(Flag.EXTENDED), int(Flag.REMOTE)
 
 # epoch ns, the year 2116: a later start is damage, and no format could hold the times that count from it
 _MAX_START_NS = 1 << 62
@@ -65,6 +67,7 @@ def recover(
 
     >>> import tempfile
     >>> from canid.logs.log_writer import write_log
+    >>> from canid.types import Frame
     >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
     >>> write_log(path, [Frame(0.0, 0, 0x123, b"abc")] * 9, start_utc=1533224087.0)
     >>> _ = path.write_bytes(path.read_bytes() + b"LOBJ, and then nothing that makes sense")
@@ -104,8 +107,7 @@ def _copy(source: Log, target: Path, progress: Callable[[float], None] | None) -
                 writer = open_writer(target, start_ns)
                 writer.lead_ns = lead_ns
             events += len(notes)
-            for frame in _with_notes(writer, chunk, notes, row):
-                writer.append(frame)
+            _write(writer, writable(chunk), notes, row)
             row += len(chunk.t)
             if progress is not None:
                 progress(source.progress)
@@ -123,40 +125,37 @@ def _copy(source: Log, target: Path, progress: Callable[[float], None] | None) -
     return writer.frames, events
 
 
-def _with_notes(writer: Writer, chunk: Columns, notes: list[Note], row: int) -> Iterator[Frame]:
-    """Yield the chunk's frames, writing each event before the frame that it precedes; empties `notes`."""
-    waiting = iter(notes)
-    note = next(waiting, None)
-    for k, frame in enumerate(frames_of(chunk), row):
-        while note is not None and note.row <= k:
-            writer.note(note.event)
-            note = next(waiting, None)
-        yield writable(frame)
-    # those after the last frame
-    while note is not None:
+def _write(writer: Writer, chunk: Columns, notes: list[Note], row: int) -> None:
+    """Write a chunk that begins at `row`, each event before the frame that it precedes; empties `notes`."""
+    begin, n = 0, len(chunk.t)
+    for note in notes:
+        end = min(max(note.row - row, begin), n)
+        writer.append_columns(rows(chunk, begin, end))
         writer.note(note.event)
-        note = next(waiting, None)
+        begin = end
+    writer.append_columns(rows(chunk, begin, n))
     notes.clear()
 
 
-def writable(frame: Frame) -> Frame:
-    """Make a frame of a damaged log consistent, so that every format can hold it.
+def writable(chunk: Columns) -> Columns:
+    """Make frames of a damaged log consistent, so that every format can hold them.
 
-    More than eight bytes make it CAN FD, an id of more than 11 bits makes that extended.
+    More than eight bytes make a frame CAN FD, an id of more than 11 bits makes it extended.
 
-    >>> writable(Frame(0.0, 0, 0x12345, bytes(12))).flags == Flag.EXTENDED | Flag.FD
+    >>> from canid.frame_columns import columns_of
+    >>> from canid.types import Frame
+    >>> writable(columns_of([Frame(0.0, 0, 0x12345, bytes(12))])).flags.tolist() == [Flag.EXTENDED | Flag.FD]
     True
     """
-    flags, data = frame.flags, frame.data
-    if flags & _ERROR:
-        data = data[:_CLASSIC_BYTES]
-    elif frame.id > _MAX_STANDARD_ID:
-        flags |= _EXTENDED
-    if len(data) > _CLASSIC_BYTES:
-        flags |= _FD
-    if flags == frame.flags and len(data) == len(frame.data):
-        return frame
-    return frame._replace(flags=flags, data=data[:_FD_BYTES])
+    flags, length, data = chunk.flags.copy(), chunk.length, chunk.data
+    error, has_data = (flags & _ERROR) != 0, (flags & _REMOTE) == 0
+    flags[~error & (chunk.id > _MAX_STANDARD_ID)] |= _EXTENDED
+    shortened = np.where(error & has_data, np.minimum(length, _CLASSIC_BYTES), length)
+    flags[has_data & (shortened > _CLASSIC_BYTES)] |= _FD
+    shortened = np.where(has_data, np.minimum(shortened, _FD_BYTES), shortened)
+    if (shortened != length).any():
+        data = np.where(np.arange(data.shape[1]) < np.where(has_data, shortened, 0)[:, None], data, 0)
+    return chunk._replace(flags=flags, length=shortened, data=data)
 
 
 def _lead(source: Log) -> int:

@@ -5,23 +5,35 @@ from __future__ import annotations
 import datetime
 import os
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from canid.errors import OutputError
 from canid.files.new_file import ChangedError, Disk
+from canid.frame_columns import columns_of
+from canid.logs import text_lines_of_columns as lines
 from canid.logs.asc.asc_reader import EXACT_START_PREFIX
 from canid.logs.blf.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, dlc_of
 from canid.logs.candump_reader import ERROR_BIT
-from canid.types import Event, Flag, Frame
+from canid.types import Columns, Event, Flag, Frame
 
 # Lines wait in memory up to this size: few system calls, and never half a line in the file.
 _BUFFER_BYTES = 64 * 1024
-# Size of the cache of texts that are formatted once for all frames of a message: more ids than a car has.
-_MAX_MIDDLES = 4096
-# plain numbers: an operation on an enumeration takes a third of a microsecond, and a line has five of them
+# Size of the caches of texts that are formatted once for all frames of a message: more ids than a car has.
+_MAX_TEXTS = 4096
 _ERROR, _FD, _EXTENDED = int(Flag.ERROR), int(Flag.FD), int(Flag.EXTENDED)
 _REMOTE, _TX, _BRS, _ESI = int(Flag.REMOTE), int(Flag.TX), int(Flag.BRS), int(Flag.ESI)
 _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 _MONTH_NAMES = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+
+
+class _Part(NamedTuple):
+    """Text that waits to be written."""
+
+    text: bytes
+    ends: npt.NDArray[np.int64] | None  # of each frame's line; None: text that is no frame's
 
 
 class _TextWriter:
@@ -32,12 +44,12 @@ class _TextWriter:
         self.lead_ns = 0
         self.frames = 0
         self.kept = 0
-        self._waiting: list[str] = []
-        self._others: set[int] = set()  # indices in `_waiting` that are no frames
+        self._waiting: list[_Part] = []
         self._length = 0
         self._begun = False
         self._ended = False
-        self._middles: dict[tuple[int, int, int, int], str] = {}
+        self._middles = lines.TextCache(self._middle, _MAX_TEXTS)
+        self._tails = lines.TextCache(self._tail_of, _MAX_TEXTS)
         self.disk = Disk(Path(path))
 
     @property
@@ -57,12 +69,17 @@ class _TextWriter:
 
     def append(self, frame: Frame) -> None:
         """Take one frame."""
-        if not self._begun:
-            self._begin()
-        line = self._line(frame)
-        self._waiting.append(line)
-        self._length += len(line)
-        self.frames += 1
+        self.append_columns(columns_of([frame]))
+
+    def append_columns(self, chunk: Columns) -> None:
+        """Take frames. Where writing fails, `frames` says how many were taken."""
+        if not len(chunk.t):
+            return
+        self._begin()
+        made = self._lines(chunk)
+        self._waiting.append(_Part(made.text, made.ends))
+        self._length += len(made.text)
+        self.frames += len(made.ends)
         if self._length > _BUFFER_BYTES:
             self._write()
 
@@ -116,31 +133,26 @@ class _TextWriter:
     def _tail(self) -> str:
         return ""
 
-    def _line(self, frame: Frame) -> str:
+    def _lines(self, chunk: Columns) -> lines.Lines:
         raise NotImplementedError
 
-    def _middle(self, bus: int, id_: int, flags: int, length: int) -> str:
+    def _middle(self, key: lines.Key) -> str:
         """Text between time and data: the same for all frames of one message, and so formatted once."""
-        key = (bus, id_, flags, length)
-        text = self._middles.get(key)
-        if text is None:
-            if len(self._middles) >= _MAX_MIDDLES:
-                self._middles.clear()
-            text = self._middles[key] = self._format_middle(*key)
-        return text
+        raise NotImplementedError
 
-    def _format_middle(self, bus: int, id_: int, flags: int, length: int) -> str:
+    def _tail_of(self, key: lines.Key) -> str:
+        """Text behind the data, with the line's end."""
         raise NotImplementedError
 
     def _add(self, text: str) -> None:
         """Take text that is no frame's."""
-        self._others.add(len(self._waiting))
-        self._waiting.append(text)
-        self._length += len(text)
+        if text:
+            self._waiting.append(_Part(text.encode("ascii"), None))
+            self._length += len(text)
 
     def _write(self) -> None:
         try:
-            self.disk.append("".join(self._waiting).encode("ascii"))
+            self.disk.append(b"".join([part.text for part in self._waiting]))
         except ChangedError:
             raise
         except OutputError:
@@ -152,32 +164,55 @@ class _TextWriter:
     def _keep_whole(self) -> None:
         """Count the lines that a full disk took whole; what it took of the next one is cut off."""
         size = 0
-        for index, text in enumerate(self._waiting):
-            if size + len(text) > self.disk.taken:
+        for text, ends in self._waiting:
+            left = self.disk.taken - size
+            whole = len(text) if len(text) <= left else 0
+            if ends is not None:
+                taken = int(np.searchsorted(ends, left, "right"))
+                self.kept += taken
+                whole = int(ends[taken - 1]) if taken else 0
+            size += whole
+            if whole < len(text):
                 break
-            size += len(text)
-            self.kept += index not in self._others
         self.disk.keep(size)
         self._forget()
 
     def _forget(self) -> None:
         self._waiting.clear()
-        self._others.clear()
         self._length = 0
+
+
+def _microseconds(
+    t: npt.NDArray[np.float64], zero: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Seconds and the microseconds of the rest; a time before `zero` us is 0."""
+    us = np.maximum(np.rint(t * 1e6).astype(np.int64) + zero, 0)
+    return us // 1_000_000, us % 1_000_000
 
 
 class CandumpWriter(_TextWriter):
     """`candump -L` lines; a frame that was sent ends with ` T`, as newer candump versions mark it."""
 
-    def _line(self, frame: Frame) -> str:
-        t, bus, id_, data, flags, length = frame
-        us = (self.start_ns or 0) // 1000 + round(t * 1e6)
-        seconds, us = divmod(us if us > 0 else 0, 1_000_000)
-        middle = self._middle(bus, id_, flags, length)
-        octets = "" if flags & _REMOTE else data.hex().upper()
-        return f"({seconds}.{us:06d}{middle}{octets}{' T' if flags & _TX else ''}\n"
+    def _lines(self, chunk: Columns) -> lines.Lines:
+        n = len(chunk.t)
+        seconds, us = _microseconds(chunk.t, (self.start_ns or 0) // 1000)
+        lengths = chunk.length.astype(np.int64)
+        keys, which = lines.keyed(chunk, lengths)
+        shown = np.where(chunk.flags & _REMOTE, 0, lengths)
+        return lines.joined(
+            [
+                lines.text(b"(", n),
+                lines.number(seconds),
+                lines.text(b".", n),
+                lines.number(us, digits=6, fill="0"),
+                lines.texts(self._middles.of(keys), which),
+                lines.hexadecimal(chunk.data, shown, spaced=False),
+                lines.texts(self._tails.of(keys), which),
+            ]
+        )
 
-    def _format_middle(self, bus: int, id_: int, flags: int, length: int) -> str:
+    def _middle(self, key: lines.Key) -> str:
+        bus, id_, flags, length = key
         shown = id_ | ERROR_BIT if flags & _ERROR else id_
         name = f"{shown:08X}" if flags & (_ERROR | _EXTENDED) else f"{shown:03X}"
         if flags & _REMOTE:
@@ -188,6 +223,9 @@ class CandumpWriter(_TextWriter):
         else:
             body = ""
         return f") can{bus} {name}#{body}"
+
+    def _tail_of(self, key: lines.Key) -> str:
+        return " T\n" if key[2] & _TX else "\n"
 
 
 class AscWriter(_TextWriter):
@@ -212,22 +250,27 @@ class AscWriter(_TextWriter):
     def _tail(self) -> str:
         return "End TriggerBlock\n"
 
-    def _line(self, frame: Frame) -> str:
-        t, bus, id_, data, flags, length = frame
-        us = round(t * 1e6) + self.lead_ns // 1000
-        seconds, us = divmod(us if us > 0 else 0, 1_000_000)
-        stamp = f"{seconds:4d}.{us:06d}"
-        if flags & _ERROR:
-            return f"{stamp} {bus + 1}  ErrorFrame\n"
-        if flags & _REMOTE:
-            return f"{stamp}{self._middle(bus, id_, flags, max(length, 0))}\n"
-        middle = self._middle(bus, id_, flags, len(data))
-        if not flags & _FD:
-            return f"{stamp}{middle}{data.hex(' ').upper()}\n"
-        bits = FD64_EDL | (FD64_BRS if flags & _BRS else 0) | (FD64_ESI if flags & _ESI else 0)
-        return f"{stamp}{middle}{data.hex(' ').upper()} {0:>8} {0:>4} {bits:>8X} {0:>8} {0:>8} {0:>8} {0:>8} {0:>8}\n"
+    def _lines(self, chunk: Columns) -> lines.Lines:
+        n = len(chunk.t)
+        seconds, us = _microseconds(chunk.t, self.lead_ns // 1000)
+        lengths = chunk.length.astype(np.int64)
+        keys, which = lines.keyed(chunk, lengths)
+        shown = np.where(chunk.flags & (_REMOTE | _ERROR), 0, lengths)
+        return lines.joined(
+            [
+                lines.number(seconds, digits=4, fill=" "),
+                lines.text(b".", n),
+                lines.number(us, digits=6, fill="0"),
+                lines.texts(self._middles.of(keys), which),
+                lines.hexadecimal(chunk.data, shown, spaced=True),
+                lines.texts(self._tails.of(keys), which),
+            ]
+        )
 
-    def _format_middle(self, bus: int, id_: int, flags: int, length: int) -> str:
+    def _middle(self, key: lines.Key) -> str:
+        bus, id_, flags, length = key
+        if flags & _ERROR:
+            return f" {bus + 1}  ErrorFrame"
         name = f"{id_:X}x" if flags & _EXTENDED else f"{id_:X}"
         way = "Tx" if flags & _TX else "Rx"
         if flags & _REMOTE:
@@ -236,3 +279,10 @@ class AscWriter(_TextWriter):
             return f" {bus + 1}  {name:<15} {way:<4} d {length:x} "
         brs, esi = int(bool(flags & _BRS)), int(bool(flags & _ESI))
         return f" CANFD {bus + 1:>3} {way:<4} {name:>8}  {'':>32} {brs} {esi} {dlc_of(length):x} {length:>2} "
+
+    def _tail_of(self, key: lines.Key) -> str:
+        flags = key[2]
+        if flags & (_ERROR | _REMOTE) or not flags & _FD:
+            return "\n"
+        bits = FD64_EDL | (FD64_BRS if flags & _BRS else 0) | (FD64_ESI if flags & _ESI else 0)
+        return f" {0:>8} {0:>4} {bits:>8X} {0:>8} {0:>8} {0:>8} {0:>8} {0:>8}\n"

@@ -12,15 +12,20 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
+from canid import frame_columns
 from canid.errors import OutputError
 from canid.files.new_file import ChangedError
+from canid.frame_columns import rows
 from canid.logs.log_writer import Writer
 from canid.recording.disk_sync import DiskSync
 from canid.recording.log_folders import LogFolders
 from canid.recording.lost_files import LostFiles
-from canid.recording.rotation import MAX_NOTE_TEXT, Rotation, has_room, is_full
+from canid.recording.rotation import MAX_NOTE_TEXT, Rotation, certain_rows, has_room, is_full
 from canid.recording.thread_join import join
-from canid.types import Event, Frame
+from canid.types import Columns, Event
 
 # ns that a frame may be stamped before its file's first one; a clock that is set back begins new files no more often
 MAX_BACKWARD_NS = 1_000_000_000
@@ -60,9 +65,12 @@ class LogFiles:
         self._finished_frames = 0  # in files before the current one, less those that were lost
         self._zero: int | None = None  # ns, session time of the file's first frame; None: it has none yet
         self._refused_frames = 0  # that the format cannot hold
+        self._fitting = self._taken = (
+            0  # frames of the latest call of the writer, and how many of them it took
+        )
         self._notes: deque[Event] = deque()
         self._no_room = False  # for the next note: the next frame begins a new file
-        self._unsaved: list[Frame] = []  # appended since the last checkpoint, in session time
+        self._unsaved: list[Columns] = []  # appended since the last checkpoint, in session time
         self._lock = threading.Lock()
         self._lost_files = LostFiles(self)
         self._sync = DiskSync(self.folders.prune, self._lost_files.displaced, self._lost_files.changed)
@@ -109,27 +117,41 @@ class LogFiles:
 
     # --- the writing thread ---
 
-    def append(self, frame: Frame) -> None:
-        """Append a frame to the current file, or to the next one where that is due."""
-        if self.writer is None:
-            return
-        try:
-            self._append_here(frame)
-        except ChangedError as error:
-            self._lost_files.leave_changed(str(error), frame)
-        except OutputError as error:
-            self.fail(str(error))
-        except Exception as error:
-            # of any kind: what no format can hold must cost no other frame
-            self._refused_frames += 1
-            if (
-                self._refused_frames & (self._refused_frames - 1) == 0
-            ):  # 1, 2, 4, 8, ...: not thousands of lines
-                self.report(
-                    "not_written",
-                    f"a frame with id {frame.id!r:.20} cannot be written: {error}"
-                    f" ({self._refused_frames:,} so far)",
-                )
+    def append(self, chunk: Columns) -> None:
+        """Append frames to the current file, or to the next one where that is due."""
+        ns = np.rint(chunk.t * 1e9).astype(np.int64)
+        row = 0
+        while row < len(ns) and self.writer is not None:
+            try:
+                row += self._append_here(rows(chunk, row, len(ns)), ns[row:])
+            except OutputError as error:
+                row += self._taken
+                if isinstance(error, ChangedError):
+                    self._lost_files.leave_changed(str(error))
+                else:
+                    self.fail(str(error))
+            except Exception as error:
+                # of any kind: what no format can hold must cost no other frame
+                row, count = row + self._taken, self._fitting - self._taken
+                if count > 1:
+                    self._append_apart(rows(chunk, row, row + count))
+                else:
+                    self._refuse(int(chunk.id[row]), error)
+                row += count
+
+    def _append_apart(self, chunk: Columns) -> None:
+        """Append frames of which one cannot be written: by halves, until it is alone."""
+        half = len(chunk.t) // 2
+        self.append(rows(chunk, 0, half))
+        self.append(rows(chunk, half, len(chunk.t)))
+
+    def _refuse(self, id_: int, error: Exception) -> None:
+        self._refused_frames += 1
+        if self._refused_frames & (self._refused_frames - 1) == 0:  # 1, 2, 4, 8, ...: not thousands of lines
+            self.report(
+                "not_written",
+                f"a frame with id {id_} cannot be written: {error} ({self._refused_frames:,} so far)",
+            )
 
     def write_notes(self, *, last: bool = False) -> None:
         """Write the events that wait, where the file has a frame already.
@@ -191,20 +213,44 @@ class LogFiles:
         self.failed = why
         self.report("recording_failed", why)
 
-    def _append_here(self, frame: Frame) -> None:
-        ns = round(frame.t * 1e9)
+    def _append_here(self, chunk: Columns, ns: npt.NDArray[np.int64]) -> int:
+        """Append as many of the frames as certainly belong into one file, one at least; returns how many."""
+        self._taken = 0
+        self._fitting = len(ns)
         if self._zero is None:
-            self._begin(ns)
-        elif self._next_file_is_due(ns):
-            self._begin_next_file(ns)
+            self._begin(int(ns[0]))
+        elif self._next_file_is_due(int(ns[0])):
+            self._begin_next_file(int(ns[0]))
         assert self.writer is not None
-        own = frame._replace(t=(ns - self._zero) * 1e-9) if self._zero else frame
+        self._fitting = self._rows_here(ns, chunk.data.shape[1])
+        part = rows(chunk, 0, self._fitting)
+        own = (
+            part._replace(t=(ns[: self._fitting] - self._zero).astype(np.float64) * 1e-9)
+            if self._zero
+            else part
+        )
         frames = self.writer.frames
         try:
-            self.writer.append(own)
+            self.writer.append_columns(own)
         finally:
-            if self.writer.frames > frames:  # it may be taken, and writing fail
-                self._unsaved.append(frame)
+            self._taken = self.writer.frames - frames
+            if self._taken:  # they may be taken, and writing fail
+                self._unsaved.append(rows(part, 0, self._taken))
+        return self._fitting
+
+    def _rows_here(self, ns: npt.NDArray[np.int64], width: int) -> int:
+        """How many frames, the first of which belongs into the current file, follow each other there for certain."""
+        assert self.writer is not None
+        assert self._zero is not None
+        since = ns - self._zero
+        elsewhere = since < -MAX_BACKWARD_NS
+        if not self._is_old:
+            elsewhere[:] = False
+        if self.folders.rotates:
+            elsewhere |= since >= self._rotation.time * 1e9
+        elsewhere[0] = False
+        until = int(elsewhere.argmax()) if elsewhere.any() else len(ns)
+        return min(until, certain_rows(self.writer, self._rotation, width))
 
     def _begin(self, ns: int) -> None:
         """The current file's own time begins at session time `ns`."""
@@ -218,7 +264,7 @@ class LogFiles:
         """Whether the frame at `ns` belongs into a new file."""
         assert self.writer is not None
         assert self._zero is not None
-        if ns - self._zero < -MAX_BACKWARD_NS and time.monotonic() - self._opened > MAX_BACKWARD_NS * 1e-9:
+        if ns - self._zero < -MAX_BACKWARD_NS and self._is_old:
             # a clock was set back behind the file's start, and no format has negative times
             return True
         if not self.folders.rotates or not self.writer.frames:
@@ -226,6 +272,11 @@ class LogFiles:
         if self._no_room:
             return True
         return ns - self._zero >= self._rotation.time * 1e9 or is_full(self.writer, self._rotation)
+
+    @property
+    def _is_old(self) -> bool:
+        """Whether a clock that is set back may begin another file."""
+        return time.monotonic() - self._opened > MAX_BACKWARD_NS * 1e-9
 
     def _begin_next_file(self, ns: int) -> None:
         """The frame at `ns` begins a new file; all before it is on its way to the disk."""
@@ -257,9 +308,13 @@ class LogFiles:
         self.path = path
         self._follow(path, zero_s)
 
-    def unsaved_of(self, writer: Writer) -> list[Frame]:
+    def unsaved_of(self, writer: Writer) -> list[Columns]:
         """Frames that were appended and are not in the file."""
-        return self._unsaved[max(len(self._unsaved) - (writer.frames - writer.kept), 0) :]
+        count = writer.frames - writer.kept
+        if not self._unsaved or not count:
+            return []
+        unsaved = frame_columns.join(self._unsaved)
+        return [rows(unsaved, max(len(unsaved.t) - count, 0), len(unsaved.t))]
 
     def lose(self, frames: int, why: str) -> None:
         """Count frames that are in no file any more."""

@@ -10,20 +10,23 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
+from canid import frame_columns
+from canid.frame_columns import rows
 from canid.recording.log_files import LogFiles
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import join
-from canid.types import Event, Frame
+from canid.types import Columns, Event
 
 # s between checkpoints: 250 ms are promised, the rest is for the work itself and a machine that is busy
 CHECKPOINT_S = 0.15
-# Frames that may wait for a disk that stalls: a minute of a full 1 Mbit/s bus (8,000 frames/s), some 120 MB.
+# Frames that may wait for a disk that stalls: a minute of a full 1 Mbit/s bus (8,000 frames/s), 12 MB (40 MB of CAN FD).
 MAX_WAITING_FRAMES = 480_000
-# Frames between two readings of the clock while the queue is emptied: a late checkpoint must not wait for all of it
-FRAMES_PER_TURN = 256
+# Frames between two readings of the clock while the queue is emptied, from and to: a late checkpoint must not wait for all
+# of it, and a writer that is fast costs less per frame the more it gets.
+FRAMES_PER_TURN, MAX_FRAMES_PER_TURN = 256, 4096
 
 
 class LogWriterThread:
@@ -42,11 +45,12 @@ class LogWriterThread:
         self.dropped = 0  # frames that were not queued because too many waited
         self._report = report
         # with the time of arrival, monotonic clock
-        self._queue: deque[tuple[float, Sequence[Frame] | Event]] = deque()
+        self._queue: deque[tuple[float, Columns | Event]] = deque()
         self._waiting = 0  # frames in `_queue`, and those being written
         self._oldest: float | None = None  # arrival of the oldest frame that is being written
         self._late = 0.0
-        self._dropping: list[Frame] = []  # the first and the last one of those dropped in a row
+        self._turn = FRAMES_PER_TURN
+        self._dropping: list[float] = []  # s, times of the first and the last one of those dropped in a row
         self._dropped_in_row = 0
         self._lock = threading.Lock()
         self._ending = threading.Event()
@@ -57,20 +61,21 @@ class LogWriterThread:
         self.files.start()
         self._thread.start()
 
-    def put(self, frames: Sequence[Frame], at: float, start_ns: int) -> None:
+    def put(self, chunk: Columns, at: float, start_ns: int) -> None:
         """Queue frames that arrived at `at` (monotonic clock); never waits. `start_ns`: epoch ns of their t = 0."""
         if self.files.failed:
             return
+        n = len(chunk.t)
         with self._lock:
             self.files.start_ns = start_ns
-            taken = frames[: max(MAX_WAITING_FRAMES - self._waiting, 0)]
-            if taken:
-                self._queue.append((at, taken))
-                self._waiting += len(taken)
-        if taken and self._dropping:
+            room = min(max(MAX_WAITING_FRAMES - self._waiting, 0), n)
+            if room:
+                self._queue.append((at, chunk if room == n else rows(chunk, 0, room)))
+                self._waiting += room
+        if room and self._dropping:
             self._report_dropped()
-        if len(taken) < len(frames):
-            self._drop(frames[len(taken) :])
+        if room < n:
+            self._drop(chunk.t[room:].tolist())
 
     def put_event(self, event: Event) -> None:
         """Queue an event of the log itself, to stand between the frames before and after it; never waits."""
@@ -104,22 +109,22 @@ class LogWriterThread:
 
     # --- the caller's thread ---
 
-    def _drop(self, frames: Sequence[Frame]) -> None:
+    def _drop(self, times: list[float]) -> None:
         if not self._dropping:
             self._report(
                 "disk_too_slow",
                 f"the disk takes nothing for {self.lag:.0f} s: frames are dropped from here on",
             )
-            self._dropping = [frames[0], frames[0]]
-        self._dropping[1] = frames[-1]
-        self.dropped += len(frames)
-        self._dropped_in_row += len(frames)
+            self._dropping = [times[0], times[0]]
+        self._dropping[1] = times[-1]
+        self.dropped += len(times)
+        self._dropped_in_row += len(times)
 
     def _report_dropped(self) -> None:
         first, last = self._dropping
         self._report(
             "frames_not_recorded",
-            f"{self._dropped_in_row:,} frames from {first.t:.6f} s to {last.t:.6f} s are not in the log: "
+            f"{self._dropped_in_row:,} frames from {first:.6f} s to {last:.6f} s are not in the log: "
             "the disk was too slow",
         )
         self._dropping, self._dropped_in_row = [], 0
@@ -143,23 +148,56 @@ class LogWriterThread:
     def _write_queue(self, due: float) -> float:
         """Append what waits now, with checkpoints where that takes long; returns when the last one was due."""
         late = 0.0
-        for _ in range(len(self._queue)):
-            with self._lock:
-                self._oldest, frames = self._queue.popleft()
-            if isinstance(frames, Event):
-                self.files.note(frames)
+        left = len(self._queue)
+        while left:
+            taken, chunk = self._take(left)
+            left -= taken
             self.files.write_notes()
-            if isinstance(frames, Event):
+            if isinstance(chunk, Event):
+                self.files.note(chunk)
+                self.files.write_notes()
                 continue
-            for begin in range(0, len(frames), FRAMES_PER_TURN):
-                for frame in frames[begin : begin + FRAMES_PER_TURN]:
-                    self.files.append(frame)
-                if time.monotonic() - due > CHECKPOINT_S:
+            begin, n = 0, len(chunk.t)
+            while begin < n:
+                end = min(begin + self._turn, n)
+                began = time.monotonic()
+                self.files.append(rows(chunk, begin, end))
+                now = time.monotonic()
+                self._adapt(now - began, end - begin)
+                if now - due > CHECKPOINT_S:
                     self.files.checkpoint()
                     due = time.monotonic()
-            with self._lock:
-                self._waiting -= len(frames)
+                with self._lock:
+                    self._waiting -= end - begin
+                begin = end
+            assert self._oldest is not None
             late = max(late, time.monotonic() - self._oldest)
         self._oldest = None
         self._late = late
         return due
+
+    def _adapt(self, took: float, count: int) -> None:
+        """Let a turn take no more than a share of the time between two checkpoints."""
+        if took > CHECKPOINT_S / 4:
+            self._turn = max(self._turn // 2, FRAMES_PER_TURN)
+        elif count == self._turn and took < CHECKPOINT_S / 20:
+            self._turn = min(2 * self._turn, MAX_FRAMES_PER_TURN)
+
+    def _take(self, most: int) -> tuple[int, Columns | Event]:
+        """Take an event, or frames that follow each other, from up to `most` entries; returns how many it were."""
+        parts: list[Columns] = []
+        n = 0
+        with self._lock:
+            while len(parts) < most and n < MAX_FRAMES_PER_TURN:
+                at, item = self._queue[0]
+                if isinstance(item, Event):
+                    if parts:
+                        break
+                    self._queue.popleft()
+                    return 1, item
+                if not parts:
+                    self._oldest = at
+                self._queue.popleft()
+                parts.append(item)
+                n += len(item.t)
+        return len(parts), frame_columns.join(parts)

@@ -13,7 +13,7 @@ from canid.errors import OutputError
 from canid.files.file_location import Whereabouts
 from canid.logs.log_writer import Writer
 from canid.recording.log_restoration import Restored, restore
-from canid.types import Frame
+from canid.types import Columns
 
 if TYPE_CHECKING:
     from canid.recording.log_files import LogFiles
@@ -59,7 +59,7 @@ class LostFiles:
             return
         try:
             writer.checkpoint(sync=False)  # into the file that has no name: it is copied from there
-            unsaved = []
+            unsaved: list[Columns] = []
         except OutputError:
             unsaved = self._files.unsaved_of(writer)
         self._leave(
@@ -73,20 +73,17 @@ class LostFiles:
                 f"{where.path.name} {where.place.value}, and no folder takes a copy of its frames",
             )
 
-    def leave_changed(self, why: str, frame: Frame | None = None) -> None:
+    def leave_changed(self, why: str) -> None:
         """Another program has truncated the file, or written into it: leave it as it is and go on in a new one."""
         writer = self._files.writer
         if writer is None:
             return
-        unsaved = self._files.unsaved_of(writer)
-        taken = bool(unsaved) and unsaved[-1] is frame
-        self._leave(why, "recording_changed", unsaved if taken or frame is None else [*unsaved, frame])
+        self._leave(why, "recording_changed", self._files.unsaved_of(writer))
         if writer.kept:
             self._lose_changed(writer)
 
-    def _leave(self, why: str, what: str, unsaved: list[Frame]) -> None:
+    def _leave(self, why: str, what: str, unsaved: list[Columns]) -> None:
         """Go on in a new file, which begins with the frames that did not reach the one before."""
-        unsaved = list(unsaved)
         files = self._files
         try:
             writer = files.folders.open_next(files.path, anywhere=True)
@@ -97,8 +94,8 @@ class LostFiles:
         files.replace(writer)
         files.renamed(files.path, zero)
         files.report(what, f"{why}: the recording goes on in {files.path}")
-        for frame in unsaved:
-            files.append(frame)
+        for chunk in unsaved:
+            files.append(chunk)
 
     # --- either thread ---
 

@@ -8,17 +8,18 @@ all frames up to `pre` s after it; what cannot be evaluated counts as true.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable, Sequence
-from itertools import accumulate
+from collections.abc import Iterable
 from math import inf
 from typing import NamedTuple
 
-from canid.types import Frame
+import numpy as np
+
+from canid import frame_columns
+from canid.types import Array, Columns
 
 # frames in the buffer: 60 s before the trigger and 30 s without an evaluation at 8,000 frames/s, a full 1 Mbit/s bus;
-# some 200 MB (280 bytes a frame, 340 with the 64 data bytes of CAN FD)
+# 30 MB (40 bytes a frame, 96 with the 64 data bytes of CAN FD)
 MAX_BUFFERED_FRAMES = 720_000
 # s that frames stay longer than `pre`, for a mark that is taken up late
 MARK_MARGIN_S = 2.0
@@ -49,8 +50,8 @@ class Batch(NamedTuple):
     """Frames that came together."""
 
     first: int  # number of the first frame
-    times: list[float]  # s, ascending
-    frames: Sequence[Frame]
+    times: Array  # s, ascending
+    frames: Columns
     at: float  # s, monotonic clock, when they came
 
 
@@ -66,7 +67,7 @@ class End(NamedTuple):
     window: Window
 
 
-Item = list[Frame] | Begin | End
+Item = Columns | Begin | End
 
 
 class PreTriggerBuffer:
@@ -74,9 +75,11 @@ class PreTriggerBuffer:
 
     Example:
         >>> buffer = PreTriggerBuffer(pre=1.0, post=0.5)
-        >>> buffer.put([Frame(0.5 * k, 0, k, b"") for k in range(10)], at=0.0)
+        >>> from canid.types import Frame
+        >>> chunk = frame_columns.columns_of([Frame(0.5 * k, 0, k, b"") for k in range(10)])
+        >>> buffer.put(chunk, at=0.0)
         >>> buffer.answered(6, [(4, 5, "brake")])
-        >>> [[frame.id for frame in item] for item in buffer.take() if isinstance(item, list)]
+        >>> [item.id.tolist() for item in buffer.take() if isinstance(item, Columns)]
         [[2, 3], [4, 5]]
     """
 
@@ -115,13 +118,14 @@ class PreTriggerBuffer:
         """The window that the newest frame is in."""
         return next((w for w in self._windows if w.start <= self.latest <= w.end), None)
 
-    def put(self, frames: Sequence[Frame], at: float) -> None:
+    def put(self, frames: Columns, at: float) -> None:
         """Take frames that came at `at` s of the monotonic clock."""
-        if not frames:
+        n = len(frames.t)
+        if not n:
             return
-        batch = Batch(self._number, self._times(frames, at), frames, at)
-        self._number += len(frames)
-        self.buffered += len(frames)
+        batch = Batch(self._number, self._times(frames.t, at), frames, at)
+        self._number += n
+        self.buffered += n
         self._ring.append(batch)
         self._unanswered.append(batch)
         if not self._evaluating:
@@ -133,7 +137,7 @@ class PreTriggerBuffer:
         if self._answers <= self._known:
             return  # it was decided without this answer
         if self._time_of(max(base, self._known)) <= self._settled:
-            until = bisect_right(self._times_from(self._known), self._settled)
+            until = _right(self._times_from(self._known), self._settled)
             self._true(self._known, min(self._known + until, self._answers), NOT_EVALUATED)
         else:
             self.unevaluated = False
@@ -157,7 +161,7 @@ class PreTriggerBuffer:
         """What came before `at` s (monotonic clock) and is not answered for counts as true; whether there was any."""
         some = False
         while self._unanswered and self._unanswered[0].at < at:
-            self._count_as_true(self._unanswered[0].first + len(self._unanswered[0].frames))
+            self._count_as_true(self._unanswered[0].first + len(self._unanswered[0].times))
             some = True
         if self._settled == inf:
             self._count_as_true(self._number)
@@ -185,16 +189,16 @@ class PreTriggerBuffer:
                 continue
             times = self._ring[0].times
             if window is None:
-                self._discard(bisect_left(times, self._known_time - self._pre - MARK_MARGIN_S))
+                self._discard(_left(times, self._known_time - self._pre - MARK_MARGIN_S))
                 if self._ring and self._ring[0].times is times:
                     break
             elif times[0] < window.start:
                 # an earlier frame can still be in a window until all up to `pre` after it is known
-                self._discard(bisect_left(times, min(window.start, self._known_time - self._pre)))
+                self._discard(_left(times, min(window.start, self._known_time - self._pre)))
                 if self._ring and self._ring[0].times is times:
                     break
             elif times[0] <= window.end:
-                most -= self._give(window, bisect_right(times, window.end), out)
+                most -= self._give(window, _right(times, window.end), out)
             elif self._known_time - self._pre > window.end:
                 self._close(window, out)
             else:
@@ -214,28 +218,27 @@ class PreTriggerBuffer:
             if window is not None and window.start <= head.times[0]:
                 return True, counted
             if head.first >= self._known:
-                self._count_as_true(head.first + len(head.frames))
+                self._count_as_true(head.first + len(head.times))
                 counted = True
             else:
-                outside = bisect_left(head.times, window.start) if window is not None else len(head.frames)
+                outside = _left(head.times, window.start) if window is not None else len(head.times)
                 self._discard(min(outside, self._known - head.first))
         return False, counted
 
     # --- time ---
 
-    def _times(self, frames: Sequence[Frame], at: float) -> list[float]:
-        stamps = [frame.t for frame in frames]
+    def _times(self, stamps: Array, at: float) -> Array:
         if self.latest == -inf:
-            self.latest, self._put_at = stamps[0], at
+            self.latest, self._put_at = float(stamps[0]), at
         passed, self._put_at = max(at - self._put_at, 0.0), at
         most, least = self.latest + passed + MAX_AHEAD_S, self.latest - MAX_BACK_S
-        if max(stamps) + self._offset > most or min(stamps) + self._offset < least:
-            return self._stepped(stamps, passed)
-        times = list(accumulate([t + self._offset for t in stamps], max, initial=self.latest))[1:]
-        self.latest = times[-1]
+        if stamps.max() + self._offset > most or stamps.min() + self._offset < least:
+            return self._stepped(stamps.tolist(), passed)
+        times = np.maximum(np.maximum.accumulate(stamps + self._offset), self.latest)
+        self.latest = float(times[-1])
         return times
 
-    def _stepped(self, stamps: list[float], passed: float) -> list[float]:
+    def _stepped(self, stamps: list[float], passed: float) -> Array:
         """The same, frame by frame, where a clock has stepped."""
         times = []
         for t in stamps:
@@ -245,21 +248,23 @@ class PreTriggerBuffer:
             self.latest = max(self.latest, t + self._offset)
             times.append(self.latest)
             passed = 0.0
-        return times
+        return np.array(times)
 
-    def _times_from(self, number: int) -> list[float]:
+    def _times_from(self, number: int) -> Array:
         """Times of the frames from `number` on that wait for their answer."""
-        return [x for b in self._unanswered for x in b.times[max(number - b.first, 0) :]]
+        return np.concatenate(
+            [b.times[max(number - b.first, 0) :] for b in self._unanswered] or [np.empty(0)]
+        )
 
     def _batch_of(self, number: int) -> Batch:
         for batch in self._unanswered:
-            if number < batch.first + len(batch.frames):
+            if number < batch.first + len(batch.times):
                 return batch
         raise ValueError(f"frame {number} has not come")
 
     def _time_of(self, number: int) -> float:
         batch = self._batch_of(number)
-        return batch.times[number - batch.first]
+        return float(batch.times[number - batch.first])
 
     # --- truth ---
 
@@ -271,10 +276,10 @@ class PreTriggerBuffer:
         batch = self._batch_of(start)
         row = start - batch.first
         # it was true up to here: the same window goes on, however long ago that frame was
-        first = self._true_time if start <= self._true_stop else batch.times[row]
+        first = self._true_time if start <= self._true_stop else float(batch.times[row])
         if stop > self._true_stop:
             self._true_stop, self._true_time = stop, self._time_of(stop - 1)
-        self._open(first, self._true_time, batch.frames[row].t, says)
+        self._open(first, self._true_time, float(batch.frames.t[row]), says)
 
     def _count_as_true(self, stop: int) -> None:
         if stop > self._known:
@@ -288,7 +293,7 @@ class PreTriggerBuffer:
             return
         self._known_time = self._time_of(stop - 1)
         self._known = stop
-        while self._unanswered and self._unanswered[0].first + len(self._unanswered[0].frames) <= stop:
+        while self._unanswered and self._unanswered[0].first + len(self._unanswered[0].times) <= stop:
             self._unanswered.popleft()
 
     def _open(self, first: float, last: float, t: float, says: str) -> None:
@@ -317,32 +322,44 @@ class PreTriggerBuffer:
 
     # --- the ring ---
 
-    def _discard(self, rows: int) -> None:
-        if rows:
-            self._discarded = self._ring[0].times[rows - 1]
-            self._pass(rows)
+    def _discard(self, count: int) -> None:
+        if count:
+            self._discarded = float(self._ring[0].times[count - 1])
+            self._pass(count)
 
-    def _pass(self, rows: int) -> Sequence[Frame]:
-        """Take rows off the oldest batch."""
+    def _pass(self, count: int) -> Columns:
+        """Take frames off the oldest batch."""
         first, times, frames, at = self._ring.popleft()
-        self.buffered -= rows
-        if rows < len(frames):
-            self._ring.appendleft(Batch(first + rows, times[rows:], frames[rows:], at))
-        return frames[:rows] if rows < len(frames) else frames
+        n = len(times)
+        self.buffered -= count
+        if count < n:
+            rest = frame_columns.rows(frames, count, n)
+            self._ring.appendleft(Batch(first + count, times[count:], rest, at))
+        return frame_columns.rows(frames, 0, count)
 
-    def _give(self, window: Window, rows: int, out: list[Item]) -> int:
-        before = 0 if window.announced else bisect_left(self._ring[0].times, window.at, 0, rows)
-        frames = list(self._pass(rows))
-        window.last = frames[-1].t
-        if window.announced or before == rows:
+    def _give(self, window: Window, count: int, out: list[Item]) -> int:
+        before = 0 if window.announced else _left(self._ring[0].times[:count], window.at)
+        frames = self._pass(count)
+        window.last = float(frames.t[-1])
+        if window.announced or before == count:
             out.append(frames)
-            return rows
+            return count
         window.announced = True
-        out += [part for part in (frames[:before], Begin(window), frames[before:]) if part]
-        return rows
+        if before:
+            out.append(frame_columns.rows(frames, 0, before))
+        out += [Begin(window), frame_columns.rows(frames, before, count)]
+        return count
 
     def _close(self, window: Window, out: list[Item]) -> None:
         if not window.announced:
             out.append(Begin(window))
         out.append(End(window))
         self._windows.remove(window)
+
+
+def _left(times: Array, at: float) -> int:
+    return int(np.searchsorted(times, at, "left"))
+
+
+def _right(times: Array, at: float) -> int:
+    return int(np.searchsorted(times, at, "right"))

@@ -13,6 +13,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
+import numpy as np
+
+from canid import frame_columns
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_reader import Arrival, BusReader
 from canid.buses.draining import MAX_DRAIN_S
@@ -27,14 +30,15 @@ from canid.recording.recorder_stats import BusStats, Stats
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import PROGRESS_S, join
 from canid.recording.trigger_gate import TriggerGate, TriggerStats
-from canid.types import Event, Flag, Frame
+from canid.types import Array, Columns, Event, Flag
 
 # s that all buses may be lost before the recorder gives up
 ALL_LOST_TIMEOUT_S = 5.0
 # frames taken at once: bounds the consumer's latency, and the work between two readings of the clock
-BATCH_FRAMES = 512
-# s that frames are gathered before they are passed on together: a wake-up for every frame costs ten times the frame
-BATCH_WAIT_S = 0.005
+BATCH_FRAMES = 4096
+# s that frames of several buses are gathered before they are passed on together, in the order of their stamps; those of
+# one bus come together already
+BATCH_WAIT_S = 0.01
 # s that the passing thread waits before it checks its own clock again
 QUEUE_TIMEOUT_S = 0.2
 # s over which rates and loads are averaged
@@ -48,7 +52,7 @@ _ERROR = int(Flag.ERROR)
 
 __all__ = ["BusStats", "Consumer", "Recorder", "Stats"]
 
-Consumer = Callable[[Sequence[Frame]], object]
+Consumer = Callable[[Columns], object]
 
 
 class Recorder:
@@ -81,7 +85,7 @@ class Recorder:
         self._journal = Journal(None, self._report)
         self._events: SimpleQueue[Event] = SimpleQueue()
         self._state = "waiting"
-        self._frames = self._not_passed = 0
+        self._frames = self._not_passed = self._not_understood = 0
         self._rate, self._lag = 0.0, 0.0
         self._first_ns: int | None = None
         self._latest = 0.0
@@ -209,7 +213,7 @@ class Recorder:
             drops_bus=sum(b.drops for b in buses),
             drops_estimator=self._not_passed,
             lag=max(self._lag, log.lag if log else 0.0),
-            waiting=self._queue.qsize() + (log.waiting if log else 0),
+            waiting=self._in_queue() + (log.waiting if log else 0),
             start_ns=self._first_ns,
             buses=buses,
             files=log.files.count if log else 0,
@@ -217,6 +221,10 @@ class Recorder:
             events_unwritten=self._journal.failed,
             trigger=trigger,
         )
+
+    def _in_queue(self) -> int:
+        received = sum(each.received for each in self._buses)
+        return max(received - self._frames - self._not_understood, 0)
 
     def _state_text(self, trigger: TriggerStats | None) -> str:
         log = self._log
@@ -244,7 +252,7 @@ class Recorder:
         while not ended:
             batch, ended = self._take(QUEUE_TIMEOUT_S)
             frames = self._stamped(batch)
-            if frames:
+            if frames is not None:
                 if self._log is not None and self._first_ns is not None:
                     (self._gate or self._log).put(frames, batch[0].at, self._first_ns)
                 self._lag = time.monotonic() - batch[0].at
@@ -260,63 +268,77 @@ class Recorder:
                 self._report_drops()
 
     def _take(self, timeout: float) -> tuple[list[Arrival], bool]:
-        """Take the queue's frames, up to `BATCH_FRAMES`; True: these are the last ones."""
+        """Take what is in the queue, up to `BATCH_FRAMES`; True: these are the last ones."""
         batch: list[Arrival] = []
+        n = 0
         try:
             # before Python 3.13 a signal may make this wait last until the next frame: of no harm in this thread
             item = self._queue.get(timeout=timeout)
-            if not self._stopping.is_set():
+            if len(self._buses) > 1 and not self._stopping.is_set():
                 time.sleep(BATCH_WAIT_S)
             while item is not None:
                 batch.append(item)
-                if len(batch) == BATCH_FRAMES:
+                n += len(item.frames.ns)
+                if n >= BATCH_FRAMES:
                     return batch, False
                 item = self._queue.get_nowait()
         except Empty:
             return batch, False
         return batch, True
 
-    def _stamped(self, batch: list[Arrival]) -> list[Frame]:
-        frames = []
+    def _stamped(self, batch: list[Arrival]) -> Columns | None:
+        """The frames in session time, those of several buses in the order of their stamps; None: there are none."""
+        parts: list[Columns] = []
         for item in batch:
             try:
-                frames.append(self._frame(item))
-            except Exception as error:  # an invalid frame of a back end must cost no other frame
+                parts.append(self._part(item))
+            except Exception as error:  # invalid frames of a back end must cost no others
+                self._not_understood += len(item.frames.ns)
                 name = self._buses[item.bus].bus.name
-                self._report("not_understood", f"{name}: a frame cannot be understood: {error}")
-        return frames
+                self._report("not_understood", f"{name}: frames cannot be understood: {error}")
+        if not parts:
+            return None
+        chunk = frame_columns.join(parts)
+        if any(item.bus != batch[0].bus for item in batch):
+            # each bus keeps its own order, whatever its stamps: a frame's place is that of its bus's latest stamp so far
+            place = np.empty(len(chunk.t))
+            for index in {item.bus for item in batch}:
+                own = chunk.bus == index
+                place[own] = np.maximum.accumulate(chunk.t[own])
+            chunk = frame_columns.select(chunk, np.argsort(place, kind="stable"))
+        self._latest = float(chunk.t[-1])
+        return chunk
 
-    def _frame(self, arrival: Arrival) -> Frame:
-        index, got = arrival.bus, arrival.frame
+    def _part(self, arrival: Arrival) -> Columns:
+        index, (ns, id_, flags, length, data) = arrival.bus, arrival.frames
         if self._first_ns is None:
-            self._first_ns = got.ns
-        frame = Frame((got.ns - self._first_ns) * 1e-9, index, got.id, got.data, got.flags, got.length)
+            self._first_ns = int(ns[0])
+        bus = np.full(len(ns), index, np.uint16)
+        t: Array = np.multiply(ns - self._first_ns, 1e-9)
+        part = Columns(t, bus, id_, flags, length, data)
         each = self._buses[index]
-        each.busy += bus_load.seconds(frame, each.bus.bitrate, each.bus.data_bitrate)
-        self._latest = frame.t
-        self._check_clock(each, got.ns, arrival.at)
-        each.frames += 1
-        self._frames += 1
-        if got.flags & _ERROR:
-            each.errors += 1
-            self._error_frame(each, frame)
-        return frame
-
-    def _error_frame(self, each: BusReader, frame: Frame) -> None:
-        if each.bus.interface in LINUX_ERRORS:
-            each.counters = error_counters(frame.id, frame.data) or each.counters
-            each.controller_is(meaning(frame.id, frame.data) or "")
-            each.overflows += overflowed(frame.id, frame.data)
-
-    def _check_clock(self, each: BusReader, ns: int, at: float) -> None:
-        step = each.watch.update(ns, at)
-        if step:
+        each.busy += bus_load.seconds(part, each.bus.bitrate, each.bus.data_bitrate)
+        self._latest = float(part.t[-1])
+        for step in each.watch.update_many(ns, arrival.at):
             says = f"{each.bus.name}: the clock that stamps the frames stepped by {step:+.2f} s"
             self._report("clock_step", says)
         clock = each.bus.clock
         if clock not in (each.clock, TimestampSource.UNKNOWN):
             each.clock = clock
-            self._note_clock(each, self._latest)
+            self._note_clock(each, float(part.t[0]))
+        each.frames += len(ns)
+        self._frames += len(ns)
+        if np.bitwise_or.reduce(flags) & _ERROR:
+            for row in np.flatnonzero(flags & _ERROR).tolist():
+                each.errors += 1
+                self._error_frame(each, int(id_[row]), data[row, : length[row]].tobytes())
+        return part
+
+    def _error_frame(self, each: BusReader, id_: int, data: bytes) -> None:
+        if each.bus.interface in LINUX_ERRORS:
+            each.counters = error_counters(id_, data) or each.counters
+            each.controller_is(meaning(id_, data) or "")
+            each.overflows += overflowed(id_, data)
 
     def _note_clock(self, each: BusReader, t: float) -> None:
         """Note in the log which clock stamps its frames."""
@@ -330,7 +352,7 @@ class Recorder:
             for each in self._buses:
                 self._note_clock(each, zero)
 
-    def _pass_on(self, frames: list[Frame]) -> None:
+    def _pass_on(self, frames: Columns) -> None:
         if self._consumer is None:
             return
         try:
@@ -338,7 +360,7 @@ class Recorder:
         except Exception as error:  # of any kind: recording goes on
             if not self._not_passed:
                 self._report("consumer_failed", f"the consumer raised {type(error).__name__}: {error}")
-            self._not_passed += len(frames)
+            self._not_passed += len(frames.t)
             if self._gate is not None:
                 self._gate.give_up()  # which frames were evaluated is not known any more
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import NamedTuple
 
 from canid.errors import ConfigError
+from canid.frame_columns import CLASSIC_BYTES
 from canid.logs.log_writer import Writer
 from canid.types import Event
 
@@ -17,6 +19,8 @@ MIN_FILE_TIME_S = 1.0
 _FULL_SHARE = 0.95
 # bytes that a container's own header, padding, the longest line of a text log (330: CAN FD in .asc) and its last one add
 _MARGIN_BYTES = 512
+# bytes of a frame at most, uncompressed, of up to 8 and of up to 64 data bytes: as an object of a .blf or a line of an .asc
+_ROW_BYTES, _FD_ROW_BYTES = 200, 330
 # bytes of a note, apart from its text
 _NOTE_BYTES = 160
 # characters of a note's text in a file of limited size; the journal has it whole
@@ -71,3 +75,14 @@ def is_full(writer: Writer, rotation: Rotation) -> bool:
         return False
     writer.checkpoint(sync=False)
     return writer.bytes > _FULL_SHARE * rotation.size
+
+
+def certain_rows(writer: Writer, rotation: Rotation, width: int) -> int:
+    """How many frames may be appended, after one that belongs into the file, until `is_full` has to be asked again.
+
+    `width`: bytes of data that the longest of them may have.
+    """
+    if not rotation.size:
+        return sys.maxsize
+    left = rotation.size - writer.bytes - writer.waiting - _MARGIN_BYTES
+    return 1 + max(left - 1, 0) // (_ROW_BYTES if width <= CLASSIC_BYTES else _FD_ROW_BYTES)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from math import inf
 from typing import NamedTuple, Protocol
 
@@ -21,7 +21,7 @@ from canid.recording.pre_trigger_buffer import (
     PreTriggerBuffer,
     Window,
 )
-from canid.types import Event, Frame
+from canid.types import Columns, Event
 
 # s that a frame waits for the evaluation of the conditions; the process that evaluates takes 3 s to start on a laptop
 # and answers within 0.1 s then
@@ -50,7 +50,7 @@ class Log(Protocol):
     def waiting(self) -> int:
         """Frames that are not written yet."""
 
-    def put(self, frames: Sequence[Frame], at: float, start_ns: int) -> None:
+    def put(self, frames: Columns, at: float, start_ns: int) -> None:
         """Take frames."""
 
     def put_event(self, event: Event) -> None:
@@ -86,11 +86,11 @@ class TriggerGate:
         """Frames go to `log`; `announce` takes events that stand in the log already."""
         self._log, self._announce = log, announce
 
-    def put(self, frames: Sequence[Frame], at: float, start_ns: int) -> None:
+    def put(self, frames: Columns, at: float, start_ns: int) -> None:
         """Take frames that came at `at` s (monotonic clock); `start_ns`: epoch ns of their t = 0."""
         with self._lock:
             self._start_ns = start_ns
-            self._latest = frames[-1].t
+            self._latest = float(frames.t[-1])
             self._buffer.put(frames, at)
             self._pass_on()
 

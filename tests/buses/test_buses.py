@@ -20,6 +20,7 @@ from canid.buses.bus_opener import open_bus, open_buses, wrap
 from canid.buses.command_line import add_bus_arguments, configs_of, listen
 from canid.buses.send import allowed, onto
 from canid.errors import BusError, ConfigError
+from canid.frame_columns import columns_of
 from canid.recording import bus_load
 from canid.types import Flag, Frame
 
@@ -318,7 +319,7 @@ def test_a_real_socket_gives_stamps_and_drops() -> None:
         receiver.setblocking(False)
         try:
             while True:
-                parsed = socketcan.parse(*receiver.recvmsg(72, socketcan._ANCILLARY_BYTES)[:3])
+                parsed = socketcan.parse(*receiver.recvmsg(72, socketcan.ANCILLARY_BYTES)[:3])
                 got += 1
                 drops = max(drops, parsed.drops or 0)
                 assert parsed.frame.ns > 1.7e18
@@ -328,7 +329,7 @@ def test_a_real_socket_gives_stamps_and_drops() -> None:
         sender.sendto(frame, receiver.getsockname())
         receiver.setblocking(True)
         receiver.settimeout(5)
-        drops = socketcan.parse(*receiver.recvmsg(72, socketcan._ANCILLARY_BYTES)[:3]).drops or 0
+        drops = socketcan.parse(*receiver.recvmsg(72, socketcan.ANCILLARY_BYTES)[:3]).drops or 0
         assert got < total
         assert got + drops == total
 
@@ -385,14 +386,18 @@ def test_error_frames_tell_the_controllers_state() -> None:
 # --- bus load ---
 
 
+def seconds_of(frame: Frame, *bitrates: float) -> float:
+    return bus_load.seconds(columns_of([frame]), *bitrates)
+
+
 def test_bus_load_counts_bits() -> None:
     """A classic 8-byte frame has 111 bits unstuffed, an extended one 131; a rate switch shortens FD."""
-    assert math.isclose(bus_load.seconds(Frame(0, 0, 1, bytes(8)), 1e6), 111e-6)
-    assert math.isclose(bus_load.seconds(Frame(0, 0, 1, bytes(8), int(Flag.EXTENDED)), 1e6), 131e-6)
-    slow = bus_load.seconds(Frame(0, 0, 1, bytes(64), int(Flag.FD)), 5e5, 2e6)
-    fast = bus_load.seconds(Frame(0, 0, 1, bytes(64), int(Flag.FD | Flag.BRS)), 5e5, 2e6)
+    assert math.isclose(seconds_of(Frame(0, 0, 1, bytes(8)), 1e6), 111e-6)
+    assert math.isclose(seconds_of(Frame(0, 0, 1, bytes(8), int(Flag.EXTENDED)), 1e6), 131e-6)
+    slow = seconds_of(Frame(0, 0, 1, bytes(64), int(Flag.FD)), 5e5, 2e6)
+    fast = seconds_of(Frame(0, 0, 1, bytes(64), int(Flag.FD | Flag.BRS)), 5e5, 2e6)
     assert 2 < slow / fast < 4
-    assert math.isnan(bus_load.seconds(Frame(0, 0, 1, b""), math.nan))
+    assert math.isnan(seconds_of(Frame(0, 0, 1, b""), math.nan))
 
 
 # --- sending ---

@@ -19,7 +19,7 @@ from canid.cli.live_session import exit_code, health_lines
 from canid.errors import DONE, NOT_WRITTEN, USAGE, OutputError
 from canid.estimator_process import Estimating
 from canid.files import state_file
-from canid.frame_columns import chunks
+from canid.frame_columns import chunks, columns_of
 from canid.logs import open_log
 from canid.saving.checksum import seal, unseal
 from canid.saving.saved_state import Restored, saver
@@ -250,12 +250,12 @@ def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, mon
     command = [sys.executable, "-c", FAILS_ONCE, "generic", str(tmp_path / "failed"), fault]
     running = Estimating("generic", lambda t, item: outputs.append((t, item)), command)
     before = list(drive_reader.window(open_log(LOG), 0.0, 60.0))
-    running.put(before)
+    running.put(columns_of(before))
     wait(lambda: running.counts().done == len(before))
-    running.put([Frame(64.5, 0, 1, b"")])
+    running.put(columns_of([Frame(64.5, 0, 1, b"")]))
     wait(lambda: running.counts().restarts == 1 and running.counts().ready)
     after = list(drive_reader.window(open_log(LOG), 66.0, 70.0))
-    running.put(after)
+    running.put(columns_of(after))
     assert running.close(60.0)
     counts = running.counts()
     assert counts.restarts == 1
@@ -310,7 +310,7 @@ def test_a_state_that_ends_a_child_is_not_given_to_the_next() -> None:
         "generic", lambda t, item: items.append(item), [sys.executable, "-c", ALLERGIC], b"poison"
     )
     wait(lambda: running.counts().restarts == 1 and running.counts().ready)
-    running.put([Frame(0.1 * k, 0, 1, b"") for k in range(50)])
+    running.put(columns_of([Frame(0.1 * k, 0, 1, b"") for k in range(50)]))
     assert running.close(30.0)
     assert running.counts().done == 50
     assert running.counts().restarts == 1

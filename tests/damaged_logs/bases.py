@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 from canid.buses import messages, python_can
 from canid.logs import open_log, write_log
-from canid.logs.blf.blf_writer import BlfWriter, encode
+from canid.logs.blf.blf_writer import BlfWriter
 from canid.types import Event, Flag, Frame
+from tests.fixtures.frame_by_frame import blf_object
 
 START = 1_600_000_000  # s, epoch
 _HEADER = 144
@@ -114,7 +115,7 @@ def _python_can_blf(folder: Path, name: str, frames: list[Frame]) -> Base:
 def _stored_blf(name: str, frames: list[Frame], each: int, *, whole: bool) -> Base:
     """Containers that are not compressed; `whole`: none of their objects goes on in the next one."""
     start = (2020, 9, 0, 13, 12, 26, 40, 0)  # START as a SYSTEMTIME
-    items = [(item := encode(frame, round(frame.t * 1e9))) + bytes(len(item) % 4) for frame in frames]
+    items = [(item := blf_object(frame, round(frame.t * 1e9))) + bytes(len(item) % 4) for frame in frames]
     if whole:
         rows = [b"".join(items[k : k + each]) for k in range(0, len(items), each)]
     else:

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,10 @@ import pytest
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
 from canid.errors import OutputError
+from canid.frame_columns import frames_of
 from canid.logs import open_log
 from canid.recording.recorder import Recorder
-from canid.types import Event, Frame
+from canid.types import Columns, Event, Frame
 
 
 class Sender:
@@ -64,7 +65,9 @@ def test_a_burst_is_recorded_whole_and_reads_back_as_it_was_seen_live(
     """60,000 frames at once and stop at once: all are logged, with the very times that the consumer saw."""
     count = 60_000
     live: list[Frame] = []
-    recorder = Recorder(buses_of(request), tmp_path / "x.blf", live.extend).start()
+    recorder = Recorder(
+        buses_of(request), tmp_path / "x.blf", lambda chunk: live.extend(frames_of(chunk))
+    ).start()
     began = time.time()
     for i in range(count):
         sender.send(i % 2048, i.to_bytes(4, "big"))
@@ -126,7 +129,7 @@ def test_a_consumer_that_raises_costs_no_frame(
 ) -> None:
     """With a consumer that always raises all frames are recorded; the journal has it, the count too."""
 
-    def broken(frames: Sequence[Frame]) -> None:
+    def broken(chunk: Columns) -> None:
         raise RuntimeError("no good")
 
     recorder = Recorder(buses_of(request), tmp_path / "x.blf", broken).start()
@@ -194,7 +197,9 @@ def test_a_disk_that_fails_ends_the_recording_and_nothing_else(
     """Where the file may not grow any more, the state says why, the stream goes on, the file is readable."""
     live: list[Frame] = []
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    recorder = Recorder(buses_of(request), tmp_path / "x.blf", live.extend).start()
+    recorder = Recorder(
+        buses_of(request), tmp_path / "x.blf", lambda chunk: live.extend(frames_of(chunk))
+    ).start()
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
     try:
         rng = random.Random(0)
@@ -266,7 +271,7 @@ def test_events_stand_in_the_journal(sender: Sender, request: pytest.FixtureRequ
 def test_without_a_file_it_only_passes_on(sender: Sender, request: pytest.FixtureRequest) -> None:
     """path None: nothing is written, frames and counts are there."""
     live: list[Frame] = []
-    recorder = Recorder(buses_of(request), None, live.extend).start()
+    recorder = Recorder(buses_of(request), None, lambda chunk: live.extend(frames_of(chunk))).start()
     for i in range(10):
         sender.send(i)
     stats = recorder.stop()

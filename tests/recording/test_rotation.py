@@ -14,6 +14,7 @@ from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
 from canid.cli import main
 from canid.errors import ConfigError
+from canid.frame_columns import columns_of
 from canid.logs import open_log
 from canid.recording.file_series import Series
 from canid.recording.log_files import LogFiles
@@ -222,7 +223,7 @@ def test_notes_make_no_file_larger_than_its_limit(suffix: str, tmp_path: Path) -
     files.start_ns = 1_700_000_000_000_000_000
     files.start()
     for i in range(300):
-        files.append(Frame(i * 0.01, 0, i, os.urandom(64), Flag.FD))
+        files.append(columns_of([Frame(i * 0.01, 0, i, os.urandom(64), Flag.FD)]))
         if i % 3 == 0:
             files.note(Event(i * 0.01, "mark", f"mark {i}: " + os.urandom(300 + i).hex()))
         files.write_notes()

@@ -20,7 +20,7 @@ from canid.logs.text_writers import AscWriter
 from canid.recording import log_writer_thread
 from canid.recording.recorder import Recorder
 from canid.recording.recorder_stats import Stats
-from canid.types import Frame
+from canid.types import Columns
 
 # s: a busy machine may need them
 PATIENCE = 300.0
@@ -41,14 +41,14 @@ def test_progress_is_shown_while_what_waits_is_written(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A slow writer: the state is "stopping", frames that wait become fewer, and none is lost."""
-    really = AscWriter.append
+    really = AscWriter.append_columns
     count = 3000
 
-    def slow(self: AscWriter, frame: Frame) -> None:
-        time.sleep(0.0004)
-        really(self, frame)
+    def slow(self: AscWriter, chunk: Columns) -> None:
+        time.sleep(0.0004 * len(chunk.t))
+        really(self, chunk)
 
-    monkeypatch.setattr(AscWriter, "append", slow)
+    monkeypatch.setattr(AscWriter, "append_columns", slow)
     recorder = recorder_of(request, tmp_path / "x.asc", count)
     seen: list[Stats] = []
     stats = recorder.stop(seen.append)
@@ -64,13 +64,13 @@ def test_a_checkpoint_does_not_wait_for_all_that_waits(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What was appended reaches the file every `CHECKPOINT` s, also while a long batch is written."""
-    really = AscWriter.append
+    really = AscWriter.append_columns
 
-    def slow(self: AscWriter, frame: Frame) -> None:
-        time.sleep(0.0003)
-        really(self, frame)
+    def slow(self: AscWriter, chunk: Columns) -> None:
+        time.sleep(0.0003 * len(chunk.t))
+        really(self, chunk)
 
-    monkeypatch.setattr(AscWriter, "append", slow)
+    monkeypatch.setattr(AscWriter, "append_columns", slow)
     recorder = recorder_of(request, tmp_path / "x.asc", 4000)
     sizes: set[int] = set()
     recorder.stop(lambda stats: sizes.add((tmp_path / "x.asc").stat().st_size))

@@ -7,7 +7,6 @@ import json
 import os
 import threading
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,17 @@ import pytest
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
 from canid.controls import Controls
+from canid.frame_columns import columns_of, frames_of
 from canid.logs import open_log
 from canid.recording import trigger_gate
 from canid.recording.pre_trigger_buffer import MARK_MARGIN_S, MAX_BUFFERED_FRAMES, PreTriggerBuffer
 from canid.recording.trigger_gate import ANSWER_TIMEOUT_S, TriggerGate
 from canid.session import Result, World, session
 from canid.triggers.trigger import MAX_PRE_S, Trigger
-from canid.types import Event, Frame
+from canid.types import Columns, Event, Frame
 
 # bytes of a frame in the buffer, as docs/triggers.md states it for classic CAN
-STATED_FRAME_BYTES = 280
+STATED_FRAME_BYTES = 40
 
 
 class Log:
@@ -42,8 +42,8 @@ class Log:
             self._written = len(self.frames)
         return len(self.frames) - self._written
 
-    def put(self, frames: Sequence[Frame], at: float, start_ns: int) -> None:
-        self.frames += frames
+    def put(self, frames: Columns, at: float, start_ns: int) -> None:
+        self.frames += frames_of(frames)
 
     def put_event(self, event: Event) -> None:
         pass
@@ -51,6 +51,10 @@ class Log:
 
 def frames_from(first: int, count: int, rate: float = 1000.0) -> list[Frame]:
     return [Frame(k / rate, 0, k % 2048, k.to_bytes(8, "big")) for k in range(first, first + count)]
+
+
+def columns_from(first: int, count: int) -> Columns:
+    return columns_of(frames_from(first, count))
 
 
 def gate_with(log: Log, **options: Any) -> tuple[TriggerGate, list[Event]]:
@@ -69,7 +73,7 @@ def test_what_nobody_evaluates_is_recorded(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(trigger_gate, "ANSWER_TIMEOUT_S", 0.05)
     log = Log()
     gate, events = gate_with(log)
-    gate.put(frames_from(0, 500), time.monotonic(), 0)
+    gate.put(columns_from(0, 500), time.monotonic(), 0)
     assert log.frames == []
     time.sleep(0.06)
     gate.tick()
@@ -77,7 +81,7 @@ def test_what_nobody_evaluates_is_recorded(monkeypatch: pytest.MonkeyPatch) -> N
     assert gate.stats()[:2] == ("recording_all", "conditions not evaluated")
     assert what(events) == ["trigger_not_evaluated", "trigger"]
     gate.answered(500, [])  # late: it was decided without it
-    gate.put(frames_from(500, 4000), time.monotonic(), 0)
+    gate.put(columns_from(500, 4000), time.monotonic(), 0)
     gate.answered(4000, [])
     assert "trigger_evaluated" in what(events)
     gate.finish()
@@ -88,10 +92,10 @@ def test_a_consumer_that_raises_makes_it_record_everything() -> None:
     """Which frames were evaluated is unknown then: from there on all are kept."""
     log = Log()
     gate, _ = gate_with(log)
-    gate.put(frames_from(0, 300), time.monotonic(), 0)
+    gate.put(columns_from(0, 300), time.monotonic(), 0)
     gate.answered(300, [])
     gate.give_up()
-    gate.put(frames_from(300, 3000), time.monotonic(), 0)
+    gate.put(columns_from(300, 3000), time.monotonic(), 0)
     gate.finish()
     assert log.frames[-3000:] == frames_from(300, 3000)
 
@@ -101,7 +105,7 @@ def test_the_end_records_what_was_not_evaluated(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(trigger_gate, "LAST_ANSWERS_S", 0.05)
     log = Log()
     gate, events = gate_with(log)
-    gate.put(frames_from(0, 700), time.monotonic(), 0)
+    gate.put(columns_from(0, 700), time.monotonic(), 0)
     gate.finish()
     assert log.frames == frames_from(0, 700)
     assert "the recording ended before" in events[0].says
@@ -115,7 +119,7 @@ def test_a_slow_disk_gets_no_more_than_it_has_room_for(monkeypatch: pytest.Monke
     log.stuck = True
     gate, _ = gate_with(log)
     for first in range(0, 5000, 100):
-        gate.put(frames_from(first, 100), time.monotonic(), 0)
+        gate.put(columns_from(first, 100), time.monotonic(), 0)
         gate.answered(100, [(0, 100, "x")])
     assert 1000 <= len(log.frames) <= 1100
     ending = threading.Thread(target=gate.finish)
@@ -132,14 +136,14 @@ def test_a_full_buffer_records_what_is_unknown_and_reports_what_is_missing() -> 
     log = Log()
     gate, events = gate_with(log, max_frames=1000)
     for first in range(0, 3000, 100):
-        gate.put(frames_from(first, 100), time.monotonic(), 0)
+        gate.put(columns_from(first, 100), time.monotonic(), 0)
     assert len(log.frames) >= 1900
     assert what(events)[0] == "trigger_not_evaluated"
     gate, events = gate_with(Log(), max_frames=50)
     for first in range(0, 500, 10):
-        gate.put(frames_from(first, 10), time.monotonic(), 0)
+        gate.put(columns_from(first, 10), time.monotonic(), 0)
         gate.answered(10, [])
-    gate.put(frames_from(500, 1), time.monotonic(), 0)
+    gate.put(columns_from(500, 1), time.monotonic(), 0)
     gate.answered(1, [(0, 1, "brake > 0")])
     (begin,) = [event for event in events if event.what == "trigger"]
     assert " s of it were not in the buffer any more" in begin.says
@@ -157,16 +161,16 @@ def test_a_full_bus_fits_into_the_stated_memory() -> None:
     before = resident()
     for first in range(0, seconds * rate, batch):
         frames = frames_from(first, batch, rate)
-        buffer.put(frames, at=frames[0].t)
+        buffer.put(columns_of(frames), at=frames[0].t)
         buffer.answered(batch, [])
         assert not any(buffer.take())
     used = resident() - before
     assert pre * rate <= buffer.buffered <= (pre + MARK_MARGIN_S + 0.1) * rate
     assert used < 1.1 * STATED_FRAME_BYTES * buffer.buffered
     last = frames_from(seconds * rate, 1, rate)
-    buffer.put(last, at=last[0].t)
+    buffer.put(columns_of(last), at=last[0].t)
     buffer.answered(1, [(0, 1, "x")])
-    taken = [frame for item in buffer.take() if isinstance(item, list) for frame in item]
+    taken = [frame for item in buffer.take() if isinstance(item, Columns) for frame in frames_of(item)]
     assert taken == frames_from((seconds - pre) * rate, pre * rate + 1, rate)
 
 

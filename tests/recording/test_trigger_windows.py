@@ -7,8 +7,9 @@ from itertools import accumulate
 
 import pytest
 
+from canid.frame_columns import columns_of, frames_of
 from canid.recording.pre_trigger_buffer import MARK_MARGIN_S, SETTLE_S, Begin, End, PreTriggerBuffer
-from canid.types import Frame
+from canid.types import Columns, Frame
 
 
 def windows(times: list[float], true: list[bool], marks: list[float], pre: float, post: float) -> list[bool]:
@@ -72,13 +73,13 @@ def test_what_is_written_is_the_reference_to_the_frame(trial: int, seed: int) ->
     def take() -> None:
         for item in buffer.take(rng.choice((1, 50, 1e9))):
             order.append(item)
-            if isinstance(item, list):
-                written.extend(item)
+            if isinstance(item, Columns):
+                written.extend(frames_of(item))
 
     while came < n or answered < n:
         if came < n and (rng.random() < 0.6 or answered == came):
             batch = frames[came : came + rng.choice((1, 3, 30))]
-            buffer.put(batch, at=times[came])
+            buffer.put(columns_of(batch), at=times[came])
             came += len(batch)
             if rng.random() < 0.03:  # a person, late by less than the margin that is kept
                 # once a window has begun, a late mark can only make it longer at its end

@@ -10,6 +10,7 @@ import pytest
 
 from canid import estimator_process
 from canid.estimator_process import Estimating, Run
+from canid.frame_columns import columns_of
 from canid.types import Frame
 
 # answers that every frame with the id 1 is true; dies now and then
@@ -48,7 +49,7 @@ def test_each_answer_belongs_to_its_frame(seed: int, tmp_path: Path, monkeypatch
     )
     frames = [Frame(0.001 * k, 0, int(k % 7 == 0), b"") for k in range(6000)]
     for first in range(0, len(frames), 100):
-        running.put(frames[first : first + 100])
+        running.put(columns_of(frames[first : first + 100]))
         time.sleep(0.01)
     until = time.monotonic() + 60.0
     while sum(n for n, _ in answers) < len(frames) and time.monotonic() < until:
