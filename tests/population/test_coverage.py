@@ -12,7 +12,6 @@ from canid.population.hierarchical import pool
 from canid.types import Array
 from tests.plants.many_fleets import Layout, draw, sampler_data, tables
 
-
 # by which two runs of one table may differ, in widths of an interval: five standard errors of a difference of two medians
 # of 800 independent draws, 1.25 sqrt(2 / 800) sd each; of the 2,880 draws of a run each counts for a third
 SAME = 5.0 * 1.25 * (2.0 / 800.0) ** 0.5 / 3.92
@@ -87,11 +86,7 @@ def test_agrees_with_restricted_likelihood_where_drivers_are_many(seed: int) -> 
     out = []
     for _ in range(8):
         v = rng.uniform(0.05, 0.3, 160) ** 2
-        y = (
-            rng.normal(5.0, 1.0, 40)[who]
-            + rng.normal(0.0, 0.4, 160)
-            + np.sqrt(v) * rng.standard_normal(160)
-        )
+        y = rng.normal(5.0, 1.0, 40)[who] + rng.normal(0.0, 0.4, 160) + np.sqrt(v) * rng.standard_normal(160)
         mean, se, between, within = reml(y, v, who)
         of = pool(drive_table(("K",), y[:, None], v[:, None], tuple(f"d{k}" for k in who)))
         half = [0.5 * float(spread.high[0] - spread.low[0]) for spread in (of.between, of.within)]
