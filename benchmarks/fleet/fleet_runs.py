@@ -20,6 +20,12 @@ import duckdb
 POLL_S = 0.2
 # s that a scheduler or a worker may take to start on a loaded machine
 START_S = 60.0
+# of the documentation, for all processes of the cluster: idle ones take less of a core
+DASK_SETTINGS = {
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "5s",
+}
 # what the exit codes of a run with results are: done, and done with logs that failed
 GOOD_EXITS = (0, 4)
 
@@ -117,25 +123,30 @@ def _below(pid: int) -> list[int]:
 
 @contextmanager
 def cluster(workers: int, folder: Path) -> Iterator[str]:
-    """A Dask scheduler and workers of one thread each on loopback, as the documentation starts them.
+    """A Dask scheduler and one worker process with a thread for each core, as the documentation starts them, on loopback.
+
+    Args:
+        workers: threads of it, each with a child that analyses.
+        folder: for the scheduler's file and the log.
 
     Yields:
         the scheduler's address.
     """
     name = folder / "scheduler.json"
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", **DASK_SETTINGS}
     dask = [sys.executable, "-m", "dask"]
     scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
-    worker = [*dask, "worker", "--scheduler-file", str(name), "--nthreads", "1", "--no-dashboard"]
+    worker = [*dask, "worker", "--scheduler-file", str(name), "--nthreads", str(workers), "--nworkers", "1"]
+    worker += ["--no-dashboard"]
     started: list[subprocess.Popen[bytes]] = []
     with (folder / "dask.log").open("ab") as log:
         try:
-            commands = [[*scheduler, "--scheduler-file", str(name)], *[worker] * workers]
+            commands = [[*scheduler, "--scheduler-file", str(name)], worker]
             started += [
                 subprocess.Popen(command, stdout=log, stderr=log, env=environment, cwd=folder)
                 for command in commands
             ]
-            yield _address(name, workers)
+            yield _address(name)
         finally:
             for one in reversed(started):
                 one.terminate()
@@ -147,7 +158,7 @@ def cluster(workers: int, folder: Path) -> Iterator[str]:
                     one.wait()
 
 
-def _address(name: Path, workers: int) -> str:
+def _address(name: Path) -> str:
     from distributed import Client
 
     begin = time.monotonic()
@@ -158,7 +169,7 @@ def _address(name: Path, workers: int) -> str:
     time.sleep(0.2)
     address = str(json.loads(name.read_text(encoding="utf-8"))["address"])
     with Client(address, timeout=START_S) as client:  # type: ignore[no-untyped-call]
-        client.wait_for_workers(workers, timeout=START_S)
+        client.wait_for_workers(1, timeout=START_S)
     return address
 
 
