@@ -235,8 +235,8 @@ def long(sizes: Sizes, home: Path, nice: int) -> tuple[list[str], dict[str, floa
     total, longest = sum(one["wall_s"] for one in of), max(one["wall_s"] for one in of)
     ideal = max(total / 2.0, longest)
     return [
-        f"| a log of {sizes.long_min:.0f} min and {sizes.minute_logs} of 1 min, without diagnosis, 2 workers: wall; least possible | "
-        f"{ran.wall_s:.0f} s; {ideal:.0f} s | |",
+        f"| a log of {sizes.long_min:.0f} min and {sizes.minute_logs} of 1 min, without diagnosis, 2 workers: "
+        f"wall; least possible | {ran.wall_s:.0f} s; {ideal:.0f} s | |",
         f"| · peak memory of the analysis: the long log, the largest of the others; client | "
         f"{of[-1]['peak_bytes'] / 1e6:.0f}, {max(one['peak_bytes'] for one in of[:-1]) / 1e6:.0f} MB; "
         f"{ran.client_bytes / 1e6:.0f} MB | bounded |",
