@@ -85,6 +85,20 @@ def test_a_child_gives_the_numbers_of_a_direct_call(child: Child, tmp_path: Path
     assert len(pids) == 1
 
 
+def test_what_dask_sets_for_its_workers_does_not_slow_an_analysis(
+    child: Child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dask makes malloc give back memory at once, which costs an analysis a sixth; all else is inherited."""
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
+    monkeypatch.setenv("CANID_OF_A_TEST", "kept")
+    log = tmp_path / "0.log"
+    log.write_bytes(short_logs.log(0))
+    assert child.analyse(job(log), GENERIC).log == str(log)
+    found = Path(f"/proc/{child.pid}/environ").read_bytes().split(b"\0")
+    assert b"CANID_OF_A_TEST=kept" in found
+    assert not any(one.startswith(b"MALLOC_TRIM_THRESHOLD_") for one in found)
+
+
 def test_a_log_that_takes_too_long_is_ended_and_the_next_one_analysed(child: Child, slow: Path) -> None:
     """`timeout`; the child is replaced, and nothing of it is left."""
     assert child.analyse(job(URBAN), GENERIC).status is Status.OK
