@@ -224,5 +224,11 @@ BENCHMARKS = (
         "5 min",
         "partial pooling: coverage of intervals on simulated fleets, outliers, against plug-in intervals",
     ),
+    Benchmark(
+        "null_rates",
+        "benchmarks.fleet.null_rates",
+        "40 min",
+        "how often comparisons of drivers and groups find what is not there",
+    ),
     Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
 )

@@ -32,7 +32,9 @@ _EXTENDED, _FD = int(Flag.EXTENDED), int(Flag.FD)
 
 # s after the first frame of an interface without a call for many that those that follow are waited for
 GATHER_S = 0.003
-# frames that are gathered at most: bounds the time of a stop
+# s that frames are gathered at most where each comes as soon as it is asked for, and asking takes long
+MAX_GATHER_S = 0.02
+# frames that are gathered at most
 MAX_GATHERED = 512
 
 Filters = Sequence[Mapping[str, Any]]
@@ -162,11 +164,12 @@ class ReceiveOnlyBus:
         if got is None:
             return None
         frames = [got]
-        until = time.monotonic() + GATHER_S if timeout else 0.0
+        begin = now = time.monotonic()
+        until = begin + GATHER_S if timeout else 0.0
         try:
-            while len(frames) < MAX_GATHERED:
-                left = until - time.monotonic() if timeout else 0.0
-                got = self.recv(max(left, 0.0))
+            while len(frames) < MAX_GATHERED and now - begin < MAX_GATHER_S:
+                got = self.recv(max(until - now, 0.0))
+                now = time.monotonic()
                 if got is None:
                     break
                 frames.append(got)

@@ -136,8 +136,6 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
         c = covariance[:, g, :, g] + covariance[:, h, :, h] - covariance[:, g, :, h] - covariance[:, h, :, g]
         c = c[:, of][:, :, of]
         sd = np.sqrt(np.einsum("dkk->dk", c))
-        distance = np.einsum("dk,dk->d", d, np.linalg.solve(c, d[:, :, None])[:, :, 0])
-        joint[pair] = float(np.mean(chdtrc(float(of.sum()), np.maximum(distance, 0.0))))
         each[pair, of] = np.mean(chdtrc(1.0, (d / sd) ** 2), axis=0)
         for x, found_ in zip((value, low, high), normal_mixture.interval(d, sd), strict=True):
             x[pair, of] = found_ * units.size[column][of]
@@ -147,7 +145,10 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
             for x, end in zip((value, low, high), iv, strict=True):
                 x[pair, place] = end * units.size[column][place]
             each[pair, place] = crossed[place].p_value
-            # of parameters that are correlated: Bonferroni's of the clearest one holds whatever their dependence
+        # of parameters that are correlated: Bonferroni's of the clearest one holds whatever their dependence. The distance
+        # in all of them together does not, where B is known from few drivers: of five parameters without any difference
+        # it had p < 5 % in 15 to 18 % of 120 fleets of 4 to 30 drivers
+        if np.isfinite(each[pair]).any():
             joint[pair] = min(1.0, float(np.isfinite(each[pair]).sum() * np.nanmin(each[pair])))
     drives: Flags = np.asarray(cells.any(axis=2))
     of_both = np.array(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import socket
 import struct
+import time
 from argparse import Namespace
 from collections import deque
 from collections.abc import Callable
@@ -299,6 +300,25 @@ def single_bus_of(frames: list[Received], **options: Any) -> ReceiveOnlyBus:
         channel="x",
         **options,
     )
+
+
+def test_frames_of_a_slow_interface_are_not_kept_until_there_are_many() -> None:
+    """An interface that takes 5 ms for each frame and never has none: what was gathered in 20 ms is handed on.
+
+    No frame is later than one that the interface itself delays, whatever the interface takes for it.
+    """
+    bus = single_bus_of([Received(k, k, b"", 0) for k in range(1000)])
+    receive = bus._receiver.recv  # type: ignore[union-attr]
+
+    def slow(timeout: float) -> Received | None:
+        time.sleep(0.005)
+        return receive(timeout)
+
+    bus._receiver.recv = slow  # type: ignore[union-attr,method-assign]
+    for timeout in (0.1, 0.0):
+        got = bus.recv_many(timeout)
+        assert got is not None
+        assert 1 <= len(got.ns) <= 5
 
 
 def any_received(rng: random.Random, zero: int) -> Received:

@@ -125,6 +125,13 @@ def test_groups_of_different_drivers_have_the_spread_between_drivers_as_error(se
     assert "say little" in of.status[0]
 
 
+def test_the_p_value_of_a_pair_is_bonferronis(seed: int) -> None:
+    """Of the clearest parameter: their joint distance is too sure where the spread between drivers is hardly known."""
+    table, _ = fleet(seed, 1.5)
+    of = contrasts(table, tuple("abc"[k % 3] for k in table.driver))
+    np.testing.assert_allclose(of.p_value, np.minimum(1.0, 2.0 * of.each.min(axis=1)))
+
+
 def test_what_is_not_identifiable_is_said(seed: int) -> None:
     """One driver, one drive each, nothing at all: NaN where nothing is known, and a status that says what to do."""
     table, _ = fleet(seed, 1.0)
