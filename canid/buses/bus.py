@@ -15,6 +15,7 @@ from canid.buses import listen_only
 from canid.buses.device_watch import DeviceWatch
 from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, possible, why_impossible
 from canid.buses.listen_only import ListenOnly
+from canid.buses.many_messages import GATHER_S
 from canid.buses.received_columns import (
     Many,
     ManyReceiver,
@@ -31,9 +32,7 @@ from canid.types import NAN, Flag
 _EXTENDED, _FD = int(Flag.EXTENDED), int(Flag.FD)
 
 # s after the first frame of an interface without a call for many that those that follow are waited for
-GATHER_S = 0.003
-# s that frames are gathered at most where each comes as soon as it is asked for, and asking takes long
-MAX_GATHER_S = 0.02
+SINGLE_GATHER_S = 0.003
 # frames that are gathered at most
 MAX_GATHERED = 512
 
@@ -132,8 +131,8 @@ class ReceiveOnlyBus:
                 return None
             timeout = end - now
 
-    def recv_many(self, timeout: float) -> ReceivedColumns | None:
-        """Wait up to `timeout` s for frames, and a little for those that follow; otherwise as `recv`."""
+    def recv_many(self, timeout: float, gather: float = GATHER_S) -> ReceivedColumns | None:
+        """Wait up to `timeout` s for frames, and up to `gather` s for those that follow; otherwise as `recv`."""
         receiver = self._receiver
         # by its attribute: isinstance() with a protocol evaluates all others, and that of the drops is a query
         if not hasattr(receiver, "recv_many"):
@@ -141,7 +140,7 @@ class ReceiveOnlyBus:
         many_receiver = cast(ManyReceiver, receiver)
         end = 0.0
         while True:
-            many = many_receiver.recv_many(timeout)
+            many = many_receiver.recv_many(timeout, gather)
             if many is None:
                 return None
             frames = self._checked(many)
@@ -156,7 +155,7 @@ class ReceiveOnlyBus:
             timeout = end - now
 
     def _gathered(self, timeout: float) -> ReceivedColumns | None:
-        """Frames of a receiver that takes one after the other."""
+        """Frames of a receiver that takes one after the other, for `GATHER_S` at most: asking for one may take long."""
         fault, self._fault = self._fault, None
         if fault is not None:
             raise fault
@@ -165,9 +164,9 @@ class ReceiveOnlyBus:
             return None
         frames = [got]
         begin = now = time.monotonic()
-        until = begin + GATHER_S if timeout else 0.0
+        until = begin + SINGLE_GATHER_S if timeout else 0.0
         try:
-            while len(frames) < MAX_GATHERED and now - begin < MAX_GATHER_S:
+            while len(frames) < MAX_GATHERED and now - begin < GATHER_S:
                 got = self.recv(max(until - now, 0.0))
                 now = time.monotonic()
                 if got is None:

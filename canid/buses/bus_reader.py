@@ -11,6 +11,7 @@ from typing import NamedTuple
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.clock_watch import ClockWatch
 from canid.buses.draining import drain
+from canid.buses.many_messages import GATHER_S
 from canid.buses.received_columns import ReceivedColumns
 from canid.buses.timestamp_source import TimestampSource
 from canid.errors import BusError
@@ -46,13 +47,15 @@ class BusReader:
         put: Callable[[Arrival], object],
         stopping: threading.Event,
         report: Callable[[str, str], object],
+        gather: float = GATHER_S,
     ):
-        """`put` takes frames that came together, `report(what, says)` each event."""
+        """`put` takes frames that came together within `gather` s, `report(what, says)` each event."""
         self.bus = bus
         self.index = index
         self._put = put
         self._stopping = stopping
         self._report = report
+        self._gather = gather
         self.state = "open"
         self.lost_at: float | None = None  # s, monotonic clock
         self.received = 0  # frames
@@ -77,7 +80,7 @@ class BusReader:
                 checked = now
                 self._report_changes()
             try:
-                got = self.bus.recv_many(RECEIVE_TIMEOUT_S)
+                got = self.bus.recv_many(RECEIVE_TIMEOUT_S, self._gather)
                 now = time.monotonic()
             except Exception as error:  # a reader must never die in silence
                 self._lose(error)

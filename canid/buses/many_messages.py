@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import math
 import os
 import socket
 import sys
@@ -19,6 +20,10 @@ import numpy.typing as npt
 
 # s between two calls on a busy bus: what comes meanwhile is received together, and the kernel has stamped it
 GATHER_S = 0.02
+# frames/s that a socket must have room for while they are gathered for longer: CAN FD at 8 Mbit/s
+MOST_PER_S = 20_000
+# bytes of its buffer that a message takes at most, with the kernel's own structure of it: half a page and that
+_BYTES_PER_MESSAGE = 2304
 
 SO_TIMESTAMPNS, SO_TIMESTAMPNS_NEW = 35, 64
 SO_TIMESTAMPING, SO_TIMESTAMPING_NEW = 37, 65
@@ -229,18 +234,31 @@ def _timespec(value: Octets) -> npt.NDArray[np.int64]:
 
 
 class Pace:
-    """How long to wait for more: on a busy bus, until `GATHER_S` after the last call; on a quiet one, not at all."""
+    """How long to wait for more: on a busy bus, so long after the last call; on a quiet one, not at all.
 
-    def __init__(self) -> None:
+    More than `GATHER_S` only where a quarter of the socket's buffer holds what comes meanwhile.
+
+    Example:
+        >>> inner, outer = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        >>> inner.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        >>> Pace(inner).longest
+        0.02
+        >>> inner.close(), outer.close()
+        (None, None)
+    """
+
+    def __init__(self, sock: socket.socket) -> None:
         """Begin quiet."""
-        self._next = 0.0  # s, monotonic clock
+        held = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) / _BYTES_PER_MESSAGE
+        self.longest = max(GATHER_S, held / 4.0 / MOST_PER_S)  # s
+        self._received = -math.inf  # s, monotonic clock
 
-    def wait(self) -> None:
-        """Wait for what comes together."""
-        left = self._next - time.monotonic()
+    def wait(self, gather: float) -> None:
+        """Wait for what comes together within `gather` s."""
+        left = self._received + min(gather, self.longest) - time.monotonic()
         if left > 0.0:
             time.sleep(left)
 
     def received(self, *, full: bool) -> None:
         """There were messages; `full`: as many as fit, so that more may wait already."""
-        self._next = 0.0 if full else time.monotonic() + GATHER_S
+        self._received = -math.inf if full else time.monotonic()

@@ -37,8 +37,11 @@ class Many(NamedTuple):
 class ManyReceiver(Receiver, Protocol):
     """A receiver that takes many messages with one call."""
 
-    def recv_many(self, timeout: float) -> Many | None:
-        """Wait up to `timeout` s for messages, and a little for those that follow; None: none came. Raises BusError."""
+    def recv_many(self, timeout: float, gather: float) -> Many | None:
+        """Wait up to `timeout` s for messages, and up to `gather` s for those that follow; None: none came.
+
+        Raises BusError.
+        """
 
 
 def columns_of(frames: Sequence[Received]) -> ReceivedColumns:

@@ -80,13 +80,13 @@ class SocketcanColumnsReceiver(SocketcanReceiver):
         """As `SocketcanReceiver`."""
         super().__init__(bus, hardware=hardware, device=device)
         self._messages = ManyMessages(self._socket, most=MOST, octets=CANFD_MTU, ancillary=ANCILLARY_BYTES)
-        self._pace = Pace()
+        self._pace = Pace(self._socket)
 
-    def recv_many(self, timeout: float) -> Many | None:
-        """Wait up to `timeout` s, and a little for those that follow; raises BusError where the device is down or gone."""
+    def recv_many(self, timeout: float, gather: float) -> Many | None:
+        """Wait up to `timeout` s, and up to `gather` s for those that follow; raises BusError where the device is down."""
         end = time.monotonic() + timeout
         if timeout:
-            self._pace.wait()
+            self._pace.wait(gather)
         while True:
             try:
                 count = self._messages.receive()

@@ -35,14 +35,14 @@ class UdpColumnsReceiver(UdpReceiver):
             more=MAX_DATAGRAM_BYTES - _NEAR_BYTES,
             ancillary=ANCILLARY_BYTES,
         )
-        self._pace = Pace()
+        self._pace = Pace(self._socket)
         self._reader = DatagramReader(self._unpack, MOST)
 
-    def recv_many(self, timeout: float) -> Many | None:
-        """Wait up to `timeout` s, and a little for those that follow; raises BusError where the socket fails."""
+    def recv_many(self, timeout: float, gather: float) -> Many | None:
+        """Wait up to `timeout` s, and up to `gather` s for those that follow; raises BusError where the socket fails."""
         end = time.monotonic() + timeout
         if timeout:
-            self._pace.wait()
+            self._pace.wait(gather)
         while True:
             try:
                 count = self._messages.receive()

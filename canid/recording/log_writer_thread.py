@@ -53,6 +53,7 @@ class LogWriterThread:
         self._dropping: list[float] = []  # s, times of the first and the last one of those dropped in a row
         self._dropped_in_row = 0
         self._lock = threading.Lock()
+        self._filled = threading.Event()  # there is something to write
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="canid-write", daemon=True)
 
@@ -72,6 +73,7 @@ class LogWriterThread:
             if room:
                 self._queue.append((at, chunk if room == n else rows(chunk, 0, room)))
                 self._waiting += room
+                self._filled.set()
         if room and self._dropping:
             self._report_dropped()
         if room < n:
@@ -104,6 +106,7 @@ class LogWriterThread:
         if self._dropping:
             self._report_dropped()
         self._ending.set()
+        self._filled.set()
         join(self._thread, waiting)
         self.files.close(waiting)
 
@@ -136,7 +139,10 @@ class LogWriterThread:
         ending = False
         while not ending:
             due = max(due + CHECKPOINT_S, time.monotonic())
-            ending = self._ending.wait(due - time.monotonic())
+            # frames that come less often than checkpoints are due have waited long enough
+            self._filled.wait(CHECKPOINT_S)
+            ending = self._ending.wait(max(due - time.monotonic(), 0.0))
+            self._filled.clear()
             try:
                 self.files.leave_displaced()
                 due = self._write_queue(due)

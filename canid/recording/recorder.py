@@ -7,6 +7,7 @@ the estimates.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -19,13 +20,14 @@ from canid import frame_columns
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_reader import Arrival, BusReader
 from canid.buses.draining import MAX_DRAIN_S
+from canid.buses.many_messages import GATHER_S
 from canid.buses.socketcan import error_counters, meaning, overflowed
 from canid.buses.timestamp_source import TimestampSource
 from canid.controls import Mark
 from canid.errors import BusError, CanidError
 from canid.recording import bus_load
 from canid.recording.journal import Journal
-from canid.recording.log_writer_thread import LogWriterThread
+from canid.recording.log_writer_thread import CHECKPOINT_S, LogWriterThread
 from canid.recording.recorder_stats import BusStats, Stats
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import PROGRESS_S, join
@@ -77,8 +79,10 @@ class Recorder:
         self._consumer = consumer
         self._queue: SimpleQueue[Arrival | None] = SimpleQueue()
         self._stopping = threading.Event()
+        # only the disk waits for the frames of one bus: as long as between two checkpoints
+        self._gather = CHECKPOINT_S if len(buses) == 1 and consumer is None and gate is None else GATHER_S
         self._buses = [
-            BusReader(bus, index, self._queue.put, self._stopping, self._report)
+            BusReader(bus, index, self._queue.put, self._stopping, self._report, self._gather)
             for index, bus in enumerate(buses)
         ]
         self._log: LogWriterThread | None = None
@@ -88,7 +92,8 @@ class Recorder:
         self._frames = self._not_passed = self._not_understood = 0
         self._rate, self._lag = 0.0, 0.0
         self._first_ns: int | None = None
-        self._latest = 0.0
+        self._latest = 0.0  # s of the drive, of the latest frame
+        self._latest_at = math.inf  # s, monotonic clock: when it was received
         self._readers: list[threading.Thread] = []
         self._passing = threading.Thread(target=self._pass_frames, name="canid-pass", daemon=True)
 
@@ -168,9 +173,9 @@ class Recorder:
 
     def mark(self, mark: Mark) -> None:
         """Write a person's mark into the log and the journal, at the time of the drive at which it was made."""
-        passed = max(time.monotonic() - mark.at, 0.0)
         text = f": {mark.text}" if mark.text else ""
-        t = max(self._latest - passed, 0.0)
+        # the frames of its time may not have been read yet
+        t = max(self._latest + min(mark.at - self._latest_at, self._gather), 0.0)
         self._report("mark", f"mark{text}", t=t)
         if self._gate is not None:
             self._gate.mark(t, f"mark{text}")
@@ -306,7 +311,7 @@ class Recorder:
                 own = chunk.bus == index
                 place[own] = np.maximum.accumulate(chunk.t[own])
             chunk = frame_columns.select(chunk, np.argsort(place, kind="stable"))
-        self._latest = float(chunk.t[-1])
+        self._latest, self._latest_at = float(chunk.t[-1]), batch[-1].at
         return chunk
 
     def _part(self, arrival: Arrival) -> Columns:

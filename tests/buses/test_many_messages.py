@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import socket
 import struct
@@ -23,7 +24,7 @@ from canid.buses.datagram_layouts import MAX_LAYOUTS, DatagramReader
 from canid.buses.draining import Stop
 from canid.buses.frame_check import ImpossibleFrameError, why_impossible
 from canid.buses.listen_only import ListenOnly, Mode
-from canid.buses.many_messages import ManyMessages, stamps
+from canid.buses.many_messages import GATHER_S, ManyMessages, Pace, stamps
 from canid.buses.received_columns import Many, columns_of, frames_of, select
 from canid.buses.received_frame import Received
 from canid.buses.socketcan import SocketcanReceiver
@@ -144,8 +145,8 @@ def test_frames_drops_and_silence_of_a_real_socket() -> None:
     inner.bind(("127.0.0.1", 0))
     inner.setsockopt(socket.SOL_SOCKET, socketcan.SO_TIMESTAMPNS, 1)
     receiver = SocketcanColumnsReceiver(Namespace(socket=inner, channel="can0", shutdown=inner.close))
-    assert receiver.recv_many(0.0) is None
-    assert receiver.recv_many(0.05) is None
+    assert receiver.recv_many(0.0, GATHER_S) is None
+    assert receiver.recv_many(0.05, GATHER_S) is None
     inner.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1_000_000)
     total = 6000
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
@@ -154,7 +155,7 @@ def test_frames_drops_and_silence_of_a_real_socket() -> None:
             if k == 10:
                 sender.sendto(b"no frame", inner.getsockname())
     seen: list[Received] = []
-    while (many := receiver.recv_many(0.0)) is not None:
+    while (many := receiver.recv_many(0.0, GATHER_S)) is not None:
         seen += frames_of(many.frames)
     assert len(seen) + receiver.drops in (total, total + 1)  # what is no frame may be among the dropped ones
     assert receiver.drops > 0
@@ -275,7 +276,7 @@ def test_datagrams_are_read_as_one_by_one(trial: int, seed: int) -> None:
 def bus_of(receive: Callable[[], Many | None], **options: Any) -> ReceiveOnlyBus:
     """A bus whose receiver takes many, as a script says."""
     receiver = SimpleNamespace(
-        recv_many=lambda timeout: receive(), clock=TimestampSource.KERNEL, drops=0, close=lambda: None
+        recv_many=lambda timeout, gather: receive(), clock=TimestampSource.KERNEL, drops=0, close=lambda: None
     )
     return ReceiveOnlyBus(
         lambda: Opened(receiver, ListenOnly(True, "listen-only", Mode.VERIFIED)),  # type: ignore[arg-type]
@@ -430,3 +431,31 @@ def test_the_arrays_are_filled_by_the_system_call() -> None:
     with pytest.raises(OSError, match="Bad file"):
         arrays.receive()
     outer.close()
+
+
+# --- how long is gathered ---
+
+
+@pytest.mark.parametrize("octets", [120, 250])
+def test_a_buffer_holds_four_times_what_comes_while_it_is_gathered(octets: int) -> None:
+    """A real socket that nobody reads keeps what 20,000 frames/s give in four times the longest wait."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inner,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outer,
+    ):
+        # twice this is what the kernel takes of it, and what anybody may ask for
+        inner.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 200_000)
+        inner.bind(("127.0.0.1", 0))
+        outer.connect(inner.getsockname())
+        for k in range(20_000):
+            outer.send(k.to_bytes(4, "big") + bytes(octets - 4))
+        receiver, kept = ManyMessages(inner, most=1024, octets=256, ancillary=32), 0
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                kept += receiver.receive()
+        small = Pace(inner)
+        assert small.longest == GATHER_S
+        size = inner.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        assert kept < 20_000  # it did overflow
+        large = SimpleNamespace(getsockopt=lambda *of: 40 * size)
+        assert GATHER_S < Pace(large).longest <= 40 * kept / 4 / many_messages.MOST_PER_S  # type: ignore[arg-type]

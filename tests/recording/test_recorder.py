@@ -20,6 +20,7 @@ import pytest
 
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
+from canid.controls import Mark
 from canid.errors import OutputError
 from canid.frame_columns import frames_of
 from canid.logs import open_log
@@ -57,6 +58,29 @@ def wait_for(condition: Any, seconds: float = 10.0) -> None:
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)
     assert condition()
+
+
+def test_a_mark_stands_at_its_own_time(
+    request: pytest.FixtureRequest, sender: Sender, tmp_path: Path
+) -> None:
+    """Frames of that time may not have been read yet, or many that came after it have; a silent bus has no time."""
+    recorder = Recorder(buses_of(request), tmp_path / "x.blf").start()
+    sender.send(1)
+    wait_for(lambda: recorder.stats().frames == 1)
+    time.sleep(0.2)
+    sender.send(2)
+    wait_for(lambda: recorder.stats().frames == 2)
+    now = time.monotonic()
+    for at in (now - 0.1, now, now + 0.02, now + 3600.0):
+        recorder.mark(Mark("", at))
+    recorder.stop()
+    second = list(open_log(tmp_path / "x.blf"))[-1].t
+    early, here, later, end = (event.t for event in recorder.events() if event.what == "mark")
+    assert here - early == pytest.approx(0.1, abs=1e-6)
+    assert here >= second
+    # a slow machine may have taken all the time there is for the mark to be ahead
+    assert later == pytest.approx(here + 0.02, abs=1e-6) or later == end
+    assert second < end < second + 0.2
 
 
 def test_a_burst_is_recorded_whole_and_reads_back_as_it_was_seen_live(
@@ -284,6 +308,7 @@ CHILD = f"""
 import os, sys, time
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
+from canid.controls import Mark
 from canid.recording.recorder import Recorder
 can = python_can.load()
 sender = can.Bus("kill", interface="virtual")
