@@ -7,6 +7,7 @@ in memory; what is beyond that is dropped, counted, and noted in the log itself.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -22,6 +23,10 @@ from canid.types import Columns, Event
 
 # s between checkpoints: 250 ms are promised, the rest is for the work itself and a machine that is busy
 CHECKPOINT_S = 0.15
+# the same for frames that were gathered for half of that or longer before they were put, and for those put up to so long
+# behind them: more than one call of the system can return
+GATHERED_CHECKPOINT_S = 0.03
+GATHERED_S = 0.05
 # Frames that may wait for a disk that stalls: a minute of a full 1 Mbit/s bus (8,000 frames/s), 12 MB (40 MB of CAN FD).
 MAX_WAITING_FRAMES = 480_000
 # Frames between two readings of the clock while the queue is emptied, from and to: a late checkpoint must not wait for all
@@ -54,6 +59,9 @@ class LogWriterThread:
         self._dropped_in_row = 0
         self._lock = threading.Lock()
         self._filled = threading.Event()  # there is something to write
+        self._put_at = (
+            self._gathered_at
+        ) = -math.inf  # s, monotonic clock: the latest of all, and of gathered ones
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="canid-write", daemon=True)
 
@@ -67,6 +75,9 @@ class LogWriterThread:
         if self.files.failed:
             return
         n = len(chunk.t)
+        if at - self._put_at > CHECKPOINT_S / 2:
+            self._gathered_at = at
+        self._put_at = at
         with self._lock:
             self.files.start_ns = start_ns
             room = min(max(MAX_WAITING_FRAMES - self._waiting, 0), n)
@@ -138,9 +149,9 @@ class LogWriterThread:
         due = time.monotonic()
         ending = False
         while not ending:
-            due = max(due + CHECKPOINT_S, time.monotonic())
-            # frames that come less often than checkpoints are due have waited long enough
             self._filled.wait(CHECKPOINT_S)
+            gathered = time.monotonic() - self._gathered_at < GATHERED_S
+            due = max(due + (GATHERED_CHECKPOINT_S if gathered else CHECKPOINT_S), time.monotonic())
             ending = self._ending.wait(max(due - time.monotonic(), 0.0))
             self._filled.clear()
             try:
