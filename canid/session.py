@@ -129,7 +129,8 @@ def session(
             "canid.estimator_process" if vehicle is not None else "canid.trigger_process",
         )
     # the estimator takes seconds to import its mathematics; its frames wait for it
-    recorder = Recorder(buses, record, estimating.put if estimating else None, rotation, gate)
+    consumer = estimating.put if estimating else None
+    recorder = Recorder(buses, record, consumer, rotation, gate, prompt=vehicle is not None)
 
     def report(*, lost: bool = False, stopping: bool = False) -> World:
         elapsed, events = time.monotonic() - began, tuple(recorder.events())

@@ -23,6 +23,8 @@ from canid.types import Array, Columns
 MAX_BUFFERED_FRAMES = 720_000
 # s that frames stay longer than `pre`, for a mark that is taken up late
 MARK_MARGIN_S = 2.0
+# s that a mark may be ahead of the newest frame: frames of its time may not have been read yet
+MARK_AHEAD_S = 0.2
 # s after a restart of the evaluation that count as true: the values of slow signals are not known again yet, see
 # `vehicle.roles.SATELLITE_MAX_AGE_S`
 SETTLE_S = 2.5
@@ -169,7 +171,7 @@ class PreTriggerBuffer:
 
     def mark(self, t: float, says: str) -> None:
         """A trigger at stamp `t` s, whatever the conditions say."""
-        at = min(t + self._offset, self.latest) if self.latest > -inf else 0.0
+        at = min(t + self._offset, self.latest + MARK_AHEAD_S) if self.latest > -inf else 0.0
         self._open(at, at, t, says)
 
     def end(self) -> None:

@@ -63,6 +63,7 @@ class Recorder:
     `consumer` is called with each batch of frames after it was handed to the log. It must be fast: while it runs,
     nothing more goes to the log. Frames for which it raises are counted; it is called again with the next batch.
     `rotation`: go on in new files; None: one file. `gate`: record what is around triggers only; None: everything.
+    `prompt`: somebody waits for what the consumer makes of the frames.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class Recorder:
         consumer: Consumer | None = None,
         rotation: Rotation | None = None,
         gate: TriggerGate | None = None,
+        *,
+        prompt: bool = True,
     ):
         self._wanted = path
         self._gate = gate
@@ -79,8 +82,9 @@ class Recorder:
         self._consumer = consumer
         self._queue: SimpleQueue[Arrival | None] = SimpleQueue()
         self._stopping = threading.Event()
-        # only the disk waits for the frames of one bus: as long as between two checkpoints
-        self._gather = CHECKPOINT_S if len(buses) == 1 and consumer is None and gate is None else GATHER_S
+        # where only the disk waits for the frames of one bus, as long as between two checkpoints
+        waited_for = len(buses) > 1 or (consumer is not None and prompt)
+        self._gather = GATHER_S if waited_for else CHECKPOINT_S
         self._buses = [
             BusReader(bus, index, self._queue.put, self._stopping, self._report, self._gather)
             for index, bus in enumerate(buses)

@@ -154,9 +154,11 @@ def test_a_child_that_is_killed_costs_no_frame_of_a_window(tmp_path: Path) -> No
     drive = Drive()
     drive.pulse()
     until(lambda: '"what": "trigger"' in journal_text(tmp_path / "x.blf"))  # it evaluates
+    child = child_of(triggered)
+    os.kill(child, signal.SIGSTOP)  # so that it has frames in hand
     drive.pulse()
-    time.sleep(0.02)
-    os.kill(child_of(triggered), signal.SIGKILL)
+    time.sleep(0.4)
+    os.kill(child, signal.SIGKILL)
     drive.pulse()
     time.sleep(0.05)
     drive.pulse()
