@@ -12,6 +12,7 @@ from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
 from canid.findings import Verdict
+from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
@@ -20,10 +21,14 @@ PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 
 @pytest.mark.parametrize(
     ("simulator", "effect", "strength", "noise", "profile"),
-    [
-        ("one", "headway_hysteresis", {"width": 0.9}, "white", "mixed"),
-        ("two", "brake_light_startle", {"drop": 12.0, "threshold": 0.6}, "resonant", "mixed"),
-    ],
+    seeds.part(
+        [
+            ("one", "headway_hysteresis", {"width": 0.9}, "white", "mixed"),
+            ("two", "brake_light_startle", {"drop": 12.0, "threshold": 0.6}, "resonant", "mixed"),
+        ],
+        2,
+        "unexplained",
+    ),
 )
 def test_an_effect_of_nobodys_catalogue_is_unexplained(
     simulator: str, effect: str, strength: dict[str, float], noise: str, profile: str
@@ -37,10 +42,14 @@ def test_an_effect_of_nobodys_catalogue_is_unexplained(
 
 @pytest.mark.parametrize(
     ("simulator", "effect", "strength"),
-    [
-        ("one", "attention_gap", {"per_minute": 1.5, "duration": 3.5}),
-        ("two", "gain_change", {"share": 0.6, "time": 200.0}),
-    ],
+    seeds.part(
+        [
+            ("one", "attention_gap", {"per_minute": 1.5, "duration": 3.5}),
+            ("two", "gain_change", {"share": 0.6, "time": 200.0}),
+        ],
+        2,
+        "taken out",
+    ),
 )
 def test_a_cause_that_is_taken_out_of_the_catalogue_is_not_its_neighbour(
     simulator: str, effect: str, strength: dict[str, float]

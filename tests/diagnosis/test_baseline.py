@@ -111,7 +111,7 @@ def test_a_driver_that_cannot_follow_is_refused(K1: float, K2: float, delay: int
     assert_refused(report, reason)
 
 
-@pytest.mark.parametrize("law", ["idm", "ovrv"])
+@pytest.mark.parametrize("law", seeds.part(["idm", "ovrv"], 2, "constant"))
 def test_a_driver_whose_law_never_changes_has_not_changed(law: str) -> None:
     """On the first drive or on the second: of some 30 drives one has such a name."""
     instead = []
@@ -131,7 +131,9 @@ def test_a_driver_whose_law_never_changes_has_not_changed(law: str) -> None:
 FIRST_DRAWS, DRAWS, FOUND = 2, 5, 3
 
 
-@pytest.mark.parametrize(("law", "form"), [("ovrv", Form.GAP), ("idm", Form.FREE_SPEED)])
+@pytest.mark.parametrize(
+    ("law", "form"), seeds.part([("ovrv", Form.GAP), ("idm", Form.FREE_SPEED)], 2, "form")
+)
 def test_the_form_of_the_baseline_is_the_drivers(law: str, form: Form) -> None:
     """Where the speed changes between town and motorway, the form is found and its parameters are near the truth."""
     follower = Follower(law, T=1.3, s0=4.0, v0=30.0, a=1.2, b=1.8, k1=0.05, k2=0.4)
@@ -161,7 +163,7 @@ def test_the_form_of_the_baseline_is_the_drivers(law: str, form: Form) -> None:
     assert found >= FOUND, misses
 
 
-@pytest.mark.parametrize("simulator", [*PLANTS, "acceleration"])
+@pytest.mark.parametrize("simulator", seeds.part([*PLANTS, "acceleration"], 2, "time headway"))
 @two_of_three
 def test_a_time_headway_driver_keeps_the_form(simulator: str, seed: int) -> None:
     """And where nothing is found, both models are the same one."""

@@ -15,6 +15,7 @@ from canid.effects.effect import Effect
 from canid.effects.vehicle.power_limit import SOLD_FROM
 from canid.findings import Verdict
 from canid.types import Trace
+from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 from tests.seeds import two_of_three
@@ -40,7 +41,11 @@ def diagnosed(seen: Trace, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
 @pytest.mark.parametrize("simulator", PLANTS)
 @pytest.mark.parametrize(
     ("profile", "noise", "seed"),
-    [("mixed", "white", 61), ("urban", "state", 62), ("motorway", "ar4", 63), ("urban", "resonant", 64)],
+    seeds.part(
+        [("mixed", "white", 61), ("urban", "state", 62), ("motorway", "ar4", 63), ("urban", "resonant", 64)],
+        2,
+        "a car like others",
+    ),
 )
 def test_a_car_like_others_is_not_blamed(simulator: str, profile: str, noise: str, seed: int) -> None:
     """Rolling country, a slightly bent map, an idling engine's drag and its rated power are what every car has."""
@@ -60,25 +65,36 @@ def test_the_fitted_numbers_are_the_cars() -> None:
 
 @pytest.mark.parametrize(
     ("simulator", "effect", "parameters", "seed", "profile", "within"),
-    [
-        ("one", "pedal_map", {"curvature": 0.5}, 71, "mixed", 0.15),
-        ("two", "pedal_map", {"curvature": 0.5}, 72, "urban", 0.4),  # a power law: another form
-        ("one", "power_limit", {"power": 21.0}, 73, "mixed", 0.1),
-        ("two", "power_limit", {"power": 5.5}, 74, "urban", 0.1),
-        ("one", "road_grade", {"sd": 3.5}, 75, "motorway", 0.4),  # a sum of waves has its own spread
-        ("two", "road_grade", {"sd": 4.0}, 76, "mixed", 0.4),
-        ("two", "turbo_lag", {"tau": 1.0}, 77, "urban", 0.5),
-        (
-            "one",
-            "engine_braking",
-            {"strength": 0.5},
-            78,
-            "motorway",
-            0.6,
-        ),  # at once, without the engine's lag
-        ("two", "engine_braking", {"strength": 0.7}, 79, "mixed", 0.6),  # fades with the pedal and with speed
-        ("two", "gear_ratio", {"share": 0.18}, 2009, "urban", 0.6),
-    ],
+    seeds.part(
+        [
+            ("one", "pedal_map", {"curvature": 0.5}, 71, "mixed", 0.15),
+            ("two", "pedal_map", {"curvature": 0.5}, 72, "urban", 0.4),  # a power law: another form
+            ("one", "power_limit", {"power": 21.0}, 73, "mixed", 0.1),
+            ("two", "power_limit", {"power": 5.5}, 74, "urban", 0.1),
+            ("one", "road_grade", {"sd": 3.5}, 75, "motorway", 0.4),  # a sum of waves has its own spread
+            ("two", "road_grade", {"sd": 4.0}, 76, "mixed", 0.4),
+            ("two", "turbo_lag", {"tau": 1.0}, 77, "urban", 0.5),
+            (
+                "one",
+                "engine_braking",
+                {"strength": 0.5},
+                78,
+                "motorway",
+                0.6,
+            ),  # at once, without the engine's lag
+            (
+                "two",
+                "engine_braking",
+                {"strength": 0.7},
+                79,
+                "mixed",
+                0.6,
+            ),  # fades with the pedal and with speed
+            ("two", "gear_ratio", {"share": 0.18}, 2009, "urban", 0.6),
+        ],
+        2,
+        "planted cause",
+    ),
 )
 def test_a_planted_cause_is_named_with_its_size(
     simulator: str, effect: str, parameters: dict[str, float], seed: int, profile: str, within: float

@@ -17,6 +17,7 @@ from canid.identification.identifiability import QUOTABLE
 from canid.types import NAN, Channel, Identifiable, Interval
 from canid.views import diagnosis_json, diagnosis_text, identification_json
 from canid.views.report import page
+from tests import seeds
 from tests.plants import plant_one
 from tests.plants.measurement import trace as sensed_trace
 
@@ -107,7 +108,7 @@ def assert_report_gives(report: Report) -> None:
     assert ">nan" not in page(report)
 
 
-@pytest.mark.parametrize("log", LOGS, ids=lambda p: p.name)
+@pytest.mark.parametrize("log", seeds.part(LOGS, 2, "identifiability of logs"), ids=lambda p: p.name)
 def test_both_verbs_give_all_of_shipped_logs(log: Path) -> None:
     generic = "generic_lane" if "lane" in log.name else "generic"
     trace = canid.read_trace(
@@ -132,7 +133,7 @@ def test_the_urban_log_quotes_no_delay_of_headway_in_either_verb() -> None:
     assert one.status is other.status is Identifiable.GAIN_ONLY
 
 
-@pytest.mark.parametrize(("profile", "minutes", "seed"), DRIVES)
+@pytest.mark.parametrize(("profile", "minutes", "seed"), seeds.part(DRIVES, 2, "identifiability"))
 def test_simulated_drives_give_all(profile: str, minutes: float, seed: int) -> None:
     trace = sensed_trace(plant_one.plant({}, seed=seed, minutes=minutes, noise="ar1", profile=profile))
     for channel in canid.identify(trace, select_orders=False).channels.values():
