@@ -41,7 +41,8 @@ class UdpColumnsReceiver(UdpReceiver):
     def recv_many(self, timeout: float, gather: float) -> Many | None:
         """Wait up to `timeout` s, and up to `gather` s for those that follow; raises BusError where the socket fails."""
         end = time.monotonic() + timeout
-        if timeout:
+        # where the kernel stamps none, they are stamped when they are read: at once
+        if timeout and self.clock is TimestampSource.KERNEL:
             self._pace.wait(gather)
         while True:
             try:
