@@ -36,8 +36,9 @@ def test_a_planted_cause_of_one_car_comes_back(planted: Planted, tmp_path: Path,
     good = [row for row in planted.rows if row.get("key")]
     a, b = ([row for row in good if row["car"] == car] for car in ("car A", "car B"))
     findings, power = [], []
-    # 19 of 24: a drawn number is not in the interval of its own share once in twenty runs
-    names = rng.permutation(len(a)) < 19
+    # 20 of 24, evenly over the drivers: a drawn number is not in the interval of its own share once in twenty runs, and
+    # where the drives without the name are one driver's, the interval is rightly wide
+    names = np.arange(len(a)) % 5 != 4
     for row, name in zip(a, names, strict=True):
         if name:
             findings.append(finding(row["key"], "headway_dead_zone", float(rng.normal(0.5, 0.05))))
@@ -59,7 +60,7 @@ def test_a_planted_cause_of_one_car_comes_back(planted: Planted, tmp_path: Path,
     named = sum(one["effect"] == "headway_dead_zone" for one in findings) - 1
     assert (real.drives, real.diagnosed, real.drivers) == (named, 24, 3)
     assert real.share.value == pytest.approx(named / 24)
-    assert real.share.low < 19 / 24 < real.share.high < 1.0
+    assert real.share.low < 20 / 24 < real.share.high < 1.0
     assert real.share.high - real.share.low < 0.5
     assert real.q < 1e-6
     assert real.gain.value == pytest.approx(0.2)
