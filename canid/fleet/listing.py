@@ -253,7 +253,7 @@ def matched(pattern: str, skipped: frozenset[tuple[int, int]] = frozenset()) -> 
         ['a1.blf']
     """
     folder, names = globs.parted(pattern)
-    if not os.path.isdir(folder or "."):
+    if not names or not os.path.isdir(folder or "."):
         return
     whole = globs.of_names(names)
     each = [None if name == "**" else globs.of_name(name) for name in names]
