@@ -39,8 +39,8 @@ class Fleet(NamedTuple):
 FLEETS = (Fleet(4, 5), Fleet(12, 1), Fleet(12, 5))
 
 
-def fleet(rng: np.random.Generator, of: Fleet, mean: Array, shift: Array) -> DriveTable:
-    """Drives about the drivers' means (I, p) and a shift of each drive (n, p)."""
+def fleet(rng: np.random.Generator, of: Fleet, mean: Array, shift: Array | float = 0.0) -> DriveTable:
+    """Drives about the drivers' means (I, p), each with a shift (n, p)."""
     n, p = of.drivers * DRIVES, of.parameters
     roots = [np.linalg.cholesky(correlation(rng, p)) for _ in range(2)]
     who = np.repeat(np.arange(of.drivers), DRIVES)
@@ -65,7 +65,7 @@ def groups_of_drivers(effect: float, of: Fleet, seed: int) -> Array:
     rng = np.random.default_rng([1, seed])
     mean = means(rng, of)
     mean[1::2, 0] += effect
-    table = fleet(rng, of, mean, np.zeros((of.drivers * DRIVES, of.parameters)))
+    table = fleet(rng, of, mean)
     return contrasts(table, tuple("ab"[k % 2] for k in table.driver)).p_value
 
 
@@ -85,7 +85,7 @@ def same_person(effect: float, of: Fleet, seed: int) -> Array:
     mean = means(rng, of)
     mean[-1] = mean[0]
     mean[-1, 0] += effect
-    table = fleet(rng, of, mean, np.zeros((of.drivers * DRIVES, of.parameters)))
+    table = fleet(rng, of, mean)
     found = pairs(table, pool(table))
     return found.p_value[(found.a == 0) & (found.b == of.drivers - 1)]
 

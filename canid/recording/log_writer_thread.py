@@ -59,9 +59,8 @@ class LogWriterThread:
         self._dropped_in_row = 0
         self._lock = threading.Lock()
         self._filled = threading.Event()  # there is something to write
-        self._put_at = (
-            self._gathered_at
-        ) = -math.inf  # s, monotonic clock: the latest of all, and of gathered ones
+        # s, monotonic clock: when the latest frames came, and the latest of those that were gathered
+        self._put_at = self._gathered_at = -math.inf
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="canid-write", daemon=True)
 
@@ -150,9 +149,10 @@ class LogWriterThread:
         ending = False
         while not ending:
             self._filled.wait(CHECKPOINT_S)
-            gathered = time.monotonic() - self._gathered_at < GATHERED_S
-            due = max(due + (GATHERED_CHECKPOINT_S if gathered else CHECKPOINT_S), time.monotonic())
-            ending = self._ending.wait(max(due - time.monotonic(), 0.0))
+            now = time.monotonic()
+            pause = GATHERED_CHECKPOINT_S if now - self._gathered_at < GATHERED_S else CHECKPOINT_S
+            due = max(due + pause, now)
+            ending = self._ending.wait(due - now)
             self._filled.clear()
             try:
                 self.files.leave_displaced()

@@ -6,7 +6,6 @@ Simulator, cause, strength, noise and road are drawn in each run and printed. A 
 from __future__ import annotations
 
 import json
-import os
 import signal
 import sys
 from collections.abc import Callable
@@ -191,11 +190,10 @@ def cases() -> list[Any]:
     """Every simulator on the virtual bus, and one drawn on each of the others; CANID_ALL_STRENGTHS=1: all on all."""
     out = []
     for bus, marks in BUSES.items():
-        drawn = seeds.seed(f"simulator on {bus}") % len(SIMULATORS)
-        every = bus == "virtual" or os.environ.get("CANID_ALL_STRENGTHS")
+        parts = 1 if bus == "virtual" else len(SIMULATORS)
         out += [
             pytest.param(bus, one, marks=marks)
-            for one in (SIMULATORS if every else SIMULATORS[drawn : drawn + 1])
+            for one in seeds.part(SIMULATORS, parts, f"simulator on {bus}")
         ]
     return out
 

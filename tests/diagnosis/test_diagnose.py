@@ -18,17 +18,17 @@ from tests.plants.measurement import trace
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 
 
-def in_turn(cases: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+def in_turn(purpose: str, cases: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
     """Half of the cases, each with one of the two simulators; all with both where CANID_ALL_STRENGTHS is set."""
     every = os.environ.get("CANID_ALL_STRENGTHS")
     chosen = [tuple(PLANTS) if every else (("one", "two")[k % 2],) for k in range(len(cases))]
     found = [(name, *case) for case, names in zip(cases, chosen, strict=True) for name in names]
-    return seeds.part(found, 2, str(len(cases)))
+    return seeds.part(found, 2, purpose)
 
 
 @pytest.mark.parametrize(
     ("simulator", "noise", "profile"),
-    in_turn([("ar1", "mixed"), ("resonant", "motorway"), ("state", "urban"), ("ar4", "mixed")]),
+    in_turn("clean", [("ar1", "mixed"), ("resonant", "motorway"), ("state", "urban"), ("ar4", "mixed")]),
 )
 def test_a_clean_drive_is_not_blamed(simulator: str, noise: str, profile: str) -> None:
     report = diagnose(trace(PLANTS[simulator]({}, seed=71, minutes=8, noise=noise, profile=profile)))
@@ -44,6 +44,7 @@ def test_a_clean_drive_is_not_blamed(simulator: str, noise: str, profile: str) -
 @pytest.mark.parametrize(
     ("simulator", "effect", "strength", "noise", "profile"),
     in_turn(
+        "hidden",
         [
             ("relative_speed_dead_zone", {"width": 0.9}, "ar1", "mixed"),
             ("looming_gain", {"exponent": 0.9}, "white", "urban"),
@@ -53,7 +54,7 @@ def test_a_clean_drive_is_not_blamed(simulator: str, noise: str, profile: str) -
             ("act_and_wait", {"interval": 1.3}, "ar1", "mixed"),
             ("periodic_task", {"amplitude": 2.5, "frequency": 0.21}, "white", "mixed"),
             ("headway_dead_zone", {"width": 0.6}, "ar1", "mixed"),
-        ]
+        ],
     ),
 )
 def test_a_hidden_cause_is_named(

@@ -74,22 +74,10 @@ def test_the_fitted_numbers_are_the_cars() -> None:
             ("one", "road_grade", {"sd": 3.5}, 75, "motorway", 0.4),  # a sum of waves has its own spread
             ("two", "road_grade", {"sd": 4.0}, 76, "mixed", 0.4),
             ("two", "turbo_lag", {"tau": 1.0}, 77, "urban", 0.5),
-            (
-                "one",
-                "engine_braking",
-                {"strength": 0.5},
-                78,
-                "motorway",
-                0.6,
-            ),  # at once, without the engine's lag
-            (
-                "two",
-                "engine_braking",
-                {"strength": 0.7},
-                79,
-                "mixed",
-                0.6,
-            ),  # fades with the pedal and with speed
+            # at once, without the engine's lag
+            ("one", "engine_braking", {"strength": 0.5}, 78, "motorway", 0.6),
+            # fades with the pedal and with speed
+            ("two", "engine_braking", {"strength": 0.7}, 79, "mixed", 0.6),
             ("two", "gear_ratio", {"share": 0.18}, 2009, "urban", 0.6),
         ],
         2,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 
 import numpy as np
 import pytest
@@ -43,12 +42,11 @@ def drive(simulator: str, effects: tuple[str, ...], seed: int, noises: tuple[str
 
 def in_a_drawn_simulator() -> list[tuple[str, str]]:
     """Each effect in one simulator, drawn in each run; in both with CANID_ALL_STRENGTHS=1."""
-    every = os.environ.get("CANID_ALL_STRENGTHS")
-    out = []
-    for effect in EFFECTS["remnant"]:
-        drawn = tuple(PLANTS)[seeds.seed(effect) % 2]
-        out += [(name, effect) for name in PLANTS if every or name == drawn]
-    return out
+    return [
+        (name, effect)
+        for effect in EFFECTS["remnant"]
+        for name in seeds.part(tuple(PLANTS), len(PLANTS), effect)
+    ]
 
 
 @pytest.mark.parametrize(("simulator", "effect"), in_a_drawn_simulator())

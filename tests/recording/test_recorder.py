@@ -308,7 +308,6 @@ CHILD = f"""
 import os, sys, time
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
-from canid.controls import Mark
 from canid.recording.recorder import Recorder
 can = python_can.load()
 sender = can.Bus("kill", interface="virtual")

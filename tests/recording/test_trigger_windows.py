@@ -88,9 +88,8 @@ def test_what_is_written_is_the_reference_to_the_frame(trial: int, seed: int) ->
             batch = frames[came : came + rng.choice((1, 3, 30))]
             buffer.put(columns_of(batch), at=times[came])
             came += len(batch)
-            if (
-                rng.random() < 0.03
-            ):  # a person, late by less than the margin that is kept, or ahead of what was read
+            if rng.random() < 0.03:
+                # a person, late by less than the margin that is kept, or ahead of what was read
                 # once a window has begun, a late mark can only make it longer at its end
                 late = rng.uniform(-MARK_AHEAD_S, 0.9 * MARK_MARGIN_S if not order else 0.0)
                 marks.append(max(times[came - 1] - late, 0.0))
