@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis import corrections
-from canid.diagnosis.driver import baseline_form, closed_loop, cross_validation
+from canid.diagnosis.driver import baseline_form, closed_loop
 from canid.diagnosis.driver.closed_loop import Ride, Road
 from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.null import confirmed_search
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.diagnosis.rivals.calibration import calibrate
 from canid.diagnosis.rivals.recommendation import CANID
@@ -20,8 +21,8 @@ from canid.diagnosis.rivals.rival_simulation import leads, simulate
 from canid.effects import CATALOGUE
 from canid.effects.effect import Kind
 from canid.effects.wanted_gap import Form
-from canid.findings import ClosedLoopError, Report, nrmse
-from canid.types import Trace
+from canid.values.findings import ClosedLoopError, Report, nrmse
+from canid.values.types import Trace
 
 STRETCH_S = 60.0
 BASELINE, CHOSEN, RECOMMENDED = "baseline", "chosen", "recommended"
@@ -47,7 +48,7 @@ def chosen(of: Prepared, report: Report) -> FittedDriver:
         return fitted
     if fitted.model.form is not Form.TIME_HEADWAY:
         drivers = tuple(effect for effect in drivers if not effect.wanted_gap)
-    found = cross_validation.search_causes(of.data, drivers, fitted).search
+    found = confirmed_search.cross_validated(of.data, drivers, fitted).search
     return found.solved if found.named else fitted
 
 

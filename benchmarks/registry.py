@@ -104,6 +104,13 @@ BENCHMARKS = (
         "how often the two estimators contradict each other",
     ),
     Benchmark(
+        "outside_form",
+        "benchmarks.outside_form",
+        "60 min",
+        "coverage, bias and error of every quotable number of whole drives in a world of another form; measured drives in "
+        "halves and quarters",
+    ),
+    Benchmark(
         "identification",
         "benchmarks.identification",
         "2 h",
@@ -123,6 +130,24 @@ BENCHMARKS = (
         "benchmarks.hidden_effects.missed",
         "8 min",
         "the driver's intervals where a weak effect was not named",
+    ),
+    Benchmark(
+        "first_sentence",
+        "benchmarks.hidden_effects.first_sentence",
+        "15 min",
+        "whether the first sentence of a diagnosis alone holds what was planted, in 40 drives",
+    ),
+    Benchmark(
+        "pages",
+        "benchmarks.pages",
+        "25 min",
+        "whether the pages of 60 planted drives contradict themselves, in each kind that readers have found",
+    ),
+    Benchmark(
+        "held_out_null",
+        "benchmarks.hidden_effects.held_out_null",
+        "4 min",
+        "how often a cause that is not there gains surely on held-out data",
     ),
     Benchmark(
         "hidden_effects_lane",
@@ -175,6 +200,20 @@ BENCHMARKS = (
         "distributed",
     ),
     Benchmark(
+        "fleet_million",
+        "benchmarks.fleet.million",
+        "6 min",
+        "a million logs: listing and planning them, questions to their tables",
+        "duckdb",
+    ),
+    Benchmark(
+        "fleet_memory",
+        "benchmarks.fleet.memory",
+        "5 min",
+        "memory of the client: a run of a million logs that finds nothing new, tables of 60,000 drives",
+        "duckdb",
+    ),
+    Benchmark(
         "measured_fleet",
         "benchmarks.fleet.measured_fleet",
         "5 min",
@@ -193,6 +232,12 @@ BENCHMARKS = (
         "benchmarks.papers",
         "15 min",
         "both papers by `canid study`: prints, and the printed drivers simulated and identified again",
+    ),
+    Benchmark(
+        "prints",
+        "benchmarks.papers.prints",
+        "15 s",
+        "no figures: the papers' printed numbers recomputed, and written anew for `canid study prints`",
     ),
     Benchmark(
         "planted",
@@ -216,6 +261,20 @@ BENCHMARKS = (
         "init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"
     ),
     Benchmark(
+        "own_car",
+        "benchmarks.own_car",
+        "10 min",
+        "`canid init --yes`, `check` and `identify` on drives of known truth in the messages of public DBC files",
+        "cantools",
+    ),
+    Benchmark(
+        "own_car_speed",
+        "benchmarks.own_car.speed",
+        "2 min",
+        "CPU time of `canid check` and `identify` with a radar of 64 tracks, against python-can + cantools",
+        "cantools",
+    ),
+    Benchmark(
         "dbc", "benchmarks.dbc", "1 min", "DBC files under folders: read, repaired or refused, and why"
     ),
     Benchmark(
@@ -230,5 +289,29 @@ BENCHMARKS = (
         "40 min",
         "how often comparisons of drivers and groups find what is not there",
     ),
-    Benchmark("structure", "benchmarks.structure", "10 s", "readability of the source tree in figures"),
+    Benchmark(
+        "formats",
+        "benchmarks.formats",
+        "1 min",
+        "log formats: random files in every dialect of docs/formats, read back as they were written",
+    ),
+    Benchmark(
+        "peer_files",
+        "benchmarks.peer_files",
+        "5 min",
+        "logs and databases of peers' test suites in FOLDER, by count and value, against python-can and cantools",
+        "cantools",
+    ),
+    Benchmark(
+        "structure",
+        "benchmarks.structure",
+        "2 min",
+        "the source tree in figures: code lines, layers, files of three traced calls, imports",
+    ),
+    Benchmark(
+        "unchanged",
+        "benchmarks.unchanged",
+        "1 h",
+        "results of two checkouts on the same drives: same verdicts and names, numbers within 1e-9",
+    ),
 )

@@ -3,8 +3,8 @@
 A log and a vehicle file in, numbers out (times in s since the log's first frame, SI units, NaN: not measured):
 
     >>> import canid
-    >>> found = canid.identify("replay_logs/following_urban.blf", "generic", sliding=False)
-    >>> print("K of range rate:", found.channels["range_rate"].K)
+    >>> result = canid.identify("replay_logs/following_urban.blf", "generic", sliding=False)
+    >>> print("K of range rate:", result.channels["range_rate"].K)
     K of range rate: 5.6 [5.0, 6.2]
 
     read_vehicle(path)              a vehicle file: which signal of which DBC is the pedal, the gap, ...
@@ -34,64 +34,64 @@ from __future__ import annotations
 from importlib import import_module as _import_module
 from typing import TYPE_CHECKING
 
-from canid import presentation as _presentation
+from canid.values import presentation as _presentation
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from canid.buses.listener import Listener as Listener
-    from canid.drive_parameters import Identified as Identified
-    from canid.drive_reader import Drive as Drive
-    from canid.drive_reader import read_drive as read_drive
-    from canid.drive_reader import read_signals as read_signals
-    from canid.drive_reader import read_trace as read_trace
-    from canid.drive_reader import replay as replay
-    from canid.drive_results import compare as compare
-    from canid.drive_results import diagnose as diagnose
-    from canid.drive_results import identify as identify
-    from canid.errors import CanidError as CanidError
+    from canid.cli.commands.schema import json_schema as json_schema
+    from canid.desk.drive_results import compare as compare
+    from canid.desk.drive_results import diagnose as diagnose
+    from canid.desk.drive_results import identify as identify
+    from canid.drive.drive_parameters import Identified as Identified
+    from canid.drive.drive_reader import Drive as Drive
+    from canid.drive.drive_reader import read_drive as read_drive
+    from canid.drive.drive_reader import read_signals as read_signals
+    from canid.drive.drive_reader import read_trace as read_trace
+    from canid.drive.drive_reader import replay as replay
     from canid.files.model_file import read_model as read_model
-    from canid.findings import Report as Report
     from canid.logs.recovery import recover as recover
-    from canid.schemas import json_schema as json_schema
-    from canid.session import live as live
+    from canid.session.listener import Listener as Listener
+    from canid.session.session import live as live
     from canid.simulation import simulate as simulate
     from canid.simulation.model_drive import simulate_model as simulate_model
     from canid.tables.arrays import from_arrays as from_arrays
     from canid.tables.arrays import from_frame as from_frame
-    from canid.types import Channel as Channel
-    from canid.types import Estimate as Estimate
-    from canid.types import Interval as Interval
-    from canid.types import Trace as Trace
+    from canid.values.errors import CanidError as CanidError
+    from canid.values.findings import Report as Report
+    from canid.values.types import Channel as Channel
+    from canid.values.types import Estimate as Estimate
+    from canid.values.types import Interval as Interval
+    from canid.values.types import Trace as Trace
     from canid.vehicle import read_vehicle as read_vehicle
 
 # each name is imported when it is first used: mathematics takes seconds to import, recording must not wait for it
 _HOME = {
-    "CanidError": "errors",
-    "Channel": "types",
-    "Drive": "drive_reader",
-    "Estimate": "types",
-    "Identified": "drive_parameters",
-    "Interval": "types",
-    "Listener": "buses.listener",
-    "Report": "findings",
-    "Trace": "types",
-    "compare": "drive_results",
-    "diagnose": "drive_results",
+    "CanidError": "values.errors",
+    "Channel": "values.types",
+    "Drive": "drive.drive_reader",
+    "Estimate": "values.types",
+    "Identified": "drive.drive_parameters",
+    "Interval": "values.types",
+    "Listener": "session.listener",
+    "Report": "values.findings",
+    "Trace": "values.types",
+    "compare": "desk.drive_results",
+    "diagnose": "desk.drive_results",
     "from_arrays": "tables.arrays",
     "from_frame": "tables.arrays",
-    "identify": "drive_results",
-    "json_schema": "schemas",
-    "live": "session",
-    "read_drive": "drive_reader",
+    "identify": "desk.drive_results",
+    "json_schema": "cli.commands.schema",
+    "live": "session.session",
+    "read_drive": "drive.drive_reader",
     "read_model": "files.model_file",
-    "read_signals": "drive_reader",
-    "read_trace": "drive_reader",
+    "read_signals": "drive.drive_reader",
+    "read_trace": "drive.drive_reader",
     "read_vehicle": "vehicle",
     "recover": "logs.recovery",
-    "replay": "drive_reader",
+    "replay": "drive.drive_reader",
     "simulate": "simulation",
     "simulate_model": "simulation.model_drive",
 }

@@ -2,7 +2,7 @@
 
 import sys
 
-from canid.child_process import demote_current_folder
+from canid.processes.child_process import demote_current_folder
 
 demote_current_folder()
 

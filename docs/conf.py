@@ -57,9 +57,10 @@ ERRORS = "<!-- errors -->"
 NOTEBOOK = re.compile(r"<!-- notebook (\S+) -->")
 # fields are in the signature; what they mean stands in the docstring
 TYPES = (
-    "canid.types.Interval", "canid.types.Channel", "canid.types.Estimate", "canid.types.Status",
-    "canid.types.Identifiable", "canid.types.Trace", "canid.drive_parameters.Identified", "canid.findings.Report",
-    "canid.findings.Finding",
+    "canid.values.types.Interval", "canid.values.types.Channel", "canid.values.types.Estimate", "canid.values.types.Status",
+    "canid.values.types.Identifiable", "canid.values.types.Trace", "canid.drive.drive_parameters.Identified",
+    "canid.values.findings.Report",
+    "canid.values.findings.Finding",
 )  # fmt: skip
 
 
@@ -83,7 +84,10 @@ def result_types() -> str:
 def errors() -> str:
     """The errors that a user can correct, from their base on."""
     return rst(
-        [f".. autoexception:: canid.errors.{each.__name__}" for each in canid.CanidError.__subclasses__()]
+        [
+            f".. autoexception:: canid.values.errors.{each.__name__}"
+            for each in canid.CanidError.__subclasses__()
+        ]
     )
 
 

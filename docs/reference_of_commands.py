@@ -1,4 +1,4 @@
-"""The reference of all verbs and options, from argparse: docs/commands.md, and the man page that the wheel installs.
+"""What follows from the verbs: docs/commands.md, the man page, and tables of the README and docs/json.md.
 
 python docs/reference_of_commands.py
 """
@@ -9,7 +9,6 @@ import argparse
 import re
 import sys
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,10 +16,17 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))
 
 from canid import __version__  # noqa: E402
-from canid.cli import VERBS, completion  # noqa: E402
+from canid.cli import completion  # noqa: E402
+from canid.cli.commands import schema  # noqa: E402
+from canid.cli.verbs import VERBS  # noqa: E402
 
 PAGE = DOCS / "commands.md"
 MAN = DOCS / "man/canid.1"
+README = DOCS.parent / "README.md"
+NAMES = DOCS / "json.md"
+SECTION = (
+    "## Keys of each schema\n\n<!-- made from the types by `python docs/reference_of_commands.py` -->\n\n"
+)
 EXIT_CODES = (
     ("0", "done"),
     ("1", "done, and a check failed"),
@@ -35,6 +41,7 @@ VARIABLES = (
         "CAN_INTERFACE, CAN_CHANNEL, CAN_BITRATE, CAN_CONFIG",
         "the bus, as python-can knows it; options come first",
     ),
+    ("CANID_TIME_ZONE", "zone of local times in logs, as --time-zone"),
     ("CANID_WEB_TOKEN", "token of the live page"),
     ("NO_COLOR", "no colors in the terminal"),
 )
@@ -59,15 +66,15 @@ class Command(NamedTuple):
 def commands() -> Iterator[Command]:
     """All verbs, in the order of `canid --help`; those with parts are followed by their parts."""
     verbs = _nested(completion.full_parser())
-    for name, text in VERBS:
-        yield command(verbs[name], name, text)
-        for part, parser in _nested(verbs[name]).items():
-            yield command(parser, f"{name} {part}", parser.description or "")
+    for verb in VERBS:
+        yield command(verbs[verb.name], verb.name, verb.help)
+        for part, parser in _nested(verbs[verb.name]).items():
+            yield command(parser, f"{verb.name} {part}", parser.description or "")
         # of a verb that takes words of any kind, of which a few are verbs themselves
-        for part, what in getattr(import_module(f"canid.cli.{name}"), "SUB_VERBS", {}).items():
-            parser = argparse.ArgumentParser(f"canid {name} {part}", description=what)
-            import_module(f"canid.cli.{name}_{part}").arguments(parser)
-            yield command(parser, f"{name} {part}", what)
+        for part, what in verb.parts.items():
+            parser = argparse.ArgumentParser(f"canid {verb.name} {part}", description=what)
+            verb.module(part).arguments(parser)
+            yield command(parser, f"{verb.name} {part}", what)
 
 
 def command(parser: argparse.ArgumentParser, name: str, text: str) -> Command:
@@ -184,6 +191,34 @@ def manual() -> str:
     return "\n".join(line for line in lines if line) + "\n"
 
 
+def readme(page: str) -> str:
+    """The README with the rows that the verbs bring; they keep their order, those of a new verb come last.
+
+    Raises:
+        ValueError: its table of commands is not there.
+    """
+    rows = [f"| `{shown.command}` | {shown.what} |" for verb in VERBS for shown in verb.shown]
+    start = page.index("| | |\n|---|---|\n", page.index("\n## Commands\n")) + len("| | |\n|---|---|\n")
+    stop = page.index("\n\n", start) + 1
+    before = page[start:stop].splitlines()
+    commands = [row.split("` |")[0] for row in before]
+    rows.sort(key=lambda row: commands.index(c) if (c := row.split("` |")[0]) in commands else len(before))
+    return page[:start] + "".join(f"{row}\n" for row in rows) + page[stop:]
+
+
+def names(page: str) -> str:
+    """docs/json.md with the keys of each schema, which its last section lists."""
+    lines = ["| schema | keys |", "|---|---|"]
+    for name in schema.names():
+        made = schema.json_schema(name)
+        objects = [
+            ", ".join(f"`{key}`" for key in each["properties"] if key != "schema")
+            for each in made.get("anyOf", [made])
+        ]
+        lines.append(f"| `{name}` | {'; or '.join(objects)} |")
+    return page[: page.index(SECTION) + len(SECTION)] + "\n".join(lines) + "\n"
+
+
 def _escaped(text: str) -> str:
     """Text of a help, as Markdown that shows it letter by letter; it is a table's cell, too."""
     return re.sub(r"([\\`*_{}\[\]<>|$])", r"\\\1", text)
@@ -198,3 +233,5 @@ if __name__ == "__main__":
     MAN.parent.mkdir(exist_ok=True)
     PAGE.write_text(markdown(), encoding="utf-8")
     MAN.write_text(manual(), encoding="utf-8")
+    README.write_text(readme(README.read_text("utf-8")), encoding="utf-8")
+    NAMES.write_text(names(NAMES.read_text("utf-8")), encoding="utf-8")

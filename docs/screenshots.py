@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from canid.vehicle.vehicle_file import shipped
+from canid.values.shipped_files import shipped
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images"

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.identified_model import DRIVER, IdentifiedModel, NoiseLaw
 from canid.logs import write_log
 from canid.simulation import START_UTC, Simulation, frames, simulate, truth_text
 from canid.simulation.model_drive import drawn_lead, drive
-from canid.types import Interval
+from canid.values.identified_model import DRIVER, IdentifiedModel, NoiseLaw
+from canid.values.types import Interval
 from canid.vehicle import read_vehicle
 
 
@@ -44,7 +44,7 @@ def drives() -> dict[str, Drive]:
     }
 
 
-# s over which the acceleration is derived from the speed: half-widths of the filters that docs/measured.md states
+# s over which the acceleration is derived from the speed: half-widths of the filters that docs/evidence/measured.md states
 SAVITZKY_GOLAY_S, CENTRAL_S = 0.5, 0.1
 
 

@@ -9,13 +9,16 @@ from typing import Any
 import pytest
 
 import canid
-from canid import drive_parameters, drive_reader, pipeline
+from canid.drive import drive_parameters, drive_reader, identification_json
 from canid.estimators import ESTIMATORS, fopdt, status
 from canid.estimators.armax import ARMAX
 from canid.logs import open_log
-from canid.types import Channel, Estimate, Interval, Sample, Status
+from canid.pipeline import pipeline
+from canid.values import json_values
+from canid.values.types import Channel, Estimate, Interval, Sample, Status
+from canid.values.window import Window
 from canid.vehicle import read_vehicle
-from canid.views import identification_json, identification_text, json_values
+from canid.views import identification_text
 from tests.exact import exact
 
 REPO = Path(__file__).parents[1]
@@ -27,7 +30,7 @@ def live() -> list[Estimate]:
     """What came out while the log ran."""
     return [
         item
-        for _, _, out in drive_reader.run(open_log(LOG), read_vehicle("generic"), stop=UNTIL)
+        for _, _, out in drive_reader.run(open_log(LOG), read_vehicle("generic"), within=Window(stop=UNTIL))
         for item in out
         if isinstance(item, Estimate)
     ]
@@ -51,6 +54,7 @@ def check_same() -> list[Estimate]:
     return reported
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_windows_are_live_estimates() -> None:
     """Status, numbers, sentence, headline: the same; and FOPDT carries the headline wherever it is ok."""
     fopdt = [e for e in check_same() if e.estimator == "fopdt"]
@@ -58,6 +62,7 @@ def test_windows_are_live_estimates() -> None:
     assert all(e.headline == (e.status is Status.OK) for e in fopdt)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_a_contradiction_is_told_live_and_along_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
     """An estimator that reports three times the gain is detected by the other, with the same words in both."""
 
@@ -76,11 +81,12 @@ def test_a_contradiction_is_told_live_and_along_the_drive(monkeypatch: pytest.Mo
     assert not any(e.headline for e in contradicted)
     assert all("by fopdt but" in e.says and "by armax" in e.says for e in contradicted)
     assert all(math.isfinite(e.channels["range_rate"].K.value) for e in contradicted)
-    line = json_values.estimate(contradicted[-1])
+    line = json_values.plain(contradicted[-1])
     assert line["status"] == "inconsistent"
     assert line["channels"]["range_rate"]["K"]["value"] is not None
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_the_residuals_of_a_whole_drive() -> None:
     """A simulated driver in closed loop: the loop is seen, and report and JSON hold the same tests."""
     reported = canid.identify(canid.read_trace(LOG, "generic"), select_orders=False)
@@ -98,6 +104,7 @@ def test_the_residuals_of_a_whole_drive() -> None:
     assert f"Ljung–Box {tests.statistic:.0f}" in text
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_a_drives_windows_need_no_other_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """One FOPDT fit in ten seconds, while nobody contradicts; that they are live's is tested above."""
     fits = []
@@ -114,11 +121,12 @@ def test_a_drives_windows_need_no_other_fits(monkeypatch: pytest.MonkeyPatch) ->
     assert 0 < len(fits) <= len(reported) + 2
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_windows_are_live_estimates_where_the_driver_stops_and_goes() -> None:
     """Cruise, brakes and lost leads move the instants at which estimates come: still the same, to the last digit."""
     path = REPO / "replay_logs" / "following_lost_lead.blf"
     vehicle = read_vehicle("generic")
-    steps = drive_reader.run(open_log(path), vehicle, stop=UNTIL)
+    steps = drive_reader.run(open_log(path), vehicle, within=Window(stop=UNTIL))
     reported = {
         (item.estimator, round(item.t, 6)): item
         for _, _, out in steps

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +12,13 @@ import pytest
 
 import canid
 from canid.identification import identifiability
-from canid.types import Channel, Identifiable, Status, Trace
-from canid.views import estimate_text
+from canid.values import estimate_text
+from canid.values.types import Channel, Identifiable, Status, Trace
+from tests.fixtures.measured_logs import MEASURED, needs_measured
 
-DATA = Path(__file__).parents[2] / "shared" / "data" / "openacc"
+DATA = MEASURED / "openacc"
 NAMES = ("human_h22_v3", "human_h22_v5", "human_h22_v6", "acc_short_h2_v4", "acc_long_h10_v5")
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"real logs are not here: {DATA} is missing")
+pytestmark = needs_measured
 
 
 class Plain(NamedTuple):
@@ -58,6 +58,7 @@ def estimates(name: str) -> tuple[Channel, list[Channel], Plain]:
     return drive.channels["range_rate"], windows, least_squares(trace)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("name", NAMES)
 def test_gains_are_of_the_right_size(name: str) -> None:
     """People and controllers close range rates: K2 > 0, and of the size that plain least squares finds.
@@ -76,6 +77,7 @@ def test_gains_are_of_the_right_size(name: str) -> None:
     assert all(0.2 < total < 2.5 for total in sums)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_two_halves_of_one_driver_agree() -> None:
     """The answer to range rate is the driver's own: both halves of a drive give the same, within their intervals."""
     for name in ("human_h22_v3", "human_h22_v6"):

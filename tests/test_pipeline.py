@@ -12,19 +12,20 @@ import numpy as np
 import pytest
 
 import canid
-from canid import drive_reader, pipeline
-from canid.drive_parameters import samples
+from canid.drive import drive_reader
+from canid.drive.drive_parameters import samples
 from canid.estimators.fopdt import FOPDT
-from canid.frame_columns import chunks
 from canid.logs import open_log
-from canid.types import Estimate, Frame, Identifiable, LearnGate, Sample, Status
+from canid.pipeline import pipeline
+from canid.values.frame_columns import chunks
+from canid.values.types import Estimate, Frame, Identifiable, LearnGate, Sample, Status
+from canid.values.window import Window
 from canid.vehicle import read_vehicle
 from tests.exact import exact
+from tests.fixtures.measured_logs import MEASURED, needs_measured
 
 REPO = Path(__file__).parents[1]
 LOG = REPO / "replay_logs" / "following_urban.blf"
-DATA = REPO.parent / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"real logs are not here: {DATA} is missing")
 
 
 def outputs(frames: list[Frame], vehicle: str = "generic", cut: int | None = None) -> list:
@@ -44,21 +45,25 @@ def same(a: list, b: list) -> bool:
     return len(a) == len(b) and all(exact(x) == exact(y) for x, y in zip(a, b, strict=True))
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_the_stream_may_be_cut_anywhere() -> None:
     """Pickle the state in the middle, go on: the same numbers to the last bit."""
-    frames = list(drive_reader.window(open_log(LOG), 0.0, 40.0))
+    frames = list(Window(0.0, 40.0).frames(open_log(LOG)))
     whole = outputs(frames)
     assert any(isinstance(x, Estimate) and x.status is Status.OK for x in whole)
     for cut in (1, 2017, len(frames) // 2):
         assert same(outputs(frames, cut=cut), whole)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_replay_and_trace_agree() -> None:
     """Batch columns are the samples that the estimators get in a replay at the log's own speed."""
     trace = drive_reader.read_drive(LOG, "generic", estimating=False, stop=25.0).trace
     stream = [
         item
-        for _, _, out in drive_reader.run(open_log(LOG), read_vehicle("generic"), stop=25.0, span=0.05)
+        for _, _, out in drive_reader.run(
+            open_log(LOG), read_vehicle("generic"), within=Window(stop=25.0), span=0.05
+        )
         for item in out
         if isinstance(item, Sample)
     ]
@@ -68,7 +73,7 @@ def test_replay_and_trace_agree() -> None:
 
 
 def test_frames_that_are_not_mapped_change_nothing() -> None:
-    frames = list(drive_reader.window(open_log(LOG), 0.0, 30.0))
+    frames = list(Window(0.0, 30.0).frames(open_log(LOG)))
     rng = np.random.default_rng(0)
     noise = [
         Frame(float(t), 0, 0x7A0 + int(k), bytes(8)) for k, t in enumerate(sorted(rng.uniform(0, 30, 300)))
@@ -79,6 +84,7 @@ def test_frames_that_are_not_mapped_change_nothing() -> None:
     assert same(a, b[: len(a)])
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_windows_do_not_lead_each_other_astray() -> None:
     """A window that starts where the one before ended never reports a gain that excludes the truth from above.
 
@@ -95,6 +101,7 @@ def test_windows_do_not_lead_each_other_astray() -> None:
     assert max(lows) < 6.04  # its truth
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("name", ["following_mixed.blf", "following_urban.blf", "following_motorway.asc"])
 def test_the_whole_drive_tells_the_truth(name: str) -> None:
     """Gains of the simulated drivers lie in (slightly widened: several drives, one test) intervals of the drive."""
@@ -112,10 +119,10 @@ def test_the_whole_drive_tells_the_truth(name: str) -> None:
     assert identified.channels["range_rate"].status is not Identifiable.NOT
 
 
-@needs_data
+@needs_measured
 def test_rav4_lead_and_cruise() -> None:
     """The person's pedal is never identified while cruise control drives, and the lead is continuous."""
-    drive = drive_reader.read_drive(DATA / "rav4" / "rav4_highway.blf", "toyota_rav4_2017")
+    drive = drive_reader.read_drive(MEASURED / "rav4" / "rav4_highway.blf", "toyota_rav4_2017")
     assert drive.health.frames == 135_468
     assert not [e for e in drive.estimates if e.status is Status.OK]
     late = [e for e in drive.estimates if e.t >= 9.1]
@@ -133,13 +140,14 @@ def test_rav4_lead_and_cruise() -> None:
     assert len(set(trace.segment[cruise])) == 1
 
 
-@needs_data
+@pytest.mark.slow("whole drives through the pipeline")
+@needs_measured
 def test_rav4_the_controller_itself_is_identified(tmp_path: Path) -> None:
     text = (REPO / "dbc" / "toyota_rav4_2017.toml").read_text()
     text = text.replace('output = "pedal"', 'output = "accel_command"')
     text = text.replace('file = "', f'file = "{REPO / "dbc"}/')
     (tmp_path / "acc.toml").write_text(text)
-    drive = drive_reader.read_drive(DATA / "rav4" / "rav4_highway.blf", tmp_path / "acc.toml")
+    drive = drive_reader.read_drive(MEASURED / "rav4" / "rav4_highway.blf", tmp_path / "acc.toml")
     assert not [e for e in drive.estimates if e.t < 9.0 and e.status is Status.OK]
     good = [e for e in drive.estimates if e.status is Status.OK and e.estimator == "fopdt"]
     assert good, [e.says for e in drive.estimates][-2:]
@@ -150,6 +158,6 @@ def test_rav4_the_controller_itself_is_identified(tmp_path: Path) -> None:
 def test_the_estimators_start_without_scipy() -> None:
     """Nothing that a live start imports needs scipy.signal or matplotlib, which take a second each."""
     heavy = "{'scipy.signal', 'scipy.stats', 'filterpy', 'matplotlib'}"
-    code = f"import sys, canid.pipeline; print(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, canid.pipeline.pipeline; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from canid import restart_time
-from canid.types import LearnGate, Sample
+from canid.pipeline import restart_time
+from canid.values.types import LearnGate, Sample
 
 DT = 0.1
 

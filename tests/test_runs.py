@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.runs import runs
+from canid.values.runs import runs
 
 
 def test_runs_are_found_as_a_loop_finds_them() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from canid.buses.bus_opener import open_buses
-from canid.session import session
+from canid.session.session import SessionSettings, session
 
 # s: longer than a session waits for a result before it asks whether it should stop
 SLOW = 0.2
@@ -37,7 +37,9 @@ def test_a_signal_that_is_answered_late_ends_the_session(tmp_path: Path, slow_si
     buses = open_buses([{"interface": "virtual", "channel": str(tmp_path)}])
     kill = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGUSR1))
     kill.start()
-    reports = list(session(buses, None, record=tmp_path / "a.blf", stopped=lambda: bool(slow_signal)))
+    reports = list(
+        session(buses, SessionSettings(record=tmp_path / "a.blf"), stopped=lambda: bool(slow_signal))
+    )
     kill.join()
     assert slow_signal == [signal.SIGUSR1]
     assert reports[-1].recorder.state == "stopped"  # type: ignore[union-attr]

@@ -9,12 +9,13 @@ import cantools
 import numpy as np
 import pytest
 
-from canid.drive_reader import read_signals
-from canid.frame_columns import columns_of
+from canid.dbc_text.parsing import Parser
+from canid.drive.drive_reader import read_signals
+from canid.drive.signal_columns import MessageKey, by_message, decode, frames_by_message
 from canid.logs import open_log, write_log
-from canid.parsing import Parser
-from canid.signal_columns import MessageKey, by_message, decode, frames_by_message
-from canid.types import Flag, Frame
+from canid.values.frame_columns import columns_of
+from canid.values.types import Flag, Frame
+from canid.values.window import Window
 from canid.vehicle import read_vehicle
 from canid.vehicle.database import Dbc, load
 
@@ -150,12 +151,12 @@ def test_a_role_is_the_same_by_both_ways() -> None:
 
 def test_rounds_of_any_size_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """However a log is cut, the frames of each message are those of the whole, in order; parts too."""
-    from canid import signal_columns
+    from canid.drive import signal_columns
 
     path = ROOT / "replay_logs/following_mixed.blf"
     whole = frames_by_message(open_log(path))
     monkeypatch.setattr(signal_columns, "FRAMES_PER_ROUND", 100)
-    parts = frames_by_message(open_log(path), start=10.0, stop=20.0, ids=[0x110, 0x130])
+    parts = frames_by_message(open_log(path), within=Window(10.0, 20.0), ids=[0x110, 0x130])
     assert [key.id for key in parts] == [0x110, 0x130]
     for key, part in parts.items():
         rows = (whole[key].t >= 10.0) & (whole[key].t <= 20.0)

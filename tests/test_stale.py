@@ -10,16 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid import drive_reader
+from canid.drive import drive_reader
 from canid.logs import open_log, write_log
-from canid.types import Frame, LearnGate, Trace
+from canid.values.types import Frame, LearnGate, Trace
 from canid.vehicle import Vehicle, read_vehicle
 from canid.vehicle.bits import put, raw_of
 from canid.vehicle.mapping import SignalMap
+from tests.fixtures.measured_logs import MEASURED, MISSING
 
 ROOT = Path(__file__).parents[1]
 URBAN = ROOT / "replay_logs" / "following_urban.blf"
-RAV4 = ROOT / "../shared/data/rav4/rav4_highway.blf"
+RAV4 = MEASURED / "rav4/rav4_highway.blf"
 # s; a stretch of the log with a lead all the time, and a hole in it
 BEGIN, END, HOLE, BACK = 33.0, 51.0, 38.03, 45.03
 ROLES = tuple(read_vehicle("generic").roles)
@@ -73,6 +74,7 @@ def last_before(made: list[Frame], t: float, keeps: Callable[[Frame], bool]) -> 
     return max(frame.t for frame in made if frame.t < t and keeps(frame)) - BEGIN
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("stale", STALE)
 @pytest.mark.parametrize("role", SAMPLED)
 def test_a_message_that_stops_coming(role: str, stale: float, tmp_path: Path) -> None:
@@ -104,6 +106,7 @@ def test_a_message_that_stops_coming(role: str, stale: float, tmp_path: Path) ->
         assert not trace.learn[hole].any()
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("stale", STALE)
 @pytest.mark.parametrize("role", ["gap", "range_rate"])
 def test_one_of_two_signals_of_the_radar_is_not_measured(role: str, stale: float, tmp_path: Path) -> None:
@@ -129,6 +132,7 @@ def test_one_of_two_signals_of_the_radar_is_not_measured(role: str, stale: float
         assert np.isfinite(trace.signals["gap"][hole]).all()
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize(
     "role", [role for role in SAMPLED if role not in ("brake", "cruise_active", "clutch")]
 )
@@ -144,6 +148,7 @@ def test_a_value_out_of_range(role: str, tmp_path: Path) -> None:
 
 
 # every frame, or every tenth: the radar's at 20 and 2 Hz
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("every", [1, 10])
 @pytest.mark.parametrize("stale", STALE)
 @pytest.mark.parametrize("role", ["pedal", "speed", "gap", "range_rate", "yaw_rate", "lateral_offset"])
@@ -177,6 +182,7 @@ def test_a_counter_that_stands_still(role: str, stale: float, every: int, tmp_pa
         assert np.isfinite(value[(t > 3.0) & (t < stuck - 0.5)]).mean() > 0.95
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("stale", [0.3, 0.9])
 @pytest.mark.parametrize("how", ["never", "stops", "stuck"])
 def test_lead_valid_that_nobody_says_any_more(how: str, stale: float, tmp_path: Path) -> None:
@@ -214,11 +220,12 @@ def test_lead_valid_that_nobody_says_any_more(how: str, stale: float, tmp_path: 
         assert np.isfinite(trace.signals["gap"][(t > 2.0) & (t < begin)]).all()
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("stale", [0.2, 1.5])
 def test_radar_tracks_that_stop_coming(stale: float, tmp_path: Path) -> None:
     """`stale` of a track's distance or rate acts on the lead that is chosen among them."""
     if not RAV4.exists():
-        pytest.skip(f"measured logs are not there: {RAV4}")
+        pytest.skip(MISSING)
     folder = ROOT / "dbc"
     text = (folder / "toyota_rav4_2017.toml").read_text()
     text = text.replace('file = "', f'file = "{folder.resolve()}/')
@@ -238,7 +245,7 @@ def test_radar_tracks_that_stop_coming(stale: float, tmp_path: Path) -> None:
 
 def test_options_that_cannot_act_are_refused(tmp_path: Path) -> None:
     """What a track's part cannot have of its own is a mistake, not a word without meaning."""
-    from canid.errors import ConfigError
+    from canid.values.errors import ConfigError
 
     folder = ROOT / "dbc"
     text = (folder / "toyota_rav4_2017.toml").read_text().replace('file = "', f'file = "{folder.resolve()}/')

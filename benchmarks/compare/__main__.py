@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.compare import drives
 from benchmarks.identification.table import Table, markdown
 from canid.comparison.comparison import DIFFERENT, Comparison, compare
-from canid.views.comparison_text import label
+from canid.values.names import label
 
 BEGIN, END = "<!-- compare: begin -->", "<!-- compare: end -->"
 # what differs between two drivers: name, parameter that shows it

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from canid.comparison import drive_json
 from canid.comparison.drive import DriveEstimates, Side
-from canid.drive_parameters import identify
-from canid.drive_reader import read_trace
+from canid.comparison.result_estimates import of_identified
+from canid.drive.drive_parameters import identify
+from canid.drive.drive_reader import read_trace
 from canid.logs import write_log
 from canid.simulation import START_UTC, frames, simulate
 from canid.simulation.driver import DriverTruth, draw_driver
+from canid.values.numbers import role_unit
 from canid.vehicle import Vehicle, read_vehicle
-from canid.views import identification_json
 
 # min, and how often: from a town errand to a stretch of motorway
 MINUTES = (2.0, 3.0, 5.0, 10.0, 20.0)
@@ -41,20 +39,16 @@ def drawn(seed: int) -> tuple[DriverTruth, str]:
     return draw_driver(rng), NOISES[int(rng.integers(len(NOISES)))]
 
 
-def json_of(driver: DriverTruth, noise: str, minutes: float, seed: int, profile: str) -> Mapping[str, Any]:
-    """Drive, record, read and identify: the object of `canid identify --json`, without windows."""
+def estimates(driver: DriverTruth, noise: str, minutes: float, seed: int, profile: str) -> DriveEstimates:
+    """Drive, record, read and identify, as the comparison takes it."""
     drive = simulate(minutes=minutes, seed=seed, profile=profile, noise=noise, driver=driver)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "drive.blf"
         write_log(path, frames(drive, vehicle()), START_UTC)
         trace = read_trace(path, vehicle())
     found = identify(trace, select_orders=False, sliding=False, **vehicle().estimators)
-    return identification_json.to_json(found, f"{profile} {seed}", vehicle().name)
-
-
-def estimates(driver: DriverTruth, noise: str, minutes: float, seed: int, profile: str) -> DriveEstimates:
-    """Return one drive as the comparison takes it."""
-    return drive_json.read(json_of(driver, noise, minutes, seed, profile))
+    unit = role_unit(found.drive_summary.output)
+    return of_identified(found, f"{profile} {seed}", vehicle().name, unit)
 
 
 def length(rng: np.random.Generator) -> float:

@@ -18,10 +18,10 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["canid.logs"]):
-    from canid.errors import LogError
-    from canid.frame_columns import frames_of
     from canid.logs import open_log
     from canid.logs.recovery import recover
+    from canid.values.errors import LogError
+    from canid.values.frame_columns import frames_of
 
 SUFFIXES = (".blf", ".asc", ".log", ".csv", ".trc", ".asc.gz")
 # bytes; enough for some containers, and small enough for thousands of runs a second

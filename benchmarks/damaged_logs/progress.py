@@ -50,9 +50,9 @@ def main(path: str) -> None:
     """Measure in this process."""
     import resource
 
-    from canid.errors import CanidError
     from canid.logs import log, open_log, recovery
     from canid.logs.reader_state import ReadState
+    from canid.values.errors import CanidError
 
     states: list[ReadState] = []
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import cantools
 
-from canid.errors import ConfigError
-from canid.parsing import Parser
+from canid.dbc_text.parsing import Parser
+from canid.values.errors import ConfigError
 from canid.vehicle.database import load
 
 SUFFIXES = (".dbc", ".arxml", ".kcd", ".sym")

@@ -20,11 +20,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import canid
-from canid import pipeline
 from canid.estimators import ESTIMATORS, agreement
+from canid.pipeline import pipeline
 from canid.simulation import NOISES, frames, simulate
-from canid.types import Array, Estimate, Identifiable, LearnGate, Sample, Status
+from canid.values.types import Array, Estimate, Identifiable, LearnGate, Sample, Status
 from canid.vehicle import read_vehicle
+from tests.pipeline_outputs import outputs
 
 PROFILES = ("mixed", "urban", "motorway")
 NAMES = ("headway_error", "range_rate")
@@ -64,8 +65,8 @@ def simulated(drives: int, minutes: float, first: int) -> None:
     for k in range(drives):
         seed, profile, noise = first + k, PROFILES[k % len(PROFILES)], kinds[k % len(kinds)]
         drive = simulate(minutes=minutes, seed=seed, profile=profile, noise=noise)
-        outputs = pipeline.run(pipeline.build(vehicle), frames(drive, vehicle))
-        found = [item for item in outputs if isinstance(item, Estimate)]
+        made = outputs(pipeline.build(vehicle), frames(drive, vehicle))
+        found = [item for item in made if isinstance(item, Estimate)]
         totals.append(share(found))
         contradicted = [e for e in found if e.status is Status.INCONSISTENT]
         if contradicted:
@@ -104,7 +105,7 @@ def loop(seed: int, gain: Callable[[float, float], float], seconds: float = 260.
 def listen(rows: Array) -> list[Estimate]:
     """Estimates of all estimators, with their agreement tested."""
     running = [estimator.make(NAMES, pipeline.DT) for estimator in ESTIMATORS]
-    states, agreed = [estimator.init() for estimator in running], agreement.init()
+    states, agreed = [estimator.init() for estimator in running], agreement.State()
     out: list[Estimate] = []
     for k, (pedal, *inputs) in enumerate(rows.tolist()):
         sample = Sample(round(k * pipeline.DT, 9), pedal, tuple(inputs), LearnGate.OPEN, True, 0, {})

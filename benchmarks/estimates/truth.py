@@ -18,10 +18,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import canid
-from canid import pipeline
+from canid.pipeline import pipeline
 from canid.simulation import NOISES, frames, simulate
-from canid.types import Estimate, Identifiable, Status
+from canid.values.types import Estimate, Identifiable, Status
 from canid.vehicle import read_vehicle
+from tests.pipeline_outputs import outputs
 
 PROFILES = ("mixed", "urban", "motorway")
 # s between two estimates that are counted: windows of 60 s overlap, so the shares vary more than their number says
@@ -35,7 +36,7 @@ def drive(job: tuple[int, float, str, str]) -> list[tuple[str, str, str, float, 
     simulation = simulate(minutes=minutes, seed=seed, profile=profile, noise=noise)
     truth = simulation.truth["channels"]
     rows, due = [], defaultdict(float)
-    for item in pipeline.run(pipeline.build(vehicle), frames(simulation, vehicle)):
+    for item in outputs(pipeline.build(vehicle), frames(simulation, vehicle)):
         if not isinstance(item, Estimate) or item.status is not Status.OK or item.t < due[item.estimator]:
             continue
         due[item.estimator] = item.t + SPACING_S

@@ -1,6 +1,6 @@
 """Cost and scale of `canid fleet`: workers, Dask against local processes, 10,000 logs, a long log among short ones.
 
-    python -m benchmarks fleet_cost [--quick] [--only workers dask scale long] [--keep DIR] [--into docs/fleet.md]
+    python -m benchmarks fleet_cost [--quick] [--only workers dask scale long] [--keep DIR] [--into docs/evidence/fleet.md]
 
 Ratios are of runs in alternation. From the measured numbers follows what a fleet of 100,000 h takes, and what limits it.
 """

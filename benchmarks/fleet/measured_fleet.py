@@ -1,6 +1,6 @@
 """`canid fleet` on the measured drives: AstaZero, OpenACC, OpenLKA, RAV4; what it says of drivers, groups and causes.
 
-    python -m benchmarks measured_fleet [--data ../shared/data] [--no-diagnosis] [--keep DIR] [--into docs/fleet.md]
+    python -m benchmarks measured_fleet [--data ../shared/data] [--no-diagnosis] [--keep DIR] [--into docs/evidence/fleet.md]
 
 Drives of more than two minutes are cut into up to five pieces, so that there are several drives of each driver. Skipped
 where the folder is missing. At the end stands what the data's own description contradicts, if anything.
@@ -21,10 +21,10 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 from benchmarks.fleet import page
 from benchmarks.fleet.fleet_runs import machine, rows, run
-from canid.fleet.summary import summarise
-from canid.fleet_summary import FleetSummary
+from canid.fleet.answers.summary import summarise
 from canid.logs import open_log, write_log
-from canid.types import Frame, Interval
+from canid.values.fleet_summary import FleetSummary
+from canid.values.types import Frame, Interval
 
 # s; what is shorter is not cut, and no piece is shorter than half of it
 CUT_FROM_S = 120.0
@@ -149,7 +149,7 @@ def table(found: FleetSummary, folder: Path) -> list[str]:
         ]
         for driver in population.drivers:
             shrunken, own = (of.get("range_rate.K", Interval()) for of in (driver.shrunken, driver.own))
-            wanted = driver.shrunken.get("wanted_headway", Interval())
+            wanted = driver.shrunken.get("log_wanted_headway", Interval())
             out.append(
                 f"| {driver.name} | {driver.drives} | {_text(shrunken)}; {_text(own)} | {_text(wanted)} |"
             )

@@ -21,7 +21,7 @@ from canid.population.drive_table import DriveTable, drive_table
 from canid.population.groups import contrasts
 from canid.population.hierarchical import pool
 from canid.population.same_driver import drives_fit, pairs
-from canid.types import Array
+from canid.values.types import Array
 from tests.plants.many_fleets import correlation
 
 DRIVES = 5

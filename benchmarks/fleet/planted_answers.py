@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.fleet.planted_score import CHANGED, kinds, swapped
-from canid.fleet.summary import summarise
-from canid.fleet_summary import FleetSummary, Questions
+from canid.fleet.answers.summary import summarise
+from canid.values.fleet_summary import FleetSummary, Questions
 from tests.fleet.planted.planted_fleet import GROUPS
 
 # q up to which a cause counts as stated: the rate that the fleet keeps

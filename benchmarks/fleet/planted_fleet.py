@@ -1,6 +1,7 @@
 """A planted fleet through `canid fleet`, scored by its truth.
 
-    python -m benchmarks planted_fleet [--seed S] [--fleets N --drivers D --drives M] [--keep DIR] [--into docs/fleet.md]
+    python -m benchmarks planted_fleet [--seed S] [--fleets N --drivers D --drives M] [--keep DIR]
+        [--into docs/evidence/fleet.md]
 
 200 drives of 30 drivers who are drawn from a hidden population, in 3 cars, with 4 hidden causes, a driver who changes
 over the weeks, two drives in each other's folders and two groups. A fleet is a function of its seed alone; without --seed

@@ -17,7 +17,7 @@ from tests.fleet.planted.hidden_population import VALUES
 QUANTITIES = ("mean", "between", "within")
 # what a steady wanted headway and the noise are on the road is known up to the road's slope and the loop: their truth is
 # that of the driver alone
-APPROXIMATE = frozenset({"wanted_headway", "log_noise_sd"})
+APPROXIMATE = frozenset({"log_wanted_headway", "log_noise_sd"})
 # causes that say of a driver who changes over the weeks what is true
 OF_CHANGE = frozenset({"gain_change", "gain_drift"})
 CLEAN, HABIT, CHANGED, SWAPPED = "clean", "hidden habit", "changes", "one drive swapped"
@@ -158,8 +158,8 @@ def _column(parameter: str) -> tuple[str, bool]:
     """The column of `drivers` that holds a parameter, and whether the parameter is the column's logarithm.
 
     Example:
-        >>> _column("range_rate.log_tau"), _column("wanted_headway")
-        (('range_rate_tau', True), ('wanted_headway', False))
+        >>> _column("range_rate.log_tau"), _column("range_rate.K")
+        (('range_rate_tau', True), ('range_rate_K', False))
     """
     channel, _, name = parameter.rpartition(".")
     plain = name.removeprefix("log_")

@@ -17,7 +17,7 @@ import numpy as np
 
 from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
 from canid.population import gibbs, normal_mixture, spread
-from canid.types import Array
+from canid.values.types import Array
 from tests.plants.many_fleets import Fleets, Layout, draw, sampler_data
 
 LAYOUTS = (

@@ -31,7 +31,6 @@ from benchmarks.fleet.prior_drives import (
     drive,
     driver,
     fleet_estimate,
-    part,
     people,
     table,
 )
@@ -39,7 +38,8 @@ from canid.identification.fopdt.prior import Prior
 from canid.population.drive_table import drive_table
 from canid.population.hierarchical import MIN_DRIVERS, Population, pool
 from canid.population.population_prior import prior_of
-from canid.types import Channel, Identifiable, Interval, Trace
+from canid.samples.trace_assembly import part
+from canid.values.types import Channel, Identifiable, Interval, Trace
 
 DRIVERS = 30
 FOLDS = 5
@@ -190,7 +190,9 @@ def measured(logs: Sequence[Path], processes: ProcessPoolExecutor) -> list[Pair]
         known = prior(pool(drive_table(NAMES, estimate, covariance, names)))
         rows = round(FIRST_S / drives.dt)
         starts = range(0, len(drives.t) - rows, rows)
-        jobs += [(part(drives, start, start + rows + 1), known, truth, logs[k].stem) for start in starts]
+        jobs += [
+            (part(drives, slice(start, start + rows + 1)), known, truth, logs[k].stem) for start in starts
+        ]
     for found in processes.map(pairs, *zip(*jobs, strict=True)):
         out += found
     return out

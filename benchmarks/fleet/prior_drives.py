@@ -13,13 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.drive_parameters import identify, settings_of
+from canid.drive.drive_parameters import identify
 from canid.estimators import fopdt
 from canid.estimators.fopdt_whole_drive import Fitting
-from canid.fleet.joint_estimate import joint_estimate
+from canid.estimators.whole_drive import settings_of
+from canid.fleet.analysis.joint_estimate import joint_estimate
 from canid.identification.fopdt.prior import Prior
 from canid.population.drive_table import DriveTable, drive_table
-from canid.types import Array, Channel, Identifiable, Trace
+from canid.samples.trace_assembly import part
+from canid.values.types import Array, Channel, Identifiable, Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 from tests.plants.planted_drive import NOISES, PROFILES
@@ -33,7 +35,7 @@ NAMES = (
     "headway_error.log_tau_plus_dead_time",
     "range_rate.log_tau_plus_dead_time",
 )
-# statuses from which a fleet takes tau + dead time; gains it takes from all drives: canid.fleet.estimates, `every_gain`
+# statuses from which a fleet takes tau + dead time; gains from all drives: canid.fleet.answers.estimates, `every_gain`
 SUM = (Identifiable.OK, Identifiable.SUM_ONLY)
 
 
@@ -117,22 +119,7 @@ def drive(number: int, of: Mapping[str, float], seed: int) -> Drive:
 
 def head(of: Trace, seconds: float) -> Trace:
     """The first seconds of a drive."""
-    return part(of, 0, int(np.searchsorted(of.t, of.t[0] + seconds + 0.5 * of.dt)))
-
-
-def part(of: Trace, first: int, last: int) -> Trace:
-    """Rows of a drive."""
-    cut = slice(first, last)
-    return of._replace(
-        t=of.t[cut],
-        output=of.output[cut],
-        inputs=of.inputs[cut],
-        gate=of.gate[cut],
-        learn=of.learn[cut],
-        segment=of.segment[cut],
-        signals={role: x[cut] for role, x in of.signals.items()},
-        bound=None if of.bound is None else of.bound[cut],
-    )
+    return part(of, slice(0, int(np.searchsorted(of.t, of.t[0] + seconds + 0.5 * of.dt))))
 
 
 def fleet_estimate(of: Trace) -> tuple[Array, Array]:

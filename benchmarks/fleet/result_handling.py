@@ -15,10 +15,11 @@ import time
 from collections.abc import Generator, Iterable, Mapping
 from typing import Any
 
-from canid.fleet import local_run, store
-from canid.fleet.job import Job, Outcome, Settings
-from canid.fleet.plan import planned
-from canid.fleet.run import run
+from canid.fleet.analysis import local_run
+from canid.fleet.analysis.job import Job, Outcome, Settings
+from canid.fleet.analysis.run import run
+from canid.fleet.planning.plan import planned
+from canid.fleet.storage import store
 
 SETTINGS = Settings(diagnosis=False)
 

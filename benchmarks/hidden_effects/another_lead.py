@@ -20,11 +20,12 @@ from scipy.special import logit
 
 from benchmarks.hidden_effects.drawn_drives import print_table
 from canid.diagnosis import masks
-from canid.diagnosis.driver import another_lead, cross_validation
+from canid.diagnosis.driver import held_out
+from canid.diagnosis.null import confirmed_search
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
 from canid.effects.effect import Kind
-from canid.types import Interval
+from canid.values.types import Interval
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 from tests.plants.planted_drive import Planted
@@ -71,7 +72,7 @@ def run(seed: int) -> Outcome | None:
     of = prepared(first)
     if of is None:
         return None
-    found = cross_validation.search_causes(of.data, DRIVERS, of.fitted)
+    found = confirmed_search.cross_validated(of.data, DRIVERS, of.fitted)
     models = (found.search.baseline, found.search.solved)
     if effect not in {one.id for one in models[1].model.effects}:
         return None
@@ -103,9 +104,9 @@ def table(outcomes: Sequence[Outcome]) -> list[str]:
         ("another kind", [(one.here, one.other) for one in outcomes]),
     ):
         narrow = [here.low <= fresh <= here.high for here, fresh in of]
-        stated = [another_lead.predicted(here) for here, _ in of]
+        stated = [held_out.predicted(here) for here, _ in of]
         wide = [each.low <= fresh <= each.high for each, (_, fresh) in zip(stated, of, strict=True)]
-        edge = another_lead.LEAST
+        edge = held_out.LEAST
         odds = [
             [float(logit(np.clip(x, edge, 1.0 - edge))) for x in (fresh, here.value)] for here, fresh in of
         ]

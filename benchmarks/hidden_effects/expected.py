@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from benchmarks.hidden_effects.known_inputs import GRID_S, MIN_SPEED_M_S, answer, known
 from benchmarks.hidden_effects.metric import Metric, metric, size
-from canid.types import Trace
+from canid.values.types import Trace
 from tests.plants.planted_drive import EFFECTS, Array, Planted
 
 FINE_STEP_S = 0.02  # s: answers are made here, where a dead time between grid points costs nothing

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from benchmarks.hidden_effects.drives import FAINT, FOREIGN, REMOVED, SIMULATORS, TWO, Drive, another_pair
 from benchmarks.hidden_effects.expected import Price, each, expected
-from canid.types import Trace
+from canid.values.types import Trace
 from tests.plants.measurement import trace
 from tests.plants.planted_drive import Planted
 

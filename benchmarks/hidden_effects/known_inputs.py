@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from canid.diagnosis.driver.driver_data import prepare
-from canid.types import Trace
+from canid.values.types import Trace
 from tests.plants.planted_drive import Array, Planted
 
 GRID_S = 0.1  # s: canid's own

@@ -21,7 +21,7 @@ import numpy as np
 import canid
 from benchmarks.hidden_effects.drawn_drives import print_table
 from canid.identification.confidence import SIGMAS
-from canid.types import Interval
+from canid.values.types import Interval
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
@@ -32,7 +32,7 @@ WEAK = {
     "asymmetric_gain": ("share", 0.05, 0.25),
     "looming_gain": ("exponent", 0.08, 0.3),
 }
-# parameter -> names of those in the model whose sum it is, and the factor of its intervals (docs/diagnosis.md)
+# parameter -> names of those in the model whose sum it is, and the factor of its intervals (docs/evidence/diagnosis.md)
 PARAMETERS = {
     "K1": (("K1",), 1.1),
     "K2": (("K2",), 1.1),

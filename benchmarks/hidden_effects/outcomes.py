@@ -20,9 +20,9 @@ from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answe
 from canid.diagnosis.diagnose import diagnose
 from canid.effects import CATALOGUE
 from canid.effects.effect import Effect
-from canid.findings import Check, Report, Verdict
 from canid.identification.identifiability import QUOTABLE
-from canid.types import Interval, Trace
+from canid.values.findings import Check, Report, Verdict
+from canid.values.types import Interval, Trace
 from tests.plants.planted_drive import Planted
 
 CANID = "canid"

@@ -1,7 +1,7 @@
 """Print every table of the identification benchmark: canid, its peers, and the Cramér-Rao bound.
 
 python -m benchmarks identification [--only TABLE ...] [--runs 200] [--first-seed S] [--no-peers] [--workers 1]
-    [--peers-python PATH] [--into docs/identification.md]
+    [--peers-python PATH] [--into docs/evidence/identification.md]
 """
 
 from __future__ import annotations

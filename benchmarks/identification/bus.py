@@ -1,7 +1,7 @@
 """From a drive to what an identifier gets: readings on clocks of their own, then canid's way, or a plain one.
 
-canid's way is that of `canid.pipeline`, from the reading on: lead, smoothing, sampling, gate. The peers get the same
-readings joined by lines at 10 Hz, which is what a careful script does.
+canid's way is that of `canid.pipeline.pipeline`, from the reading on: lead, smoothing, sampling, gate. The peers get
+the same readings joined by lines at 10 Hz, which is what a careful script does.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.identification.loops import Drive
 from canid.samples import lead, learning_gate, own_speed, sampling_grid
 from canid.samples.sampler import MADE, SMOOTH_ALONG_S
-from canid.types import Driver, Reading, Sample
+from canid.values.types import Driver, Reading, Sample
 
 GRID = 0.1  # s
 RADAR, CONTROL = 0.05, 0.02  # s between two messages
@@ -27,7 +27,7 @@ class Seen(NamedTuple):
     inputs: np.ndarray  # (n, 2) headway error s, range rate m/s
     usable: np.ndarray  # (n,) bool
     segment: np.ndarray  # (n,)
-    bound: np.ndarray  # (n,) % that the demand did not exceed, see canid.types.Sample
+    bound: np.ndarray  # (n,) % that the demand did not exceed, see canid.values.types.Sample
 
 
 class Stream(NamedTuple):

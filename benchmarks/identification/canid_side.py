@@ -16,9 +16,10 @@ from canid.identification import autoregression, feedback_bias, identifiability,
 from canid.identification.armax import armax_batch, armax_recursive, box_jenkins_recursive, gain_and_delay
 from canid.identification.armax.rates import per_sample, rates
 from canid.identification.fopdt import fopdt_residual, regression_rows
-from canid.identification.fopdt.fopdt_fit import ProcessFit, fit_process, row_layout
+from canid.identification.fopdt.fopdt_fit import Settings, fit_process, row_layout
+from canid.identification.fopdt.grid_search import ProcessFit
 from canid.identification.fopdt.prior import Prior
-from canid.types import (
+from canid.values.types import (
     TASK_INPUTS,
     Channel,
     Estimate,
@@ -28,6 +29,7 @@ from canid.types import (
     ResidualTests,
     Sample,
 )
+from tests.identification.innovation_density import log_density
 
 ORDERS = armax_batch.Orders()
 # as the estimator does live
@@ -102,7 +104,13 @@ def process(
     usable = np.full(len(output), True) if usable is None else usable
     held = feedback_bias.held(TASK_INPUTS["car_following"]) if inputs.shape[1] == 2 else None
     return fit_process(
-        output, inputs, usable, dt, segment=segment, output_filter=output_filter, bound=bound, held=held
+        output,
+        inputs,
+        usable,
+        dt,
+        Settings(output_filter=output_filter, held=held),
+        segment=segment,
+        bound=bound,
     )
 
 
@@ -135,7 +143,7 @@ def with_prior(
     output: np.ndarray, inputs: np.ndarray, dt: float, usable: np.ndarray, segment: np.ndarray
 ) -> ProcessFit:
     """Fit with a declared prior."""
-    return fit_process(output, inputs, usable, dt, segment=segment, prior=PRIOR)
+    return fit_process(output, inputs, usable, dt, Settings(prior=PRIOR), segment=segment)
 
 
 def live(
@@ -291,7 +299,7 @@ def recursive(path: Path, vehicle: str, half: int) -> float:
                 plain = innovation_law.equal(len(clean), float(clean[known].std()))
                 of = innovation_law.fit(clean, known, features) if law else plain
                 continue
-            density = innovation_law.log_density(clean, innovation_law.applied(clean, of.law, features))
+            density = log_density(clean, innovation_law.applied(clean, of.law, features))
             scores.append(60.0 / (state.stride * trace.dt) * float(density[known].mean()))
     return scores[1] - scores[0]
 
@@ -325,5 +333,5 @@ def _density(
                 innovation_law.fit(e, rows, of) if law else innovation_law.equal(len(e), float(e[rows].std()))
             )
             continue
-        return innovation_law.log_density(e, innovation_law.applied(e, found.law, of)), rows
+        return log_density(e, innovation_law.applied(e, found.law, of)), rows
     raise AssertionError

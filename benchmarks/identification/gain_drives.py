@@ -12,7 +12,7 @@ from benchmarks.identification import acceleration, bus, loop_a, loop_b
 from benchmarks.identification.loops import NORMAL, Gain, Lead, constant
 from benchmarks.identification.noise_models import HEAVY_TAILED, NOISE_MODELS, NoiseModel
 from canid.estimators import ESTIMATORS, agreement, status
-from canid.types import Driver, Estimate, LearnGate, OutputFilter, Sample
+from canid.values.types import Driver, Estimate, LearnGate, OutputFilter, Sample
 
 NAMES = ("headway_error", "range_rate")
 SIX_NOISES = (*NOISE_MODELS, HEAVY_TAILED)
@@ -72,7 +72,7 @@ def estimates(seen: Seen, since: float, names: tuple[str, ...] = ("fopdt", "arma
             if hasattr(settings, "output_filter"):
                 settings = settings._replace(output_filter=seen.output_filter)
             running.append(one.make(NAMES, bus.GRID, settings))
-    states, agreed = [one.init() for one in running], agreement.init()
+    states, agreed = [one.init() for one in running], agreement.State()
     emitted = [float("nan")] * len(running)
     for k, (y, u, learn, segment, bound) in enumerate(zip(*(x.tolist() for x in seen.samples), strict=True)):
         t = round(k * bus.GRID, 6)

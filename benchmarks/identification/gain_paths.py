@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.identification import bus
 from benchmarks.identification.gain_drives import NAMES, Seen, World, drive
 from canid.estimators import fopdt
-from canid.types import LearnGate, Trace
+from canid.values.types import LearnGate, Trace
 
 # s; of the random walk's increments
 PATH_STEP_S = 1.0

@@ -17,9 +17,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from canid.errors import CanidError
 from canid.proposal import databases, proposal
 from canid.proposal.choice import Decisions
+from canid.values.errors import CanidError
 
 HERE = Path(__file__).parent
 HALVES = {"rules": "truth_rules_half.toml", "judged": "truth_judged_half.toml", "unseen": "truth_unseen.toml"}

@@ -30,7 +30,7 @@ def send(rate: float, seconds: float) -> None:
     """The sender process: mapped frames of a simulated drive, filled up or thinned out to `rate` frames/s."""
     from canid.buses.send import onto
     from canid.simulation import frames, simulate
-    from canid.types import Frame
+    from canid.values.types import Frame
     from canid.vehicle import read_vehicle
 
     mapped = frames(
@@ -60,8 +60,8 @@ def start_sender(rate: float, seconds: float) -> subprocess.Popen[str]:
 
 def load(rate: float, seconds: float, folder: str) -> None:
     from canid.buses.bus_opener import open_buses
-    from canid.session import Result, World, session
-    from canid.types import Estimate
+    from canid.session.session import Result, SessionSettings, World, session
+    from canid.values.types import Estimate
 
     sender = start_sender(rate, seconds)
     # the estimator needs a while to start: what waited for it is not counted
@@ -69,9 +69,8 @@ def load(rate: float, seconds: float, folder: str) -> None:
     before, earlier = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.monotonic()
     latencies, last = [], None
-    for item in session(
-        open_buses([{**BUS, "hop_limit": 0}]), "generic", record=f"{folder}/{int(rate)}.blf", duration=seconds
-    ):
+    settings = SessionSettings("generic", f"{folder}/{int(rate)}.blf", seconds)
+    for item in session(open_buses([{**BUS, "hop_limit": 0}]), settings):
         if isinstance(item, World):
             last = item
         elif isinstance(item, Result) and isinstance(item.item, Estimate) and last is not None:

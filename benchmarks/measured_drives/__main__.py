@@ -1,4 +1,4 @@
-"""Diagnosis of measured drives, whole and in halves: docs/measured.md.
+"""Diagnosis of measured drives, whole and in halves: docs/evidence/measured.md.
 
     python -m benchmarks measured_drives [--data ../shared/data] [--minimum 60] [--only diagnosis|rivals|halves|remnant]
 
@@ -31,44 +31,23 @@ from benchmarks.other_drive import (
     with_recommended,
 )
 from canid import read_trace
+from canid.comparison.halves import part as cut
 from canid.diagnosis.diagnose import diagnose, diagnose_drives
 from canid.diagnosis.driver.driver_model import pedal
 from canid.diagnosis.prepared_drive import ready
 from canid.diagnosis.rivals.rival_models import MODELS
-from canid.findings import ClosedLoopError, Report
-from canid.types import Interval, Trace
+from canid.values.findings import ClosedLoopError, Report
+from canid.values.types import Interval, Trace
+from tests.fixtures.measured_logs import LOGS, LONG_LOGS
 
 # effects whose size at which this drive would show them stands in the table
 SEEN = ("lead_acceleration", "relative_speed_dead_zone", "asymmetric_gain")
-# file -> shipped vehicle
-LOGS = (
-    ("openacc/human_h22_v3.blf", "openacc"),
-    ("openacc/human_h22_v5.blf", "openacc"),
-    ("openacc/human_h22_v6.blf", "openacc"),
-    ("openacc/acc_short_h2_v4.blf", "openacc"),
-    ("openacc/acc_long_h10_v5.blf", "openacc"),
-    ("rav4/rav4_highway.blf", "toyota_rav4_2017"),
-)
-# people who follow for more than twenty minutes
-ASTA = tuple(
-    (f"asta/asta_{name}.blf", "openacc_asta")
-    for name in ("p3_f2_Tesla_Model3", "p3_f4_Audi_A6", "p10_f2_Audi_A6", "p10_f4_Mercedes_AClass")
-)
 
 
 def part(trace: Trace, start: float, stop: float) -> Trace:
     """Cut a stretch out of a drive, from `start` to `stop` of its length (0 to 1)."""
     n = trace.t.size
-    at = slice(round(start * n), round(stop * n))
-    return trace._replace(
-        t=trace.t[at],
-        output=trace.output[at],
-        inputs=trace.inputs[at],
-        gate=trace.gate[at],
-        learn=trace.learn[at],
-        segment=trace.segment[at],
-        signals={role: x[at] for role, x in trace.signals.items()},
-    )
+    return cut(trace, slice(round(start * n), round(stop * n)))
 
 
 def interval_text(interval: Interval | None, digits: int = 2) -> str:
@@ -159,7 +138,7 @@ def rivals(data: Path, minimum: float) -> None:
     names = (BASELINE, CHOSEN, RECOMMENDED, *(model.name for model in MODELS))
     print(f"| log | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}")
     rows = []
-    for log, vehicle in (*ASTA, *(one for one in LOGS if one[1] == "openacc")):
+    for log, vehicle in (*LONG_LOGS, *(one for one in LOGS if one[1] == "openacc")):
         path = data / log
         if not path.exists():
             print(f"| {log} | the file is not there |{' |' * (len(names) - 1)}")
@@ -194,14 +173,16 @@ def main() -> None:
         closed_loop_of_halves(args.data)
     if args.only in (None, "remnant"):
         print()
-        people = [log for log in (*ASTA, *LOGS) if "human" in log[0] or "asta" in log[0]]
+        people = [log for log in (*LONG_LOGS, *LOGS) if "human" in log[0] or "asta" in log[0]]
         traces = {Path(log).stem: read_trace(args.data / log, vehicle) for log, vehicle in people}
         print("\n".join(remnant.table(traces)))
 
 
 def closed_loop_of_halves(data: Path) -> None:
     """Print the table of closed-loop gap errors on the other half."""
-    followers = [log for log in (*ASTA, *LOGS) if not log[0].startswith("rav4") and (data / log[0]).exists()]
+    followers = [
+        log for log in (*LONG_LOGS, *LOGS) if not log[0].startswith("rav4") and (data / log[0]).exists()
+    ]
     traces = {Path(log): read_trace(data / log, vehicle) for log, vehicle in followers}
     parts = {path: (part(x, 0.0, 0.5), part(x, 0.5, 1.0)) for path, x in traces.items()}
     print("\n".join(halves.table(parts)))
@@ -215,7 +196,7 @@ def diagnoses(data: Path, minimum: float) -> None:
     )  # fmt: skip
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     by_halves, together = [], []
-    for log, vehicle in (*ASTA, *LOGS):
+    for log, vehicle in (*LONG_LOGS, *LOGS):
         path = data / log
         if not path.exists():
             print(f"| {log} | the file is not there |{' |' * (len(heads) - 2)}")

@@ -20,11 +20,11 @@ from canid.diagnosis import masks
 from canid.diagnosis.driver import baseline_form, closed_loop
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import DESIRED, K1, OFFSET
-from canid.diagnosis.fitting.robust_covariance import sandwich
+from canid.diagnosis.fitting.uncertainty import sandwich
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
 from canid.effects.wanted_gap import Form
-from canid.types import Array, Trace
+from canid.values.types import Array, Trace
 
 DRIVERS = tuple(effect for effect in CATALOGUE if effect.where == "driver")
 # evaluations of the closed loop

@@ -19,12 +19,12 @@ from benchmarks.measured_drives.__main__ import part
 from canid import read_trace
 from canid.diagnosis import corrections
 from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.driver_report import Null, recorded_drive
 from canid.diagnosis.null import replicates
+from canid.diagnosis.null.replicates import Null, recorded_drive
 from canid.diagnosis.prepared_drive import ready
 from canid.effects import CATALOGUE
-from canid.findings import Report
-from canid.types import Interval, LearnGate, Trace
+from canid.values.findings import Report
+from canid.values.types import Interval, LearnGate, Trace
 
 LOGS = ("asta_p10_f2_Audi_A6", "asta_p10_f4_Mercedes_AClass", "asta_p3_f2_Tesla_Model3", "asta_p3_f4_Audi_A6")
 NOTHING = "nothing"

@@ -17,9 +17,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from canid import pipeline
 from canid.monitor import change_monitor
-from canid.types import BlockStatus
+from canid.pipeline import pipeline
+from canid.values.types import BlockStatus
 from tests.plants.changes import CHANGES, Change, Scene
 from tests.plants.measurement import lean, trace
 from tests.plants.monitor_runs import alarms, kinds, reports, samples

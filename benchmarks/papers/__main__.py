@@ -1,6 +1,6 @@
 """Check and reproduce both papers with `canid study`, and write the results into a page.
 
-    python -m benchmarks papers [--into docs/papers.md] [--keep DIR] [--full]
+    python -m benchmarks papers [--into docs/evidence/papers.md] [--keep DIR] [--full]
 
 Three commands: `canid study prints`, `canid study grover --reproduce`, `canid study chen-ulsoy --reproduce`.
 """
@@ -87,7 +87,7 @@ def artifacts(found: list[dict[str, Any]]) -> list[str]:
         cells = (a["published"], a["reproduced"], a["corrected"])
         words = " | ".join(escaped(x) or "–" for x in cells)
         lines.append(
-            f"| {a['name']}: {escaped(a['what'])} | {words} | {a['verdict']} | {escaped(a['why'])} |"
+            f"| {escaped(a['name'])}: {escaped(a['what'])} | {words} | {a['verdict']} | {escaped(a['why'])} |"
         )
     if drawings:
         lines += ["", f"Without a number to check: {', '.join(drawings)}."]

@@ -12,7 +12,7 @@ import numpy as np
 
 from canid.buses import python_can
 from canid.logs.blf import blf_layout as blf
-from canid.types import Frame
+from canid.values.types import Frame
 
 Wanted = dict[tuple[int, int], Any]  # (bus, id) -> cantools message
 

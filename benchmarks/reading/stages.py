@@ -13,8 +13,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from canid import drive_parameters, drive_reader, vehicle
-from canid.estimators import ESTIMATORS, pooling, windows
+from canid import vehicle
+from canid.drive import drive_parameters, drive_reader
+from canid.estimators import ESTIMATORS, pooling, whole_drive, windows
 from canid.identification.armax import order_selection
 
 
@@ -33,12 +34,12 @@ def main() -> None:
         high = next(line for line in status if line.startswith("VmHWM"))
     print(f"memory after reading: {int(high.split()[1]) / 1024:.0f} MB")
     for each in ESTIMATORS:
-        made = each.make(trace.input_names, trace.dt, drive_parameters.settings_of(each, trace, {}))
+        made = each.make(trace.input_names, trace.dt, whole_drive.settings_of(each, trace, {}))
         windows.reported_estimates([made], drive_parameters.samples(trace))
         lap(f"windows, {each.name}")
     for each in ESTIMATORS:
         if each.identify is not None:
-            each.identify(trace, drive_parameters.settings_of(each, trace, {}))
+            each.identify(trace, whole_drive.settings_of(each, trace, {}))
             lap(f"whole drive, {each.name}")
     rows = pooling.pooled(trace)
     ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from canid.buses import python_can
 from canid.buses.messages import message_of
-from canid.types import Frame
+from canid.values.types import Frame
 from canid.vehicle import Vehicle, read_vehicle
 
 HERE = Path(__file__).parent

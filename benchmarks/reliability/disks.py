@@ -1,4 +1,4 @@
-"""Disks that are full, read-only, slow or stuck: recording ends or lags in the open, live goes on."""
+"""Disks that are full, read-only, slow or stuck: recording goes on elsewhere or lags in the open, live goes on."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_WAITING_FRAMES = 20_000
 
 
 def full(folder: Path) -> list[str]:
-    """A tmpfs of 200 kB fills up under `live`: exit 5, the file is whole up to there, live goes on."""
+    """A tmpfs of 200 kB fills up under `live`: exit 5, the file is whole up to there, the rest is in the folder above."""
     with tmpfs(folder / "small", "200k") as disk:
         return _failing(folder, disk, lambda: None, "No space left")
 
@@ -101,7 +101,7 @@ def stuck(folder: Path) -> list[str]:
         in_log = sum(int(e.says.split()[0].replace(",", "")) for e in events)
         in_journal = sum(e["what"] == "frames_not_recorded" for e in recording.journal())
         gaps = sum(b != a + 1 for a, b in pairwise([-1, *frames, total]))
-        wrong = [] if code == 143 else [f"exit code {code}: {recording.said}"]
+        wrong = [] if code == 5 else [f"exit code {code}: {recording.said}"]
         if reported["frames"] != total or reported["drops"]:
             wrong.append(f"live did not go on: {reported}")
         if not missing or not missing == reported["drops_disk"] == in_log:
@@ -137,20 +137,20 @@ def _failing(folder: Path, disk: Path, turn: Callable[[], None], why: str) -> li
         traffic = Traffic(RATE_PER_S, round(RATE_PER_S * 2 * DURATION_S)).start()
         traffic.wait(1.0)
         turn()
-        until(lambda: "RECORDING failed" in recording.said or recording.process.poll() is not None)
+        until(lambda: "the recording goes on in" in recording.said or recording.process.poll() is not None)
         traffic.join()
         time.sleep(0.5)
         code = recording.end(signal.SIGTERM)
-        log = by_canid(path)
+        log, rest = by_canid(path), by_canid(folder / "x.blf")
         wrong = [] if code == 5 else [f"exit code {code}"]
         if "Traceback" in recording.said or why not in recording.said:
             wrong.append(recording.said)
-        n = len(log.frames)
-        if log.frames != [(i % 2048, number(i)) for i in range(n)] or not 0 < n < len(traffic.sent):
-            wrong.append(f"the file holds {n} frames")
-        if f"{n:,} of {len(traffic.sent):,} frames" not in recording.printed:
+        n, sent = len(log.frames), len(traffic.sent)
+        if log.frames + rest.frames != [(i % 2048, number(i)) for i in range(sent)] or not 0 < n < sent:
+            wrong.append(f"the files hold {n} and {len(rest.frames)} frames of {sent}")
+        if f"{sent:,} of {sent:,} frames" not in recording.printed:
             wrong.append(f"live did not go on, or counts wrongly: {recording.printed}")
-        wrong.append(disagreement(path))
+        wrong += [disagreement(path), disagreement(folder / "x.blf")]
     return wrong
 
 

@@ -7,6 +7,8 @@ Registered as `faulty` in the recorder's own process (`BEFORE`). A script is a l
     ["state", "ERROR"]         the controller's state from here on (python-can's BusState)
     ["gone", s]                the interface is away for s; opening fails until then
     ["clock", s]               the clock that stamps the frames steps by s
+    ["run", x]                 the clock that stamps the frames runs x times as fast from here on; negative: backwards
+    ["number", n]              frames are numbered from n on
     ["duplicate", n]           n frames come twice
     ["swap", n]                n pairs of frames come in the wrong order
     ["pause", s]               nothing comes for s
@@ -16,6 +18,7 @@ Registered as `faulty` in the recorder's own process (`BEFORE`). A script is a l
 from __future__ import annotations
 
 import json
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,6 +47,11 @@ class Script(NamedTuple):
         text = path.read_text() if path.exists() else ""
         return int(text.split()[0]) if text.endswith("\n") else 0
 
+    def stamps(self) -> list[tuple[int, float]]:
+        """Number and stamp, s, of each frame, in the order in which they came."""
+        path = self.path.with_suffix(".stamps")
+        return list(struct.iter_unpack("<qd", path.read_bytes())) if path.exists() else []
+
     def instants(self) -> list[tuple[str, float]]:
         """Each step that has begun, and its wall clock."""
         path = self.path.with_suffix(".instants")
@@ -51,9 +59,9 @@ class Script(NamedTuple):
         return [(name, float(at)) for name, at in rows]
 
 
-def script(folder: Path, steps: list[list[Any]]) -> Script:
+def script(folder: Path, steps: list[list[Any]], name: str = "script") -> Script:
     """Write it down."""
-    path = folder / "script.json"
+    path = folder / f"{name}.json"
     path.write_text(json.dumps(steps))
     return Script(path)
 
@@ -77,12 +85,20 @@ class _Node:
         self.held: Any = None
 
     def _play(self, path: Path) -> Iterator[Any]:
+        """What the bus gives; each frame's number and stamp are noted, in the order in which they come."""
+        with path.with_suffix(".stamps").open("ab", buffering=0) as stamps:
+            for item in self._items(path):
+                if getattr(item, "data", None):
+                    stamps.write(struct.pack("<qd", int.from_bytes(item.data[:4], "big"), item.timestamp))
+                yield item
+
+    def _items(self, path: Path) -> Iterator[Any]:
         can = python_can.load()
-        done, clock = 0, 0.0
+        done, clock, speed, since = 0, 0.0, 1.0, time.time()
         instants = path.with_suffix(".instants").open("a")
 
         def frame(i: int) -> Any:
-            stamp = time.time() + clock
+            stamp = since + (time.time() - since) * speed + clock
             return can.Message(arbitration_id=i % 2048, data=number(i), is_extended_id=False, timestamp=stamp)
 
         for step, *given in json.loads(path.read_text()):
@@ -108,6 +124,11 @@ class _Node:
                 yield can.CanOperationError("the device is unplugged")
             elif step == "clock":
                 clock += given[0]
+            elif step == "run":
+                now = time.time()
+                since, speed, clock = now, given[0], since + (now - since) * speed + clock - now
+            elif step == "number":
+                done = given[0]
             elif step == "duplicate":
                 for _ in range(given[0]):
                     one = frame(done)

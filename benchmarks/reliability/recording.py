@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from tests.fixtures.traffic import WORDS
@@ -34,22 +36,28 @@ class Recording:
         talk: Path,
         before: str = "",
         bus: Any = WORDS,
+        environment: Mapping[str, str] = MappingProxyType({}),
+        prefix: Sequence[str] = (),
     ):
-        """Start it and wait until its bus is open. `talk`: folder for what it says; `before`: Python run first."""
+        """Start it and wait until its bus is open.
+
+        `talk`: folder for what it says; `before`: Python run first;
+        `prefix`: a command that runs it, in its own process.
+        """
         self.output = output
         self._out, self._err = talk / f"{output.name}.out", talk / f"{output.name}.err"
         self.json = talk / f"{output.name}.json"
         name = "--record" if verb == "live" else "-o"
         command = ["canid", verb, *bus, name, str(output), "--json", str(self.json), *map(str, words)]
         code = f"{BEGIN}{before}\nfrom canid.cli import main; sys.exit(main(sys.argv[1:]))"
-        environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+        everything = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"} | dict(environment)
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
-                [sys.executable, "-c", code, *command[1:]],
+                [*prefix, sys.executable, "-c", code, *command[1:]],
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
-                env=environment,
+                env=everything,
                 start_new_session=True,
             )
         until(lambda: "listen-only" in self.said or self.process.poll() is not None)

@@ -209,7 +209,7 @@ def _send(bus: dict[str, Any], rate: float, seconds: float) -> int:
     """The sender process: returns how many frames it has sent."""
     from canid.buses.send import onto
     from canid.simulation import frames, simulate
-    from canid.types import Frame
+    from canid.values.types import Frame
     from canid.vehicle import read_vehicle
 
     drive = simulate(minutes=min(DRIVE_MIN, seconds / 60 + 0.2), seed=3, profile="urban")

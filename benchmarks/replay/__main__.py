@@ -1,8 +1,9 @@
 """`canid replay --speed max` as a multiple of real time, and what each stage costs.
 
-    python -m benchmarks replay [LOG VEHICLE ...]
+    python -m benchmarks replay [LOG VEHICLE ...] [--seek MINUTES]
 
 The whole command in a process of its own, imports included; then the stages in this one, in CPU time per second of log.
+With --seek alone the time of seeks in a simulated log of so many minutes.
 """
 
 from __future__ import annotations
@@ -11,17 +12,22 @@ import argparse
 import os
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from canid import drive_reader, pipeline
-from canid.drive_parameters import samples
-from canid.estimator_process import CHUNK_S
-from canid.frame_columns import columns_of
-from canid.logs import open_log
+from benchmarks.replay.seeking import seeks
+from canid.drive import drive_reader
+from canid.drive.drive_parameters import samples
+from canid.logs import open_log, write_log
+from canid.pipeline import pipeline
 from canid.samples.sampler import sampler
-from canid.types import Frame
+from canid.session.estimator_process import CHUNK_S
+from canid.simulation import START_UTC, frames, simulate
+from canid.values.frame_columns import columns_of
+from canid.values.types import Frame
 from canid.vehicle import Vehicle, decoder, read_vehicle
 
 LOGS = ["replay_logs/following_urban.blf", "generic", "replay_logs/following_motorway.asc", "generic"]
@@ -42,10 +48,26 @@ def live_chunks(path: str, vehicle: Vehicle) -> dict[str, float]:
     return {"frames to samples in chunks of 50 ms": spent}
 
 
+def sought(minutes: float) -> None:
+    """Print the time of seeks."""
+    vehicle = read_vehicle("generic")
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "drive.blf"
+        write_log(log, frames(simulate(minutes, seed=1), vehicle), START_UTC)
+        took = sorted(seeks(log, vehicle))
+    middle, longest = took[len(took) // 2], took[-1]
+    print(f"{len(took)} seeks in {minutes:.0f} min: {middle:.2f} s in the middle, {longest:.2f} s at most")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks replay", description=__doc__.splitlines()[0])
     parser.add_argument("given", nargs="*", metavar="LOG VEHICLE", default=LOGS)
-    given = parser.parse_args().given
+    parser.add_argument("--seek", type=float, metavar="MINUTES")
+    args = parser.parse_args()
+    if args.seek is not None:
+        sought(args.seek)
+        return
+    given = args.given
     for path, name in zip(given[::2], given[1::2], strict=True):
         wall = float("inf")
         for _ in range(3):

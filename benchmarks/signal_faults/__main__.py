@@ -23,10 +23,10 @@ import numpy as np
 
 from benchmarks.signal_faults import drives
 from benchmarks.signal_faults.faults import FAULTS, Fault
-from canid.drive_reader import read_trace
+from canid.drive.drive_reader import read_trace
 from canid.samples import learning_gate
 from canid.signal_checks import signal_checks
-from canid.types import Driver, Trace
+from canid.values.types import Driver, Trace
 from tests.plants.monitor_runs import samples
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -11,7 +11,7 @@ from canid.samples import stamps
 from canid.samples.stamps import StampIntervals
 from canid.signal_checks import signal_checks
 from canid.simulation import simulate
-from canid.types import Driver, SignalFinding, SignalReport, Trace
+from canid.values.types import Driver, SignalFinding, SignalReport, Trace
 from tests.plants import measurement, plant_one, plant_two
 from tests.plants.monitor_runs import samples
 from tests.plants.planted_drive import NOISES, PROFILES, Planted

@@ -1,1 +1,1 @@
-"""Sizes, names and words of the source tree, before and after a change."""
+"""Sizes, layers, walks and words of the source tree, before and after a change."""

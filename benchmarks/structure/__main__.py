@@ -1,203 +1,107 @@
-"""Readability of the source tree in figures: sizes, long functions, constants, effects outside the catalogue, words.
+"""Structure of the source tree in figures, as a markdown table, before and after a change.
 
-    python -m benchmarks.structure [TREE] [--imports]
+    python -m benchmarks structure [--tree PATH] [--no-walks] [--readability]
 
-TREE is another checkout, to compare with. --imports adds the user time of `canid --version`, `record --help` and
-`live --help`, which is what they import.
+Lines of code, layers, folders and loose modules of `canid/`; files and back-calls of three calls, traced by
+sys.setprofile; what three commands import. --readability prints long functions, doubled constants and old words instead.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
-import re
 import subprocess
 import sys
-from collections import defaultdict
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tests.vocabulary import OLD_WORDS
+from benchmarks.structure import readability, walks
+from benchmarks.structure.code_lines import lines_in
+from benchmarks.structure.import_cost import COMMANDS, import_cost
 
-LONG_LINES = 60
-# commands that end at once: what they cost is what they import
-COMMANDS = (("--version",), ("record", "--help"), ("live", "--help"))
-
-
-def sources(folder: Path) -> list[Path]:
-    """Python files of a folder, sorted."""
-    return sorted(path for path in folder.rglob("*.py") if "__pycache__" not in path.parts)
+HERE = Path(__file__).resolve().parents[2]
+# at the root of canid/ in any case
+ROOT_MODULES = {"__init__.py", "__main__.py"}
 
 
-def lines_per_folder(tree: Path) -> dict[str, tuple[int, int]]:
-    """Folder of canid/ -> files and physical lines in it, subfolders apart."""
-    out: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-    for path in sources(tree / "canid"):
-        count = out[str(path.parent.relative_to(tree))]
-        count[0] += 1
-        count[1] += len(path.read_text(encoding="utf-8").splitlines())
-    return {folder: (files, lines) for folder, (files, lines) in sorted(out.items())}
-
-
-def long_functions(tree: Path) -> list[tuple[int, str]]:
-    """Functions of canid/ over `LONG_LINES` lines, docstrings not counted, longest first."""
-    found = []
-    for path in sources(tree / "canid"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                first = node.body[0]
-                doc = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
-                length = (node.end_lineno or 0) - node.lineno + 1
-                length -= ((first.end_lineno or 0) - first.lineno + 1) if doc else 0
-                if length > LONG_LINES:
-                    found.append((length, f"{path.relative_to(tree)}:{node.name}"))
-    return sorted(found, reverse=True)
-
-
-def numeric(node: ast.expr) -> bool:
-    """Is an expression a plain number, or arithmetic of such?"""
-    return isinstance(
-        ast.parse(ast.unparse(node), mode="eval").body, ast.Constant | ast.BinOp | ast.UnaryOp
-    ) and (
-        not any(isinstance(part, ast.Name | ast.Call) for part in ast.walk(node))
-        and any(
-            isinstance(part, ast.Constant) and isinstance(part.value, int | float) for part in ast.walk(node)
-        )
-    )
-
-
-def doubled_constants(tree: Path) -> dict[str, list[str]]:
-    """Names of numeric module constants that two or more files give different values."""
-    values: dict[str, dict[str, str]] = defaultdict(dict)
-    for path in sources(tree / "canid"):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            targets = (
-                node.targets
-                if isinstance(node, ast.Assign)
-                else [node.target]
-                if isinstance(node, ast.AnnAssign)
-                else []
-            )
-            value = getattr(node, "value", None)
-            for target in targets:
-                if (
-                    isinstance(target, ast.Name)
-                    and target.id.isupper()
-                    and value is not None
-                    and numeric(value)
-                ):
-                    values[target.id][str(path.relative_to(tree))] = ast.unparse(value)
-    return {name: sorted(where) for name, where in sorted(values.items()) if len(where) > 1}
-
-
-def effect_ids(tree: Path) -> set[str]:
-    """Ids of the catalogue, by the files that hold an EFFECT."""
-    pattern = re.compile(r'^\s*id="(\w+)"', re.MULTILINE)
-    return {
-        found
-        for path in sources(tree / "canid/effects")
-        for found in pattern.findall(path.read_text("utf-8"))
-    }
-
-
-def named_effects(tree: Path) -> dict[str, int]:
-    """File of canid/ outside effects/ -> how many times an effect's id or module stands in its code, docstrings left out."""
-    ids = effect_ids(tree)
-    out = {}
-    for path in sources(tree / "canid"):
-        if path.is_relative_to(tree / "canid/effects"):
+def layers(tree: Path) -> int:
+    """Layers that tests/test_floors.py numbers, or lists in `LAYERS`."""
+    for node in ast.parse((tree / "tests/test_floors.py").read_text(encoding="utf-8")).body:
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        value = getattr(node, "value", None)
+        if not isinstance(target, ast.Name) or value is None:
             continue
-        parsed = ast.parse(path.read_text(encoding="utf-8"))
-        docs = {
-            id(node.body[0].value)
-            for node in ast.walk(parsed)
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-            and node.body and isinstance(node.body[0], ast.Expr)
-        }  # fmt: skip
-        count = 0
-        for node in ast.walk(parsed):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
-                count += node.value in ids
-            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("canid.effects"):
-                count += ((node.module or "").rpartition(".")[2] in ids) + sum(
-                    a.name in ids for a in node.names
-                )
-        if count:
-            out[str(path.relative_to(tree))] = count
-    return out
+        if target.id == "FLOOR" and isinstance(value, ast.Dict):
+            return len(set(ast.literal_eval(value).values()))
+        if target.id == "LAYERS":
+            return len(getattr(value, "elts", getattr(value, "keys", ())))
+    raise ValueError("tests/test_floors.py: no FLOOR and no LAYERS")
 
 
-def old_words(tree: Path) -> dict[str, int]:
-    """Part of the tree -> occurrences of `OLD_WORDS` as whole words."""
-    pattern = re.compile(rf"(?<![\w-])(?:{'|'.join(OLD_WORDS)})(?![\w-])")
-    out = {}
-    for part in ("canid", "tests", "benchmarks", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md"):
-        root = tree / part
-        paths: Iterator[Path] = (p for p in root.rglob("*") if p.suffix in {".py", ".md", ".toml", ".j2"})
-        files = [root] if root.is_file() else sorted(paths)
-        out[part] = sum(
-            len(pattern.findall(path.read_text(encoding="utf-8")))
-            for path in files
-            if path.name != "vocabulary.py"
-        )
-    return out
+def modules_per_folder(tree: Path) -> Counter[str]:
+    """Folder of canid/ -> modules directly in it, `__init__.py` left out."""
+    paths = (path for path in readability.sources(tree / "canid") if path.name != "__init__.py")
+    return Counter(str(path.parent.relative_to(tree)) for path in paths)
 
 
-def command_seconds(tree: Path, command: tuple[str, ...]) -> float:
-    """User s that a command of canid takes in a process of its own, the least of five, an empty interpreter taken off."""
-
-    def least(*words: str) -> float:
-        env = {**os.environ, "PYTHONPATH": str(tree)}
-        times = []
-        for _ in range(5):
-            before = os.times().children_user
-            subprocess.run([sys.executable, *words], check=True, cwd=tree, env=env, stdout=subprocess.DEVNULL)
-            times.append(os.times().children_user - before)
-        return min(times)
-
-    return least("-m", "canid", *command) - least("-c", "pass")
+def walk(tree: Path, name: str) -> walks.Walk:
+    """Trace a walk through a checkout, in a process of its own."""
+    env = {**os.environ, "PYTHONPATH": str(tree)}
+    command = [sys.executable, str(Path(walks.__file__).resolve()), name]
+    done = subprocess.run(command, check=True, cwd=tree, env=env, stdout=subprocess.PIPE, text=True)
+    return walks.Walk(**json.loads(done.stdout))
 
 
-def main() -> None:
-    """Print the figures."""
+def rows(tree: Path, walked: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Name and figure of each row of the table."""
+    sources = readability.sources(tree / "canid")
+    lines = lines_in(sources)
+    yield "code lines of `canid/`", f"{lines.code:,}"
+    yield "docstrings and comments; blank", f"{lines.text:,}; {lines.blank:,}"
+    if (tree / "canid_study").is_dir():
+        yield "code lines of `canid_study/`", f"{lines_in(readability.sources(tree / 'canid_study')).code:,}"
+    yield "layers", str(layers(tree))
+    folders = [path for path in (tree / "canid").iterdir() if (path / "__init__.py").exists()]
+    yield "folders of `canid/`, with subfolders", f"{len(folders)}, {len({p.parent for p in sources}) - 1}"
+    loose = [path for path in sources if path.parent == tree / "canid" and path.name not in ROOT_MODULES]
+    yield "loose modules at the root", str(len(loose))
+    counts = modules_per_folder(tree)
+    yield "most modules in a folder", ", ".join(f"{name} {n}" for name, n in counts.most_common(3))
+    yield "folders over 24 modules", str(sum(n > 24 for n in counts.values()))
+    for name in walked:
+        seen = walk(tree, name)
+        yield f"{name}: files, functions", f"{seen.files}, {seen.functions}"
+        yield f"{name}: back-calls", f"{seen.back_calls} of {seen.pairs}"
+    for command in COMMANDS:
+        cost = import_cost(tree, command)
+        yield f"`canid {' '.join(command)}`: modules, CPU s", f"{cost.modules}, {cost.seconds:.2f}"
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m benchmarks structure",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("tree", nargs="?", type=Path, default=Path(__file__).resolve().parents[2])
-    parser.add_argument("--imports", action="store_true", help="measure import times as well")
-    args = parser.parse_args()
+    parser.add_argument(
+        "--tree", type=Path, default=HERE, metavar="PATH", help="another checkout, to compare with"
+    )
+    parser.add_argument("--no-walks", action="store_true", help="leave the traced calls out (1 min)")
+    parser.add_argument(
+        "--readability", action="store_true", help="long functions, doubled constants, old words instead"
+    )
+    args = parser.parse_args(argv)
     tree = args.tree.resolve()
-    folders = lines_per_folder(tree)
-    print("folder: files, lines")
-    for folder, (files, lines) in folders.items():
-        print(f"  {folder:32} {files:4} {lines:7,}")
-    print(
-        f"  {'canid, all':32} {sum(f for f, _ in folders.values()):4} {sum(n for _, n in folders.values()):7,}"
-    )
-    for part in ("tests", "benchmarks"):
-        lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in sources(tree / part))
-        print(f"  {part:32} {len(sources(tree / part)):4} {lines:7,}")
-    functions = long_functions(tree)
-    print(f"functions over {LONG_LINES} lines: {len(functions)}")
-    for length, name in functions:
-        print(f"  {length:4} {name}")
-    constants = doubled_constants(tree)
-    print(f"names of numeric constants in two or more files: {len(constants)}")
-    for name, where in constants.items():
-        print(f"  {name}: {len(where)}")
-    named = named_effects(tree)
-    print(f"effect ids or modules named outside effects/: {sum(named.values())} in {len(named)} files")
-    for name, count in named.items():
-        print(f"  {count:3} {name}")
-    words = old_words(tree)
-    print(f"words of the old vocabulary: {sum(words.values())}")
-    for part, count in words.items():
-        print(f"  {count:5} {part}")
-    if args.imports:
-        print("user s of imports")
-        for command in COMMANDS:
-            print(f"  {command_seconds(tree, command):.2f} canid {' '.join(command)}")
+    if args.readability:
+        readability.report(tree)
+        return
+    print(f"| {tree.name} | |\n|---|---|")
+    for name, figure in rows(tree, () if args.no_walks else tuple(walks.WALKS)):
+        print(f"| {name} | {figure} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Seven driver models of Eclipse SUMO through DBC, radar noise and .blf: identify, diagnose, a second lead, rivals.
 
-    python -m benchmarks sumo [--drives 28] [--first-seed S] [--minutes 10] [--out FILE.jsonl] [--into docs/sumo.md]
+    python -m benchmarks sumo [--drives 28] [--first-seed S] [--minutes 10] [--out FILE.jsonl] [--into docs/evidence/sumo.md]
 
 A drive is a function of its seed alone. Without --first-seed one is drawn, and printed. With --out a run goes on where it
 was. Needs `pip install 'canid[bench]'`; every fourth drive has a recorded lead and is skipped where the logs are missing.

@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.sumo.two_samples import Distances, distances, effective_number
 from benchmarks.sumo.vehicle_type_drive import STEP_S, Run, drive
-from canid.runs import runs
 from canid.sumo.following import Following, distributions
-from canid.types import Array
+from canid.values.runs import runs
+from canid.values.types import Array
 
 # s; shorter stretches hardly leave their measured beginning
 MIN_RUN_S = 20.0

@@ -1,6 +1,7 @@
 """Exported drivers in SUMO: each drives behind the recorded leads, and its distributions are compared with the log's.
 
-    python -m benchmarks.sumo.exported_drivers [--first-seed S] [--out FILE.json] [--into docs/sumo.md] [--page FILE.html]
+    python -m benchmarks.sumo.exported_drivers [--first-seed S] [--out FILE.json] [--page FILE.html]
+        [--into docs/evidence/sumo.md]
 
 Drives: SUMO's own IDM and EIDM with drawn settings (what was planted has to come back), canid's simulator with a pedal, and
 the measured drives of --data (skipped with a message where they are missing). SUMO's default vehicle type is driven as
@@ -41,7 +42,7 @@ from canid.sumo.driver_model import DriverModel, NoModel, fit, to_json
 from canid.sumo.following import following
 from canid.sumo.pooled_driver import Drive, pooled
 from canid.sumo.vehicle_types import element, vehicle_type
-from canid.types import Trace
+from canid.values.types import Trace
 from canid.vehicle import read_vehicle
 
 # the table of a page stands between these lines

@@ -1,4 +1,4 @@
-"""Tables of the exported drivers: for docs/sumo.md, and as a page of its own."""
+"""Tables of the exported drivers: for docs/evidence/sumo.md, and as a page of its own."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ from benchmarks.sumo.sumo_drivers import driver
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import pedal
 from canid.diagnosis.prepared_drive import Prepared
-from canid.findings import Report
 from canid.logs import write_log
 from canid.simulation import START_UTC, frames
-from canid.types import NAN, Interval, Trace
+from canid.values.findings import Report
+from canid.values.types import NAN, Interval, Trace
 from canid.vehicle import Vehicle, read_vehicle
 
 VEHICLE = Path(__file__).with_name("vehicle.toml")

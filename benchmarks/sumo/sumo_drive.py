@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.sumo.sumo_drivers import STEP_S, SumoDriver
 from canid.simulation import Simulation
-from canid.types import Array
+from canid.values.types import Array
 
 LENGTH_M = 200_000.0
 # m; of both vehicles, and s of headway at the begin

@@ -1,4 +1,4 @@
-"""The table of docs/sumo.md."""
+"""The table of docs/evidence/sumo.md."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks import other_drive
 from benchmarks.sumo.outcomes import OF_TIME, Outcome
 from benchmarks.sumo.sumo_drivers import SMOOTH, STEP_S
-from canid.findings import ClosedLoopError
+from canid.values.findings import ClosedLoopError
 
 CANIDS = (other_drive.BASELINE, other_drive.CHOSEN, other_drive.RECOMMENDED)
 # 1/s; SUMO's function gives none of some models

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import energy_distance, ks_2samp, wasserstein_distance
 
-from canid.types import Array
+from canid.values.types import Array
 
 # values of a sample that are compared: distances are then known to 0.01, and each takes milliseconds
 MOST = 4000

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 # s of SUMO's step
 STEP_S = 0.1

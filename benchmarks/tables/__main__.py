@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 
-from canid import drive_reader
+from canid.drive import drive_reader
 from canid.tables.table import open_table
 
 NAMES = ["time", "pedal", "speed", "gap", "range_rate", "accel", "east", "north"]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from canid import drive_reader
+from canid.cli.health_lines import bus
+from canid.drive import drive_reader
 from canid.logs import open_log
+from canid.recording.recorder_stats import BusStats
+from canid.values.window import Window
 from canid.vehicle import read_vehicle
-from canid.views.status_lines import bus
 from canid.views.terminal_view.state import HealthLine, View, update, with_status
 
 ROOT = Path(__file__).parents[2]
@@ -20,7 +22,7 @@ def replayed(stop: float, log: Path = LOG, vehicle: str = VEHICLE, duration: flo
     car = read_vehicle(vehicle)
     view = View(f"canid replay · {log.name} · {car.name}", output=car.driver.output)
     frames = 0
-    for _, chunk, out in drive_reader.run(open_log(log), car, stop=stop, span=0.5):
+    for _, chunk, out in drive_reader.run(open_log(log), car, within=Window(stop=stop), span=0.5):
         frames += len(chunk.t)
         for item in out:
             view = update(view, item)
@@ -34,7 +36,7 @@ def recorded(stop: float, **of: object) -> View:
     frames = int(view.lines[0].text.split()[0].replace(",", ""))
     lines = (
         HealthLine("recording"),
-        HealthLine(bus("socketcan can0", "open", frames, 225.0, 0.12, 0, 0, "error_active").text),
+        bus(BusStats("socketcan can0", "open", frames, 0, 0, 0.12, "error_active"), 225.0),
         HealthLine("estimating   2 frames behind"),
     )
     numbers = {

@@ -48,7 +48,7 @@ def startup() -> float:
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while True:
         try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/?token={TOKEN}") as answer:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/") as answer:
                 answer.read()
             break
         except OSError:
@@ -69,10 +69,12 @@ def cpu(pid: int) -> float:
 def load(rate: float, seconds: float, folder: str, **kinds: int) -> str:
     """One row: a session at `rate` frames/s with these clients."""
     from canid.buses.bus_opener import open_buses
-    from canid.cli.live_session import health_lines, to_json
-    from canid.controls import Controls
-    from canid.session import Result, World, session
-    from canid.types import Estimate
+    from canid.cli.health_lines import health_lines
+    from canid.cli.live_session import recorded
+    from canid.recording.controls import Controls
+    from canid.session.session import Result, SessionSettings, World, session
+    from canid.values import json_values
+    from canid.values.types import Estimate
     from canid.web import address
     from canid.web.access import Access
     from canid.web.live_page import LivePage
@@ -95,15 +97,14 @@ def load(rate: float, seconds: float, folder: str, **kinds: int) -> str:
     used: list[tuple[float, float]] = []
     began = time.monotonic()
     record = f"{folder}/{sum(kinds.values())}.blf"
-    for item in session(
-        open_buses([{**BUS, "hop_limit": 0}]), "generic", record=record, duration=seconds, controls=controls
-    ):
+    settings = SessionSettings("generic", record, seconds)
+    for item in session(open_buses([{**BUS, "hop_limit": 0}]), settings, controls=controls):
         if isinstance(item, World):
             last = item
             for event in item.events:
                 page.put(event)
             page.lines(health_lines(item), item.output)
-            page.status(to_json(item))
+            page.status(json_values.plain(recorded(item)))
             if time.monotonic() - began > WARM_S and not item.stopping:
                 used.append((time.monotonic(), cpu(page.pid)))
         elif isinstance(item, Result):

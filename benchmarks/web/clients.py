@@ -24,8 +24,13 @@ from websockets.exceptions import ConnectionClosed
 async def open_socket(url: str, **options: Any) -> Any:
     """A websocket to the page at `url`."""
     parts = urlsplit(url)
-    address = f"ws://{parts.netloc}/live?{parts.query}"
-    return await connect(address, origin=f"http://{parts.netloc}", max_size=2**26, **options)
+    return await connect(
+        f"ws://{parts.netloc}/live",
+        origin=f"http://{parts.netloc}",
+        subprotocols=["canid", parts.fragment.removeprefix("token=")],
+        max_size=2**26,
+        **options,
+    )
 
 
 async def prompt(url: str, *, prints: bool) -> None:
@@ -68,7 +73,8 @@ async def stalled(url: str) -> None:
     raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     raw.connect((parts.hostname, parts.port))
     raw.sendall(
-        f"GET /live?{parts.query} HTTP/1.1\r\nHost: {parts.netloc}\r\nOrigin: http://{parts.netloc}\r\n"
+        f"GET /live HTTP/1.1\r\nHost: {parts.netloc}\r\nOrigin: http://{parts.netloc}\r\n"
+        f"Sec-WebSocket-Protocol: canid, {parts.fragment.removeprefix('token=')}\r\n"
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
     )

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from canid import timestamps
 from canid.buses import listen_only
 from canid.buses.device_watch import DeviceWatch
 from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, possible, why_impossible
 from canid.buses.listen_only import ListenOnly
-from canid.buses.many_messages import GATHER_S
-from canid.buses.received_columns import (
+from canid.buses.receivers.many_messages import GATHER_S
+from canid.buses.receivers.received_columns import (
     Many,
     ManyReceiver,
     ReceivedColumns,
@@ -24,10 +23,12 @@ from canid.buses.received_columns import (
     frames_of,
     select,
 )
-from canid.buses.received_frame import Received, Receiver
+from canid.buses.receivers.received_frame import Received, Receiver
 from canid.buses.timestamp_source import TimestampSource
-from canid.errors import BusError, one_line
-from canid.types import NAN, Flag
+from canid.values import timestamps
+from canid.values.bus_names import of_open_buses
+from canid.values.errors import BusError, one_line
+from canid.values.types import NAN, Flag
 
 _EXTENDED, _FD = int(Flag.EXTENDED), int(Flag.FD)
 
@@ -37,6 +38,15 @@ SINGLE_GATHER_S = 0.003
 MAX_GATHERED = 512
 
 Filters = Sequence[Mapping[str, Any]]
+
+
+def _waits(timeout: float) -> Iterator[float]:
+    """How long each call may wait: `timeout` s, and after one without a frame of use until as long again has passed."""
+    yield timeout
+    left, end = timeout, time.monotonic() + timeout
+    while left > 0:
+        yield left
+        left = end - time.monotonic()
 
 
 class Opened(NamedTuple):
@@ -105,10 +115,9 @@ class ReceiveOnlyBus:
         receiver = self._receiver
         if receiver is None:
             raise BusError(f"{self.name} is closed")
-        end = 0.0
-        while True:
+        for left in _waits(timeout):
             try:
-                got = receiver.recv(timeout)
+                got = receiver.recv(left)
                 if got is None:
                     return None
                 why = why_impossible(got)
@@ -123,13 +132,7 @@ class ReceiveOnlyBus:
                     self._left_out(why, got.ns if type(got.ns) is int and self._offset == 0 else 0)
             except ImpossibleFrameError as error:
                 self._left_out(str(error), error.ns)
-            if not timeout:
-                return None
-            now = time.monotonic()
-            end = end or now + timeout
-            if now >= end:
-                return None
-            timeout = end - now
+        return None
 
     def recv_many(self, timeout: float, gather: float = GATHER_S) -> ReceivedColumns | None:
         """Wait up to `timeout` s for frames, and up to `gather` s for those that follow; otherwise as `recv`."""
@@ -138,21 +141,14 @@ class ReceiveOnlyBus:
         if not hasattr(receiver, "recv_many"):
             return self._gathered(timeout)
         many_receiver = cast(ManyReceiver, receiver)
-        end = 0.0
-        while True:
-            many = many_receiver.recv_many(timeout, gather)
+        for left in _waits(timeout):
+            many = many_receiver.recv_many(left, gather)
             if many is None:
                 return None
             frames = self._checked(many)
             if len(frames.ns):
                 return frames
-            if not timeout:
-                return None
-            now = time.monotonic()
-            end = end or now + timeout
-            if now >= end:
-                return None
-            timeout = end - now
+        return None
 
     def _gathered(self, timeout: float) -> ReceivedColumns | None:
         """Frames of a receiver that takes one after the other, for `GATHER_S` at most: asking for one may take long."""
@@ -213,9 +209,9 @@ class ReceiveOnlyBus:
             extended = (frames.flags & _EXTENDED) != 0
             let_through = np.zeros(len(fd), bool)
             ids = frames.id.astype(np.int64)
-            for id_, mask, of in self._filters:
+            for id_, mask, wants_extended in self._filters:
                 match = (ids ^ id_) & mask == 0
-                let_through |= match if of is None else match & (extended == bool(of))
+                let_through |= match if wants_extended is None else match & (extended == bool(wants_extended))
             hidden = hidden | ~let_through
         return hidden
 
@@ -229,14 +225,19 @@ class ReceiveOnlyBus:
             raise ImpossibleFrameError("a time stamp that no log can hold")
         return got._replace(ns=ns)
 
+    @property
+    def offset_ns(self) -> int:
+        """Ns that are added to stamps of the interface's own that do not count from 1970; 0: none, or no frame yet."""
+        return self._offset or 0
+
     def _hidden(self, got: Received) -> bool:
         """Whether filters drop a frame, as `can.BusABC.set_filters` defines it."""
         if self._hide_fd and got.flags & _FD:
             return True
         extended = bool(got.flags & _EXTENDED)
         return bool(self._filters) and not any(
-            (of is None or bool(of) == extended) and not (id_ ^ got.id) & mask
-            for id_, mask, of in self._filters
+            (wants_extended is None or bool(wants_extended) == extended) and not (id_ ^ got.id) & mask
+            for id_, mask, wants_extended in self._filters
         )
 
     def _left_out(self, why: str, ns: int) -> None:
@@ -304,15 +305,15 @@ class ReceiveOnlyBus:
 
         The first call reports a bus that may take part: one that is not known to listen only.
         """
-        own, self._news = self._news, []
+        news_here, self._news = self._news, []
         if self._device is None:
-            return own
+            return news_here
         news, device = self._device.news(), self._device.device
         if news and device is not None:
             self.channel, self.name = device.name, f"{self.interface} {device.name}"
             self.bitrate = device.bitrate
             self.listen_only = listen_only.of_device(device.name, device)
-        return own + news
+        return news_here + news
 
     def reopen(self) -> None:
         """Receive again after the bus was lost. Raises BusError."""
@@ -326,3 +327,9 @@ class ReceiveOnlyBus:
         # `DeviceWatch` reports the changes of a SocketCAN device
         if self._device is None and self.listen_only != before:
             self._news.append(("listen_only_changed", self.listen_only.says))
+
+
+def interfaces(buses: Sequence[ReceiveOnlyBus]) -> dict[str, int]:
+    """The number of each open bus by its channel, as `values.bus_names` has it for logs."""
+    channels = [bus.channel for bus in buses]
+    return dict(zip(channels, of_open_buses(channels), strict=True))

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from canid.buses import python_can
-from canid.errors import BusError, ConfigError, one_line
+from canid.values.errors import BusError, ConfigError, one_line
 
 # Parameters that name a library to load: usb2can and neovi. In a file or the environment they are refused, and on the
 # command line they need an absolute path, because a bare name is searched in the current folder too.
@@ -70,7 +70,7 @@ def configure(config: Mapping[str, Any], *, given_only: bool = False) -> BusConf
             if new:
                 used.append(f"{name} ({', '.join(sorted(map(_printable, new)))})")
             _refuse_libraries({key: parameters[key] for key in new}, name)
-        found = {**_cast(merged)}
+        parameters_used = {**_cast(merged)}
     except (BusError, ConfigError):
         raise
     except Exception as error:  # of any kind, from files that the user wrote
@@ -81,19 +81,12 @@ def configure(config: Mapping[str, Any], *, given_only: bool = False) -> BusConf
         ) from None
     # load_config adds parameters of environment and files
     known = set(merged) | ({"timing"} if _holds_timing(merged) else set())
-    found = {key: value for key, value in found.items() if key in known and value is not None}
-    _refuse_libraries({key: found[key] for key in found if key in given}, "")
-    _refuse_writing(found.get("channel"))
-    return BusConfiguration(found, frozenset(given), tuple(used))
-
-
-def configuration_sources(config: Mapping[str, Any]) -> tuple[str, ...]:
-    """Name the files and environment variables that add to a configuration, and what each adds.
-
-    >>> configuration_sources({"interface": "virtual", "channel": "a", "bitrate": 500000})
-    ()
-    """
-    return configure(config).sources
+    parameters_used = {
+        key: value for key, value in parameters_used.items() if key in known and value is not None
+    }
+    _refuse_libraries({key: parameters_used[key] for key in parameters_used if key in given}, "")
+    _refuse_writing(parameters_used.get("channel"))
+    return BusConfiguration(parameters_used, frozenset(given), tuple(used))
 
 
 def _sources(context: str | None) -> list[tuple[str, dict[str, Any]]]:
@@ -129,8 +122,8 @@ def _sources(context: str | None) -> list[tuple[str, dict[str, Any]]]:
 
 def _cast(merged: dict[str, Any]) -> dict[str, Any]:
     """Cast and validate as python-can does."""
-    found: dict[str, Any] = python_can.load().util.load_config(path=os.devnull, config=dict(merged))
-    return found
+    cast: dict[str, Any] = python_can.load().util.load_config(path=os.devnull, config=dict(merged))
+    return cast
 
 
 def _holds_timing(merged: Mapping[str, Any]) -> bool:

@@ -6,16 +6,17 @@ import contextlib
 import errno
 import socket
 from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import metadata
 from typing import Any
 
 from canid.buses import devices, listen_only, python_can, slcan
 from canid.buses.bus import Filters, Opened, ReceiveOnlyBus
 from canid.buses.bus_configuration import BusConfiguration, configure
 from canid.buses.device_watch import DeviceWatch
-from canid.buses.python_can_receiver import PythonCanReceiver
-from canid.buses.received_frame import Receiver
-from canid.errors import BusError, CanidError, ConfigError, one_line
-from canid.types import NAN
+from canid.buses.receivers.python_can_receiver import PythonCanReceiver
+from canid.buses.receivers.received_frame import Receiver
+from canid.values.errors import BusError, CanidError, ConfigError, one_line
+from canid.values.types import NAN
 
 # linux/can.h: CAN_INV_FILTER, a filter whose match is turned round; only the kernel knows it
 INVERTED_FILTER = 0x2000_0000
@@ -36,28 +37,28 @@ def open_bus(config: Mapping[str, Any], *, hardware_stamps: bool = False) -> Rec
     ('virtual doctest', None, False)
     >>> bus.shutdown()
     """
-    found = configure(config)
-    interface, channel = found.interface, found.channel
-    parameters, overruled = listen_only.impose(interface, found.parameters, found.given)
+    configuration = configure(config)
+    interface, channel = configuration.interface, configuration.channel
+    parameters, overruled = listen_only.impose(interface, configuration.parameters, configuration.given)
     filters: Filters = parameters.get("can_filters") or ()
-    own = python_can.is_own(interface)
-    if interface == "socketcan" and own:
+    of_python_can = python_can.is_own(interface)
+    if interface == "socketcan" and of_python_can:
         # a socket without it does not receive CAN FD frames at all; on a classic bus it changes nothing
         parameters.setdefault("fd", True)
     elif any(each["can_id"] & INVERTED_FILTER for each in filters):
         raise ConfigError(f"a filter ID~MASK works on socketcan only, not on {interface}; use ID:MASK")
-    here = interface in _WITHOUT_DRIVER_FILTERS and own
+    here = interface in _WITHOUT_DRIVER_FILTERS and of_python_can
     if here:
         parameters.pop("can_filters", None)
 
     bitrate = _number(parameters.get("bitrate"))
     watch = None
-    if interface == "socketcan" and own:
+    if interface == "socketcan" and of_python_can:
         device = devices.link(channel)
         bitrate = device.bitrate if device else NAN  # the device's own; the argument sets nothing
         watch = DeviceWatch(channel)
     return ReceiveOnlyBus(
-        _opener(found, parameters, hardware_stamps, watch),
+        _opener(configuration, parameters, hardware_stamps, watch),
         device=watch,
         interface=interface,
         channel=channel,
@@ -66,23 +67,26 @@ def open_bus(config: Mapping[str, Any], *, hardware_stamps: bool = False) -> Rec
         filtered=bool(filters) and not here,
         filters=filters if here else (),
         hide_fd=interface == "udp_multicast" and not parameters.get("fd", True),
-        configured_by=(*found.sources, *([overruled] if overruled else [])),
+        configured_by=(*configuration.sources, *([overruled] if overruled else [])),
     )
 
 
 def _opener(
-    found: BusConfiguration, parameters: Mapping[str, Any], hardware_stamps: bool, device: DeviceWatch | None
+    configuration: BusConfiguration,
+    parameters: Mapping[str, Any],
+    hardware_stamps: bool,
+    device: DeviceWatch | None,
 ) -> Callable[[], Opened]:
     """The function that opens the bus, the first time and after it was lost."""
-    interface, channel, name = found.interface, found.channel, found.name
-    own = python_can.is_own(interface)
+    interface, channel, name = configuration.interface, configuration.channel, configuration.name
+    of_python_can = python_can.is_own(interface)
 
     def opener() -> Opened:
         arguments = {key: value for key, value in parameters.items() if key not in ("interface", "channel")}
         if "channel" in parameters:
             arguments["channel"] = parameters["channel"]
         try:
-            slcan_alone = interface == "slcan" and own
+            slcan_alone = interface == "slcan" and of_python_can
             bus_class = slcan.listening_class() if slcan_alone else python_can.bus_class(interface)
             with python_can.without_current_folder():
                 bus = bus_class(**arguments)
@@ -93,15 +97,15 @@ def _opener(
                 f"cannot open {name}: {one_line(error)}; {_advice(interface, channel, error)}"
             ) from None
         silent = listen_only.read_back(interface, channel, bus)
-        if interface == "socketcan" and own:
+        if interface == "socketcan" and of_python_can:
             return Opened(_socketcan(bus, hardware_stamps, device), silent)
-        if interface == "udp_multicast" and own:
-            from canid.buses.udp_drops import watch
+        if interface == "udp_multicast" and of_python_can:
+            from canid.buses.receivers.udp_drops import watch
 
             if not hasattr(socket.socket, "recvmsg"):  # Windows
                 return Opened(PythonCanReceiver(bus, name, watch(bus)), silent)
             return Opened(_udp(bus, name, watch(bus)), silent)
-        if interface == "virtual" and own:
+        if interface == "virtual" and of_python_can:
             return Opened(PythonCanReceiver(bus, name), silent, bus.queue.qsize)
         return Opened(PythonCanReceiver(bus, name), silent)
 
@@ -109,18 +113,18 @@ def _opener(
 
 
 def _socketcan(bus: Any, hardware_stamps: bool, device: DeviceWatch | None) -> Receiver:
-    from canid.buses import many_messages
-    from canid.buses.socketcan import SocketcanReceiver
-    from canid.buses.socketcan_columns import SocketcanColumnsReceiver
+    from canid.buses.receivers import many_messages
+    from canid.buses.receivers.socketcan import SocketcanReceiver
+    from canid.buses.receivers.socketcan_columns import SocketcanColumnsReceiver
 
     receiver = SocketcanColumnsReceiver if many_messages.available() else SocketcanReceiver
     return receiver(bus, hardware=hardware_stamps, device=device)
 
 
 def _udp(bus: Any, name: str, count: Callable[[], int]) -> Receiver:
-    from canid.buses import many_messages
-    from canid.buses.udp_columns import UdpColumnsReceiver
-    from canid.buses.udp_multicast import UdpReceiver
+    from canid.buses.receivers import many_messages
+    from canid.buses.receivers.udp_columns import UdpColumnsReceiver
+    from canid.buses.receivers.udp_multicast import UdpReceiver
 
     return (UdpColumnsReceiver if many_messages.available() else UdpReceiver)(bus, name, count)
 
@@ -144,38 +148,27 @@ def open_buses(configs: Sequence[Mapping[str, Any]]) -> list[ReceiveOnlyBus]:
     return buses
 
 
-def wrap(bus: Any, name: str = "") -> ReceiveOnlyBus:
-    """Make a python-can bus that is open already receive-only; it cannot be opened again once it is lost.
-
-    >>> bus = wrap(python_can.load().Bus("doctest", interface="virtual"), "virtual doctest")
-    >>> bus.name, hasattr(bus, "send")
-    ('virtual doctest', False)
-    >>> bus.shutdown()
-    """
-    interface, _, channel = (name or str(bus.channel_info)).partition(" ")
-    queue = getattr(bus, "queue", None) if interface == "virtual" else None
-    opened = [
-        Opened(
-            PythonCanReceiver(bus, f"{interface} {channel}".strip()),
-            listen_only.read_back(interface, channel, bus),
-            queue.qsize if queue is not None else None,
-        )
-    ]
-
-    def opener() -> Opened:
-        if not opened:
-            raise BusError(f"{interface} {channel} cannot be opened again")
-        return opened.pop()
-
-    return ReceiveOnlyBus(opener, interface=interface, channel=channel)
-
-
 def _number(value: Any) -> float:
     """A bit rate; NaN where it is none: it is only used for the bus load."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return NAN
+
+
+# what brings the packages of an interface, where it is no extra of python-can that is called so
+PACKAGES = {"udp_multicast": "canid[udp]", "slcan": "python-can[serial]", "robotell": "python-can[serial]"}
+
+
+def package_of(interface: str) -> str:
+    """What pip installs for an interface; "": python-can has no extra for it.
+
+    >>> package_of("udp_multicast"), package_of("gs_usb"), package_of("kvaser")
+    ('canid[udp]', 'python-can[gs-usb]', '')
+    """
+    name = interface.replace("_", "-")
+    extras = metadata("python-can").get_all("Provides-Extra") or []
+    return PACKAGES.get(interface, f"python-can[{name}]" if name in extras else "")
 
 
 def _advice(interface: str, channel: str, error: BaseException) -> str:
@@ -188,5 +181,9 @@ def _advice(interface: str, channel: str, error: BaseException) -> str:
             return f"is it plugged in? see `ip link`; for a virtual one: sudo ip link add {channel} type vcan"
         return f"try: sudo ip link set {channel} up type can bitrate 500000"
     if isinstance(error, ImportError | NotImplementedError) or "install" in str(error):
-        return f"the package or driver for {interface} is missing: pip install 'python-can[{interface}]'"
+        package = package_of(interface)
+        remedy = (
+            f"pip install '{package}'" if package else "install it as python-can's page on the interface says"
+        )
+        return f"the package or driver for {interface} is missing: {remedy}"
     return f"check the {interface} driver, the channel name and that no other program holds it"

@@ -11,11 +11,11 @@ from typing import NamedTuple
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.clock_watch import ClockWatch
 from canid.buses.draining import drain
-from canid.buses.many_messages import GATHER_S
-from canid.buses.received_columns import ReceivedColumns
+from canid.buses.receivers.many_messages import GATHER_S
+from canid.buses.receivers.received_columns import ReceivedColumns
 from canid.buses.timestamp_source import TimestampSource
-from canid.errors import BusError
-from canid.types import NAN
+from canid.values.errors import BusError
+from canid.values.types import NAN
 
 # s that a reader waits for a frame before it checks whether to stop
 RECEIVE_TIMEOUT_S = 0.1
@@ -48,10 +48,15 @@ class BusReader:
         stopping: threading.Event,
         report: Callable[[str, str], object],
         gather: float = GATHER_S,
+        number: int = 0,
     ):
-        """`put` takes frames that came together within `gather` s, `report(what, says)` each event."""
+        """`put` takes frames that came together within `gather` s, `report(what, says)` each event.
+
+        `index`: its place among the session's readers; `number`: of the bus, in frames and files.
+        """
         self.bus = bus
         self.index = index
+        self.number = number
         self._put = put
         self._stopping = stopping
         self._report = report

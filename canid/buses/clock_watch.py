@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-# ns; smaller steps cannot be distinguished from delays on a busy machine
+# ns; smaller steps forward cannot be distinguished from delays on a busy machine; smaller ones back change the order of
+# stamps, which `order` counts
 MIN_STEP_NS = 500_000_000
 
 
@@ -26,6 +27,7 @@ class ClockWatch:
         """Begin without a stamp."""
         self._last = 0  # ns
         self._ahead: float | None = None  # ns, the largest lead of a stamp before its arrival
+        self._back_count, self._most_back = 0, 0  # frames, ns
 
     def update(self, ns: int, at: float) -> float:
         """Process the stamp of a frame that arrived at `at` s; returns the step in s, 0 where there was none."""
@@ -44,12 +46,32 @@ class ClockWatch:
 
     def update_many(self, ns: npt.NDArray[np.int64], at: float) -> list[float]:
         """Process stamps of frames that were received together at `at` s; returns the steps in s."""
+        self._count_back(ns)
         largest, newest = self._ahead, float(ns.max()) - at * 1e9
         back = int(ns[0]) < self._last - MIN_STEP_NS or bool((ns[1:] < ns[:-1] - MIN_STEP_NS).any())
         if largest is None or newest > largest + MIN_STEP_NS or back:
             return [step for each in ns.tolist() if (step := self.update(each, at))]
         self._last, self._ahead = int(ns[-1]), max(largest, newest)
         return []
+
+    def _count_back(self, ns: npt.NDArray[np.int64]) -> None:
+        back = np.diff(ns, prepend=max(self._last, 0) if self._ahead is not None else ns[0])
+        small = back[(back < 0) & (back >= -MIN_STEP_NS)]
+        self._back_count += small.size
+        self._most_back = max(self._most_back, -int(small.min(initial=0)))
+
+    def order(self) -> tuple[int, float]:
+        """Frames since the last call with a stamp before that of the frame before, and by how many s at most.
+
+        Steps of more than half a second are not among them.
+
+        >>> watch = ClockWatch()
+        >>> watch.update_many(np.array([10**18, 10**18 - 3_000_000, 10**18]), 5.0), watch.order(), watch.order()
+        ([], (1, 0.003), (0, 0.0))
+        """
+        reversals = self._back_count, self._most_back * 1e-9
+        self._back_count = self._most_back = 0
+        return reversals
 
     @property
     def lead_ns(self) -> float | None:

@@ -14,9 +14,11 @@ from difflib import get_close_matches
 from typing import Any
 
 from canid.buses import python_can
-from canid.buses.bus_opener import INVERTED_FILTER, open_buses
-from canid.errors import ConfigError
-from canid.types import Frame
+from canid.buses.bus import ReceiveOnlyBus
+from canid.buses.bus_opener import INVERTED_FILTER
+from canid.values.bus_names import of_open_buses
+from canid.values.errors import ConfigError
+from canid.values.types import Frame
 
 # s that one bus is waited for before the time is checked again
 _TURN_S = 0.1
@@ -103,14 +105,17 @@ def named(namespace: argparse.Namespace) -> bool:
 
 
 def listen(
-    namespace: argparse.Namespace, duration: float, report: Callable[[str], object] = lambda line: None
+    buses: Sequence[ReceiveOnlyBus],
+    duration: float,
+    report: Callable[[str], object] = lambda line: None,
+    ends: Callable[[], bool] = lambda: False,
 ) -> Iterator[Frame]:
-    """Frames of the buses that a command line names, for `duration` s; times count from the first frame.
+    """Frames of open buses, which are closed at the end, for `duration` s; times count from the first frame.
 
-    `report` gets lines for the user: whether each bus listens only, what configured it, what was left out. Raises
-    BusError, or ConfigError for what canid refuses.
+    `report` gets lines for the user: whether each bus listens only, what configured it, what was left out. `ends` is
+    asked at each turn, frames or none. Raises BusError.
     """
-    buses = open_buses(configs_of(namespace))
+    numbers = of_open_buses([bus.channel for bus in buses])
     for bus in buses:
         report(f"{bus.name}: {bus.listen_only.says}")
         if bus.configured_by:
@@ -118,12 +123,12 @@ def listen(
     first: int | None = None
     end = time.monotonic() + duration
     try:
-        while (left := end - time.monotonic()) > 0:
-            for index, bus in enumerate(buses):
+        while (left := end - time.monotonic()) > 0 and not ends():
+            for number, bus in zip(numbers, buses, strict=True):
                 got = bus.recv(min(left, _TURN_S) if len(buses) == 1 else _TURN_S / 10)
                 if got is not None:
                     first = got.ns if first is None else first
-                    yield Frame((got.ns - first) * 1e-9, index, got.id, got.data, got.flags, got.length)
+                    yield Frame((got.ns - first) * 1e-9, number, got.id, got.data, got.flags, got.length)
     finally:
         for bus in buses:
             if bus.impossible:

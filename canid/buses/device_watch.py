@@ -14,7 +14,7 @@ import socket
 from canid.buses import devices
 from canid.buses.devices import Device
 from canid.buses.listen_only import of_device
-from canid.errors import BusError
+from canid.values.errors import BusError
 
 # Controller states, as in `BusStats`; a stopped or sleeping controller shows as a lost bus.
 _CONTROLLER_STATES = {
@@ -45,22 +45,22 @@ class DeviceWatch:
         if self._netlink is None:
             self._netlink = _subscribe()
         self.read_announcements()  # announcements about the previous device; the new one is queried
-        found = devices.link(name)
-        before, self.device = self.device, found
-        self._bound = found is not None
-        if found is None:
+        device = devices.link(name)
+        before, self.device = self.device, device
+        self._bound = device is not None
+        if device is None:
             return
-        self.name = found.name
-        self._state_is(found)
-        if before is not None and before.ifindex != found.ifindex:
-            was = f" (it was named {before.name} in between)" if before.name != found.name else ""
+        self.name = device.name
+        self._state_is(device)
+        if before is not None and before.ifindex != device.ifindex:
+            was = f" (it was named {before.name} in between)" if before.name != device.name else ""
             self._report(
                 "device_changed",
-                f"socketcan {found.name} is another network device than before{was}: index {found.ifindex}, before"
+                f"socketcan {device.name} is another network device than before{was}: index {device.ifindex}, before"
                 f" {before.ifindex}; it was unplugged, or deleted and created again, and is recorded in the same log",
             )
         if before is not None:
-            self._compare(before, found)
+            self._compare(before, device)
 
     def unbound(self) -> None:
         """The socket has lost its device for good: only a new socket can receive again."""
@@ -193,8 +193,8 @@ def _subscribe() -> socket.socket | None:
     return None
 
 
-def _same(one: float, other: float) -> bool:
-    return one == other or (math.isnan(one) and math.isnan(other))
+def _same(value: float, other: float) -> bool:
+    return value == other or (math.isnan(value) and math.isnan(other))
 
 
 def _rate(bitrate: float) -> str:

@@ -12,7 +12,7 @@ from struct import Struct
 from struct import error as StructError  # noqa: N812
 from typing import NamedTuple
 
-from canid.types import NAN
+from canid.values.types import NAN
 
 # linux/netlink.h, linux/rtnetlink.h
 _MESSAGE_HEADER = Struct("=IHHII")  # length, type, flags, sequence number, port
@@ -153,15 +153,15 @@ def _text(value: bytes) -> str:
 
 def _attributes(data: bytes) -> dict[int, bytes]:
     """Attributes (struct rtattr) by type."""
-    found: dict[int, bytes] = {}
+    attributes: dict[int, bytes] = {}
     at = 0
     while at + _ATTRIBUTE.size <= len(data):
         length, kind = _ATTRIBUTE.unpack_from(data, at)
         if length < _ATTRIBUTE.size:
             break
-        found[kind & _TYPE] = data[at + _ATTRIBUTE.size : at + length]
+        attributes[kind & _TYPE] = data[at + _ATTRIBUTE.size : at + length]
         at += -(-length // 4) * 4
-    return found
+    return attributes
 
 
 def _padded(kind: int, value: bytes) -> bytes:

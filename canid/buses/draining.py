@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.buses.bus import MAX_GATHERED, ReceiveOnlyBus
-from canid.buses.received_columns import ReceivedColumns, columns_of, select
-from canid.buses.received_frame import Received
+from canid.buses.receivers.received_columns import ReceivedColumns, columns_of, select
+from canid.buses.receivers.received_frame import Received
 from canid.buses.timestamp_source import TimestampSource
 
 # s in all: what the kernel holds at most (280,000 frames in 32 MB) takes 10 s on a laptop, 100 s on an emulated machine
@@ -63,11 +63,6 @@ class Stop:
             and bus.interface in _STAMPED_AT_RECEIPT
         )
         self._lead_ns = lead_ns if stamped else None
-
-    def is_before(self, ns: int) -> bool | None:
-        """Whether a frame with this stamp was received before the stop; None: unknown."""
-        (later,) = self._later(np.array([ns]))
-        return None if np.isnan(later) else bool(later <= 0)
 
     def first_after(self, ns: npt.NDArray[np.int64]) -> tuple[int, bool]:
         """The first frame that was certainly received after the stop (n: none), and whether the one before is unknown."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from canid.buses.received_columns import ReceivedColumns
-from canid.buses.received_frame import Received
-from canid.types import Flag
+from canid.buses.receivers.received_columns import ReceivedColumns
+from canid.buses.receivers.received_frame import Received
+from canid.values.types import Flag
 
 MAX_STANDARD_ID = (1 << 11) - 1
 MAX_EXTENDED_ID = (1 << 29) - 1
@@ -92,7 +92,7 @@ def largest_id(flags: int) -> int:
 def possible(columns: ReceivedColumns) -> npt.NDArray[np.bool_]:
     """Which frames a bus can carry: those for which `why_impossible` finds nothing.
 
-    >>> from canid.buses.received_columns import columns_of
+    >>> from canid.buses.receivers.received_columns import columns_of
     >>> possible(columns_of([Received(10**18, 0x7FF, b"ab", 0), Received(10**18, 0x800, b"ab", 0)])).tolist()
     [True, False]
     """

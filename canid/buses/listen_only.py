@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from canid.buses import devices, python_can, slcan
-from canid.errors import ConfigError, one_line
+from canid.values.errors import ConfigError, one_line
 
 
 class Mode(Enum):

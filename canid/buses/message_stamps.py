@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from canid import timestamps
 from canid.buses import messages
 from canid.buses.frame_check import MAX_STAMP_NS, ImpossibleFrameError, why_impossible
-from canid.types import Frame
+from canid.values import timestamps
+from canid.values.types import Frame
 
 _EPOCH_FLOOR_NS = timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import operator
 from typing import Any
 
-from canid import timestamps
 from canid.buses import python_can
 from canid.buses.frame_check import MAX_EXTENDED_ID, ImpossibleFrameError
-from canid.buses.received_frame import Received
-from canid.types import Flag, Frame
+from canid.buses.receivers.received_frame import Received
+from canid.values import timestamps
+from canid.values.types import Flag, Frame
 
 # plain ints: `|` of two Flags takes ten times as long
 _EXTENDED, _REMOTE, _ERROR, _FD = int(Flag.EXTENDED), int(Flag.REMOTE), int(Flag.ERROR), int(Flag.FD)
@@ -69,17 +69,6 @@ def received_of(message: Any, now_ns: int) -> Received:
     if dlc > len(data) and not (len(data) == 8 and dlc <= 15 and not flags & _FD):
         raise ImpossibleFrameError("fewer data bytes than its DLC announces")
     return Received(ns, id_, bytes(data[:dlc]), flags)
-
-
-def frame_of(message: Any, bus: int, first_ns: int = 0) -> Frame:
-    """Make a Frame of a Message, its time relative to `first_ns`.
-
-    >>> frame_of(python_can.load().Message(1.5, 7, is_extended_id=False, data=b"a"), 0)
-    Frame(t=1.5, bus=0, id=7, data=b'a', flags=0, length=-1)
-    """
-    length = message.dlc if message.is_remote_frame else -1
-    t = (timestamps.from_float(message.timestamp) - first_ns) * 1e-9
-    return Frame(t, bus, message.arbitration_id, bytes(message.data), flags_of(message), length)
 
 
 def message_of(frame: Frame, start_utc: float = 0.0) -> Any:

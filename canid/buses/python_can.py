@@ -20,8 +20,8 @@ from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from canid.errors import ConfigError
-from canid.import_guard import without
+from canid.processes.import_guard import without
+from canid.values.errors import ConfigError
 
 if TYPE_CHECKING:
     from can import Listener as Listener

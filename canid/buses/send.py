@@ -11,8 +11,9 @@ from typing import Any
 from canid.buses import devices, messages, python_can
 from canid.buses.bus_configuration import BusConfiguration, configure
 from canid.buses.command_line import configs_of
-from canid.errors import BusError, CanidError, ConfigError
-from canid.types import Flag, Frame
+from canid.values.bus_names import of_open_buses
+from canid.values.errors import BusError, CanidError, ConfigError
+from canid.values.types import Flag, Frame
 
 # s that a full transmit queue may take to drain
 _QUEUE_TIMEOUT_S = 2.0
@@ -27,15 +28,15 @@ def allowed(interface: str, channel: str, arm: str | None, device: devices.Devic
     """Raise ConfigError unless only programs can hear what is sent there, or the user has armed the channel.
 
     >>> allowed("virtual", "0", None, None)
-    >>> allowed("socketcan", "can0", None, devices.Device(kind="can"))
+    >>> allowed("socketcan", "c", None, devices.Device(kind="can"))
     Traceback (most recent call last):
-    canid.errors.ConfigError: will not send to socketcan can0, a physical bus; if you must: -i socketcan -c can0 --arm can0
+    canid.values.errors.ConfigError: will not send to socketcan c, a physical bus; if you must: -i socketcan -c c --arm c
     """
     # a plug-in with the name of an interface of python-can may be anything
-    own = python_can.is_own(interface)
-    if own and interface in ("virtual", "udp_multicast"):
+    of_python_can = python_can.is_own(interface)
+    if of_python_can and interface in ("virtual", "udp_multicast"):
         return
-    if own and interface == "socketcan" and device is not None and device.kind == "vcan":
+    if of_python_can and interface == "socketcan" and device is not None and device.kind == "vcan":
         return
     if arm is not None and arm == channel and channel:
         return
@@ -53,9 +54,9 @@ def onto(
 ) -> int:
     """Send frames at their times, `speed` times as fast (inf: without pause); returns how many.
 
-    `bus`: python-can's arguments, or a namespace of `add_bus_arguments`. With several channels bus 0 of the
-    log goes to the first and so on, with one channel all go there. Error frames cannot be sent: they are
-    left out. On udp_multicast no packet leaves the machine (hop limit 0).
+    `bus`: python-can's arguments, or a namespace of `add_bus_arguments`. With several channels each takes the bus of
+    the log that has its number (can1: 1), by the rule of `values.bus_names` as live and in logs; with one channel all go
+    there. Error frames cannot be sent: they are left out. On udp_multicast no packet leaves the machine (hop limit 0).
 
     Raises ConfigError for a physical bus that is not armed, BusError where the bus does not take frames.
     """
@@ -63,14 +64,15 @@ def onto(
         raise ValueError(f"speed {speed} is not above 0")
     configs = configs_of(bus) if isinstance(bus, argparse.Namespace) else [dict(bus)]
     resolved = [_config(config, arm) for config in configs]
-    buses: list[Any] = []
+    numbers = of_open_buses([str(config.get("channel", "")) for config in resolved])
+    buses: dict[int, Any] = {}
     try:
-        for config in resolved:
+        for number, config in zip(numbers, resolved, strict=True):
             try:
                 bus_class = python_can.bus_class(config["interface"])
                 with python_can.without_current_folder():
-                    buses.append(
-                        bus_class(**{key: value for key, value in config.items() if key != "interface"})
+                    buses[number] = bus_class(
+                        **{key: value for key, value in config.items() if key != "interface"}
                     )
             except CanidError:
                 raise
@@ -79,7 +81,7 @@ def onto(
                 raise BusError(f"cannot open {name} to send: {' '.join(str(error).split())}") from None
         return _paced(buses, frames, speed)
     finally:
-        for each in buses:
+        for each in buses.values():
             each.shutdown()
 
 
@@ -89,39 +91,41 @@ def _config(given: Mapping[str, Any], arm: str | None) -> dict[str, Any]:
     A physical bus is the one that the command line names, as a whole: no can.conf, no CAN_CONFIG can put another
     interface, device or bit rate behind an armed channel name.
     """
-    found = configure(given)
+    configuration = configure(given)
     try:
-        _allowed(found, None)
+        _allowed(configuration, None)
     except ConfigError:
         if arm is None:
             raise
-        if not {"interface", "channel"} <= found.given:
+        if not {"interface", "channel"} <= configuration.given:
             raise ConfigError(
                 f"--arm {arm} needs the bus on the command line, -i INTERFACE -c {arm}: files and the environment"
                 " do not name a bus to send to"
             ) from None
-        found = configure(given, given_only=True)
-        _allowed(found, arm)
-    config = dict(found.parameters)
-    if found.interface == "udp_multicast":
+        configuration = configure(given, given_only=True)
+        _allowed(configuration, arm)
+    config = dict(configuration.parameters)
+    if configuration.interface == "udp_multicast":
         config["hop_limit"] = 0
-    elif found.interface == "virtual":
+    elif configuration.interface == "virtual":
         config["preserve_timestamps"] = True
-    elif found.interface == "socketcan":
+    elif configuration.interface == "socketcan":
         config.setdefault("fd", True)
     return config
 
 
-def _allowed(found: BusConfiguration, arm: str | None) -> None:
-    device = devices.link(found.channel) if found.interface == "socketcan" else None
-    allowed(found.interface, found.channel, arm, device)
+def _allowed(configuration: BusConfiguration, arm: str | None) -> None:
+    device = devices.link(configuration.channel) if configuration.interface == "socketcan" else None
+    allowed(configuration.interface, configuration.channel, arm, device)
 
 
-def _paced(buses: list[Any], frames: Iterable[Frame], speed: float) -> int:
+def _paced(buses: dict[int, Any], frames: Iterable[Frame], speed: float) -> int:
     sent = 0
     began: float | None = None
+    only = next(iter(buses.values())) if len(buses) == 1 else None
     for frame in frames:
-        if frame.flags & Flag.ERROR or (len(buses) > 1 and frame.bus >= len(buses)):
+        bus = buses.get(frame.bus, only)
+        if bus is None or frame.flags & Flag.ERROR:
             continue
         if math.isfinite(speed):
             now = time.monotonic()
@@ -131,7 +135,7 @@ def _paced(buses: list[Any], frames: Iterable[Frame], speed: float) -> int:
                 time.sleep(ahead)
         message = messages.message_of(frame._replace(flags=frame.flags & ~Flag.TX), _FIRST_STAMP_S)
         message.channel = None
-        _send(buses[frame.bus if len(buses) > 1 else 0], message)
+        _send(bus, message)
         sent += 1
     return sent
 

@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 from canid.buses import python_can
-from canid.errors import BusError
+from canid.values.errors import BusError
 
 # "" is what python-can writes for "no data bit rate"
 _CONFIGURING = re.compile(r"C|L|S[0-9]|s[0-9A-Fa-f]{4}|Y[0-9]|", re.ASCII)

@@ -1,4 +1,4 @@
-"""The command line: parse, call, print. One verb per file; the list below is the registry."""
+"""The command line: parse, call, print. One verb per file; `verbs.py` lists them."""
 
 from __future__ import annotations
 
@@ -7,52 +7,32 @@ import re
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
-from importlib import import_module
 from typing import NoReturn
 
 from canid import __version__
+from canid.cli import named_files
 from canid.cli.interrupt import Ended, ending
 from canid.cli.output import streams
 from canid.cli.output.messages import info, print_line
-from canid.errors import DONE, NOT_WRITTEN, USAGE, CanidError, ConfigError
-from canid.one_thread import use_one_thread
+from canid.cli.room import check_modules
+from canid.cli.verbs import VERBS
+from canid.processes.one_thread import use_one_thread
+from canid.values.errors import DONE, NOT_WRITTEN, USAGE, CanidError, ConfigError, one_line, out_of_memory
 
-# Verb, one line for `canid --help`; the module canid.cli.<verb> has `arguments(parser)` and `run(args) -> int`.
-# It is imported only when its verb is called: start-up stays under 0.1 s, and recording starts before numpy, scipy and
-# cantools are imported.
-VERBS = (
-    ("demo", "try canid without hardware: a simulated drive with known parameters on a virtual bus"),
-    ("live", "record a bus and estimate the driver's parameters live; listens only"),
-    ("record", "record a bus without loss; listens only"),
-    ("replay", "show a recorded log in the live view, or send it to a virtual bus"),
-    ("identify", "estimate the driver's parameters from logs, as text and JSON"),
-    ("diagnose", "find what the simulation gets wrong and why, and how much a better model gains"),
-    ("compare", "compare two drivers: which parameters and causes differ, by how much, beyond chance or not"),
-    ("fleet", "analyse many drives of many drivers, on all cores or on Dask"),
-    ("study", "check both papers behind canid, and repeat their analysis on logs next to canid's"),
-    ("simulate", "write a log of a simulated drive with known parameters"),
-    ("look", "show what a log contains: ids, rates, changing bits; with DBC files their signals over time"),
-    ("check", "check that a vehicle file fits a log or bus, and list what is missing"),
-    ("init", "propose a vehicle file from DBC files and a log"),
-    ("recover", "write a clean copy of a damaged log, and report what is missing in it"),
-    (
-        "export",
-        "write samples, estimates and signals as CSV, Parquet, .mat, .mf4, .mcap, .vbo or for PlotJuggler",
-    ),
-    ("schema", "print the JSON Schema of what a verb writes with --json"),
-)
+# verbs that import what they compute with before they open their log; the others say themselves that it is not there
+_SLOW_TO_IMPORT = ("identify", "diagnose", "check", "look", "export", "replay")
 
 
 def usage() -> str:
     """The text of `canid --help`."""
-    verbs = "\n".join(f"  {name:10}{help_text}" for name, help_text in VERBS)
+    verbs = "\n".join(f"  {name:10}{help_text}" for name, help_text, *_ in VERBS)
     return (
         "usage: canid VERB [options]\n\n"
         "Record a CAN bus without loss, and identify the driver: gain, lag and dead time, live or from logs.\n\n"
         f"{verbs}\n\n"
         "canid VERB --help lists the options of a verb, canid --version prints the version.\n"
         "canid --print-completion bash|zsh|fish prints a completion script for the shell.\n"
-        "Exit codes: 0 done, 1 a check failed, 2 usage or configuration error, 3 no bus or bus lost,\n"
+        "Exit codes: 0 done, 1 a check failed, 2 usage or configuration error, 3 no bus, bus lost or silent,\n"
         "            4 input damaged (partial result), 5 output not written, 129/130/143 interrupted,\n"
         "            files closed.\n"
     )
@@ -99,8 +79,13 @@ def _run_caught(args: list[str]) -> tuple[int, bool]:
         return error.code if isinstance(error, Ended) else 130, False
     except BrokenPipeError:
         return DONE, True
-    except OSError as error:
-        info(f"{error.filename or 'standard output'}: {error.strerror}")
+    except (OSError, MemoryError, RuntimeError, ImportError, SystemError) as error:
+        if out_of_memory(error):
+            info(f"not enough memory ({one_line(error)}); see `ulimit -v`")
+        elif isinstance(error, OSError):
+            info(f"{error.filename or 'standard output'}: {error.strerror}")
+        else:
+            raise
         return NOT_WRITTEN, False
 
 
@@ -116,18 +101,24 @@ def _run(args: list[str]) -> int:
         from canid.cli import completion
 
         return completion.run(args[1:])
-    names = [name for name, _ in VERBS]
-    if args[0] not in names:
-        close = get_close_matches(args[0], names, n=1)
+    by_name = {verb.name: verb for verb in VERBS}
+    if args[0] not in by_name:
+        close = get_close_matches(args[0], by_name, n=1)
         hint = f'did you mean "{close[0]}"?' if close else "`canid --help` lists the verbs"
         raise ConfigError(f'no verb "{args[0]}"; {hint}')
-    module = import_module(f"canid.cli.{args[0]}")
-    prog, what, words = f"canid {args[0]}", dict(VERBS)[args[0]], args[1:]
-    # of a verb whose first word may be a verb of its own
-    parts = getattr(module, "SUB_VERBS", {})
-    if words and words[0] in parts:
-        module = import_module(f"canid.cli.{args[0]}_{words[0]}")
-        prog, what, words = f"{prog} {words[0]}", parts[words[0]], words[1:]
-    parser = Parser(prog=prog, description=what)
+    verb = by_name[args[0]]
+    part = args[1] if args[1:] and args[1] in verb.parts else ""
+    check_modules()
+    module = verb.module(part)
+    parser = Parser(prog=f"canid {verb.name} {part}".rstrip(), description=verb.help_of(part))
     module.arguments(parser)
-    return int(module.run(parser.parse_args(words)))
+    parsed = parser.parse_args(args[2:] if part else args[1:])
+    # what is written to the folder of the log is not written into the package
+    in_its_folder = verb.name == "recover" or (verb.name == "export" and not parsed.output)
+    named_files.resolve(parsed, there=verb.name in _SLOW_TO_IMPORT, logs=not in_its_folder)
+    if not getattr(parsed, "time_zone", None):
+        return int(module.run(parsed))
+    from canid.logs.local_time import named
+
+    with named(parsed.time_zone):
+        return int(module.run(parsed))

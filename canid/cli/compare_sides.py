@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from canid.cli import drive_source, reading
+from canid.cli.named_files import existing
 from canid.cli.output.progress import Progress
-from canid.errors import DONE, ConfigError, LogError
-from canid.logs import formats
+from canid.values.errors import DONE, ConfigError, LogError
+from canid.values.shipped_files import located
 
 if TYPE_CHECKING:
     from canid.cli.drive_source import Car
     from canid.comparison.drive import DriveEstimates, Side
-    from canid.types import Trace
+    from canid.values.types import Trace
     from canid.vehicle import Vehicle
 
 # bytes; JSON of an hour with all its windows takes 3 MB
@@ -46,18 +47,20 @@ def named(words: str) -> list[Named]:
         ConfigError: a folder holds no logs, or a part is none.
 
     Example:
-        >>> named("a.blf@60:300,b.blf")
-        [Named(path='a.blf', start=60.0, stop=300.0), Named(path='b.blf', start=nan, stop=nan)]
+        >>> named("dbc@60:300,a.json")
+        [Named(path='dbc', start=60.0, stop=300.0), Named(path='a.json', start=nan, stop=nan)]
     """
     # a name may hold commas
     parts = [words] if os.path.exists(words) else [part for part in words.split(",") if part]
     if not parts:
         raise ConfigError(f'compare: "{words}" names no file')
-    return [one for part in parts for one in _named(part)]
+    return [part_named for part in parts for part_named in _named(part)]
 
 
 def _named(part: str) -> list[Named]:
     if os.path.isdir(part):
+        from canid.logs import formats
+
         files = sorted(
             str(path)
             for path in Path(part).iterdir()
@@ -66,16 +69,24 @@ def _named(part: str) -> list[Named]:
         if not files:
             raise ConfigError(f"{part}: holds no log ({formats.described()})")
         return [Named(file, math.nan, math.nan) for file in files]
-    found = None if os.path.exists(part) else _PART.fullmatch(part)
-    if found is None:
-        return [Named(part, math.nan, math.nan)]
+    match = None if os.path.exists(part) else _PART.fullmatch(part)
+    if match is None:
+        return [_located(part, math.nan, math.nan)]
     try:
-        start, stop = (float(found[key]) if found[key] else math.nan for key in ("start", "stop"))
+        start, stop = (float(match[key]) if match[key] else math.nan for key in ("start", "stop"))
     except ValueError:
         raise ConfigError(f'compare: "{part}" is no part of a log; write LOG@60:300, in s') from None
     if stop <= start:
         raise ConfigError(f"compare: {part} ends before it begins")
-    return [Named(found["path"], start, stop)]
+    return [_located(match["path"], start, stop)]
+
+
+def _located(path: str, start: float, stop: float) -> Named:
+    file = str(located(path))
+    part = Named(file, start, stop)
+    if not part.is_json:
+        existing(file)
+    return part
 
 
 def read(args: argparse.Namespace, sides: list[list[Named]]) -> tuple[tuple[Side, Side], int]:
@@ -100,12 +111,12 @@ def read(args: argparse.Namespace, sides: list[list[Named]]) -> tuple[tuple[Side
     made, code = [], DONE
     for label, side, car in zip("AB", sides, cars, strict=True):
         drives: list[DriveEstimates] = []
-        for one in side:
-            if one.is_json:
-                drives += _from_json(one.path)
+        for part in side:
+            if part.is_json:
+                drives += _from_json(part.path)
                 continue
             assert car is not None
-            name, trace, health, vehicle = _trace(args, one, car)
+            name, trace, health, vehicle = _trace(args, part, car)
             code = health or code
             drives.append(_estimated(args, trace, name, vehicle))
         made.append(Side(label, tuple(drives)))
@@ -131,43 +142,42 @@ def _halves(args: argparse.Namespace, side: list[Named], car: Car | None) -> tup
 
 
 def _car(args: argparse.Namespace, label: str, side: list[Named]) -> Car | None:
-    if all(one.is_json for one in side):
+    if all(part.is_json for part in side):
         return None
     name = getattr(args, f"vehicle_{label}") or args.vehicle
-    if name is None and not any(drive_source.is_table(one.path) for one in side if not one.is_json):
+    if name is None and not any(drive_source.is_table(part.path) for part in side if not part.is_json):
         raise ConfigError("compare: --vehicle V.toml is missing; generic and generic_lane are built in")
     return drive_source.car(args, "compare", name)
 
 
-def _trace(args: argparse.Namespace, one: Named, car: Car) -> tuple[str, Trace, int, Vehicle]:
+def _trace(args: argparse.Namespace, source: Named, car: Car) -> tuple[str, Trace, int, Vehicle]:
     part = argparse.Namespace(
-        start=args.start if math.isnan(one.start) else one.start,
-        stop=args.stop if math.isnan(one.stop) else one.stop,
+        start=args.start if math.isnan(source.start) else source.start,
+        stop=args.stop if math.isnan(source.stop) else source.stop,
     )
-    drive, vehicle = drive_source.read_drive(one.path, car, part, estimating=False)
-    code = reading.report_health(drive.health, one.path)
-    whole = part.start <= 0.0 and math.isinf(part.stop)
+    drive, vehicle = drive_source.read_drive(source.path, car, part, estimating=False)
+    code = reading.report_health(drive.health, source.path)
+    start = "" if math.isinf(part.start) else f"{part.start:g}"
     stop = "" if math.isinf(part.stop) else f"{part.stop:g}"
-    return (one.path if whole else f"{one.path}@{part.start:g}:{stop}"), drive.trace, code, vehicle
+    return (f"{source.path}@{start}:{stop}" if start or stop else source.path), drive.trace, code, vehicle
 
 
 def _estimated(args: argparse.Namespace, trace: Trace, name: str, vehicle: Vehicle) -> DriveEstimates:
-    """By the object that --json of identify or diagnose has: a file of it gives the same comparison."""
-    from canid.comparison import drive_json
+    """As identified or diagnosed; a file of the verb's --json gives the same comparison."""
+    from canid.comparison import result_estimates
+    from canid.values.numbers import role_unit
 
     if args.diagnose:
         from canid.diagnosis.diagnose import diagnose
-        from canid.views import diagnosis_json
 
         with Progress(f"diagnosing {name}") as bar:
-            return drive_json.read(
-                diagnosis_json.to_json(diagnose(trace, progress=bar.to), name, vehicle.name)
-            )
-    from canid.drive_parameters import identify
-    from canid.views import identification_json
+            report = diagnose(trace, progress=bar.to)
+        return result_estimates.of_report(report, name, vehicle.name, role_unit(report.output))
+    from canid.drive.drive_parameters import identify
 
-    found = identify(trace, select_orders=False, sliding=False, **vehicle.estimators)
-    return drive_json.read(identification_json.to_json(found, name, vehicle.name))
+    result = identify(trace, select_orders=False, sliding=False, **vehicle.estimators)
+    unit = role_unit(result.drive_summary.output)
+    return result_estimates.of_identified(result, name, vehicle.name, unit)
 
 
 def _from_json(path: str) -> list[DriveEstimates]:
@@ -179,11 +189,11 @@ def _from_json(path: str) -> list[DriveEstimates]:
             raise ConfigError(
                 f"{path}: is larger than {MAX_JSON_BYTES // 1_000_000} MB; canid writes no such JSON"
             )
-        of: Any = json.loads(Path(path).read_text(encoding="utf-8"))
-        objects = of if isinstance(of, list) else [of]
-        if not objects or not all(isinstance(one, dict) for one in objects):
+        data: Any = json.loads(Path(path).read_text(encoding="utf-8"))
+        objects = data if isinstance(data, list) else [data]
+        if not objects or not all(isinstance(entry, dict) for entry in objects):
             raise ValueError("it holds no JSON object")
-        return [drive_json.read(one) for one in objects]
+        return [drive_json.read(entry) for entry in objects]
     except FileNotFoundError:
         raise ConfigError(f"no such file: {path}") from None
     except OSError as error:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from importlib import import_module
 
 from canid.cli.output.messages import print_line
-from canid.errors import DONE, ConfigError
+from canid.values.errors import DONE, ConfigError
 
 OPTION = "--print-completion"
 SHELLS = ("bash", "zsh", "fish")
@@ -26,15 +25,14 @@ def full_parser() -> argparse.ArgumentParser:
         >>> parser.parse_args(["identify", "drive.blf", "--vehicle", "generic"]).vehicle
         'generic'
     """
-    from canid.cli import VERBS
+    from canid.cli.verbs import VERBS
 
     parser = argparse.ArgumentParser("canid")
     parser.add_argument("-V", "--version", action="store_true", help="print the version")
     parser.add_argument(OPTION, choices=SHELLS, help="print a completion script for this shell")
     verbs = parser.add_subparsers(metavar="VERB")
-    for name, what in VERBS:
-        verb = verbs.add_parser(name, help=what, description=what)
-        import_module(f"canid.cli.{name}").arguments(verb)
+    for verb in VERBS:
+        verb.module().arguments(verbs.add_parser(verb.name, help=verb.help, description=verb.help))
     return parser
 
 
@@ -49,7 +47,7 @@ def script(shell: str) -> str:
     """
     import shtab
 
-    from canid.vehicle.vehicle_file import shipped
+    from canid.values.shipped_files import shipped
 
     if shell not in SHELLS:
         raise ConfigError(f'{OPTION}: no completion for "{shell}"; known are {", ".join(SHELLS)}')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,10 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from canid.cli import reading
 from canid.cli.output.messages import info
 from canid.cli.output.progress import Progress
-from canid.errors import ConfigError
+from canid.values.errors import ConfigError
 
 if TYPE_CHECKING:
-    from canid.drive_reader import Drive
+    from canid.drive.drive_reader import Drive
     from canid.logs import Log
     from canid.tables.column_map import ColumnMap
     from canid.tables.table import Selection
@@ -59,7 +60,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="only rows whose column NAME is VALUE; may be repeated",
     )
-    group.add_argument("--vehicle-id", metavar="ID", help="the vehicle, in a table of several")
+    group.add_argument(
+        "--vehicle-id",
+        metavar="ID",
+        help="the vehicle, in a table of several; ID#2: the second one that has this id",
+    )
 
 
 def car(args: argparse.Namespace, verb: str, vehicle: str | None = None) -> Car:
@@ -94,7 +99,7 @@ def car(args: argparse.Namespace, verb: str, vehicle: str | None = None) -> Car:
 def _is_map(name: str) -> bool:
     path = Path(name)
     try:
-        if not path.is_file():  # a pipe is never waited for
+        if not os.path.isfile(path):  # a pipe is never waited for
             return False
         with path.open("rb") as file:
             return bool(_COLUMNS.search(file.read(_BEGIN_BYTES)))
@@ -109,7 +114,7 @@ def is_table(path: str) -> bool:
     return kinds.is_table(path)
 
 
-def opened(path: str, of: Car) -> tuple[Log, Vehicle]:
+def opened(path: str, car: Car) -> tuple[Log, Vehicle]:
     """Open a log or a table.
 
     Raises:
@@ -117,40 +122,40 @@ def opened(path: str, of: Car) -> tuple[Log, Vehicle]:
         LogError: it cannot be read.
     """
     if not is_table(path):
-        return _log(path, of)
+        return _log(path, car)
     from canid.tables import column_map
     from canid.tables.table import open_table
 
-    by, vehicle = of.columns, of.vehicle
+    by, vehicle = car.columns, car.vehicle
     if by is None and vehicle is not None:
         by = column_map.of_vehicle(vehicle)
     with Progress(f"reading {path}") as bar:
-        table = open_table(path, by, of.selection, bar.to)
+        table = open_table(path, by, car.selection, bar.to)
     info(f"{path}: {table.columns}")
     for note in table.notes:
         info(note)
     return table.log, table.vehicle
 
 
-def _log(path: str, of: Car) -> tuple[Log, Vehicle]:
+def _log(path: str, car: Car) -> tuple[Log, Vehicle]:
     from canid.logs import open_log
 
     log = open_log(path)
-    if of.given:
-        raise ConfigError(f"{of.verb}: {path} is a log of CAN frames: {of.given} is for tables")
-    if of.vehicle is None:
+    if car.given:
+        raise ConfigError(f"{car.verb}: {path} is a log of CAN frames: {car.given} is for tables")
+    if car.vehicle is None:
         raise ConfigError(
-            f"{of.verb}: {path} is a log of CAN frames: --vehicle V.toml is missing (`canid init FILE.dbc` proposes one)"
+            f"{car.verb}: {path} is a log of CAN frames: --vehicle V.toml is missing (`canid init FILE.dbc` proposes one)"
         )
-    return log, of.vehicle
+    return log, reading.on_buses(car.vehicle, log)
 
 
-def read_drive(path: str, of: Car, args: argparse.Namespace, **settings: Any) -> tuple[Drive, Vehicle]:
+def read_drive(path: str, car: Car, args: argparse.Namespace, **settings: Any) -> tuple[Drive, Vehicle]:
     """Read the part of a log or a table from --start to --stop, with a progress bar.
 
     Args:
         path: of the log or table.
-        of: from `car`.
+        car: from `car`.
         args: with `start` and `stop`, s.
         settings: of `drive_reader.read_drive`.
 
@@ -158,25 +163,11 @@ def read_drive(path: str, of: Car, args: argparse.Namespace, **settings: Any) ->
         ConfigError: no vehicle was named for a log; a column of a table is missing.
         LogError: nothing can be read.
     """
-    from canid import drive_reader
+    from canid.drive import drive_reader
 
-    log, vehicle = opened(path, of)
+    log, vehicle = opened(path, car)
     with Progress(f"reading {path}") as bar:
         drive = drive_reader.read_drive(
             path, vehicle, start=args.start, stop=args.stop, log=log, progress=bar.to, **settings
         )
     return drive, vehicle
-
-
-def words(args: argparse.Namespace) -> list[str]:
-    """The options of a command that gives the same numbers: --vehicle, --columns, --where, --vehicle-id.
-
-    Example:
-        >>> words(argparse.Namespace(vehicle=None, columns="highd", where=[], vehicle_id="12"))
-        ['--columns', 'highd', '--vehicle-id', '12']
-    """
-    out = ["--vehicle", str(args.vehicle)] if getattr(args, "vehicle", None) else []
-    out += ["--columns", str(args.columns)] if getattr(args, "columns", None) else []
-    for one in getattr(args, "where", ()):
-        out += ["--where", one]
-    return out + (["--vehicle-id", args.vehicle_id] if getattr(args, "vehicle_id", None) is not None else [])

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from canid.errors import ConfigError
+from canid.values.errors import ConfigError
 
 if TYPE_CHECKING:
     from canid.simulation import DriverTruth, Simulation, Steering

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from canid.cli import options
 from canid.cli.export_tables import Exported
@@ -26,6 +26,25 @@ _KINDS = {
     "mcap": output_kinds.MCAP,
     "vbo": output_kinds.VBO,
 }
+
+
+class ExportedTable(TypedDict):
+    """One table of a file that holds several."""
+
+    name: str
+    rows: int
+    columns: list[str]
+
+
+class ExportedFile(TypedDict):
+    """An object of --json."""
+
+    path: str
+    rows: int  # of all tables
+    columns: list[str]
+    tables: NotRequired[list[ExportedTable]]
+
+
 # tables by which CSV and Parquet name their files, where a vehicle file is given
 _DRIVE_TABLES = ("samples", "estimates")
 
@@ -67,10 +86,10 @@ def write(
     prefix: str,
     files: CompleteFiles,
     known: Mapping[str, Output],
-    found: Exported,
+    exported: Exported,
     mf4: tuple[Part, Mf4Writer] | None,
     json: Output | None,
-) -> list[dict[str, Any]]:
+) -> list[ExportedFile]:
     """Write all tables; returns what was written, for --json.
 
     Raises:
@@ -78,30 +97,24 @@ def write(
         ConfigError: the format cannot hold the tables, or its library is missing.
     """
     if args.to in ("csv", "parquet"):
-        named = _table_files(args, prefix, known, found.tables, json)
-        _write_tables(args.to, named, files, found, args)
+        named = _table_files(args, prefix, known, exported.tables, json)
+        _write_tables(args.to, named, files, exported, args)
         return [_one(output.path, table) for output, table in named]
     if args.to == "plotjuggler":
-        return _plotjuggler(args, files, known, found)
+        return _plotjuggler(args, files, known, exported)
     output = known[""]
     if args.to == "vbo":
-        assert found.drive is not None
+        assert exported.drive is not None
         with files.writing(output) as part:
-            rows, columns = 0, []
-            for piece in vbo_file.lines(found.drive.trace, found.origin):
-                part.file.write(piece)
-                head, _, data = piece.partition(b"[data]\r\n")
-                if b"[column names]\r\n" in head:
-                    columns = head.partition(b"[column names]\r\n")[2].decode().split("\r\n")[0].split()
-                rows += 0 if columns and not data and head.startswith(b"File") else piece.count(b"\r\n")
+            rows, columns = vbo_file.write(part.file, exported.drive.trace, exported.origin)
         return [{"path": output.path, "rows": rows, "columns": columns}]
     if mf4 is not None:
-        mf4[1].write(found.tables, found.origin, mf4[0].file)
+        mf4[1].write(exported.tables, exported.origin, mf4[0].file)
     else:
         with files.writing(output) as part:
             writer = mat_file.write if args.to == "mat" else mcap_file.write
-            writer(part.file, found.tables, found.origin)
-    return [_several(output.path, found.tables)]
+            writer(part.file, exported.tables, exported.origin)
+    return [_several(output.path, exported.tables)]
 
 
 def _table_files(
@@ -129,30 +142,30 @@ def _write_tables(
     kind: str,
     named: Sequence[tuple[Output, Table]],
     files: CompleteFiles,
-    found: Exported,
+    exported: Exported,
     args: argparse.Namespace,
 ) -> None:
     if kind == "parquet":
         with parquet_table.opened() as write_parquet:
             for output, table in named:
                 with files.writing(output) as part:
-                    write_parquet(part.path, table, found.origin, args.time)
+                    write_parquet(part.path, table, exported.origin, args.time)
         return
     for output, table in named:
         with files.writing(output) as part:
             if kind == "csv":
-                for piece in csv_table.lines(table, found.origin, args.time):
+                for piece in csv_table.lines(table, exported.origin, args.time):
                     part.file.write(piece)
             else:
-                mcap_file.write(part.file, [table], found.origin)
+                mcap_file.write(part.file, [table], exported.origin)
 
 
 def _plotjuggler(
-    args: argparse.Namespace, files: CompleteFiles, known: Mapping[str, Output], found: Exported
-) -> list[dict[str, Any]]:
-    table = found.tables[0]
+    args: argparse.Namespace, files: CompleteFiles, known: Mapping[str, Output], exported: Exported
+) -> list[ExportedFile]:
+    table = exported.tables[0]
     data = known["plot"]
-    _write_tables(args.data, [(data, table)], files, found, args)
+    _write_tables(args.data, [(data, table)], files, exported, args)
     cells = csv_table.header(table, args.time)
     shift = len(cells) - len(table.fields)
     time = cells[0]
@@ -172,13 +185,17 @@ def _plotjuggler(
     return [_one(data.path, table), {"path": known["layout"].path, "rows": 0, "columns": []}]
 
 
-def _one(path: str, table: Table) -> dict[str, Any]:
-    return {"path": path, "rows": len(table.t), "columns": ["t", *(field.name for field in table.fields)]}
+def _one(path: str, table: Table) -> ExportedFile:
+    return {"path": path, "rows": len(table.t), "columns": _columns(table)}
 
 
-def _several(path: str, tables: Sequence[Table]) -> dict[str, Any]:
-    parts = [{"name": table.title} | _one("", table) for table in tables]
-    for part in parts:
-        del part["path"]
+def _columns(table: Table) -> list[str]:
+    return ["t", *(field.name for field in table.fields)]
+
+
+def _several(path: str, tables: Sequence[Table]) -> ExportedFile:
+    parts: list[ExportedTable] = [
+        {"name": table.title, "rows": len(table.t), "columns": _columns(table)} for table in tables
+    ]
     columns = [f"{part['name']}.{name}" for part in parts for name in part["columns"]]
     return {"path": path, "rows": sum(len(table.t) for table in tables), "columns": columns, "tables": parts}

@@ -7,17 +7,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 from canid import __version__
-from canid.cli import reading
+from canid.cli import options, reading
 from canid.cli.output.messages import info
 from canid.cli.output.progress import Progress
-from canid.drive_reader import Drive, Health
-from canid.errors import ConfigError
+from canid.drive.drive_reader import Drive, Health
 from canid.export import drive_tables, raster, signal_tables, vbo_file
 from canid.export.table import Origin, Table
 from canid.logs import Log, open_log
-from canid.types import Damage, Estimate
+from canid.signal_checks.output_scale import before_a_drive
+from canid.values.bus_names import on_log
+from canid.values.errors import ConfigError
+from canid.values.types import Damage, Estimate
 from canid.vehicle import Vehicle
 from canid.vehicle.database import Dbc
+
+# signals that a remark names
+MOST_NAMED = 5
 
 
 class Exported(NamedTuple):
@@ -56,6 +61,7 @@ def read(args: argparse.Namespace) -> Exported:
     if vehicle is not None:
         drive, tables = _drive(args, vehicle)
     if files:
+        files = [file._replace(bus=on_log(file.bus, log.buses)) for file in files]
         tables += _signals(args, log, files)
     return Exported(
         tables, origin, drive, None if drive is None else drive.health, log.damage if files else None
@@ -64,7 +70,7 @@ def read(args: argparse.Namespace) -> Exported:
 
 def databases(args: argparse.Namespace) -> list[Dbc]:
     """The DBC files of --dbc, or of the vehicle file. Raises ConfigError."""
-    from canid.parsing import Parser
+    from canid.dbc_text.parsing import Parser
     from canid.vehicle.database import load
     from canid.vehicle.vehicle_file import read_databases
 
@@ -92,9 +98,12 @@ def _drive(args: argparse.Namespace, vehicle: Vehicle) -> tuple[Drive, list[Tabl
     tables = [drive_tables.samples_table(drive.trace, output)]
     if args.estimates == "none":
         return drive, tables
+    scale = drive_tables.scale_text(drive.trace)
+    if scale == "not confirmed":
+        info(before_a_drive(drive.trace.full_scale) or "the pedal's scale is not confirmed")
     if args.to in ("mcap", "mf4"):
-        return drive, [*tables, *drive_tables.channel_tables(estimates, output)]
-    return drive, [*tables, drive_tables.estimates_table(estimates)]
+        return drive, [*tables, *drive_tables.channel_tables(estimates, output, scale)]
+    return drive, [*tables, drive_tables.estimates_table(estimates, scale)]
 
 
 def _estimates(args: argparse.Namespace, vehicle: Vehicle, drive: Drive) -> list[Estimate]:
@@ -102,36 +111,45 @@ def _estimates(args: argparse.Namespace, vehicle: Vehicle, drive: Drive) -> list
         return list(drive.estimates)
     if args.estimates == "none":
         return []
-    from canid.drive_parameters import windows
+    from canid.drive.drive_parameters import windows
 
     with Progress(f"estimating {args.log}"):
         return windows(drive.trace, **vehicle.estimators)
 
 
 def _plot_table(vehicle: Vehicle, drive: Drive, estimates: list[Estimate]) -> Table:
-    from canid.drive_parameters import identify
-    from canid.drive_series import drive_series
+    from canid.drive.drive_parameters import identify
+    from canid.drive.drive_series import drive_series
 
-    found = identify(drive.trace, select_orders=False, sliding=False, **vehicle.estimators)
-    series = drive_series(drive.trace, found, **vehicle.estimators)
+    identified = identify(drive.trace, select_orders=False, sliding=False, **vehicle.estimators)
+    series = drive_series(drive.trace, identified, **vehicle.estimators)
     return drive_tables.plot_table(drive.trace, estimates, series, vehicle.driver.output)
 
 
 def _signals(args: argparse.Namespace, log: Log, files: list[Dbc]) -> list[Table]:
-    from canid.signal_columns import frames_by_message
+    from canid.drive.signal_columns import frames_by_message
 
     with Progress(f"reading signals of {args.log}") as bar:
         ids = signal_tables.ids_of(files, args.signals)
-        frames = frames_by_message(log, ids=ids, start=args.start, stop=args.stop, progress=bar.to)
-    found = signal_tables.received(frames, files, args.signals)
-    if not found:
-        n = sum(len(of.t) for of in frames.values())
+        frames = frames_by_message(log, ids=ids, within=options.window(args), progress=bar.to)
+    received = signal_tables.received(frames, files, args.signals)
+    if not received:
+        n = sum(len(columns.t) for columns in frames.values())
         names = ", ".join(file.file for file in files)
         which = f" with a signal that fits {', '.join(args.signals)}" if args.signals else ""
         raise ConfigError(
             f"{args.log}: none of its {n:,} data frames has an id of a message in {names}{which} "
             f"(is it this vehicle's log? `canid check LOG` lists its ids)"
         )
+    exact = args.to == "csv" and args.raster is None
+    wide = [] if exact else signal_tables.rounded(received)
+    if wide:
+        where = "on a raster" if args.raster is not None else f"in .{args.to}"
+        more = f" and {len(wide) - MOST_NAMED} more" if len(wide) > MOST_NAMED else ""
+        info(
+            f"{', '.join(wide[:MOST_NAMED])}{more}: of more than 53 bits; {where} they are the doubles next to them, "
+            "--to csv without --raster has all digits"
+        )
     if args.raster is not None:
-        return [raster.raster_table(found, args.raster)]
-    return signal_tables.signal_tables(found)
+        return [raster.raster_table(received, args.raster)]
+    return signal_tables.signal_tables(received, exact=exact)

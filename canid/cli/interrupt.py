@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from canid.cli.output import open_terminal, streams
-from canid.errors import CanidError
+from canid.values.errors import CanidError
 
 # sent by a closed ssh session or terminal; Windows has no such signal
 HANGUP: int | None = getattr(signal, "SIGHUP", None)

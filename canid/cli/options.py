@@ -13,6 +13,7 @@ from canid.logs import formats
 
 if TYPE_CHECKING:
     from canid.recording.rotation import Rotation
+    from canid.values.window import Window
 
 # every verb that reads logs
 LOGS = f"recorded log: {formats.described()}"
@@ -90,6 +91,16 @@ def json_file(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def time_zone(parser: argparse.ArgumentParser) -> None:
+    """--time-zone."""
+    parser.add_argument(
+        "--time-zone",
+        metavar="ZONE",
+        help="of local times in the log (.asc, .trc, .blf of Vector's tools): Europe/Berlin, UTC, +08:00; default: "
+        "CANID_TIME_ZONE, or else this machine's",
+    )
+
+
 def force(parser: argparse.ArgumentParser) -> None:
     """--force."""
     parser.add_argument(
@@ -104,17 +115,35 @@ def part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start",
         type=seconds,
-        default=0.0,
+        default=-math.inf,
         metavar="S",
-        help="start at S seconds of the log",
+        help="leave out what is earlier than S seconds after the log's first frame",
     )
     parser.add_argument(
         "--stop",
         type=seconds,
         default=float("inf"),
         metavar="S",
-        help="stop at S seconds of the log",
+        help="leave out what is later than S seconds after it",
     )
+
+
+def listening(parser: argparse.ArgumentParser) -> None:
+    """--duration, of a verb that reads a bus for a while."""
+    parser.add_argument(
+        "--duration",
+        type=seconds,
+        default=5.0,
+        metavar="S",
+        help="seconds to listen to the bus; default: 5",
+    )
+
+
+def window(args: argparse.Namespace) -> Window:
+    """The part of a log that --start and --stop name."""
+    from canid.values.window import Window
+
+    return Window(args.start, args.stop)
 
 
 def seconds(text: str) -> float:
@@ -170,11 +199,11 @@ def share(text: str) -> float:
 
 
 def _with_unit(text: str, units: dict[str, float], what: str, ignored: str) -> float:
-    found = re.fullmatch(r"\s*([0-9.]+)\s*([a-z%]*)\s*", text.lower())
+    match = re.fullmatch(r"\s*([0-9.]+)\s*([a-z%]*)\s*", text.lower())
     try:
-        if found is None:
+        if match is None:
             raise ValueError
-        value = float(found[1]) * units[found[2].removesuffix(ignored) if ignored else found[2]]
+        value = float(match[1]) * units[match[2].removesuffix(ignored) if ignored else match[2]]
     except (ValueError, KeyError):
         value = 0.0
     if not 0.0 < value < math.inf:

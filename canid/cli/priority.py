@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 
+from canid.processes import limits
+
 # A thread at this nice value gets nine times the share of an ordinary one: a recorder that needs a seventh of a core
 # keeps up with a dozen busy programs on two cores. No real-time class: a busy loop there stops the machine.
 RECORDING_NICE = -10
@@ -21,5 +23,4 @@ def raise_priority() -> None:
         # Linux divides the cores among sessions first (sched(7), autogroup). A session leader, as under systemd or ssh,
         # sets the nice value of its session as well; in the session of another process nothing is changed.
         if os.getsid(0) == os.getpid():
-            with open("/proc/self/autogroup", "r+", encoding="ascii") as group:
-                group.write(str(RECORDING_NICE))
+            limits.kernel_setting("/proc/self/autogroup", str(RECORDING_NICE))

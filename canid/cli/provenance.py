@@ -11,9 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from canid import __version__
-from canid.errors import CanidError
-from canid.findings import Provenance
 from canid.logs.log import open_log
+from canid.values.errors import CanidError
+from canid.values.findings import Provenance
 from canid.vehicle import Vehicle
 
 # packages whose release can change a number

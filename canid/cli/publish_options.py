@@ -36,4 +36,4 @@ def publishers(args: argparse.Namespace, start_ns: int | None = None) -> list[Ud
         return []
     from canid.publishing.udp_publisher import UdpPublisher
 
-    return [UdpPublisher(one, info, start_ns) for one in destinations]
+    return [UdpPublisher(destination, info, start_ns) for destination in destinations]

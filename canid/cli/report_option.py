@@ -1,27 +1,38 @@
-"""The option --report of identify, check and replay: its name, the kind of its file, and the command of its provenance."""
+"""The option --report, one rule for all verbs: with a name or without, and the kind of its file."""
 
 from __future__ import annotations
 
 import argparse
-import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
-from canid.cli import drive_source
 from canid.cli.output import output_kinds
 from canid.cli.output.outputs import Output
-from canid.errors import ConfigError
+from canid.files.derived_name import derived
+from canid.values.errors import ConfigError
 
 # with any other suffix `--report LOG` (the name forgotten, the log taken for it) could write over a log
 PAGE_SUFFIXES = (".html", ".htm")
 
 
-def add(parser: argparse.ArgumentParser, what: str) -> None:
+def add(
+    parser: argparse.ArgumentParser,
+    what: str,
+    flags: Sequence[str] = ("--report",),
+    default: str = "LOG.VERB.html",
+) -> None:
     """--report; an earlier page of the same verb is replaced."""
-    parser.add_argument("--report", metavar="FILE.html", help=f"{what}; replaces an earlier page")
+    parser.add_argument(
+        *flags,
+        metavar="FILE.html",
+        nargs="?",
+        const="",
+        help=f"{what}; default name: {default} in the current folder; replaces an earlier page",
+    )
 
 
-def output(args: argparse.Namespace, verb: str) -> Output | None:
-    """The output of --report; None: not asked for.
+def output(args: argparse.Namespace, verb: str, kind: output_kinds.Kind | None = None) -> Output | None:
+    """The output of --report; None: not asked for. Without a name it gets that of the first log, or of the verb.
 
     Raises:
         ConfigError: the name is not that of a page.
@@ -29,23 +40,38 @@ def output(args: argparse.Namespace, verb: str) -> Output | None:
     Example:
         >>> output(argparse.Namespace(report="a.html"), "check").kind.name
         'a page of canid check'
+        >>> output(argparse.Namespace(report="", logs=["drives/a.blf", "b.blf"]), "identify").path
+        'a.identify.html'
     """
     if args.report is None:
         return None
-    if Path(args.report).suffix.lower() not in PAGE_SUFFIXES:
-        raise ConfigError(f"{verb}: --report {args.report} is not an .html file")
-    return Output("--report", args.report, output_kinds.report_page(verb))
+    log = getattr(args, "log", None) or next(iter(getattr(args, "logs", ())), None)
+    name = page_name(verb, args.report, None if verb == "fleet" else log)
+    return Output("--report", name, kind or output_kinds.report_page(verb))
 
 
-def command(args: argparse.Namespace, verb: str, *logs: str) -> str:
-    """The command that gives the same numbers.
+def page_name(
+    verb: str, asked: str, log: str | None, what: str = "", option: str = "--report", stem: str = ""
+) -> str:
+    """The name that was asked for, or else one in the current folder that is derived from the log.
+
+    Args:
+        verb: whose option it is.
+        asked: the option's argument; "": without a name.
+        log: that the page is about; None: none.
+        what: the name's last part before `.html`; "": the verb.
+        option: as it was given.
+        stem: the name's first part where there is no log.
+
+    Raises:
+        ConfigError: the name is not that of a page.
 
     Example:
-        >>> command(argparse.Namespace(vehicle="generic", start=0.0, stop=60.0), "identify", "drive 7.blf")
-        "canid identify 'drive 7.blf' --vehicle generic --stop 60"
+        >>> page_name("diagnose", "", "drives/a.blf", "diagnosis"), page_name("fleet", "", None)
+        ('a.diagnosis.html', 'fleet.html')
     """
-    words = ["canid", verb, *logs, *drive_source.words(args)]
-    start, stop = getattr(args, "start", 0.0), getattr(args, "stop", float("inf"))
-    words += ["--start", f"{start:g}"] if start > 0 else []
-    words += ["--stop", f"{stop:g}"] if stop < float("inf") else []
-    return shlex.join(words)
+    first = Path(log).stem if log else stem
+    name = asked or derived(f"{first}." if first else "", f"{what or verb}.html")
+    if Path(name).suffix.lower() not in PAGE_SUFFIXES:
+        raise ConfigError(f"{verb}: {option} {name} is not an .html file; put logs before {option}")
+    return name

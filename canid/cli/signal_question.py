@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from canid.cli.output.messages import info
 from canid.proposal.choice import Choice
 from canid.proposal.sparkline import sparkline
-from canid.vehicle.roles import ROLES
+from canid.values.roles import ROLES
 
 # candidates that a list shows; later ones have hardly more than a similar name
 _MOST_SHOWN = 6

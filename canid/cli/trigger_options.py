@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 
 from canid.cli import options
-from canid.errors import ConfigError
 from canid.triggers import trigger as triggers
 from canid.triggers.trigger import Trigger
+from canid.values.errors import ConfigError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

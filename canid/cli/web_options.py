@@ -10,16 +10,20 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from canid.cli import options
 from canid.cli.output.live_display import MESSAGE
 from canid.cli.output.messages import info
-from canid.controls import Controls
-from canid.errors import ConfigError
-from canid.types import Event
+from canid.recording.controls import Controls
+from canid.values.errors import ConfigError
+from canid.values.types import Event
 from canid.web import address
 
 if TYPE_CHECKING:
-    from canid.cli.output.display import Observer
+    import socket
+
     from canid.vehicle import Vehicle
+    from canid.web.access import Access
+    from canid.web.live_page import LivePage
 
 # what the server imports; the extra `web` installs them
 PACKAGES = ("starlette", "uvicorn", "websockets", "plotly")
@@ -31,14 +35,14 @@ TOKEN_BYTES = 16
 VARIABLE = "CANID_WEB_TOKEN"
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
+def arguments(parser: argparse.ArgumentParser, what: str = "serve a live page") -> None:
+    """Declare the options; `what` --web does."""
     parser.add_argument(
         "--web",
         nargs="?",
         const="",
         metavar="HOST:PORT",
-        help=f"serve a live page; default: {address.DEFAULT_HOST}:{address.DEFAULT_PORT}, or the next free port",
+        help=f"{what}; default: {address.DEFAULT_HOST}:{address.DEFAULT_PORT}, or the next free port",
     )
     parser.add_argument(
         "--web-token",
@@ -49,17 +53,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 @contextmanager
-def session_page(
-    args: argparse.Namespace, vehicle: str | None, controls: Controls
-) -> Iterator[list[Observer]]:
-    """The page of a session on a bus; none without --web. Raises ConfigError."""
+def session_page(args: argparse.Namespace, controls: Controls, *, live: bool) -> Iterator[list[LivePage]]:
+    """The page of a session on a bus; none without --web. `live`: it estimates. Raises ConfigError."""
     from canid.web.requests import OF_SESSION
 
-    file = (args.record if vehicle else args.output) or ""
+    file = (args.record if live else args.output) or ""
     start = {
-        "mode": "live" if vehicle else "record",
+        "mode": "live" if live else "record",
         "title": os.path.basename(file),
-        "vehicle": vehicle or "",
+        "vehicle": args.vehicle if live else "",
     }
     pages = _opened(args, start, controls, OF_SESSION)
     try:
@@ -72,11 +74,11 @@ def session_page(
 @contextmanager
 def replay_page(
     args: argparse.Namespace, log: str, vehicle: Vehicle, controls: Controls
-) -> Iterator[list[Observer]]:
+) -> Iterator[list[LivePage]]:
     """The page of a replay; none without --web. Raises ConfigError."""
     from canid.web.requests import OF_REPLAY
 
-    start = {"mode": "replay", "title": log, "vehicle": vehicle.name, "start": args.start}
+    start = {"mode": "replay", "title": log, "vehicle": vehicle.name, "start": options.window(args).begin}
     pages = _opened(args, start, controls, OF_REPLAY)
     try:
         yield pages
@@ -87,11 +89,27 @@ def replay_page(
 
 def _opened(
     args: argparse.Namespace, start: dict[str, Any], controls: Controls, allowed: tuple[str, ...]
-) -> list[Observer]:
+) -> list[LivePage]:
+    opened = access(args)
+    if opened is None:
+        return []
+    from canid.values.numbers import role_unit
+    from canid.values.roles import ROLES
+    from canid.web.live_page import LivePage
+
+    sock, given = opened
+    start = {**start, "units": {role: role_unit(role) for role in ROLES}}
+    page = LivePage(sock, given, start, controls, allowed, info, waits=start["mode"] == "replay")
+    info(f"live page: {page.url}")
+    return [page]
+
+
+def access(args: argparse.Namespace) -> tuple[socket.socket, Access] | None:
+    """The listening socket of --web, and what its server accepts; None without --web. Raises ConfigError."""
     if args.web is None:
         if args.web_token is not None:
             raise ConfigError("--web-token needs --web")
-        return []
+        return None
     absent = [name for name in PACKAGES if find_spec(name) is None]
     if absent:
         raise ConfigError(f"--web needs {', '.join(absent)}: pip install 'canid[web]'")
@@ -103,25 +121,14 @@ def _opened(
         )
     token = token or secrets.token_urlsafe(TOKEN_BYTES)
     from canid.web.access import Access
-    from canid.web.live_page import LivePage
 
     sock, where = address.listening(where)
-    page = LivePage(
-        sock,
-        Access(where.host, where.port, token),
-        start,
-        controls,
-        allowed,
-        info,
-        waits=start["mode"] == "replay",
-    )
-    info(f"live page: {page.url}")
-    return [page]
+    return sock, Access(where.host, where.port, token)
 
 
-def announced(pages: Sequence[Observer]) -> tuple[Event, ...]:
+def announced(pages: Sequence[LivePage]) -> tuple[Event, ...]:
     """The page's address as a message of the terminal view, which hides what was printed before."""
-    return tuple(Event(0.0, MESSAGE, f"live page: {page.url}") for page in pages if hasattr(page, "url"))
+    return tuple(Event(0.0, MESSAGE, f"live page: {page.url}") for page in pages)
 
 
 def given_token(option: str | None) -> str:

@@ -17,7 +17,7 @@ from scipy.stats import t as student_t
 
 from canid.comparison import difference
 from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
-from canid.types import NAN, Array, Interval
+from canid.values.types import NAN, Array, Interval
 
 BISECTIONS = 60
 
@@ -64,8 +64,8 @@ def contrast(a: Sequence[Interval], b: Sequence[Interval]) -> Contrast:
         b: of the other side.
 
     >>> each = [Interval(x, x - 0.2, x + 0.2) for x in (5.0, 6.0, 7.0)]
-    >>> of = contrast(each[:1] * 3, each)
-    >>> round(of.spread, 1), of.freedom, round(of.b.value, 1), abs(of.z) < 2.0
+    >>> compared = contrast(each[:1] * 3, each)
+    >>> round(compared.spread, 1), compared.freedom, round(compared.b.value, 1), abs(compared.z) < 2.0
     (0.7, 4, 6.0, True)
     """
     if len(a) == len(b) == 1:
@@ -86,10 +86,10 @@ def contrast(a: Sequence[Interval], b: Sequence[Interval]) -> Contrast:
 def _spread(values: Sequence[Array], variances: Sequence[Array], freedom: int) -> float:
     """Standard deviation between drives; 0 where the drives' own errors explain all scatter."""
 
-    def squares(of: float) -> float:
+    def squares(between: float) -> float:
         total = 0.0
         for y, v in zip(values, variances, strict=True):
-            w = 1.0 / np.maximum(v + of, 1e-300)
+            w = 1.0 / np.maximum(v + between, 1e-300)
             total += float(w @ (y - float(w @ y / w.sum())) ** 2)
         return total
 

@@ -25,66 +25,74 @@ class CauseCompared(NamedTuple):
 
 def compare(a: Side, b: Side) -> tuple[CauseCompared, ...]:
     """Compare the causes of two sides; none where one of them has no diagnosis."""
-    of = {
+    by_side = {
         name: [drive.causes for drive in side.drives if drive.causes] for name, side in (("A", a), ("B", b))
     }
-    if not all(of.values()):
+    if not all(by_side.values()):
         return ()
     out = []
-    names = dict.fromkeys(e.name for causes in of.values() for one in causes for e in one.effects)
+    names = dict.fromkeys(
+        e.name for causes in by_side.values() for diagnosis in causes for e in diagnosis.effects
+    )
     for effect in names:
-        found = {
-            side: [e for one in causes for e in one.effects if e.name == effect]
-            for side, causes in of.items()
+        effects = {
+            side: [e for diagnosis in causes for e in diagnosis.effects if e.name == effect]
+            for side, causes in by_side.items()
         }
-        where = next(e.where for side in found.values() for e in side)
-        if all(found.values()):
-            out.append(CauseCompared(effect, where, "both", None, _in_both(found)))
+        where = next(e.where for side in effects.values() for e in side)
+        if all(effects.values()):
+            out.append(CauseCompared(effect, where, "both", None, _in_both(effects)))
             continue
-        here, there = ("A", "B") if found["A"] else ("B", "A")
-        differs, says = _in_one(found[here], len(of[here]), of[there], there)
+        here, there = ("A", "B") if effects["A"] else ("B", "A")
+        differs, says = _in_one(effects[here], len(by_side[here]), by_side[there], there)
         out.append(CauseCompared(effect, where, here, differs, says))
     return tuple(out)
 
 
-def _in_both(found: dict[str, list[Effect]]) -> str:
-    parameters = any(finite(q.value) for side in found.values() for e in side for q in e.parameters.values())
+def _in_both(effects: dict[str, list[Effect]]) -> str:
+    parameters = any(
+        finite(q.value) for side in effects.values() for e in side for q in e.parameters.values()
+    )
     return "found in both" + ("; its parameters are compared" if parameters else "")
 
 
-def _in_one(found: list[Effect], diagnosed: int, others: list[Causes], there: str) -> tuple[bool | None, str]:
+def _in_one(
+    effects: list[Effect], diagnosed: int, others: list[Causes], there: str
+) -> tuple[bool | None, str]:
     """Whether the other side differs; None: not testable."""
-    if len(found) < diagnosed:
-        return None, f"found in {len(found)} of {diagnosed} drives: not the same on one side already"
-    if any(e.surrogate for e in found):
+    if len(effects) < diagnosed:
+        return None, f"found in {len(effects)} of {diagnosed} drives: not the same on one side already"
+    if any(e.surrogate for e in effects):
         return None, "it leaves structure in the residual, and is not the cause itself"
-    name = found[0].name
-    for one in others:
-        rival = next((e.name for e in one.effects if e.name in found[0].rivals or name in e.rivals), None)
+    name = effects[0].name
+    for diagnosis in others:
+        rival = next(
+            (e.name for e in diagnosis.effects if e.name in effects[0].rivals or name in e.rivals), None
+        )
         if rival is not None:
             return None, f"not testable in {there}, where {rival.replace('_', ' ')} explains the same"
-        why = _why_not(one, found, there)
+        why = _why_not(diagnosis, effects, there)
         if why:
             return None, why
     parameter, strength, unit = others[0].shown[name]
-    least = min(e.parameters[parameter].value.low for e in found)
+    least = min(e.parameters[parameter].value.low for e in effects)
     return True, (
         f"{there} excludes it: {parameter.replace('_', ' ')} is at least {least:.3g} {unit} here, and {strength:.3g} {unit} "
         f"would have been named in {there} nine times out of ten"
     ).replace(" 1 ", " ")
 
 
-def _why_not(one: Causes, found: list[Effect], there: str) -> str:
+def _why_not(diagnosis: Causes, effects: list[Effect], there: str) -> str:
     """Why one drive's diagnosis does not exclude an effect; "": it does."""
-    name = found[0].name
-    if one.verdict not in ("adequate", "named", "one_of"):
-        return f"not testable in {there}, whose verdict is {one.verdict.replace('_', ' ')}"
-    if name in one.not_testable:
+    name = effects[0].name
+    if diagnosis.verdict not in ("adequate", "named", "one_of"):
+        return f"not testable in {there}, whose verdict is {diagnosis.verdict.replace('_', ' ')}"
+    if name in diagnosis.not_testable:
         return f"not testable in {there}: a typical strength would leave too little on that drive"
-    parameter, strength, unit = one.shown.get(name, ("", math.nan, ""))
+    parameter, strength, unit = diagnosis.shown.get(name, ("", math.nan, ""))
     if not math.isfinite(strength):
         return f"not testable in {there}: from which strength on it would have shown there is not known"
-    for e in found:
+    for e in effects:
         known = e.parameters.get(parameter)
         if known is None or known.unit != unit or not finite(known.value):
             return f"not testable in {there}: its strength here has no interval"

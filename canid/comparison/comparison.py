@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import spearmanr
 
-from canid import presentation
 from canid.comparison import between_drives, causes, conditions, loop_margins, multiplicity
 from canid.comparison.causes import CauseCompared
 from canid.comparison.conditions import Condition
@@ -17,7 +16,8 @@ from canid.comparison.drive import DriveEstimates, Quantity, Side, finite
 from canid.comparison.multiplicity import Block
 from canid.comparison.remarks import remarks
 from canid.identification.confidence import MISS, NORMAL_QUANTILE
-from canid.types import NAN, Array, Interval
+from canid.values.presentation import Shown
+from canid.values.types import NAN, Array, Interval
 
 # standard normal quantile of 80 %: with this power a difference of the detectable size is found
 POWER_QUANTILE = 0.8416
@@ -51,9 +51,7 @@ class Row(NamedTuple):
         return not self.why
 
 
-class Comparison(NamedTuple):
-    """Side B against side A."""
-
+class _Comparison(NamedTuple):
     a: Side
     b: Side
     verdict: str  # "different", "no_difference_found", "not_comparable"
@@ -69,23 +67,18 @@ class Comparison(NamedTuple):
         lines += [f"  {row.name}: A {row.a}, B {row.b}, p {row.p_adjusted:.2g}" for row in self.different]
         return "\n".join(lines) + ")"
 
-    def summary(self) -> str:
-        """The comparison as text, as `canid compare` prints it."""
-        return presentation.summary(self)
-
-    def plot(self) -> Any:
-        """Every parameter of both sides with its interval, as a plotly Figure."""
-        return presentation.plot(self)
-
-    def _repr_html_(self) -> str:
-        return presentation.html(self)
-
     @property
     def different(self) -> tuple[Row, ...]:
         """Rows that differ, the surest first; margins, which follow from the parameters, last."""
         derived = {name for name, *_ in loop_margins.MARGINS}
-        found = [row for row in self.rows if row.differs]
-        return tuple(sorted(found, key=lambda row: (row.name in derived, row.p)))
+        differing = [row for row in self.rows if row.differs]
+        return tuple(sorted(differing, key=lambda row: (row.name in derived, row.p)))
+
+
+class Comparison(_Comparison, Shown):
+    """Side B against side A."""
+
+    __slots__ = ()
 
 
 class Values(NamedTuple):
@@ -115,10 +108,10 @@ def compare(a: Side, b: Side) -> Comparison:
     """
     point = loop_margins.common_point([*a.drives, *b.drives])
     sides = {"A": [_values(d, point) for d in a.drives], "B": [_values(d, point) for d in b.drives]}
-    names = dict.fromkeys(name for side in sides.values() for of in side for name in of.quantities)
+    names = dict.fromkeys(name for side in sides.values() for values in side for name in values.quantities)
     rows, contrasts = [], []
     for name in names:
-        known = {label: [of.quantities.get(name) for of in side] for label, side in sides.items()}
+        known = {label: [values.quantities.get(name) for values in side] for label, side in sides.items()}
         # of a cause that one side alone has, `causes` judges
         if OF_CAUSE in name and not all(any(side) for side in known.values()):
             continue
@@ -132,15 +125,15 @@ def compare(a: Side, b: Side) -> Comparison:
     p = multiplicity.adjusted([contrast.z for _, contrast in contrasts], blocks)
     for (k, contrast), adjusted in zip(contrasts, p, strict=True):
         rows[k] = _judged(rows[k], contrast, float(adjusted), critical)
-    found = causes.compare(a, b)
-    if any(row.differs for row in rows) or any(cause.differs for cause in found):
+    compared_causes = causes.compare(a, b)
+    if any(row.differs for row in rows) or any(cause.differs for cause in compared_causes):
         verdict = DIFFERENT
     else:
         verdict = NO_DIFFERENCE if contrasts else NOT_COMPARABLE
     table = conditions.table(a, b)
-    joint = all(of.correlation is not None for side in sides.values() for of in side)
+    joint = all(values.correlation is not None for side in sides.values() for values in side)
     said = (*conditions.warnings(table, a, b), *remarks(a, b, joint=joint))
-    return Comparison(a, b, verdict, tuple(rows), found, table, said, critical, point)
+    return Comparison(a, b, verdict, tuple(rows), compared_causes, table, said, critical, point)
 
 
 def _values(drive: DriveEstimates, point: loop_margins.Point | None) -> Values:
@@ -165,12 +158,12 @@ def _values(drive: DriveEstimates, point: loop_margins.Point | None) -> Values:
 
 
 def _draws(drive: DriveEstimates) -> dict[str, Array]:
-    of = drive.draws
-    if of is None:
+    drawn = drive.draws
+    if drawn is None:
         return {}
     out: dict[str, Array] = {}
-    for i, name in enumerate(of.inputs):
-        K, tau, dead_time = of.K[:, i], of.tau[:, i], of.dead_time[:, i]
+    for i, name in enumerate(drawn.inputs):
+        K, tau, dead_time = drawn.K[:, i], drawn.tau[:, i], drawn.dead_time[:, i]
         columns = {"K": K, "tau": tau, "dead_time": dead_time, "tau_plus_dead_time": tau + dead_time}
         out |= {f"{name} {field}": column for field, column in columns.items()}
     return out
@@ -182,8 +175,8 @@ def _rank_correlation(columns: Sequence[Array]) -> Array:
     moves = np.ptp(np.where(np.isfinite(ranks), ranks, 1e300), axis=1) > 0.0
     out = np.eye(len(ranks))
     if moves.sum() > 2:
-        of = np.asarray(spearmanr(ranks[moves], axis=1).statistic)
-        out[np.ix_(moves, moves)] = 2.0 * np.sin(np.pi / 6.0 * of)
+        correlation = np.asarray(spearmanr(ranks[moves], axis=1).statistic)
+        out[np.ix_(moves, moves)] = 2.0 * np.sin(np.pi / 6.0 * correlation)
     np.fill_diagonal(out, 1.0)
     return out
 
@@ -218,15 +211,15 @@ def _shown(side: Iterable[Quantity | None]) -> Interval:
     return quoted[0] if len(quoted) == 1 else Interval()
 
 
-def _judged(row: Row, of: between_drives.Contrast, p_adjusted: float, critical: float) -> Row:
-    one = of.difference()
+def _judged(row: Row, contrast: between_drives.Contrast, p_adjusted: float, critical: float) -> Row:
+    difference = contrast.difference()
     # mean of both half-widths, in standard deviations that of the critical value and of the power
-    wide = of.difference(critical + POWER_QUANTILE)
-    z = of.z
+    wide = contrast.difference(critical + POWER_QUANTILE)
+    z = contrast.z
     return row._replace(
-        difference=one,
-        together=of.difference(critical),
-        ratio=of.ratio(),
+        difference=difference,
+        together=contrast.difference(critical),
+        ratio=contrast.ratio(),
         p=math.erfc(abs(z) / math.sqrt(2.0)),
         p_adjusted=p_adjusted,
         differs=p_adjusted < MISS,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.comparison.drive import DriveEstimates, Side
-from canid.types import NAN, Interval
+from canid.values.types import NAN, Interval
 
 # of the narrower range, the share that both sides drove: below it the driver was seen at two operating points
 MIN_OVERLAP = 0.25
@@ -32,16 +32,16 @@ class Condition(NamedTuple):
 def table(a: Side, b: Side) -> tuple[Condition, ...]:
     """Conditions that are known of one side at least.
 
-    >>> one, other = (Side(name, (DriveEstimates(name, "identify", "car", "pedal", 60.0, {},
+    >>> first, other = (Side(name, (DriveEstimates(name, "identify", "car", "pedal", 60.0, {},
     ...     {"speed": Interval(x, x - 2, x + 2)}),)) for name, x in (("A", 10.0), ("B", 20.0)))
-    >>> [(c.name, c.overlap) for c in table(one, other)]
+    >>> [(c.name, c.overlap) for c in table(first, other)]
     [('used', nan), ('speed', 0.0)]
     """
     used = [Interval(sum(drive.used for drive in side.drives)) for side in (a, b)]
     out = [Condition("used", "s", used[0], used[1])]
     for role, unit in UNITS.items():
         ranges = [_range(side.drives, role) for side in (a, b)]
-        if any(math.isfinite(of.value) for of in ranges):
+        if any(math.isfinite(interval.value) for interval in ranges):
             out.append(Condition(role, unit, ranges[0], ranges[1], _overlap(*ranges)))
     for name in dict.fromkeys(name for side in (a, b) for drive in side.drives for name in drive.excitation):
         sizes = [Interval(_root_mean_square(side.drives, name)) for side in (a, b)]
@@ -72,11 +72,13 @@ def warnings(rows: Sequence[Condition], a: Side, b: Side) -> list[str]:
 
 def _range(drives: Sequence[DriveEstimates], role: str) -> Interval:
     known = [drive.driven[role] for drive in drives if role in drive.driven]
-    known = [of for of in known if all(map(math.isfinite, of))]
+    known = [interval for interval in known if all(map(math.isfinite, interval))]
     if not known:
         return Interval()
     return Interval(
-        float(np.mean([of.value for of in known])), min(of.low for of in known), max(of.high for of in known)
+        float(np.mean([interval.value for interval in known])),
+        min(interval.low for interval in known),
+        max(interval.high for interval in known),
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.types import Interval
+from canid.values.types import Interval
 
 
 def difference(a: Interval, b: Interval, stretch: float = 1.0) -> Interval:
@@ -30,16 +30,18 @@ def difference(a: Interval, b: Interval, stretch: float = 1.0) -> Interval:
     return Interval(d, d - below, d + above)
 
 
-def z_score(of: Interval) -> float:
+def z_score(difference: Interval) -> float:
     """Standard normal score of a difference: its value over the half-width towards 0, in standard deviations.
 
     >>> round(z_score(Interval(3.0, 0.0, 9.0))), z_score(Interval(0.0, -1.0, 1.0)), z_score(Interval(0.0, 0.0, 0.0))
     (2, 0.0, 0.0)
     """
-    half = of.value - of.low if of.value > 0.0 else of.high - of.value
-    if of.value == 0.0:
+    half = difference.value - difference.low if difference.value > 0.0 else difference.high - difference.value
+    if difference.value == 0.0:
         return 0.0
-    return NORMAL_QUANTILE * of.value / half if half > 0.0 else math.copysign(math.inf, of.value)
+    return (
+        NORMAL_QUANTILE * difference.value / half if half > 0.0 else math.copysign(math.inf, difference.value)
+    )
 
 
 def ratio(a: Interval, b: Interval, stretch: float = 1.0) -> Interval:
@@ -76,9 +78,13 @@ def _end(a: Interval, b: Interval, *, lower: bool) -> float:
     return (middle + left) / lead
 
 
-def _stretched(of: Interval, by: float) -> Interval:
-    return Interval(of.value, of.value - by * (of.value - of.low), of.value + by * (of.high - of.value))
+def _stretched(interval: Interval, by: float) -> Interval:
+    return Interval(
+        interval.value,
+        interval.value - by * (interval.value - interval.low),
+        interval.value + by * (interval.high - interval.value),
+    )
 
 
-def _negative(of: Interval) -> Interval:
-    return Interval(-of.value, -of.high, -of.low)
+def _negative(interval: Interval) -> Interval:
+    return Interval(-interval.value, -interval.high, -interval.low)

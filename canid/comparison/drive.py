@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from canid.types import NAN, Array, Interval
+from canid.values.types import NAN, Array, Interval
 
 # fields of a channel that are compared, in the order in which they are shown
 FIELDS = ("K", "tau", "dead_time", "tau_plus_dead_time")

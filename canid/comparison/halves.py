@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from canid.samples.trace_assembly import part
 from canid.signal_checks.drive_time import usable
-from canid.types import Trace
+from canid.values.types import Trace
 
 
 def halves(trace: Trace) -> tuple[Trace, Trace]:
@@ -21,18 +22,3 @@ def halves(trace: Trace) -> tuple[Trace, Trace]:
     used = np.cumsum(usable(trace))
     middle = int(np.searchsorted(used, 0.5 * used[-1])) + 1 if len(used) else 0
     return part(trace, slice(0, middle)), part(trace, slice(middle, None))
-
-
-def part(trace: Trace, rows: slice) -> Trace:
-    """Rows of a trace; the findings keep their times."""
-    return trace._replace(
-        t=trace.t[rows],
-        output=trace.output[rows],
-        inputs=trace.inputs[rows],
-        gate=trace.gate[rows],
-        learn=trace.learn[rows],
-        segment=trace.segment[rows],
-        signals={role: column[rows] for role, column in trace.signals.items()},
-        bound=None if trace.bound is None else trace.bound[rows],
-        variance=None if trace.variance is None else trace.variance[rows],
-    )

@@ -15,7 +15,7 @@ from canid.comparison.drive import DriveEstimates, Loop
 from canid.identification.confidence import QUANTILES, TAIL
 from canid.systems import following_loop
 from canid.systems.following_loop import FollowingLoop
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 # name, field of LoopMargins, unit
 MARGINS = (
@@ -51,8 +51,10 @@ def common_point(drives: Sequence[DriveEstimates]) -> Point | None:
     loops = [drive.loop for drive in known if drive.loop is not None]
     if not loops:
         return None
-    at = Point(float(np.mean([of.speed for of in loops])), float(np.mean([of.headway for of in loops])))
-    cars = [_car(of, at.speed) for of in loops]
+    at = Point(
+        float(np.mean([loop.speed for loop in loops])), float(np.mean([loop.headway for loop in loops]))
+    )
+    cars = [_car(loop, at.speed) for loop in loops]
     if len({drive.vehicle for drive in known}) > 1:
         return at
     several = [car for car in cars if car is not None]
@@ -63,19 +65,19 @@ def margins(drive: DriveEstimates, at: Point) -> dict[str, Array]:
     """Draws (n,) of each of `MARGINS`; none where the drive has no loop, or its draws are unstable."""
     if drive.loop is None or drive.draws is None:
         return {}
-    of = drive.draws
-    loop = FollowingLoop(of.K, of.tau, of.dead_time, at.speed, at.headway)
-    own = _car(drive.loop, at.speed)
+    drawn = drive.draws
+    loop = FollowingLoop(drawn.K, drawn.tau, drawn.dead_time, at.speed, at.headway)
+    car = _car(drive.loop, at.speed)
     if at.car is not None:
         strength, lag, damping = at.car.value[:, None]
         loop = loop._replace(strength=strength, lag=lag, damping=damping)
-    elif own is not None:
-        strength, lag, damping = _drawn(own, len(of.K))
+    elif car is not None:
+        strength, lag, damping = _drawn(car, len(drawn.K))
         loop = loop._replace(strength=strength, lag=lag, damping=damping)
-    found = following_loop.margins(loop)
-    if float(found.unstable.mean()) > MAX_UNSTABLE:
+    drawn_margins = following_loop.margins(loop)
+    if float(drawn_margins.unstable.mean()) > MAX_UNSTABLE:
         return {}
-    return {name: getattr(found, field) for name, field, _ in MARGINS}
+    return {name: getattr(drawn_margins, field) for name, field, _ in MARGINS}
 
 
 def interval(draws: Array) -> Interval:
@@ -84,12 +86,12 @@ def interval(draws: Array) -> Interval:
     return Interval(float(middle), float(low), float(high))
 
 
-def _car(of: Loop, speed: float) -> Car | None:
+def _car(loop: Loop, speed: float) -> Car | None:
     """A drive's car at another speed: the damping by drag, which grows with the square of the speed, is in proportion."""
-    if of.car is None:
+    if loop.car is None:
         return None
-    scale = np.array([1.0, 1.0, speed / of.speed])
-    return Car(np.array(of.car) * scale, of.covariance * np.outer(scale, scale))
+    scale = np.array([1.0, 1.0, speed / loop.speed])
+    return Car(np.array(loop.car) * scale, loop.covariance * np.outer(scale, scale))
 
 
 def _mean(cars: Sequence[Car]) -> Car:

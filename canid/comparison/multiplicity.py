@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import norm
 
 from canid.identification.confidence import LEVEL
-from canid.types import Array
+from canid.values.types import Array
 
 # simulated maxima: an adjusted p-value of 0.05 is then known to 0.001
 SIMULATED = 40_000
@@ -97,14 +97,14 @@ def _exceeded(family: Sequence[_Simulated], size: float, left: frozenset[int]) -
     """Probability that one of the statistics that are left is as large."""
     within = 1.0
     for block in family:
-        own = [i for i, k in enumerate(block.members) if k in left]
-        if not own:
+        in_block = [i for i, k in enumerate(block.members) if k in left]
+        if not in_block:
             continue
         each = float(2.0 * norm.sf(size))
-        by_sidak = 1.0 - (1.0 - each) ** len(own)
-        if block.sizes is None or len(own) == 1:
+        by_sidak = 1.0 - (1.0 - each) ** len(in_block)
+        if block.sizes is None or len(in_block) == 1:
             within *= 1.0 - by_sidak
             continue
-        simulated = float(np.sum(block.sizes[:, own].max(axis=1) >= size) + 1) / (SIMULATED + 1)
+        simulated = float(np.sum(block.sizes[:, in_block].max(axis=1) >= size) + 1) / (SIMULATED + 1)
         within *= 1.0 - min(by_sidak, simulated)
     return 1.0 - within

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
-from canid.log_contents import Database
-from canid.parsing import Message
-from canid.signal_columns import MessageKey
+from canid.dbc_text.parsing import Message
+from canid.drive.signal_columns import MessageKey
+from canid.values.log_contents import Database
 from canid.vehicle.j1939 import PROTOCOL, pgn_of
 
 # share of the messages of a file's best bus that another bus must have, for the file to be used there too: a mirrored
@@ -28,10 +29,10 @@ class _Index(NamedTuple):
     by_group: dict[int, list[Message]]  # J1939: parameter group -> messages
 
     def find(self, key: MessageKey) -> list[Message] | None:
-        found = self.by_id.get((key.id, key.extended))
-        if found is None and key.extended and self.by_group:
-            found = self.by_group.get(pgn_of(key.id))
-        return found
+        messages = self.by_id.get((key.id, key.extended))
+        if messages is None and key.extended and self.by_group:
+            messages = self.by_group.get(pgn_of(key.id))
+        return messages
 
 
 class Binding(NamedTuple):
@@ -61,25 +62,24 @@ def bind(files: Sequence[DbcFile], keys: Collection[MessageKey]) -> Binding:
         keys: ids that occur.
 
     Example:
-        >>> from canid.parsing import Message
-        >>> one = DbcFile("a.dbc", None, [Message("A", 1, False, 8, 0.1, ()), Message("B", 2, False, 8, 0.1, ())])
-        >>> bound = bind([one], [MessageKey(0, 1, False), MessageKey(3, 1, False), MessageKey(3, 2, False)])
+        >>> from canid.dbc_text.parsing import Message
+        >>> dbc = DbcFile("a.dbc", None, [Message("A", 1, False, 8, 0.1, ()), Message("B", 2, False, 8, 0.1, ())])
+        >>> bound = bind([dbc], [MessageKey(0, 1, False), MessageKey(3, 1, False), MessageKey(3, 2, False)])
         >>> bound.order
         {0: (0,), 3: (0,)}
     """
-    indices = tuple(_index(one.messages) for one in files)
+    indices = tuple(_index(dbc.messages) for dbc in files)
     buses = sorted({key.bus for key in keys})
-    found = [
-        {bus: sum(index.find(key) is not None for key in keys if key.bus == bus) for bus in buses}
-        for index in indices
-    ]
+    matches = [Counter(dict.fromkeys(buses, 0)) for _ in indices]
+    for index, on in zip(indices, matches, strict=True):
+        on.update(key.bus for key in keys if index.find(key) is not None)
     order: dict[int, list[tuple[bool, int, int]]] = {}
-    for number, (one, on) in enumerate(zip(files, found, strict=True)):
+    for number, (dbc, on) in enumerate(zip(files, matches, strict=True)):
         best = max(on.values(), default=0)
         fits = [bus for bus in buses if on[bus] and on[bus] >= SECOND_BUS_SHARE * best]
-        for bus in fits if one.bus is None else [one.bus]:
-            order.setdefault(bus, []).append((one.bus is None, -on.get(bus, 0), number))
-    ranked = {bus: tuple(number for *_, number in sorted(of)) for bus, of in sorted(order.items())}
+        for bus in fits if dbc.bus is None else [dbc.bus]:
+            order.setdefault(bus, []).append((dbc.bus is None, -on.get(bus, 0), number))
+    ranked = {bus: tuple(number for *_, number in sorted(entries)) for bus, entries in sorted(order.items())}
     return Binding(tuple(files), indices, ranked)
 
 
@@ -87,12 +87,12 @@ def databases(bound: Binding, keys: Iterable[MessageKey]) -> tuple[Database, ...
     """The files, on which buses they are used, and how many of their messages occur there."""
     keys = list(keys)
     out = []
-    for number, one in enumerate(bound.files):
-        on = tuple(bus for bus, numbers in bound.order.items() if number in numbers)
+    for number, dbc in enumerate(bound.files):
+        on = {bus: None for bus, numbers in bound.order.items() if number in numbers}
         names = {
             message.name for key in keys if key.bus in on for message in bound.indices[number].find(key) or ()
         }
-        out.append(Database(one.file, on, one.bus is not None, len(one.messages), len(names)))
+        out.append(Database(dbc.file, tuple(on), dbc.bus is not None, len(dbc.messages), len(names)))
     return tuple(out)
 
 

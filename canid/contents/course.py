@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
 
 # points of a course: a terminal of 200 columns draws no more
 BUCKETS = 128
@@ -37,7 +37,7 @@ def grid(start: float) -> Grid:
     return Grid(start, FIRST_SPAN_S / BUCKETS)
 
 
-def doublings(of: Grid, stop: float) -> int:
+def doublings(grid: Grid, stop: float) -> int:
     """How often the step must double for the grid to hold a time.
 
     Example:
@@ -45,7 +45,7 @@ def doublings(of: Grid, stop: float) -> int:
         (0, 1, 6)
     """
     n = 0
-    while stop - of.start >= of.step * 2**n * BUCKETS:
+    while stop - grid.start >= grid.step * 2**n * BUCKETS:
         n += 1
     return n
 

@@ -12,11 +12,12 @@ from canid.contents import course, message_tally, signal_tally
 from canid.contents.binding import Binding, DbcFile, bind, databases
 from canid.contents.message_tally import Tally
 from canid.contents.signal_tally import SignalTally
-from canid.log_contents import BusContents, LogContents
+from canid.dbc_text.parsing import Message, Signal
+from canid.drive.signal_columns import MessageFrames, MessageKey, by_message, rounds
 from canid.logs import Log
-from canid.parsing import Message, Signal
-from canid.signal_columns import MessageFrames, MessageKey, by_message, rounds
-from canid.types import Columns, Flag
+from canid.values.log_contents import BusContents, LogContents
+from canid.values.types import Columns, Flag
+from canid.values.window import WHOLE, Window
 from canid.vehicle.database import carried
 
 # ids of which a sample of frames is kept (0.5 kB to 16 kB each): complete vehicle networks have some 1000 on all buses
@@ -30,8 +31,7 @@ _FRAME_BITS, _EXTENDED_BITS = 47, 67
 class Wanted(NamedTuple):
     """What of a log is shown; the buses are always those of the whole log."""
 
-    start: float = 0.0  # s
-    stop: float = float("inf")
+    window: Window = WHOLE
     buses: frozenset[int] = frozenset()  # empty: all
     ids: frozenset[int] = frozenset()
     signal: Callable[[str], bool] | None = None  # by "MESSAGE.SIGNAL"; None: all
@@ -61,9 +61,9 @@ def survey(
 
     Example:
         >>> from canid.logs import open_log
-        >>> from canid.vehicle.vehicle_file import shipped
-        >>> found = survey(open_log(shipped().parent / "replay_logs" / "following_lost_lead.blf"))
-        >>> found.frames, len(found.messages), found.messages[0].fields[0].says
+        >>> from canid.values.shipped_files import shipped
+        >>> contents = survey(open_log(shipped().parent / "replay_logs" / "following_lost_lead.blf"))
+        >>> contents.frames, len(contents.messages), contents.messages[0].fields[0].says
         (40486, 7, 'counts up by 1')
     """
     asked = wanted or Wanted()
@@ -72,13 +72,13 @@ def survey(
     tallies: dict[MessageKey, Tally] = {}
     signals: dict[MessageKey, list[SignalTally]] = {}
     bound: Binding | None = None
-    grid = course.grid(asked.start)
-    left_out = signals_left_out = 0
+    grid: course.Grid | None = None
+    left_out = signals_left_out = kept_signals = 0
     came: set[MessageKey] = set()
     for chunks in rounds(log, progress=progress):
         for chunk in chunks:
             _count(chunk, asked, buses, ends)
-        sorted_frames = by_message(chunks, start=asked.start, stop=asked.stop)
+        sorted_frames = by_message(chunks, within=asked.window)
         came.update(list(sorted_frames)[: max(MAX_IDS - len(came), 0)])
         if bound is None:
             bound = bind(files, sorted_frames)
@@ -91,38 +91,42 @@ def survey(
                     left_out += len(frames.t)
                     continue
                 signals[key] = _signals(key, bound, asked)
-                room = MAX_SIGNALS - sum(len(of) for of in signals.values())
-                if room < 0:
-                    signals_left_out -= room
-                    signals[key] = signals[key][:room]
+                room = MAX_SIGNALS - kept_signals
+                signals_left_out += max(len(signals[key]) - room, 0)
+                signals[key] = signals[key][:room]
+                kept_signals += len(signals[key])
             tallies[key] = message_tally.add(tallies.get(key), frames)
             if signals[key]:
                 kept[key] = frames
         if kept:
             newest = max(float(frames.t.max()) for frames in kept.values())
+            if grid is None:
+                grid = course.grid(min(ends) if asked.window.is_whole else asked.window.begin)
             for _ in range(course.doublings(grid, newest)):
                 grid = grid._replace(step=2.0 * grid.step)
-                for one in (one for of in signals.values() for one in of if one.readings):
-                    signal_tally.double(one)
+                for signal in (
+                    signal for of_message in signals.values() for signal in of_message if signal.readings
+                ):
+                    signal_tally.double(signal)
             for key, frames in kept.items():
-                for one in signals[key]:
-                    signal_tally.add(one, frames, grid)
+                for signal in signals[key]:
+                    signal_tally.add(signal, frames, grid)
     bound = bound or bind(files, ())
     start, stop = (min(ends), max(ends)) if ends else (0.0, 0.0)
-    used = min(int((stop - grid.start) / grid.step) + 1, course.BUCKETS)
+    used = min(int((stop - grid.start) / grid.step) + 1, course.BUCKETS) if grid is not None else 0
     named = {key: bound.find(key) for key in tallies}
     messages = tuple(
         message_tally.contents(key, tally, *_names(named[key])) for key, tally in sorted(tallies.items())
     )
     fields = {key: message.fields for key, message in zip(sorted(tallies), messages, strict=True)}
-    seen = [one for key in sorted(signals) for one in signals[key] if one.readings]
+    seen = [signal for key in sorted(signals) for signal in signals[key] if signal.readings]
     return LogContents(
         start,
         stop,
-        sum(of["frames"] for of in buses.values()),
-        tuple(_bus(bus, of, stop - start) for bus, of in sorted(buses.items())),
+        sum(counts["frames"] for counts in buses.values()),
+        tuple(_bus(bus, counts, stop - start) for bus, counts in sorted(buses.items())),
         messages,
-        tuple(signal_tally.contents(one, used, fields) for one in seen),
+        tuple(signal_tally.contents(signal, used, fields) for signal in seen),
         databases(bound, tallies),
         len(came),
         left_out,
@@ -130,14 +134,16 @@ def survey(
     )
 
 
-def _names(found: tuple[str, list[Message]] | None) -> tuple[str, str]:
+def _names(described: tuple[str, list[Message]] | None) -> tuple[str, str]:
     """Message (of a container all that are in it) and file, as they are shown."""
-    return ("", "") if found is None else ("+".join(message.name for message in found[1]), found[0])
+    return (
+        ("", "") if described is None else ("+".join(message.name for message in described[1]), described[0])
+    )
 
 
 def _signals(key: MessageKey, bound: Binding, asked: Wanted) -> list[SignalTally]:
-    found = bound.find(key)
-    if found is None:
+    described = bound.find(key)
+    if described is None:
         return []
 
     def is_wanted(message: Message, signal: Signal) -> bool:
@@ -146,7 +152,7 @@ def _signals(key: MessageKey, bound: Binding, asked: Wanted) -> list[SignalTally
 
     return [
         SignalTally(key, message, signal)
-        for message in found[1]
+        for message in described[1]
         for signal in message.signals
         if is_wanted(message, signal)
     ]
@@ -154,7 +160,7 @@ def _signals(key: MessageKey, bound: Binding, asked: Wanted) -> list[SignalTally
 
 def _count(chunk: Columns, asked: Wanted, buses: dict[int, Counter[str]], ends: list[float]) -> None:
     """Count a chunk's frames of all kinds, by bus; `ends`: their earliest and latest times."""
-    inside = (chunk.t >= asked.start) & (chunk.t <= asked.stop)
+    inside = asked.window.holds(chunk.t)
     if not inside.any():
         return
     t = chunk.t[inside]
@@ -162,17 +168,31 @@ def _count(chunk: Columns, asked: Wanted, buses: dict[int, Counter[str]], ends: 
     bus, flags = chunk.bus[inside], chunk.flags[inside]
     data = np.where(flags & int(Flag.REMOTE), 0, chunk.length[inside])
     bits = 8 * data.astype(np.int64) + np.where(flags & int(Flag.EXTENDED), _EXTENDED_BITS, _FRAME_BITS)
-    for number in np.unique(bus).tolist():
-        rows = bus == number
-        of = buses.setdefault(number, Counter())
-        of["frames"] += int(rows.sum())
-        for name, flag in (("errors", Flag.ERROR), ("remote", Flag.REMOTE), ("fd", Flag.FD)):
-            of[name] += int((flags[rows] & int(flag) != 0).sum())
-        of["bits"] += int(bits[rows & (flags & int(Flag.ERROR) == 0)].sum())
+    numbers, which = np.unique(bus, return_inverse=True)
+    sums = {
+        "frames": np.ones(len(bus), bool),
+        "errors": flags & int(Flag.ERROR) != 0,
+        "remote": flags & int(Flag.REMOTE) != 0,
+        "fd": flags & int(Flag.FD) != 0,
+        "bits": np.where(flags & int(Flag.ERROR), 0, bits),
+    }
+    counts = {
+        name: np.bincount(which, weights, len(numbers)).astype(np.int64) for name, weights in sums.items()
+    }
+    for k, number in enumerate(numbers.tolist()):
+        total = buses.setdefault(number, Counter())
+        for name, count in counts.items():
+            total[name] += int(count[k])
 
 
-def _bus(bus: int, of: Counter[str], duration: float) -> BusContents:
+def _bus(bus: int, counts: Counter[str], duration: float) -> BusContents:
     per_s = 1.0 / duration if duration > 0.0 else float("nan")
     return BusContents(
-        bus, of["frames"], of["frames"] * per_s, of["bits"] * per_s, of["errors"], of["remote"], of["fd"]
+        bus,
+        counts["frames"],
+        counts["frames"] * per_s,
+        counts["bits"] * per_s,
+        counts["errors"],
+        counts["remote"],
+        counts["fd"],
     )

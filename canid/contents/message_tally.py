@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.contents import protection
-from canid.log_contents import MessageContents
-from canid.signal_columns import MessageFrames, MessageKey
-from canid.types import NAN
+from canid.drive.signal_columns import MessageFrames, MessageKey
+from canid.values.log_contents import MessageContents
+from canid.values.types import NAN
 
 MAX_BYTES = 64
 

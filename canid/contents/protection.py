@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.log_contents import Field
+from canid.values.log_contents import Field
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -51,7 +51,7 @@ def fields(data: Bytes) -> tuple[Field, ...]:
         >>> k = np.arange(100)
         >>> data = np.stack([k * k // 7 % 256, k % 16, np.zeros(100)], axis=1).astype(np.uint8)
         >>> data[:, 2] = data[:, 0] + data[:, 1] + 42
-        >>> [(one.kind, one.start, one.length, one.says) for one in fields(data)]
+        >>> [(field.kind, field.start, field.length, field.says) for field in fields(data)]
         [('counter', 8, 4, 'counts up by 1'), ('checksum', 16, 8, 'sum of the other bytes')]
     """
     if len(data) < MIN_FRAMES or not data.shape[1]:
@@ -71,7 +71,7 @@ def fields(data: Bytes) -> tuple[Field, ...]:
 
 
 def _counters(data: Bytes, taken: npt.NDArray[np.bool_]) -> list[Field]:
-    found: list[Field] = []
+    counters: list[Field] = []
     n, width = data.shape
     moving = int.from_bytes(np.bitwise_or.reduce(data ^ data[0], axis=0).tobytes(), "little")
     for bits in COUNTER_BITS:
@@ -96,8 +96,8 @@ def _counters(data: Bytes, taken: npt.NDArray[np.bool_]) -> list[Field]:
             if not step:
                 continue
             taken[start : start + bits] = True
-            found.append(Field("counter", start, bits, f"counts up by {step}"))
-    return sorted(found, key=lambda one: one.start)
+            counters.append(Field("counter", start, bits, f"counts up by {step}"))
+    return sorted(counters, key=lambda counter: counter.start)
 
 
 def _starts(bits: int, width: int) -> range | list[int]:

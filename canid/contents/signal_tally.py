@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from canid.contents import course
-from canid.log_contents import Field, SignalContents
-from canid.parsing import Message, Signal
-from canid.signal_columns import MessageFrames, MessageKey, decode
-from canid.types import NAN, Array
+from canid.dbc_text.parsing import Message, Signal
+from canid.drive.signal_columns import MessageFrames, MessageKey, decode
+from canid.values.log_contents import Field, SignalContents
+from canid.values.types import NAN, Array
+from canid.vehicle.bits import EXACT_BITS, scaled
 from canid.vehicle.database import bits_of
 
 # names that DBC authors give to what protects a message (openpilot, AUTOSAR E2E, Vector)
@@ -34,7 +37,8 @@ class SignalTally:
     signal: Signal
     readings: int = 0
     values: int = 0
-    low: float = float("inf")  # raw numbers, as the next four
+    # raw numbers, as the next five: whole ones of more bits than a double has stay whole
+    low: float = float("inf")
     high: float = -float("inf")
     sum: float = 0.0
     previous: float = NAN
@@ -58,48 +62,71 @@ def double(tally: SignalTally) -> None:
         tally.entry_counts = course.doubled(tally.entry_counts)
 
 
+def _raw(signal: Signal) -> Signal:
+    """The signal in raw numbers; where it is scaled differently on other pages, in raw numbers of its first."""
+    scale = signal.scale or 1.0
+    others = (
+        each._replace(scale=each.scale / scale, offset=(each.offset - signal.offset) / scale)
+        for each in signal.elsewhere
+    )
+    return signal._replace(scale=1.0, offset=0.0, elsewhere=tuple(others))
+
+
 def add(tally: SignalTally, frames: MessageFrames, grid: course.Grid) -> None:
     """Take the next frames of the signal's message."""
     # numbers of the file may be anything; scaled at the end
-    column = decode(tally.message, tally.signal._replace(scale=1.0, offset=0.0), frames)
+    column = decode(tally.message, _raw(tally.signal), frames)
     if column is None or not column.t.size:
         return
-    t, raw = column
+    t, known = column.t, np.isfinite(column.value)
+    # whole numbers stay exact; those of pages that are scaled differently are comparable as doubles alone
+    raw = column.value if tally.signal.elsewhere or tally.signal.length <= EXACT_BITS else column.raw
     tally.readings += raw.size
-    known = np.isfinite(raw)
     tally.no_values += int(raw.size - known.sum())
     if not known.all():
         t, raw = t[known], raw[known]
     if not raw.size:
         return
-    tally.changes += int((raw[1:] != raw[:-1]).sum()) + int(tally.previous == tally.previous != raw[0])
-    tally.previous = float(raw[-1])
+    first, last = raw[[0, -1]].tolist()
+    tally.changes += int((raw[1:] != raw[:-1]).sum()) + int(tally.previous == tally.previous != first)
+    tally.previous = last
     bucket = grid.bucket(t)
     entry = _entries(tally, raw)
     if entry is not None and entry.any():
         if tally.entry_sums is None or tally.entry_counts is None:
             tally.entry_sums, tally.entry_counts = np.zeros(course.BUCKETS), np.zeros(course.BUCKETS)
-        tally.entry_sums += np.bincount(bucket[entry], raw[entry], course.BUCKETS)
+        tally.entry_sums += np.bincount(bucket[entry], raw[entry].astype(np.float64), course.BUCKETS)
         tally.entry_counts += np.bincount(bucket[entry], minlength=course.BUCKETS)
-        tally.entry_low = min(tally.entry_low, float(raw[entry].min()))
-        tally.entry_high = max(tally.entry_high, float(raw[entry].max()))
+        tally.entry_low, tally.entry_high = _ends(tally.entry_low, tally.entry_high, raw[entry])
         raw, bucket = raw[~entry], bucket[~entry]
     if not raw.size:
         return
     tally.values += raw.size
-    tally.low, tally.high = min(tally.low, float(raw.min())), max(tally.high, float(raw.max()))
+    tally.low, tally.high = _ends(tally.low, tally.high, raw)
+    number = raw.astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        tally.sum += float(raw.sum())
-        tally.sums += np.bincount(bucket, raw, course.BUCKETS)
+        tally.sum += float(number.sum())
+        tally.sums += np.bincount(bucket, number, course.BUCKETS)
     tally.counts += np.bincount(bucket, minlength=course.BUCKETS)
 
 
-def _entries(tally: SignalTally, raw: Array) -> npt.NDArray[np.bool_] | None:
+def _ends(low: float, high: float, raw: npt.NDArray[Any]) -> tuple[float, float]:
+    """The range so far, with these; whole numbers stay whole."""
+    least, most = np.array([raw.min(), raw.max()], raw.dtype).tolist()
+    return min(low, least), max(high, most)
+
+
+def _entries(tally: SignalTally, raw: npt.NDArray[Any]) -> npt.NDArray[np.bool_] | None:
     """Which numbers are entries of the value table; counts them."""
     choices = tally.signal.choices
     if not choices:
         return None
-    entry = np.isin(raw, np.fromiter(choices, np.float64, len(choices)))
+    if raw.dtype.kind in "iu":
+        span = np.iinfo(raw.dtype)
+        listed = [number for number in choices if span.min <= number <= span.max]
+    else:
+        listed = list(choices)
+    entry = np.isin(raw, np.array(listed, raw.dtype))
     numbers, counts = np.unique(raw[entry], return_counts=True)
     for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
         if number in tally.entries or len(tally.entries) < MAX_ENTRIES:
@@ -107,8 +134,13 @@ def _entries(tally: SignalTally, raw: Array) -> npt.NDArray[np.bool_] | None:
     return entry
 
 
+def _physical(signal: Signal, raw: float) -> float:
+    """Raw · scale + offset."""
+    return float(scaled(bits_of(signal), np.array([raw], object), signal.scale, signal.offset)[0])
+
+
 def _text(tally: SignalTally, raw: float) -> str:
-    if not np.isfinite(raw) or raw != int(raw):
+    if not math.isfinite(raw) or raw != int(raw):
         return ""
     return tally.signal.choices.get(int(raw), "")
 
@@ -128,7 +160,7 @@ def contents(tally: SignalTally, used: int, fields: Mapping[MessageKey, tuple[Fi
         text = _text(tally, raw)
         texts[text] = texts.get(text, 0) + count
     with np.errstate(over="ignore", invalid="ignore"):
-        physical = [x * scale + offset for x in ends]
+        physical = [_physical(tally.signal, x) for x in ends]
         along = course.means(sums, counts, used) * scale + offset
     return SignalContents(
         bus=tally.key.bus,
@@ -141,7 +173,7 @@ def contents(tally: SignalTally, used: int, fields: Mapping[MessageKey, tuple[Fi
         low=min(physical),
         high=max(physical),
         mean=total / values * scale + offset if values else NAN,
-        last=tally.previous * scale + offset,
+        last=_physical(tally.signal, tally.previous),
         changes=tally.changes,
         low_text=_text(tally, ends[0] if scale >= 0 else ends[1]),
         high_text=_text(tally, ends[1] if scale >= 0 else ends[0]),
@@ -163,7 +195,7 @@ def _protects(tally: SignalTally, fields: tuple[Field, ...]) -> str:
         return "counter" if named["counter"] else "checksum"
     bits = bits_of(tally.signal)
     first = bits.start - bits.length + 1 if bits.motorola else bits.start  # of a signal within one byte
-    for one in fields:
-        if (one.start, one.length) == (first, bits.length):
-            return one.kind
+    for bit_field in fields:
+        if (bit_field.start, bit_field.length) == (first, bits.length):
+            return bit_field.kind
     return ""

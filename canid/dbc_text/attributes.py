@@ -22,37 +22,37 @@ class Attributes(NamedTuple):
     choices: dict[str, list[str]]  # texts of enumerations
 
 
-def text_of(of: Attributes, name: str, key: Key | None, signal: str = "") -> str:
+def text_of(attributes: Attributes, name: str, key: Key | None, signal: str = "") -> str:
     """The value, else the default; of an enumeration its text; empty where there is none."""
-    value = of.values.get((name, key, signal), of.defaults.get(name, ""))
-    texts, place = of.choices.get(name), integer(value)
+    value = attributes.values.get((name, key, signal), attributes.defaults.get(name, ""))
+    texts, place = attributes.choices.get(name), integer(value)
     return texts[place] if texts and place is not None and 0 <= place < len(texts) else value
 
 
-def period(of: Attributes, key: Key) -> float:
+def period(attributes: Attributes, key: Key) -> float:
     """Cycle time in s; NaN where the file says none."""
-    value = number(text_of(of, "GenMsgCycleTime", key))
+    value = number(text_of(attributes, "GenMsgCycleTime", key))
     return value / 1000 if value else math.nan
 
 
-def protocol(of: Attributes, key: Key) -> str:
+def protocol(attributes: Attributes, key: Key) -> str:
     """The protocol of a message, as `declared` decides it.
 
     Example:
         >>> protocol(Attributes({("ProtocolType", None, ""): "J1939"}, {}, {}), (0x18F004FE, True))
         'j1939'
     """
-    own = ("VFrameFormat", key, "") in of.values
-    file_wide = text_of(of, "ProtocolType", None)
-    return declared(text_of(of, "VFrameFormat", key), own, file_wide, key[1])
+    by_message = ("VFrameFormat", key, "") in attributes.values
+    file_wide = text_of(attributes, "ProtocolType", None)
+    return declared(text_of(attributes, "VFrameFormat", key), by_message, file_wide, key[1])
 
 
-def declared(frame_format: str, own: bool, file_wide: str, extended: bool) -> str:
+def declared(frame_format: str, by_message: bool, file_wide: str, extended: bool) -> str:
     """The protocol that the attributes of a DBC declare.
 
     Args:
         frame_format: text or number of VFrameFormat of the message.
-        own: whether the message itself has it (else it is the default of the file).
+        by_message: whether the message itself has it (else it is the default of the file).
         file_wide: ProtocolType of the file.
         extended: whether the message has a 29-bit id; no other is J1939.
 
@@ -64,9 +64,9 @@ def declared(frame_format: str, own: bool, file_wide: str, extended: bool) -> st
         return ""
     if frame_format in ("J1939PG", str(_J1939_FORMAT)):
         return J1939
-    return J1939 if file_wide.strip().lower() == J1939 and not own else ""
+    return J1939 if file_wide.strip().lower() == J1939 and not by_message else ""
 
 
-def spn(of: Attributes, key: Key, signal: str) -> int:
+def spn(attributes: Attributes, key: Key, signal: str) -> int:
     """Suspect parameter number of a signal; 0 where there is none."""
-    return integer(text_of(of, "SPN", key, signal)) or 0
+    return integer(text_of(attributes, "SPN", key, signal)) or 0

@@ -26,12 +26,12 @@ def long_headers(text: str) -> frozenset[str]:
         >>> long_headers(f"<CONTAINER-I-PDU>{pdu}</CONTAINER-I-PDU>")
         frozenset({'A'})
     """
-    found = set()
+    containers = set()
     for match in _CONTAINER.finditer(text):
         name = _NAME.search(match[0])
         if name and _LONG.search(match[0]):
-            found.add(name[1])
-    return frozenset(found)
+            containers.add(name[1])
+    return frozenset(containers)
 
 
 def with_short_headers(text: str) -> str:
@@ -48,14 +48,14 @@ def _short_id(match: re.Match[str]) -> str:
 
 def long_ids(text: str) -> dict[str, int]:
     """The ids in long headers of the PDUs of an ARXML, by name."""
-    found = {}
+    ids = {}
     for match in _PROPERTIES.finditer(text):
         number = _LONG_ID.search(match[0])
         before = text[max(0, match.start() - _MAX_BEFORE) : match.start()]
         names = _NAME.findall(before)
         if number and names:
-            found[names[-1]] = int(number[1], 0)
-    return found
+            ids[names[-1]] = int(number[1], 0)
+    return ids
 
 
 def container_of(message: Any, part: Any, long: Collection[str], ids: Mapping[str, int]) -> Container:

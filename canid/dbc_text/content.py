@@ -24,6 +24,12 @@ class Signal(NamedTuple):
     multiplexer: str | None  # name of the selector
     pages: tuple[int, ...]  # raw numbers of the selector with which it comes
     spn: int = 0  # J1939: suspect parameter number; 0: not in the file
+    elsewhere: tuple[Signal, ...] = ()  # the same on other pages, where it lies or is scaled differently
+
+    @property
+    def meanings(self) -> dict[float, str]:
+        """The value table, by physical values."""
+        return {raw * self.scale + self.offset: text for raw, text in self.choices.items()}
 
 
 class Container(NamedTuple):

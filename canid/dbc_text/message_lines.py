@@ -68,18 +68,18 @@ def message_line(text: str) -> MessageLine | str:
     id_ = int(number_text, 0 if number_text[:2] in ("0x", "0X") else 10)
     if number_text[:2] in ("0x", "0X"):
         fixes.append(("hex", f"id {id_}"))
-    found = frame_id(id_)
-    if isinstance(found, str):
-        return found
+    frame = frame_id(id_)
+    if isinstance(frame, str):
+        return frame
     if not length_text.isascii() or not length_text.isdigit() or len(length_text) > 9:
         return f"its length {length_text[:20]!r} is no number of bytes"
-    if found[1] and not id_ & EXTENDED_FLAG:
-        fixes.append(("flag", f"29-bit id 0x{found[0]:X}"))
+    if frame[1] and not id_ & EXTENDED_FLAG:
+        fixes.append(("flag", f"29-bit id 0x{frame[0]:X}"))
     name, fix = name_of(raw_name)
     fixes += fix
     if not sender or not re.match(r"[A-Za-z_]\w*", sender):
         fixes.append(("receiver", "a message without a sender"))
-    return MessageLine(*found, name, int(length_text), tuple(fixes))
+    return MessageLine(*frame, name, int(length_text), tuple(fixes))
 
 
 def frame_id(number_in_file: int) -> tuple[int, bool] | str:

@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     from canid.dbc_text.tolerant_reader import Found, Lines
 
 
-def assembled(lines: Lines, found: Found) -> list[Message]:
+def assembled(lines: Lines, dbc: Found) -> list[Message]:
     """Put one message together; none where a statement on it cannot be read."""
     key = (lines.message.id, lines.message.extended)
-    if (key, "") in found.unclear:
-        why = f"line {found.unclear[key, ''].line} describes it and cannot be read; the message is left out"
-        found.left_out.append(Repair(lines.line, "", lines.message.name[:60], why))
+    if (key, "") in dbc.unclear:
+        why = f"line {dbc.unclear[key, ''].line} describes it and cannot be read; the message is left out"
+        dbc.left_out.append(Repair(lines.line, "", lines.message.name[:60], why))
         return []
-    name = found.attributes.values.get(("SystemMessageLongSymbol", key, "")) or lines.message.name
-    signals = _signals(lines, key, found)
+    name = dbc.attributes.values.get(("SystemMessageLongSymbol", key, "")) or lines.message.name
+    signals = _signals(lines, key, dbc)
     return [
         Message(
             name,
             *key,
             lines.message.length,
-            attributes.period(found.attributes, key),
+            attributes.period(dbc.attributes, key),
             tuple(sorted(signals, key=_start)),
-            attributes.protocol(found.attributes, key),
+            attributes.protocol(dbc.attributes, key),
         )
     ]
 
@@ -40,11 +40,11 @@ def _start(signal: Signal) -> int:
     return 8 * (signal.start // 8) + 7 - signal.start % 8 if signal.motorola else signal.start
 
 
-def _signals(lines: Lines, key: Key, found: Found) -> list[Signal]:
+def _signals(lines: Lines, key: Key, dbc: Found) -> list[Signal]:
     given: dict[str, dict[str, list[int]]] = {}  # selector -> signal -> pages
-    for _, page in found.pages.get(key, ()):
+    for _, page in dbc.pages.get(key, ()):
         given.setdefault(page.selector, {})[page.signal] = page.numbers
-    selector_of = {name: selector for selector, of in given.items() for name in of}
+    selector_of = {name: selector for selector, by_signal in given.items() for name in by_signal}
     selectors = [signal.name for _, _, signal in lines.signals if signal.marker.endswith("M")]
     only = selectors[0] if len(selectors) == 1 else None
     names = {signal.name for _, _, signal in lines.signals}
@@ -53,16 +53,16 @@ def _signals(lines: Lines, key: Key, found: Found) -> list[Signal]:
         selector = None
         if signal.marker:
             selector = selector_of.get(signal.name) if only is None else only if signal.name != only else None
-        why = _trouble(signal, selector, key, names, given, found)
+        why = _trouble(signal, selector, key, names, given, dbc)
         if why:
-            found.left_out.append(Repair(line, "", quoted(text), f"{why}; the signal is left out"))
+            dbc.left_out.append(Repair(line, "", quoted(text), f"{why}; the signal is left out"))
             continue
         numbers: set[int] = set()
         if selector is not None:
             if only is not None and signal.marker[1:].isdigit():
                 numbers.add(int(signal.marker[1:]))
             numbers.update(given.get(selector, {}).get(signal.name, ()))
-        out.append(_made(signal, selector, numbers, key, found))
+        out.append(_made(signal, selector, numbers, key, dbc))
     return out
 
 
@@ -72,11 +72,11 @@ def _trouble(
     key: Key,
     names: set[str],
     given: Mapping[str, Mapping[str, list[int]]],
-    found: Found,
+    dbc: Found,
 ) -> str:
     """Why a signal has no one meaning; empty where it has."""
-    if (key, signal.name) in found.unclear:
-        return f"line {found.unclear[key, signal.name].line} describes it and cannot be read"
+    if (key, signal.name) in dbc.unclear:
+        return f"line {dbc.unclear[key, signal.name].line} describes it and cannot be read"
     if selector is not None and selector not in names:
         return f"its multiplexer {selector[:60]} cannot be read or does not exist"
     paged = given.get(selector, {}) if selector is not None else {}
@@ -87,17 +87,17 @@ def _trouble(
     return ""
 
 
-def _made(signal: SignalLine, selector: str | None, pages: set[int], key: Key, found: Found) -> Signal:
+def _made(signal: SignalLine, selector: str | None, pages: set[int], key: Key, dbc: Found) -> Signal:
     def long_name(name: str) -> str:
-        return found.attributes.values.get(("SystemSignalLongSymbol", key, name)) or name
+        return dbc.attributes.values.get(("SystemSignalLongSymbol", key, name)) or name
 
-    entry = found.texts.get((key, signal.name))
+    entry = dbc.texts.get((key, signal.name))
     texts = {} if entry is None else entry[1]
     if entry is not None and entry[2]:
-        texts = found.tables.get(entry[2], {})
+        texts = dbc.tables.get(entry[2], {})
         now = f"value table {entry[2]}" if texts else "no value table"
-        found.repairs.append(Repair(entry[0].line, "table", quoted(entry[0].text), now))
-    floating = found.floats.get((key, signal.name))
+        dbc.repairs.append(Repair(entry[0].line, "table", quoted(entry[0].text), now))
+    floating = dbc.floats.get((key, signal.name))
     return Signal(
         name=long_name(signal.name),
         start=signal.start,
@@ -114,5 +114,5 @@ def _made(signal: SignalLine, selector: str | None, pages: set[int], key: Key, f
         is_multiplexer=signal.marker.endswith("M"),
         multiplexer=None if selector is None else long_name(selector),
         pages=tuple(sorted(pages)),
-        spn=attributes.spn(found.attributes, key, signal.name),
+        spn=attributes.spn(dbc.attributes, key, signal.name),
     )

@@ -60,7 +60,7 @@ def pair(text: str) -> tuple[float, float] | None:
         _both(with_comma(f"{parts[0]},{parts[1]}"), number(parts[2])),
         _both(number(parts[0]), with_comma(f"{parts[1]},{parts[2]}")),
     )
-    possible = [one for one in readings if one is not None and one[0] != 0.0]
+    possible = [reading for reading in readings if reading is not None and reading[0] != 0.0]
     return possible[0] if len(possible) == 1 else None
 
 

@@ -14,8 +14,8 @@ def overlaps(message: Message) -> bool:
     """Whether two signals that come together share bits, or one ends behind the message.
 
     Example:
-        >>> one = Signal("A", 0, 8, False, False, False, 1.0, 0.0, None, None, "", {}, False, None, ())
-        >>> overlaps(Message("M", 1, False, 8, 0.1, (one, one._replace(start=4))))
+        >>> signal = Signal("A", 0, 8, False, False, False, 1.0, 0.0, None, None, "", {}, False, None, ())
+        >>> overlaps(Message("M", 1, False, 8, 0.1, (signal, signal._replace(start=4))))
         True
     """
     bits = 8 * message.length
@@ -52,15 +52,15 @@ def _mask(signal: Signal, bits: int) -> int | None:
 
 
 def _pages(signal: Signal, known: dict[str, Signal]) -> dict[str, frozenset[int]]:
-    found: dict[str, frozenset[int]] = {}
-    while signal.multiplexer is not None and len(found) < _MAX_DEPTH and signal.multiplexer not in found:
-        found[signal.multiplexer] = frozenset(signal.pages)
+    pages: dict[str, frozenset[int]] = {}
+    while signal.multiplexer is not None and len(pages) < _MAX_DEPTH and signal.multiplexer not in pages:
+        pages[signal.multiplexer] = frozenset(signal.pages)
         parent = known.get(signal.multiplexer)
         if parent is None:
             break
         signal = parent
-    return found
+    return pages
 
 
-def _together(one: dict[str, frozenset[int]], other: dict[str, frozenset[int]]) -> bool:
-    return all(not other.get(name, pages).isdisjoint(pages) for name, pages in one.items())
+def _together(first: dict[str, frozenset[int]], other: dict[str, frozenset[int]]) -> bool:
+    return all(not other.get(name, pages).isdisjoint(pages) for name, pages in first.items())

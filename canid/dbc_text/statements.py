@@ -19,7 +19,6 @@ _KEYWORD = "(?:" + "|".join(_KEYWORDS) + ")(?![A-Za-z0-9_])"
 _LINE_WITH_KEYWORD = re.compile(rf"\n[ \t]*(?={_KEYWORD})")
 _BLANK = re.compile(r"(?:\s|//[^\n]*)*+")
 _AT_KEYWORD = re.compile(_KEYWORD)
-_LINE = re.compile(r"[^\n]*")
 # names alone, below NS_ and in lists that are continued on the next line
 _WORDS = re.compile(r"(?:\n[ \t]*[A-Za-z_][A-Za-z0-9_]*[ \t]*(?=\n|$))*+")
 _LIST = re.compile(rf'(?:\n(?![ \t]*{_KEYWORD})[ \t]*(?:[A-Za-z_][\w, \t]*(?=\n|$)|[\[("@|][^\n]*))*+')
@@ -77,17 +76,17 @@ def divided(text: str) -> Statements:
         The statements, and what was repaired to find their ends: missing semicolons, quotes in comments.
 
     Example:
-        >>> found = divided('CM_ "a "quoted" word";' + chr(10) + "BO_ 1 X: 8 Y")
-        >>> [(one.keyword, one.line) for one in found.statements], found.repairs[0].kind
+        >>> text = divided('CM_ "a "quoted" word";' + chr(10) + "BO_ 1 X: 8 Y")
+        >>> [(statement.keyword, statement.line) for statement in text.statements], text.repairs[0].kind
         ([('CM_', 1), ('BO_', 2)], 'comment')
     """
     feeds = [match.start() for match in re.finditer("\n", text)]
     repairs: list[Repair] = []
-    found = [
+    statements = [
         Statement(keyword, bisect_right(feeds, begin - 1) + 1, text[begin:end])
         for keyword, begin, end in _spans(text, feeds, repairs)
     ]
-    return Statements(found, repairs)
+    return Statements(statements, repairs)
 
 
 def _spans(text: str, feeds: list[int], repairs: list[Repair]) -> Iterator[tuple[str, int, int]]:

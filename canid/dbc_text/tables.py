@@ -62,8 +62,8 @@ class Attribute(NamedTuple):
 
 def key_of(text: str) -> Key | None:
     """The key of an id as a file writes it."""
-    found = frame_id(int(text, 16) if text[:2] in ("0x", "0X") else int(text))
-    return None if isinstance(found, str) else found
+    key = frame_id(int(text, 16) if text[:2] in ("0x", "0X") else int(text))
+    return None if isinstance(key, str) else key
 
 
 def values(text: str) -> Values | None:
@@ -80,8 +80,8 @@ def values(text: str) -> Values | None:
     by_name = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*;?\s*", match["rest"])
     if by_name:
         return Values(key, match["name"], {}, by_name[1])
-    found = texts(match["rest"])
-    return None if found is None else Values(key, match["name"], found)
+    value_texts = texts(match["rest"])
+    return None if value_texts is None else Values(key, match["name"], value_texts)
 
 
 def is_of_variable(text: str) -> bool:
@@ -92,21 +92,21 @@ def is_of_variable(text: str) -> bool:
 def value_table(text: str) -> tuple[str, dict[int, str]] | None:
     """Parse VAL_TABLE_."""
     match = _TABLE.match(text)
-    found = texts(match["rest"]) if match else None
-    return None if match is None or found is None else (match["name"], found)
+    value_texts = texts(match["rest"]) if match else None
+    return None if match is None or value_texts is None else (match["name"], value_texts)
 
 
 def texts(text: str) -> dict[int, str] | None:
     """Parse pairs of a number and a text, up to the semicolon."""
-    found: dict[int, str] = {}
+    by_number: dict[int, str] = {}
     position = 0
     while match := _PAIR.match(text, position):
         number = integer(match[1])
         if number is None:
             return None
-        found[number] = match[2].replace('\\"', '"')
+        by_number[number] = match[2].replace('\\"', '"')
         position = match.end()
-    return found if text[position:].strip() in ("", ";") else None
+    return by_number if text[position:].strip() in ("", ";") else None
 
 
 def value_type(text: str) -> tuple[Key, str, bool] | None:

@@ -51,129 +51,133 @@ def read_tolerantly(text: str) -> Content:
         Its messages as cantools would give them for the repaired text; what was repaired; what was left out.
 
     Example:
-        >>> found = read_tolerantly('BO_ 201326642 2017_5: 8 X' + chr(10) + ' SG_ 0_S : 7|8@0+ (.5,0) [0|1] "km/h" X')
-        >>> found.messages[0][:3], found.messages[0].signals[0].scale, [one.kind for one in found.repairs]
+        >>> content = read_tolerantly('BO_ 201326642 2017_5: 8 X' + chr(10) + ' SG_ 0_S : 7|8@0+ (.5,0) [0|1] "km/h" X')
+        >>> content.messages[0][:3], content.messages[0].signals[0].scale, [repair.kind for repair in content.repairs]
         (('2017_5', 201326642, True), 0.5, ['flag', 'name', 'name', 'number'])
     """
     parts = divided(text)
-    found = Found([], {}, {}, {}, {}, {}, Attributes({}, {}, {}), [*parts.repairs], [])
+    dbc = Found([], {}, {}, {}, {}, {}, Attributes({}, {}, {}), [*parts.repairs], [])
     current: Lines | None = None
-    for one in parts.statements:
-        if one.keyword == "BO_":
-            current = _message(one, found)
-        elif one.keyword == "SG_":
-            _signal(one, current, found)
-        elif one.keyword:
-            _further(one, found)
-        elif is_remark(one.text):
-            found.repairs.append(Repair(one.line, "comment", quoted(one.text), "a comment"))
+    for statement in parts.statements:
+        if statement.keyword == "BO_":
+            current = _message(statement, dbc)
+        elif statement.keyword == "SG_":
+            _signal(statement, current, dbc)
+        elif statement.keyword:
+            _further(statement, dbc)
+        elif is_remark(statement.text):
+            dbc.repairs.append(Repair(statement.line, "comment", quoted(statement.text), "a comment"))
         else:
             # it may have been the line of a message: signals that follow are not those of the message before
             current = None
-            _leave_out(one, "no statement of a DBC", found)
+            _leave_out(statement, "no statement of a DBC", dbc)
     messages: list[Message] = []
-    for lines in found.messages:
-        messages += assembled(lines, found)
-    _unused(found)
-    found.repairs.sort()
-    found.left_out.sort()
+    for lines in dbc.messages:
+        messages += assembled(lines, dbc)
+    _unused(dbc)
+    dbc.repairs.sort()
+    dbc.left_out.sort()
     bad = [message.name for message in messages if overlaps(message)]
-    return Content(tuple(messages), (), tuple(bad), tuple(found.repairs), tuple(found.left_out))
+    return Content(tuple(messages), (), tuple(bad), tuple(dbc.repairs), tuple(dbc.left_out))
 
 
-def _leave_out(one: Statement, why: str, found: Found) -> None:
-    found.left_out.append(Repair(one.line, "", quoted(one.text), why))
+def _leave_out(statement: Statement, why: str, dbc: Found) -> None:
+    dbc.left_out.append(Repair(statement.line, "", quoted(statement.text), why))
 
 
-def _message(one: Statement, found: Found) -> Lines | None:
-    parsed = message_line(one.text)
+def _message(statement: Statement, dbc: Found) -> Lines | None:
+    parsed = message_line(statement.text)
     if isinstance(parsed, str):
-        if _UNASSIGNED not in one.text:
-            _leave_out(one, f"{parsed}; the message is left out", found)
+        if _UNASSIGNED not in statement.text:
+            _leave_out(statement, f"{parsed}; the message is left out", dbc)
         return None
     if parsed.name == _UNASSIGNED:
         return None
-    found.repairs.extend(Repair(one.line, kind, quoted(one.text), now) for kind, now in parsed.fixes)
-    lines = Lines(one.line, parsed, [], set())
-    found.messages.append(lines)
+    dbc.repairs.extend(
+        Repair(statement.line, kind, quoted(statement.text), now) for kind, now in parsed.fixes
+    )
+    lines = Lines(statement.line, parsed, [], set())
+    dbc.messages.append(lines)
     return lines
 
 
-def _signal(one: Statement, message: Lines | None, found: Found) -> None:
+def _signal(statement: Statement, message: Lines | None, dbc: Found) -> None:
     if message is None:
         return  # of a message that was left out
-    parsed = signal_line(one.text)
+    parsed = signal_line(statement.text)
     if isinstance(parsed, str):
-        message.lost.add(name_in(one.text))
-        _leave_out(one, f"{parsed}; the signal is left out", found)
+        message.lost.add(name_in(statement.text))
+        _leave_out(statement, f"{parsed}; the signal is left out", dbc)
         return
-    found.repairs.extend(Repair(one.line, kind, quoted(one.text), now) for kind, now in parsed.fixes)
-    message.signals.append((one.line, one.text, parsed))
+    dbc.repairs.extend(
+        Repair(statement.line, kind, quoted(statement.text), now) for kind, now in parsed.fixes
+    )
+    message.signals.append((statement.line, statement.text, parsed))
 
 
-def _further(one: Statement, found: Found) -> None:
-    reader = _READERS.get(one.keyword)
-    if reader is not None and not reader(one, found):
-        about = tables.subject(one.text)
-        if one.keyword in ("SIG_VALTYPE_", "SG_MUL_VAL_"):
+def _further(statement: Statement, dbc: Found) -> None:
+    reader = _READERS.get(statement.keyword)
+    if reader is not None and not reader(statement, dbc):
+        about = tables.subject(statement.text)
+        if statement.keyword in ("SIG_VALTYPE_", "SG_MUL_VAL_"):
             if about is not None:
-                found.unclear[about] = one
-            _leave_out(one, "it cannot be read; the signal that it describes is left out", found)
-        elif one.keyword in ("VAL_", "VAL_TABLE_"):
-            _leave_out(one, "it cannot be read; the signal has no value table", found)
+                dbc.unclear[about] = statement
+            _leave_out(statement, "it cannot be read; the signal that it describes is left out", dbc)
+        elif statement.keyword in ("VAL_", "VAL_TABLE_"):
+            _leave_out(statement, "it cannot be read; the signal has no value table", dbc)
         else:
-            found.repairs.append(Repair(one.line, "attribute", quoted(one.text), "left out"))
+            dbc.repairs.append(Repair(statement.line, "attribute", quoted(statement.text), "left out"))
 
 
-def _values(one: Statement, found: Found) -> bool:
-    parsed = tables.values(one.text)
+def _values(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.values(statement.text)
     if parsed is None:
-        return tables.is_of_variable(one.text)
+        return tables.is_of_variable(statement.text)
     if parsed.texts or parsed.table:
-        found.texts[parsed.key, parsed.signal] = one, parsed.texts, parsed.table
+        dbc.texts[parsed.key, parsed.signal] = statement, parsed.texts, parsed.table
     return True
 
 
-def _table(one: Statement, found: Found) -> bool:
-    parsed = tables.value_table(one.text)
+def _table(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.value_table(statement.text)
     if parsed is not None:
-        found.tables[parsed[0]] = parsed[1]
+        dbc.tables[parsed[0]] = parsed[1]
     return parsed is not None
 
 
-def _type(one: Statement, found: Found) -> bool:
-    parsed = tables.value_type(one.text)
+def _type(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.value_type(statement.text)
     if parsed is not None:
-        found.floats[parsed[0], parsed[1]] = one, parsed[2]
+        dbc.floats[parsed[0], parsed[1]] = statement, parsed[2]
     return parsed is not None
 
 
-def _pages(one: Statement, found: Found) -> bool:
-    parsed = tables.pages(one.text)
+def _pages(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.pages(statement.text)
     if parsed is not None:
-        found.pages.setdefault(parsed.key, []).append((one, parsed))
+        dbc.pages.setdefault(parsed.key, []).append((statement, parsed))
     return parsed is not None
 
 
-def _attribute(one: Statement, found: Found) -> bool:
-    parsed = tables.attribute(one.text)
+def _attribute(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.attribute(statement.text)
     if parsed is not None:
-        found.attributes.values[parsed.name, parsed.key, parsed.signal] = parsed.value
+        dbc.attributes.values[parsed.name, parsed.key, parsed.signal] = parsed.value
     # of nodes and variables: not needed
-    return parsed is not None or " BU_" in one.text or " EV_" in one.text
+    return parsed is not None or " BU_" in statement.text or " EV_" in statement.text
 
 
-def _default(one: Statement, found: Found) -> bool:
-    parsed = tables.default(one.text)
+def _default(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.default(statement.text)
     if parsed is not None:
-        found.attributes.defaults[parsed[0]] = parsed[1]
+        dbc.attributes.defaults[parsed[0]] = parsed[1]
     return parsed is not None
 
 
-def _definition(one: Statement, found: Found) -> bool:
-    parsed = tables.choices(one.text)
+def _definition(statement: Statement, dbc: Found) -> bool:
+    parsed = tables.choices(statement.text)
     if parsed is not None:
-        found.attributes.choices[parsed[0]] = parsed[1]
+        dbc.attributes.choices[parsed[0]] = parsed[1]
     return True
 
 
@@ -188,16 +192,20 @@ _READERS: dict[str, Callable[[Statement, Found], bool]] = {
 }
 
 
-def _unused(found: Found) -> None:
+def _unused(dbc: Found) -> None:
     known = {
         ((lines.message.id, lines.message.extended), signal.name)
-        for lines in found.messages
+        for lines in dbc.messages
         for _, _, signal in lines.signals
     }
-    for one, about in [
-        *((entry[0], key) for key, entry in found.texts.items()),
-        *((entry[0], key) for key, entry in found.floats.items()),
-        *((one, (key, page.signal)) for key, of in found.pages.items() for one, page in of),
+    for statement, about in [
+        *((entry[0], key) for key, entry in dbc.texts.items()),
+        *((entry[0], key) for key, entry in dbc.floats.items()),
+        *(
+            (statement, (key, page.signal))
+            for key, entries in dbc.pages.items()
+            for statement, page in entries
+        ),
     ]:
         if about not in known:
-            found.repairs.append(Repair(one.line, "unused", quoted(one.text), "left out"))
+            dbc.repairs.append(Repair(statement.line, "unused", quoted(statement.text), "left out"))

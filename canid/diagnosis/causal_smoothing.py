@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 # (m/s³)²·s; what lies between a calm motorway and brisk town traffic is tried, and the likeliest taken
 JERKS = (0.03, 0.1, 0.3, 1.0, 3.0)
@@ -102,12 +102,12 @@ def settled(jerk: float, gap_sd: float, rate_sd: float, dt: float) -> Filter:
 
 
 def run(
-    of: Filter, gap: Array, rate: Array, new: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    settled: Filter, gap: Array, rate: Array, new: np.ndarray[tuple[int], np.dtype[np.bool_]]
 ) -> tuple[Array, Array]:
     """Filter.
 
     Args:
-        of: a settled filter.
+        settled: a settled filter.
         gap: (n,) m, NaN where nothing was reported.
         rate: (n,) m/s, NaN likewise.
         new: (n,) another target from here on.
@@ -115,8 +115,8 @@ def run(
     Returns:
         states (n, 3) and innovations (n, 2), the latter NaN where there are none.
     """
-    (_, f01, f02), (_, _, f12) = of.F[0].tolist(), of.F[1].tolist()
-    (g00, g01), (g10, g11), (g20, g21) = of.G.tolist()
+    (_, f01, f02), (_, _, f12) = settled.F[0].tolist(), settled.F[1].tolist()
+    (g00, g01), (g10, g11), (g20, g21) = settled.G.tolist()
     out, innovations = [], []
     x = v = a = 0.0
     started, blind = False, not np.isfinite(gap).any()
@@ -135,10 +135,10 @@ def run(
     return np.array(out), np.array(innovations)
 
 
-def unlikely(of: Filter, innovations: Array) -> float:
+def unlikely(settled: Filter, innovations: Array) -> float:
     """−2 log likelihood of the innovations, of those columns that were ever measured."""
     measured = np.isfinite(innovations).any(axis=0)
-    i, S = innovations[:, measured], of.S[np.ix_(measured, measured)]
+    i, S = innovations[:, measured], settled.S[np.ix_(measured, measured)]
     i = i[np.isfinite(i).all(axis=1)]
     # what no Gaussian holds (a jump) must not choose the motion
     distance = np.minimum(np.einsum("ni,ij,nj->n", i, np.linalg.inv(S), i), 25.0)
@@ -168,7 +168,9 @@ def lagged(
     tried = [JERKS if jerks is None else (jerk,) for jerk in jerks or (0.0, 0.0)]
     pair = followed(gap, rate, new, lags, dt, tried[0])
     lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt, tried[1])
-    gaps, rates, accels = (np.asfortranarray(of.x[:, :, k].T) for of, k in ((pair, 0), (pair, 1), (lead, 2)))
+    gaps, rates, accels = (
+        np.asfortranarray(smoothed.x[:, :, k].T) for smoothed, k in ((pair, 0), (pair, 1), (lead, 2))
+    )
     return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1], (pair.jerk, lead.jerk))
 
 
@@ -213,9 +215,9 @@ def followed(
     for k in range(1, lags):
         # x(t−k | t) = x(t−k | t−k) + C (x(t−k+1 | t) − F x(t−k | t−k)), the same C at every step once settled
         then = np.maximum(np.arange(n) - k, first)
-        own = states[then]
+        filtered = states[then]
         later = out[k - 1]
-        smoothed = own + (later - own @ chosen.F.T) @ chosen.C.T
+        smoothed = filtered + (later - filtered @ chosen.F.T) @ chosen.C.T
         # before the target's first report it stood where that says
         out[k] = np.where((np.arange(n) - k >= first)[:, None], smoothed, out[k - 1])
         P = chosen.P + chosen.C @ (P - chosen.ahead) @ chosen.C.T

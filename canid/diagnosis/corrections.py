@@ -1,7 +1,8 @@
-"""Diagnosis of sensors and vehicle before the driver's, and the trace corrected by the findings of the sensors."""
+"""Diagnosis of sensors and vehicle before the driver's; the trace corrected by what was found, and what of it is usable."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ from canid.diagnosis.sensing.sensing_block import SensingFindings
 from canid.diagnosis.vehicle import vehicle_block
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.effects.effect import Effect
-from canid.findings import Finding, Flags, Masked
-from canid.types import Trace
+from canid.values.findings import Blocked, Finding, Flags, Masked, masked_for
+from canid.values.numbers import number
+from canid.values.types import Trace
 
 # gap and range rate are smoothed jointly: where one is wrong, only the reports themselves can be corrected
 SMOOTHED = ("gap", "range_rate")
@@ -28,6 +30,77 @@ class Context(NamedTuple):
     sensing: SensingFindings
     vehicle: Vehicle
     steps: tuple[str, ...]
+    remnant: Blocked | None = (
+        None  # of a task in which only the mean law of the driver is diagnosed; None: all is
+    )
+
+    @property
+    def whole(self) -> bool:
+        """Is the whole loop diagnosed, not the driver alone?"""
+        return self.remnant is None
+
+
+class Several(NamedTuple):
+    """Drives on one trace."""
+
+    spans: tuple[tuple[float, float], ...] = ()  # s, [begin, end) of each; (): it is one
+    names: tuple[str, ...] = ()
+
+    @property
+    def begins(self) -> tuple[float, ...]:
+        """Of each further drive, s."""
+        return tuple(begin for begin, _ in self.spans[1:])
+
+
+class Settings(NamedTuple):
+    """What is asked of a diagnosis."""
+
+    catalogue: tuple[Effect, ...]  # effects that may be named
+    minimum: float  # s of driving that must be there
+    progress: Callable[[float], None]  # is given the fraction of the replicates that are done
+    rivals: bool = False  # calibrate published models as well
+    several: Several = Several()
+    null_gain: bool = True  # say what the simulation gains without the causes
+
+
+class TooLittleError(Exception):
+    """A drive decides nothing: why, and the steps until then. Caught in `diagnose`, where it becomes a verdict."""
+
+    def __init__(self, why: str, steps: tuple[str, ...]) -> None:
+        super().__init__(why)
+        self.why, self.steps = why, steps
+
+
+class Corrected(NamedTuple):
+    """A drive as its driver is diagnosed from it: corrected, and without what is masked or wrong."""
+
+    given: Trace
+    trace: Trace  # corrected
+    usable: Flags  # (n,)
+    masked: tuple[Masked, ...]
+    lacking: str  # the signals whose findings leave too little of it; "": enough is left
+    context: Context
+    settings: Settings
+    steps: tuple[str, ...]
+
+
+def correct(given: Trace, context: Context, settings: Settings) -> Corrected:
+    """Leave out what a finding on a signal touches and nothing has corrected.
+
+    Args:
+        given: the drive as measured.
+        context: what was found in its sensors and its car.
+        settings: what is asked.
+    """
+    wrong = masks.untrusted(given, context.sensing.findings)
+    sound, stretches = masks.left_out(given, wrong)
+    masked = tuple(sorted((*context.masked, *stretches), key=lambda stretch: stretch.start))
+    trace, steps = context.trace, [f"{given.t.size} samples at {given.dt:g} s"]
+    if masked:
+        spans = (f"{effect} {seconds:.0f} s" for effect, seconds in masked_for(masked).items())
+        steps.append(f"masked before any fit: {', '.join(spans)}")
+    lacking = masks.lacking_signals(wrong, sound, settings.minimum, trace.dt)
+    return Corrected(given, trace, context.usable & sound, masked, lacking, context, settings, tuple(steps))
 
 
 def diagnose_context(trace: Trace, catalogue: tuple[Effect, ...]) -> Context:
@@ -42,11 +115,11 @@ def diagnose_context(trace: Trace, catalogue: tuple[Effect, ...]) -> Context:
     usable, masked = masks.recognise(right, catalogue)
     effects = tuple(effect for effect in catalogue if effect.where == "vehicle")
     vehicle = vehicle_block.diagnose_vehicle(right, usable, effects)
-    found = [
+    named = [
         f"{f.effect} in the {f.where}: evidence {f.evidence:.0f}"
         for f in (*sensed.findings, *vehicle.findings)
     ]
-    return Context(right, usable, masked, sensed, vehicle, (*steps, *found))
+    return Context(right, usable, masked, sensed, vehicle, (*steps, *named))
 
 
 def corrected(
@@ -65,7 +138,8 @@ def corrected(
     by_id = {finding.effect: finding for finding in findings}
     signals, steps = dict(trace.signals), list[str]()
     for effect in catalogue:
-        if effect.id not in by_id or effect.correct is None:
+        # of rivals none is corrected: the other signal may be the wrong one
+        if effect.id not in by_id or effect.correct is None or by_id[effect.id].rivals:
             continue
         estimates = by_id[effect.id].parameters
         p = [estimates[parameter.name].value for parameter in effect.parameters]
@@ -75,7 +149,7 @@ def corrected(
         if of_radar:
             signals |= reports | {f"{role}_reported": x for role, x in of_radar.items()}
         signals |= fixed
-        numbers = ", ".join(f"{name} {iv.value:.4g}" for name, iv in estimates.items())
+        numbers = ", ".join(f"{name} {number(iv.value, digits=4)}" for name, iv in estimates.items())
         steps.append(
             f"{effect.id} corrected before vehicle and driver were diagnosed{numbers and ': ' + numbers}"
         )

@@ -10,12 +10,12 @@ from canid.diagnosis.driver import closed_loop
 from canid.diagnosis.driver.driver_data import DriverData, braking
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import BASE
-from canid.diagnosis.fitting.robust_covariance import sandwich
+from canid.diagnosis.fitting.uncertainty import sandwich
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.diagnosis.vehicle.vehicle_model import DRAG, LAG, ROLLING, STRENGTH
-from canid.findings import Finding
-from canid.identified_model import CarLaw, IdentifiedModel, NoiseLaw
-from canid.types import Array, Interval, Trace
+from canid.values.findings import Finding
+from canid.values.identified_model import CarLaw, IdentifiedModel, NoiseLaw
+from canid.values.types import Array, Interval, Trace
 
 # effects on these are in the model; one of a sensor is not: the drive was corrected for it
 IN_MODEL = ("driver", "vehicle", "remnant")
@@ -46,7 +46,7 @@ def final_model(
     car = _car(trace, data, solved, vehicle) if role == closed_loop.PEDAL else None
     if role == closed_loop.PEDAL and car is None:
         return None
-    own = [
+    of_effects = [
         f"{effect.id}.{parameter.name}" for effect in solved.model.effects for parameter in effect.parameters
     ]
     further = [f"offset of drive {k} less that of 1" for k in range(2, 2 + len(solved.model.begins))]
@@ -56,12 +56,12 @@ def final_model(
         form=solved.model.form.value,
         driver={name: float(x) for name, x in zip(BASE, solved.q, strict=False)},
         covariance=_covariance(solved, data.output.dt),
-        names=(*BASE, *further, *own),
+        names=(*BASE, *further, *of_effects),
         effects=_effects(solved, findings),
         noise=NoiseLaw(
             data.output.dt,
             tuple(float(-a) for a in solved.noise.A[1:]),
-            solved.noise.sd * float(np.sqrt(np.mean(solved.noise.size[used] ** 2))),
+            solved.noise.sd * solved.noise.deviation * float(np.sqrt(np.mean(solved.noise.size[used] ** 2))),
         ),
         car=car,
         driven={
@@ -82,9 +82,9 @@ def _effects(solved: FittedDriver, findings: Iterable[Finding]) -> dict[str, dic
         effect.id: {p.name: float(x) for p, x in zip(effect.parameters, solved.q[where], strict=True)}
         for effect, where in zip(solved.model.effects, solved.model.where, strict=True)
     }
-    for one in findings:
-        if one.where in IN_MODEL and one.effect not in out:
-            out[one.effect] = {name: estimate.value for name, estimate in one.parameters.items()}
+    for finding in findings:
+        if finding.where in IN_MODEL and finding.effect not in out:
+            out[finding.effect] = {name: estimate.value for name, estimate in finding.parameters.items()}
     return out
 
 

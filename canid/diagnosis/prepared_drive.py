@@ -8,20 +8,20 @@ import numpy as np
 
 from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver, baseline
-from canid.findings import (
+from canid.estimators import speed_difference
+from canid.signal_checks.drive_time import behind_a_lead
+from canid.values.findings import (
     Flags,
     Masked,
     masked_for,
 )
-from canid.signal_checks.drive_time import behind_a_lead
-from canid.types import NAN, Trace
+from canid.values.types import NAN, Trace
 
 # m/s and output units; a lead whose speed varies less excites nothing, an output that varies less answers nothing
 STILL_RATE, STILL_OUTPUT = 0.05, 1e-3
 # innovation over residual below which the output's noise has no content at this rate (a smoothed acceleration):
 # whitening it would amplify rounding, so every second sample is left out until it has
 MIN_INNOVATION_SHARE = 0.04
-MAX_SAMPLE_TIME_S = 0.8
 
 
 class Prepared(NamedTuple):
@@ -33,39 +33,24 @@ class Prepared(NamedTuple):
 
 
 def ready(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Prepared | None:
-    """Fit the baseline at the rate at which the output has content.
+    """Fit the baseline at the rate at which the output has content of its own.
 
     Args:
         trace: of a drive, or of several.
         usable: (n,) samples that no mask has taken.
         begins: s, of each further drive.
     """
+    trace, usable = speed_difference.without_common_noise(trace, usable)
     while True:
         data = prepare(trace, usable, begins)
         fitted = baseline(data)
         if fitted is None:
             return None
         left = (data.output.y - fitted.fitted.model)[data.output.usable & ~data.output.below]
-        if (
-            fitted.noise.sd >= MIN_INNOVATION_SHARE * float(np.std(left))
-            or 2 * trace.dt > MAX_SAMPLE_TIME_S + 1e-9
-        ):
+        has_content = fitted.noise.sd >= MIN_INNOVATION_SHARE * float(np.std(left))
+        if has_content or 2 * trace.dt > speed_difference.MAX_SAMPLE_TIME_S + 1e-9:
             return Prepared(trace, data, fitted)
-        trace, usable = thinned(trace), usable[::2]
-
-
-def thinned(trace: Trace) -> Trace:
-    """Every second sample."""
-    return trace._replace(
-        dt=2 * trace.dt,
-        t=trace.t[::2],
-        output=trace.output[::2],
-        inputs=trace.inputs[::2],
-        gate=trace.gate[::2],
-        learn=trace.learn[::2],
-        segment=trace.segment[::2],
-        signals={role: x[::2] for role, x in trace.signals.items()},
-    )
+        trace, usable = speed_difference.thinned(trace), usable[::2]
 
 
 def lacking(trace: Trace, usable: Flags, masked: tuple[Masked, ...], minimum: float) -> str:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import coherence, welch
 
-from canid.findings import Flags, OperatingMap, Spectra, Window
-from canid.types import Array
+from canid.values.findings import Flags, OperatingMap, Spectra, Window
+from canid.values.types import Array
 
 # s; long enough for one manoeuvre
 ERROR_WINDOW_S = 15.0
@@ -23,15 +23,15 @@ SEGMENT_S = 51.2
 def worst(t: Array, before: Array, after: Array, used: Flags, dt: float) -> tuple[Window, ...]:
     """The windows in which the baseline's residual is largest, worst first; they do not overlap."""
     size = round(ERROR_WINDOW_S / dt)
-    found = []
+    windows = []
     for start in range(0, max(t.size - size, 0) + 1, size):
         part = slice(start, start + size)
         here = used[part]
         if here.sum() * 2 < size:
             continue
         rms = [float(np.sqrt(np.mean(x[part][here] ** 2))) for x in (before, after)]
-        found.append(Window(float(t[part][0]), float(t[part][-1]) + dt, *rms))
-    return tuple(sorted(found, key=lambda window: -window.before)[:WORST_WINDOWS])
+        windows.append(Window(float(t[part][0]), float(t[part][-1]) + dt, *rms))
+    return tuple(sorted(windows, key=lambda window: -window.before)[:WORST_WINDOWS])
 
 
 def operating_map(

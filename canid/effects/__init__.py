@@ -38,6 +38,7 @@ from canid.effects.sensing import (
     range_offset,
     range_rate_scale,
     range_rate_sign,
+    range_scale,
     speed_scale,
 )
 from canid.effects.vehicle import (
@@ -86,6 +87,7 @@ CATALOGUE: tuple[Effect, ...] = (
     range_offset.EFFECT,
     speed_scale.EFFECT,
     range_rate_scale.EFFECT,
+    range_scale.EFFECT,
     range_rate_sign.EFFECT,
     radar_latency.EFFECT,
     clock_skew.EFFECT,

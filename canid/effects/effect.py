@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from canid.effects.redundancy import Redundancy
-from canid.findings import Flags
-from canid.types import NAN, Array, Interval
+from canid.values.findings import Flags
+from canid.values.types import NAN, Array, Interval
 
 Value = Any  # float or (n,) array
 Params = Sequence[float] | Array  # in the order of `Effect.parameters`

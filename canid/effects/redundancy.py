@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple
 
-from canid.types import Interval
+from canid.values.types import NAN, Interval
 
 
 class Relation(Enum):
@@ -29,12 +29,20 @@ TOLERANCE = {
     Relation.RADAR_AGE_DRIFT: 0.05,
 }
 
+# what decides between a gap and a range rate of the wrong scale
+WHICH_IS_WRONG = (
+    "20 min in which the own speed changes by itself, or a second range sensor: that shows whether gap or range rate "
+    "is wrong"
+)
+
 
 class Coefficient(NamedTuple):
     """Estimate of a relation's coefficient."""
 
     estimate: Interval  # 95 %
     sure: Interval  # that which chance leaves with a probability of one in thousands, all tests together
+    # 99 % interval of the factor, −1 apart, with which the own motion enters the second signal; NaN: not known
+    own: Interval = Interval()
 
 
 class Pattern(NamedTuple):
@@ -42,6 +50,9 @@ class Pattern(NamedTuple):
 
     deviation: float  # of the coefficient from where it would be without the effect
     parameters: tuple[Interval, ...] = ()  # of the effect
+    # the factor of the own motion that it would leave: of effects that mean the same coefficient, the one whose factor is
+    # found is the cause; NaN: there is no such effect
+    own: float = NAN
 
 
 class Redundancy(NamedTuple):
@@ -73,10 +84,10 @@ def excess(relation: Relation, nominal: float) -> Callable[[Coefficient], Patter
     """
     tolerance = TOLERANCE[relation]
 
-    def recognise(found: Coefficient) -> Pattern | None:
-        sure = found.sure
+    def recognise(coefficient: Coefficient) -> Pattern | None:
+        sure = coefficient.sure
         if not (sure.low > nominal + tolerance or sure.high < nominal - tolerance):
             return None
-        return Pattern(sure.value - nominal, (shifted(found.estimate, -nominal),))
+        return Pattern(sure.value - nominal, (shifted(coefficient.estimate, -nominal),))
 
     return recognise

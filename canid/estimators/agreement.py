@@ -11,8 +11,8 @@ from itertools import combinations
 from typing import NamedTuple
 
 from canid.estimators.status import TIME_ROUNDING_S
-from canid.identification.identifiability import quotable
-from canid.types import Channel, Estimate, Interval, Status
+from canid.identification.identifiability import apart, quotable
+from canid.values.types import Channel, Estimate, Interval, Status
 
 # Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
 # are worked out from shared poles. An estimator that is not named here comes after these.
@@ -35,7 +35,14 @@ PERSISTENCE_S = 5.0
 MAX_PRIOR_SHARE = 0.5
 
 # What all estimators may give, its symbol, and its unit.
-COMPARED = (("K", "K", ""), ("tau_plus_dead_time", "tau + dead time", " s"))
+WORDS = {
+    "K": ("K", ""),
+    "tau": ("tau", " s"),
+    "dead_time": ("dead time", " s"),
+    "tau_plus_dead_time": ("tau + dead time", " s"),
+}
+# Compared live: noise of the radar moves tau up and dead time down at the same sum, for minutes.
+LIVE = ("K", "tau_plus_dead_time")
 
 
 class State(NamedTuple):
@@ -44,11 +51,6 @@ class State(NamedTuple):
     latest: tuple[Estimate, ...] = ()  # of each estimator, the last one, before this check
     # (one estimator, the other, channel, parameter) -> s, since when the intervals have been disjoint
     apart: Mapping[tuple[str, str, str, str], float] = {}
-
-
-def init() -> State:
-    """Start without estimates."""
-    return State()
 
 
 def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Estimate, ...]]:
@@ -62,11 +64,11 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
         The new state, and the estimates: `inconsistent` where one stays disjoint from another, else with `headline`
         on the one to read.
 
-    >>> from canid.types import Identifiable
+    >>> from canid.values.types import Identifiable
     >>> def of(t, name, low, high):
     ...     K = Interval((low + high) / 2, low, high)
     ...     return Estimate(t, name, Status.OK, "K", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
-    >>> state, checked = step(init(), [of(0.0, "armax", 4.0, 6.0), of(0.0, "fopdt", 5.0, 6.0)])
+    >>> state, checked = step(State(), [of(0.0, "armax", 4.0, 6.0), of(0.0, "fopdt", 5.0, 6.0)])
     >>> [e.headline for e in checked]
     [False, True]
     >>> for t in range(1, 7):
@@ -79,12 +81,12 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
     t = estimates[0].t
     newest = {e.estimator: e for e in (*state.latest, *estimates)}
     latest = tuple(e for e in newest.values() if t - e.t <= MAX_AGE_S + TIME_ROUNDING_S)
-    order, wrong = headline_order(estimates[0].channels), _wrong(estimates[0].channels)
+    order, wrong = headline_order(estimates[0].channels), wrong_for(estimates[0].channels)
     valid = sorted((e for e in latest if e.status is Status.OK), key=lambda e: _rank(e.estimator, order))
     disjoint = {
         (a.estimator, b.estimator, *where): (a, b)
         for a, b in combinations(valid, 2)
-        for where in _disjoint_parameters(a.channels, b.channels)
+        for where in disjoint_parameters(a.channels, b.channels)
     }
     apart = {key: state.apart.get(key, t) for key in disjoint}
     why: dict[str, str] = {}
@@ -117,12 +119,16 @@ def headline_order(inputs: Collection[str]) -> tuple[str, ...]:
     >>> headline_order(("headway_error", "range_rate")), headline_order(("lateral_offset",))
     (('fopdt', 'armax'), ('armax', 'fopdt'))
     """
-    wrong = _wrong(inputs)
+    wrong = wrong_for(inputs)
     return tuple(sorted(HEADLINE_ORDER, key=lambda name: name in wrong))
 
 
-def _wrong(inputs: Collection[str]) -> frozenset[str]:
-    """Estimators whose model cannot be right for these inputs."""
+def wrong_for(inputs: Collection[str]) -> frozenset[str]:
+    """Estimators whose model cannot be right for these inputs.
+
+    >>> wrong_for(("lateral_offset",)), wrong_for(("range_rate",))
+    (frozenset({'fopdt'}), frozenset())
+    """
     return WRONG_FOR_STEERING if STEERING in inputs else frozenset()
 
 
@@ -140,23 +146,38 @@ def _rank(name: str, order: tuple[str, ...]) -> tuple[int, str]:
     return (order.index(name) if name in order else len(order), name)
 
 
-def _disjoint_parameters(one: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tuple[str, str]]:
-    """(channel, parameter) that both may quote, with intervals that have no point in common."""
+def disjoint_parameters(
+    first: Mapping[str, Channel],
+    other: Mapping[str, Channel],
+    compared: Sequence[str] = LIVE,
+) -> list[tuple[str, str]]:
+    """Return (channel, parameter) that both may quote, with intervals that have no point in common.
+
+    Args:
+        first: input -> Channel, of one estimator.
+        other: of another.
+        compared: parameters.
+
+    >>> from canid.values.types import Identifiable
+    >>> a, b = (Channel(Interval(K, K - 1, K + 1), status=Identifiable.GAIN_ONLY) for K in (2.0, 5.0))
+    >>> disjoint_parameters({"range_rate": a}, {"range_rate": b}), disjoint_parameters({"x": a}, {"x": a})
+    ([('range_rate', 'K')], [])
+    """
     return [
         (name, what)
-        for name in one
+        for name in first
         if name in other
-        for what, _, _ in COMPARED
-        if _measured(one[name], what)
+        for what in compared
+        if _measured(first[name], what)
         and _measured(other[name], what)
-        and _disjoint(getattr(one[name], what), getattr(other[name], what))
+        and apart([getattr(first[name], what), getattr(other[name], what)])
     ]
 
 
 def _measured(channel: Channel, what: str) -> bool:
     """Whether a parameter may be quoted, and rests on the data more than on a declared prior.
 
-    >>> from canid.types import Identifiable
+    >>> from canid.values.types import Identifiable
     >>> known = Channel(status=Identifiable.GAIN_ONLY)
     >>> _measured(known, "K"), _measured(known._replace(prior_weights={"K": 0.7}), "K")
     (True, False)
@@ -164,28 +185,38 @@ def _measured(channel: Channel, what: str) -> bool:
     return quotable(channel, what) and channel.prior_weights.get(what, 0.0) < MAX_PRIOR_SHARE
 
 
-def _disjoint(a: Interval, b: Interval) -> bool:
-    return a.low > b.high or b.low > a.high
-
-
 def _contradiction(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> str:
     go_on = "keep driving" if STEERING in a.channels else "keep following"
     return (
-        f"{_both(key, a, b)}; the driver may have changed within the "
+        f"{both(key, a.channels, b.channels)}; the driver may have changed within the "
         f"last minutes, or does not respond in proportion: use neither number, and {go_on}"
     )
 
 
 def _wrong_order(key: tuple[str, str, str, str], a: Estimate, b: Estimate, right: str) -> str:
-    return f"{_both(key, a, b)}; steering is of higher order than one lag and a dead time: use {right}'s"
+    return f"{both(key, a.channels, b.channels)}; steering is of higher order than one lag and a dead time: use {right}'s"
 
 
-def _both(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> str:
-    _, _, name, what = key
-    word, unit = next((word, unit) for attribute, word, unit in COMPARED if attribute == what)
+def both(
+    key: tuple[str, str, str, str], of_first: Mapping[str, Channel], other: Mapping[str, Channel]
+) -> str:
+    """Word what two estimators say of a parameter.
 
-    def number(e: Estimate) -> str:
-        iv: Interval = getattr(e.channels[name], what)
-        return f"{iv.value:.2f} [{iv.low:.2f}, {iv.high:.2f}]{unit} by {e.estimator}"
+    Args:
+        key: one estimator, the other, the channel, the parameter.
+        of_first: the channels of the first.
+        other: the channels of the second.
 
-    return f"{name.replace('_', ' ')}: {word} is {number(a)} but {number(b)}"
+    >>> known = {"range_rate": Channel(Interval(2.0, 1.0, 3.0))}
+    >>> both(("fopdt", "armax", "range_rate", "K"), known, known)
+    'range rate: K is 2.00 [1.00, 3.00] by fopdt but 2.00 [1.00, 3.00] by armax'
+    """
+    first, second, name, what = key
+    word, unit = WORDS[what]
+
+    def number(channels: Mapping[str, Channel], estimator: str) -> str:
+        iv: Interval = getattr(channels[name], what)
+        return f"{iv.value:.2f} [{iv.low:.2f}, {iv.high:.2f}]{unit} by {estimator}"
+
+    a, b = number(of_first, first), number(other, second)
+    return f"{name.replace('_', ' ')}: {word} is {a} but {b}"

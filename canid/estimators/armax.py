@@ -29,11 +29,12 @@ from canid.estimators.estimator import Estimator, WholeDrive
 from canid.identification import residual_tests
 from canid.identification.armax import armax_batch, armax_recursive, gain_and_delay, rates
 from canid.identification.fopdt import fopdt_fit
-from canid.types import (
+from canid.values.types import (
     Array,
     Channel,
     Estimate,
     Identifiable,
+    Latency,
     LearnGate,
     OutputFilter,
     ResidualTests,
@@ -100,6 +101,7 @@ class ArmaxSettings(NamedTuple):
     output_filter: OutputFilter | None = (
         None  # from [driver]: how the output was smoothed; None: nothing is known
     )
+    latency: Latency | None = None  # from [lead]: of the radar; added to dead times
 
     @property
     def orders(self) -> armax_batch.Orders:

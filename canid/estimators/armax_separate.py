@@ -24,7 +24,7 @@ from canid.identification.armax.rates import rates
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt.regression_rows import Layout
 from canid.identification.output_filter import DELAYS_HOLD_IT, is_unknown
-from canid.types import Estimate, Identifiable, Interval, ResidualTests, Sample, Status
+from canid.values.types import Estimate, Identifiable, Interval, ResidualTests, Sample, Status
 
 NAME = "armax"
 
@@ -88,10 +88,10 @@ def _absorbed(setup: Setup, layout: Layout, state: State) -> State:
             # what came before is of another driver, or another manner: collect anew for a fit of the new one
             past, due = rows[:0], 2 * setup.start
     if due and int((past[:, 1] > 0.0).sum()) >= due and is_excited(setup, state.movement):
-        found = box_jenkins_recursive.begin(
+        begun = box_jenkins_recursive.begin(
             layout, past, forgetting, setup.output_filter, settle, 0 if model is None else model.restarts
         )
-        model = model if found is None else found
+        model = model if begun is None else begun
         if model is not None:
             due = 2 * due if due < setup.start * 2 ** (STARTS - 1) else 0
     past = past if due else past[:0]

@@ -15,8 +15,8 @@ from canid.identification.armax import armax_recursive, box_jenkins_state
 from canid.identification.armax.armax_batch import Orders
 from canid.identification.armax.rates import rates
 from canid.identification.fopdt import regression_rows
-from canid.state_constraints import FINITE, NOT_NEGATIVE, TIME
-from canid.types import Array, OutputFilter
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE, TIME
+from canid.values.types import Array, OutputFilter
 
 # s; over which the inputs' movement is measured: the period of the slowest traffic waves that still teach a lag.
 MOVEMENT_MEMORY_S = 20.0
@@ -187,8 +187,8 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         (model.trust.leave, (k - 1,)),
         (model.innovations, (len(model.innovations),)),
         *[(psi, (k, 1, n)) for psi in model.psi],
-        *[(one.psi, (k, 1, n)) for one in model.block],
-        *[(one.e, (k,)) for one in model.block],
+        *[(sample.psi, (k, 1, n)) for sample in model.block],
+        *[(sample.e, (k,)) for sample in model.block],
     ]
     if any(np.shape(part) != shape for part, shape in shapes):
         yield "the model of armax has another shape"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,13 +10,13 @@ import numpy.typing as npt
 
 from canid.estimators import plausibility, pooling
 from canid.estimators.estimator import WholeDrive
-from canid.identification import feedback_bias, identifiability, residual_tests
+from canid.identification import feedback_bias, identifiability, residual_tests, rounding
 from canid.identification.armax import box_jenkins, box_jenkins_channels, gain_and_delay, measurement_noise
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.armax.box_jenkins import BoxJenkinsFit
 from canid.identification.armax.simulated_fit import armax_fit_percent
 from canid.identification.output_filter import is_unknown
-from canid.types import Array, Channel, ResidualTests, Trace
+from canid.values.types import Array, Channel, ResidualTests, Trace
 
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
@@ -26,8 +27,8 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     if fit is None:
         return None
     if trace.variance is not None:
-        of = [float(x) for x in np.nan_to_num(_means(trace.variance[usable]))]
-        fit = measurement_noise.without_bias(fit, of[0], of[1:])
+        variances = _noise_variances(trace.variance[usable], (trace.output[usable], *trace.inputs[usable].T))
+        fit = measurement_noise.without_bias(fit, variances[0], variances[1:])
     tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
     fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
     several = len(trace.input_names) > 1
@@ -57,6 +58,7 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         details=_details(fit, trace.dt, channels, tests)
         | ({} if separate is None else {"box_jenkins": _box_jenkins(separate.fit, trace)})
         | {"says": "; ".join(verdict.refused)},
+        separate=None if separate is None else separate.fit,
         lines=(
             *verdict.refused,
             *_polynomials(fit, trace.input_names),
@@ -75,23 +77,25 @@ class _Separate(NamedTuple):
 
 def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | None:
     """Fit separate poles per input and noise: an answer's gain and delay are then its own."""
-    of = trace.output_filter
+    output_filter = trace.output_filter
     rows = box_jenkins.ready_rows(
-        trace.output, trace.inputs, usable, segment=trace.segment, dt=trace.dt, output_filter=of
+        trace.output, trace.inputs, usable, segment=trace.segment, dt=trace.dt, output_filter=output_filter
     )
-    fit = box_jenkins.fit_rows(rows, trace.dt, of)
+    fit = box_jenkins.fit_rows(rows, trace.dt, output_filter)
     if fit is None:
         return None
     if fit.stride == 1:
-        own = fit.orders.nc + fit.orders.nd
-        tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, own)
+        noise_order = fit.orders.nc + fit.orders.nd
+        tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, noise_order)
         fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
-    found = box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
-    found |= {name: feedback_bias.without(found[name]) for name in feedback_bias.HELD if name in found}
-    if is_unknown(of):
+    channels = box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
+    channels |= {
+        name: feedback_bias.without(channels[name]) for name in feedback_bias.HELD if name in channels
+    }
+    if is_unknown(output_filter):
         # the delays found are those of the driver and of the filter
-        found = {name: identifiability.gain_only(channel) for name, channel in found.items()}
-    return _Separate(fit, found)
+        channels = {name: identifiability.gain_only(channel) for name, channel in channels.items()}
+    return _Separate(fit, channels)
 
 
 def _box_jenkins(fit: BoxJenkinsFit, trace: Trace) -> dict[str, Any]:
@@ -122,6 +126,24 @@ def _separate_lines(fit: BoxJenkinsFit, trace: Trace) -> list[str]:
         for name, values, errors in zip(trace.input_names, all_values, all_errors, strict=True)
     ]
     return ["K and delays from a model with separate poles (Box-Jenkins):", *_coefficients(rows)]
+
+
+def _noise_variances(variance: Array, columns: Sequence[Array]) -> list[float]:
+    """Variance of the measurement noise of each column; where no reading shows it, that of its rounding.
+
+    Args:
+        variance: (n, 1 + m), NaN where not known.
+        columns: (n,) each, output and inputs.
+
+    >>> unknown = np.full((4, 2), np.nan)
+    >>> [round(x, 5) for x in _noise_variances(unknown, [np.array([0.0, 0.1, 0.3, 0.2]), np.array([0.1, 0.17, 0.9, 0.4])])]
+    [0.00083, 0.0]
+    """
+    means = _means(variance).tolist()
+    return [
+        mean if mean == mean else rounding.variance(column)
+        for mean, column in zip(means, columns, strict=True)
+    ]
 
 
 def _means(variance: Array) -> Array:

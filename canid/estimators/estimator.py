@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
-from canid.types import Channel, Estimate, ResidualTests, Sample, Trace
+from canid.estimators import stated_latency
+from canid.values.types import Channel, Estimate, Latency, ResidualTests, Sample, Trace
 
 Settings = TypeVar("Settings")
 Setup = TypeVar("Setup")
@@ -29,6 +30,9 @@ class WholeDrive(NamedTuple):
         str, Any
     ] = {}  # more keys in JSON: numbers, texts, arrays, NamedTuples and mappings of such
     lines: tuple[str, ...] = ()  # more lines in text
+    separate: Any = (
+        None  # of ARMAX: the Box-Jenkins fit of which the channels are; None: they are the model's
+    )
     # how fit_percent was made: the output simulated from the inputs alone, or predicted from its own past, one step ahead
     fit_kind: Literal["simulated", "one_step"] = "simulated"
 
@@ -79,6 +83,11 @@ class Estimator(NamedTuple, Generic[Settings, Setup, State]):
         None  # why a restored state is not of this setup
     )
 
+    def _late(self, setup: Setup, latency: Latency, state: State, sample: Sample) -> tuple[State, Estimate]:
+        """Make the estimate that is due, its dead times from what the radar saw."""
+        state, made = self.estimate(setup, state, sample)
+        return state, made._replace(channels=stated_latency.channels(made.channels, latency))
+
     def make(
         self, input_names: tuple[str, ...], dt: float, settings: Settings | None = None
     ) -> Running[State]:
@@ -93,20 +102,21 @@ class Estimator(NamedTuple, Generic[Settings, Setup, State]):
             ValueError: settings that make no sense.
 
         >>> from canid.estimators.fopdt import FOPDT
-        >>> from canid.types import LearnGate
+        >>> from canid.values.types import LearnGate
         >>> estimator = FOPDT.make(("range_rate",), 0.1)
         >>> first = Sample(0.0, 20.0, (0.1,), LearnGate.OPEN, True, 0, {})
         >>> state, estimate = estimator.step(estimator.init(), first)
         >>> estimate.status
         <Status.CONVERGING: 'converging'>
         """
-        setup = self.configure(input_names, dt, self.settings() if settings is None else settings)
+        given = self.settings() if settings is None else settings
+        setup, latency = self.configure(input_names, dt, given), getattr(given, "latency", None)
         check_state = partial(self.check_state, setup) if self.check_state is not None else lambda state: ()
         return Running(
             self.name,
             partial(self.init, setup),
             partial(self.advance, setup),
-            partial(self.estimate, setup),
+            partial(self.estimate, setup) if latency is None else partial(self._late, setup, latency),
             check_state,
         )
 

@@ -12,14 +12,24 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from canid.estimators import fopdt_whole_drive, plausibility, status, step_watch
+from canid.estimators import fopdt_whole_drive, plausibility, status, step_watch, wanted_gap_form
 from canid.estimators.estimator import Estimator, WholeDrive
-from canid.identification import feedback_bias, identifiability
-from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
+from canid.identification import feedback_bias
+from canid.identification.fopdt import fopdt_fit, fopdt_residual, grid_search, regression_rows
 from canid.identification.fopdt.prior import CHANNELS, Prior, check_prior, incomplete, is_empty
 from canid.identification.output_filter import DELAYS_HOLD_IT, is_unknown
-from canid.state_constraints import TIME
-from canid.types import Array, Channel, Estimate, LearnGate, OutputFilter, Sample, Status, Trace
+from canid.values.state_constraints import TIME
+from canid.values.types import (
+    Array,
+    Channel,
+    Estimate,
+    Latency,
+    LearnGate,
+    OutputFilter,
+    Sample,
+    Status,
+    Trace,
+)
 
 NAME = "fopdt"
 
@@ -38,10 +48,14 @@ def _stated(declared: Prior | None) -> Prior | None:
     """Both numbers of a distribution or neither, and at least one distribution."""
     if declared is None:
         return None
-    own = {name: of for name in CHANNELS if (of := getattr(declared, name)) is not None}
+    by_channel = {name: given for name in CHANNELS if (given := getattr(declared, name)) is not None}
     wrong = list(incomplete(declared))
-    wrong += [f"{name}: {says}" for name, of in own.items() for says in incomplete(of)]
-    wrong += [f"{name} is empty: state a belief, or leave it out" for name, of in own.items() if is_empty(of)]
+    wrong += [f"{name}: {says}" for name, given in by_channel.items() for says in incomplete(given)]
+    wrong += [
+        f"{name} is empty: state a belief, or leave it out"
+        for name, given in by_channel.items()
+        if is_empty(given)
+    ]
     if is_empty(declared):
         wrong.append("is empty: state a belief, or leave the section out")
     if wrong:
@@ -65,6 +79,7 @@ class FopdtSettings(NamedTuple):
     prior: Annotated[Prior | None, AfterValidator(_stated)] = None  # none: the box alone
     # from [driver]: how the output was smoothed; None: nothing is known, and its spectrum decides
     output_filter: OutputFilter | None = None
+    latency: Latency | None = None  # from [lead]: of the radar; added to dead times
     output: str = ""  # from [driver]: its role; of an acceleration the closed loop is known
 
 
@@ -121,7 +136,7 @@ class State(NamedTuple):
     recent: tuple[tuple[float, ...], ...]  # samples that are no rows yet: output, learn, segment, inputs
     making: regression_rows.State
     window: Array  # (n, width) rows, read only
-    start: fopdt_fit.Start | None  # where the last reported fit ended
+    start: grid_search.Start | None  # where the last reported fit ended
     reported: bool = False  # the estimate that is due is a report's: its fit begins with the whole box
     watch: step_watch.Watch = step_watch.Watch()  # for steps of the gains
 
@@ -258,16 +273,15 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     fit = fopdt_fit.fit_rows(
         setup.layout,
         window,
-        start,
-        given.prior,
-        given.output_filter,
-        held=feedback_bias.held(names),
+        fopdt_fit.Settings(
+            held=feedback_bias.held(names), names=names, prior=given.prior, output_filter=given.output_filter
+        ),
         continued=state.reported,
-        names=names,
+        start=start,
     )
     if state.reported:
         # from a fit that is not credible the next ones would begin where none of them can end
-        credible = fit.fit_percent >= fopdt_fit.MIN_FIT_PERCENT
+        credible = fit.fit_percent >= grid_search.MIN_FIT_PERCENT
         state = state._replace(start=fit.start if credible else None)
     channels: Mapping[str, Channel] = dict(zip(names, fit.channels, strict=True))
     if state.reported:
@@ -313,11 +327,15 @@ def _following(
 
 
 def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
-    """Fit all usable samples of a drive at once, and find what changes during it."""
+    """Fit all usable samples of a drive at once, and find what changes during it.
+
+    What is left over in the residuals is said here; what it withholds is the arbiter's (whole_drive_agreement.py).
+    """
     how = fopdt_whole_drive.Fitting(
         settings.tau_max, settings.dead_time_max, settings.prior, settings.output_filter
     )
-    fit = how.fit(trace, slice(None))
+    form = wanted_gap_form.choose(trace, how.fit(trace, slice(None)), how.again)
+    trace, fit = form.trace, form.fit
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
     tests, left = None, ""
     if fit.start is not None:
@@ -329,11 +347,16 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
     verdict = plausibility.judge(channels, fit.fit_percent, _ranges(settings), following)
     if verdict.refused:
         channels = dict.fromkeys(channels, Channel())
-    elif left:
-        channels = {name: identifiability.gain_only(c) for name, c in channels.items()}
     unknown = DELAYS_HOLD_IT if is_unknown(settings.output_filter) else ""
-    lines = tuple(filter(None, (*verdict.refused, *verdict.remarks, left, unknown)))
-    details = {"says": "; ".join(lines)}
+    several = plausibility.several_answers(trace.input_names, fit.optima)
+    lines = tuple(filter(None, (*verdict.refused, *several, *verdict.remarks, form.says, left, unknown)))
+    details = {
+        "says": "; ".join(lines),
+        "standstill": form.standstill,
+        "standstill_share": form.share,
+        "form_open": form.open,
+        "form_spread": form.spread,
+    }
     drive = WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
     if verdict.refused:
         return fopdt_whole_drive.with_changes(drive, fopdt_whole_drive.OverTime((), (), ()))

@@ -20,21 +20,26 @@ from canid.identification import feedback_bias, local_level
 from canid.identification.confidence import MISS
 from canid.identification.fopdt import (
     answer_columns,
+    drifting_level,
     fopdt_fit,
     gain_segments,
     gain_step,
     regression_rows,
 )
 from canid.identification.fopdt.answer_columns import Columns
+from canid.identification.fopdt.drifting_level import Level
+from canid.identification.fopdt.grid_search import CHUNK_ROWS, ProcessFit
 from canid.identification.fopdt.prior import Prior
 from canid.identification.identifiability import not_quotable, quotable
 from canid.identification.local_level import LocalLevel
-from canid.types import Array, Channel, GainChange, Interval, OutputFilter, Trace
+from canid.values.types import NAN, Array, Channel, GainChange, Interval, OutputFilter, Trace
 
 # s of usable data in a window of the local level: the gain of range rate to some 5 %, behind a lead that moves
 WINDOW_S = 40.0
 # s of the drive in a window at most: beyond, it is no estimate at a time
 MAX_WINDOW_SPAN_S = 120.0
+# s of usable data within which it is said what change would have been seen
+VISIBLE_S = 60.0
 
 
 class Segment(NamedTuple):
@@ -60,6 +65,9 @@ class OverTime(NamedTuple):
     changes: tuple[GainChange, ...]
     segments: tuple[Segment, ...]  # one more than changes; none where nothing changes
     constancy: tuple[Constancy, ...]  # none where the drive is too short
+    visible: float = (
+        NAN  # least factor of both gains that `VISIBLE_S` would have shown; NaN: none, or not known
+    )
 
 
 class Fitting(NamedTuple):
@@ -70,21 +78,32 @@ class Fitting(NamedTuple):
     prior: Prior | None
     output_filter: OutputFilter | None
 
-    def fit(self, trace: Trace, part: slice) -> fopdt_fit.ProcessFit:
-        """Fit a stretch; the inputs before it are not its history."""
+    def fit(self, trace: Trace, part: slice) -> ProcessFit:
+        """Fit a stretch from several starts; the inputs before it are not its history."""
+        return self._fitted(trace, part, None)
+
+    def again(self, trace: Trace, before: ProcessFit) -> ProcessFit:
+        """Fit the whole of a trace that is nearly the one before, from where that fit ended."""
+        return self._fitted(trace, slice(None), before)
+
+    def _fitted(self, trace: Trace, part: slice, before: ProcessFit | None) -> ProcessFit:
         return fopdt_fit.fit_process(
             trace.output[part],
             trace.inputs[part],
             trace.learn[part],
             trace.dt,
+            fopdt_fit.Settings(
+                tau_max=self.tau_max,
+                dead_time_max=self.dead_time_max,
+                prior=self.prior,
+                output_filter=self.output_filter,
+                held=feedback_bias.held(trace.input_names),
+                names=trace.input_names,
+            ),
             segment=trace.segment[part],
-            tau_max=self.tau_max,
-            dead_time_max=self.dead_time_max,
             bound=None if trace.bound is None else trace.bound[part],
-            prior=self.prior,
-            output_filter=self.output_filter,
-            held=feedback_bias.held(trace.input_names),
-            names=trace.input_names,
+            several=before is None,
+            start=None if before is None else before.start,
         )
 
 
@@ -93,11 +112,12 @@ class Blocks(NamedTuple):
 
     columns: Columns
     parts: Array  # (b, c, c)
+    level: Level  # an offset that may drift, in the same blocks
     used: Array  # (b,) s of usable data
     end: Array  # (b,) s, of the last row
 
 
-def over_time(trace: Trace, fit: fopdt_fit.ProcessFit, how: Fitting) -> OverTime:
+def over_time(trace: Trace, fit: ProcessFit, how: Fitting) -> OverTime:
     """Find the steps of the gains, fit what lies between, and smooth each parameter over the drive."""
     # of a gain that is not known nobody can say that it changed
     known = any(quotable(channel, "K") for channel in fit.channels)
@@ -105,8 +125,10 @@ def over_time(trace: Trace, fit: fopdt_fit.ProcessFit, how: Fitting) -> OverTime
     blocks = _blocks(trace, at, how) if at is not None else None
     if at is None or blocks is None:
         return OverTime((), (), ())
-    found = gain_segments.segment(blocks.parts, blocks.used, blocks.columns, at.size, step_watch.ALARM)
-    fits = _fits(trace, how, [_begin(blocks, c.block) for c in found]) if found else []
+    cuts = gain_segments.segment(
+        blocks.parts, blocks.used, blocks.columns, at.size, step_watch.ALARM, blocks.level
+    )
+    fits = _fits(trace, how, [_begin(blocks, c.block) for c in cuts]) if cuts else []
     segments = tuple(segment for segment, _ in fits)
     changes = tuple(
         GainChange(
@@ -115,15 +137,21 @@ def over_time(trace: Trace, fit: fopdt_fit.ProcessFit, how: Fitting) -> OverTime
             {name: channel.K for name, channel in after.channels.items()},
             c.evidence,
         )
-        for c, (before, after) in zip(found, pairwise(segments), strict=True)
+        for c, (before, after) in zip(cuts, pairwise(segments), strict=True)
     )
     if fits:
         # the noise model of a fit over a change holds the misfit: take that of the longest stretch
         _, longest = max(fits, key=lambda pair: pair[1].used)
-        own = answer_columns.reference(longest)
-        of_own = _blocks(trace, own, how) if own is not None else None
+        of_longest = answer_columns.reference(longest)
+        of_own = _blocks(trace, of_longest, how) if of_longest is not None else None
         blocks = of_own if of_own is not None else blocks
-    return OverTime(changes, segments, _constancy(trace.input_names, fit, segments, blocks))
+    visible = NAN
+    if not cuts:
+        how_sure = (step_watch.ALARM, VISIBLE_S, blocks.level)
+        visible = gain_segments.visible_factor(
+            blocks.parts, blocks.used, blocks.columns, at.K, at.size, *how_sure
+        )
+    return OverTime(changes, segments, _constancy(trace.input_names, fit, segments, blocks), visible)
 
 
 def _blocks(trace: Trace, at: answer_columns.Reference, how: Fitting) -> Blocks | None:
@@ -131,8 +159,8 @@ def _blocks(trace: Trace, at: answer_columns.Reference, how: Fitting) -> Blocks 
     layout = fopdt_fit.row_layout(len(trace.input_names), trace.dt, how.tau_max, how.dead_time_max)
     samples = np.column_stack([trace.output, trace.learn, trace.segment, trace.inputs])
     state, raws, known = regression_rows.State(), [], []
-    for i in range(0, len(samples), fopdt_fit.CHUNK_ROWS):
-        piece = samples[i : i + fopdt_fit.CHUNK_ROWS]
+    for i in range(0, len(samples), CHUNK_ROWS):
+        piece = samples[i : i + CHUNK_ROWS]
         state, rows = regression_rows.put(layout, state, piece, how.tau_max + how.dead_time_max)
         raw, usable = answer_columns.raw(layout, rows, at)
         raws.append(raw)
@@ -143,11 +171,15 @@ def _blocks(trace: Trace, at: answer_columns.Reference, how: Fitting) -> Blocks 
         return None
     block = max(round(gain_step.CANDIDATE_S / layout.step), 1)
     parts = gain_step.grams(columns, block)
+    slow = drifting_level.raw(len(usable), layout.step)
+    # whitened as an answer is; the last row, an output, is read no more
+    white, _ = answer_columns.white(np.vstack([slow, raw[-1]]), usable, at, how.output_filter, layout.step)
+    level = drifting_level.grams(columns, white[:-1], block)
     lacking = -len(usable) % block
     counted = np.concatenate([np.zeros(lacking), columns.usable]).reshape(-1, block).sum(axis=1)
     last = np.arange(1, len(parts) + 1) * block - lacking - 1  # row
     end = float(trace.t[0]) + ((last + 1) * layout.per_row - 1) * trace.dt
-    return Blocks(columns, parts, np.asarray(counted * layout.step), np.asarray(end, float))
+    return Blocks(columns, parts, level, np.asarray(counted * layout.step), np.asarray(end, float))
 
 
 def _begin(blocks: Blocks, block: int) -> float:
@@ -155,7 +187,7 @@ def _begin(blocks: Blocks, block: int) -> float:
     return float(blocks.end[max(block - 1, 0)])
 
 
-def _fits(trace: Trace, how: Fitting, times: list[float]) -> list[tuple[Segment, fopdt_fit.ProcessFit]]:
+def _fits(trace: Trace, how: Fitting, times: list[float]) -> list[tuple[Segment, ProcessFit]]:
     """Fit each stretch between the changes."""
     out = []
     for start, stop in pairwise([float(trace.t[0]), *times, float(trace.t[-1])]):
@@ -166,7 +198,7 @@ def _fits(trace: Trace, how: Fitting, times: list[float]) -> list[tuple[Segment,
 
 
 def _constancy(
-    names: tuple[str, ...], fit: fopdt_fit.ProcessFit, segments: tuple[Segment, ...], blocks: Blocks
+    names: tuple[str, ...], fit: ProcessFit, segments: tuple[Segment, ...], blocks: Blocks
 ) -> tuple[Constancy, ...]:
     """Fit a local level to each parameter that the whole drive knows."""
     windows = _windows(blocks)
@@ -183,9 +215,9 @@ def _constancy(
                 known: Interval = getattr(channel, parameter)
                 long = np.full(len(t), known.value)
                 for segment in segments:
-                    own: Interval = getattr(segment.channels[name], parameter)
+                    stretch_value: Interval = getattr(segment.channels[name], parameter)
                     if quotable(segment.channels[name], parameter):
-                        long[(t >= segment.start) & (t < segment.stop)] = own.value
+                        long[(t >= segment.start) & (t < segment.stop)] = stretch_value.value
                 unbiased = _recentred(value[:, column], sd[:, column], long)
                 level = local_level.fit(t, unbiased, sd[:, column])
                 if level is not None:
@@ -246,35 +278,36 @@ def _window(part: Array, columns: Columns) -> tuple[Array, Array]:
 # --- presentation ------------------------------------------------------------------------------------
 
 
-def with_changes(drive: WholeDrive, found: OverTime) -> WholeDrive:
+def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
     """Add what changes to the result of a whole drive; where gains step, none of the whole drive may be quoted."""
     channels = drive.channels
-    if found.changes:
+    if course.changes:
         channels = {name: not_quotable(channel) for name, channel in channels.items()}
     details = {
-        "changes": found.changes,
-        "segments": [{"start": s.start, "stop": s.stop, "channels": s.channels} for s in found.segments],
+        "changes": course.changes,
+        "visible_change": {"factor": course.visible, "seconds": VISIBLE_S},
+        "segments": [{"start": s.start, "stop": s.stop, "channels": s.channels} for s in course.segments],
         "constancy": [
             {"input": c.input_name, "parameter": c.parameter, "window": c.window} | c.over_time._asdict()
-            for c in found.constancy
+            for c in course.constancy
         ],
     }
     return drive._replace(
         channels=channels,
         details={**drive.details, **details},
-        lines=(*drive.lines, *_change_lines(found), *(_constancy_line(c) for c in found.constancy)),
+        lines=(*drive.lines, *_change_lines(course), *(_constancy_line(c) for c in course.constancy)),
     )
 
 
-def _change_lines(found: OverTime) -> list[str]:
-    if not found.changes:
+def _change_lines(course: OverTime) -> list[str]:
+    if not course.changes:
         return []
-    said = [step_watch.says(change) for change in found.changes]
+    said = [step_watch.says(change) for change in course.changes]
     first = (
         f"the gains changed {len(said)} time{'s' * (len(said) > 1)}: no gain holds for the whole drive, "
         "use those between the changes"
     )
-    between = [f"{s.start:.0f}–{s.stop:.0f} s: {_gains(s.channels)}" for s in found.segments]
+    between = [f"{s.start:.0f}–{s.stop:.0f} s: {_gains(s.channels)}" for s in course.segments]
     return [first, *said, *between]
 
 
@@ -295,13 +328,13 @@ def _constancy_line(c: Constancy) -> str:
     symbol, unit = _SYMBOLS[c.parameter]
     name = f"{c.input_name.replace('_', ' ')} {symbol}"
     level, p = c.over_time, f"p = {c.over_time.p_value:.3f}"
-    of = f"{len(level.t)} windows of {c.window:.0f} s"
+    size = f"{len(level.t)} windows of {c.window:.0f} s"
     if level.p_value < MISS:
         v = level.variation
         return (
             f"{name} varies over the drive: sd {v.value:.2f} [{v.low:.2f}, {v.high:.2f}]{unit}, from "
-            f"{float(level.level.min()):.2f} to {float(level.level.max()):.2f}{unit} ({p} of a constant one, {of})"
+            f"{float(level.level.min()):.2f} to {float(level.level.max()):.2f}{unit} ({p} of a constant one, {size})"
         )
     half = 0.5 * float(np.mean(level.high - level.low))
     value = f"{level.constant.value:.2f} ± {half:.2f}{unit}"
-    return f"{name} no change shown: {value} over the drive ({p} of a constant one, {of})"
+    return f"{name} no change shown: {value} over the drive ({p} of a constant one, {size})"

@@ -8,14 +8,15 @@ of the response that is left over in the residuals of a whole drive speaks again
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from canid.estimators import status
 from canid.identification import closed_loop_stability
 from canid.identification.confidence import QUANTILES
-from canid.identification.identifiability import QUOTABLE
-from canid.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
+from canid.identification.fopdt.grid_search import Optimum
+from canid.identification.identifiability import QUOTABLE, apart
+from canid.values.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
 
 # Share of a range beyond which half of what is believed of a delay lies at its end. On 2,700 channels of clean
 # simulated drives with delays inside the range none was there.
@@ -30,7 +31,7 @@ UNSTABLE_SHARE = QUANTILES[1]
 # Left-over response over the model's own, in whitened rms, beyond which no delay of a whole drive may be quoted. What
 # sensors add to the inputs leaves some too, so the 99 % test alone is failed by most clean drives of 10 minutes; below
 # this the intervals of tau + dead time hold the truth as often as without, above it half as often, while those of K
-# hold it as before (table `residuals` of docs/identification.md).
+# hold it as before (table `residuals` of docs/evidence/identification.md).
 MAX_LEFT_OVER = 0.4
 
 # Share of what is known of a parameter that a declared prior brought, from which on a reader is to know it: more than half.
@@ -132,9 +133,9 @@ def _of_prior(channels: Mapping[str, Channel]) -> list[str]:
     out = []
     for name, c in channels.items():
         shares = [
-            f"{_WORDS[of]} ({100.0 * share:.0f} %)"
-            for of, share in c.prior_weights.items()
-            if of in QUOTABLE[c.status] and share >= MENTIONED_PRIOR_SHARE
+            f"{_WORDS[parameter]} ({100.0 * share:.0f} %)"
+            for parameter, share in c.prior_weights.items()
+            if parameter in QUOTABLE[c.status] and share >= MENTIONED_PRIOR_SHARE
         ]
         if shares:
             out.append(f"{name.replace('_', ' ')}: mostly from the declared prior: {', '.join(shares)}")
@@ -167,6 +168,43 @@ def _loop(channels: Mapping[str, Channel], following: Following | None) -> tuple
     )
 
 
+def several_answers(names: Sequence[str], optima: Sequence[Optimum]) -> list[str]:
+    """Say which gains are withheld since the data leave two answers that exclude each other.
+
+    Args:
+        names: of the inputs.
+        optima: the answers that fit about as well, the likeliest first.
+
+    >>> one = Channel(Interval(0.4, 0.3, 0.5), status=Identifiable.GAIN_ONLY)
+    >>> two = one._replace(K=Interval(1.7, 1.2, 2.2))
+    >>> several_answers(["range_rate"], [Optimum((one,), 0.8), Optimum((two,), 0.2)])[0].partition(":")[0]
+    'range rate'
+    >>> several_answers(["range_rate"], [Optimum((one,), 0.8), Optimum((one,), 0.2)])
+    []
+    """
+    out = []
+    for i, name in enumerate(names):
+        gains = [optimum.channels[i].K for optimum in optima]
+        if gains and apart(gains):
+            answers = " or ".join(f"{K.value:.2f} [{K.low:.2f}, {K.high:.2f}]" for K in gains)
+            out.append(
+                f"{name.replace('_', ' ')}: {len(gains)} answers fit this drive about as well, K {answers}, each with a "
+                "noise of its own: none may be quoted; a longer drive, or a lead that moves more, decides"
+            )
+    return out
+
+
+def large_left_over(tests: ResidualTests) -> list[tuple[str, float]]:
+    """Inputs of which too much of a response is left over, with its share of the model's own.
+
+    >>> tests = ResidualTests(True, 20.0, 41.6, ("range_rate",), (), True, {"range_rate": 18}, {"range_rate": 0.5})
+    >>> large_left_over(tests)
+    [('range_rate', 0.5)]
+    """
+    shares = ((name, tests.left_over_share.get(name, 0.0)) for name in tests.left_over)
+    return [(name, share) for name, share in shares if share > MAX_LEFT_OVER]
+
+
 def left_over(tests: ResidualTests) -> str:
     """Say that too much of a response is left over for delays to be quoted; empty: not so.
 
@@ -176,12 +214,13 @@ def left_over(tests: ResidualTests) -> str:
     >>> left_over(tests._replace(left_over_share={"range_rate": 0.2}))
     ''
     """
-    large = [name for name in tests.left_over if tests.left_over_share.get(name, 0.0) > MAX_LEFT_OVER]
+    large = large_left_over(tests)
     if not large:
         return ""
-    share = max(tests.left_over_share[name] for name in large)
+    share = max(share for _, share in large)
     most = "up to " if len(large) > 1 else ""
+    names = ", ".join(name for name, _ in large).replace("_", " ")
     return (
-        f"{', '.join(large).replace('_', ' ')}: the residuals still hold a response of {most}{100 * share:.0f} % of the "
+        f"{names}: the residuals still hold a response of {most}{100 * share:.0f} % of the "
         "model's own, which a first order with dead time does not give: τ and θ may not be quoted"
     )

@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from canid.state_constraints import NOT_NEGATIVE
-from canid.types import Sample, Trace
+from canid.values.state_constraints import NOT_NEGATIVE
+from canid.values.types import Sample, Trace
 
 # s; a row is no longer than this: Chen & Ulsoy's 10 Hz
 ROW_S = 0.1
@@ -49,7 +49,7 @@ def step(state: State, sample: Sample, dt: float, count: int) -> tuple[State, Sa
         dt: s, the grid's step.
         count: samples per row, of `per_row`.
 
-    >>> from canid.types import LearnGate
+    >>> from canid.values.types import LearnGate
     >>> row, state = None, State()
     >>> for k in range(5):
     ...     now = Sample(0.02 * k, 1.0 + k, (2.0 * k,), LearnGate.OPEN, True, 0, {})

@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple
 
-from canid.state_constraints import TIME
-from canid.types import (
+from canid.values.state_constraints import TIME
+from canid.values.types import (
     NAN,
     TASK_INPUTS,
     Channel,
@@ -45,6 +45,7 @@ MIN_DATA_S = 20.0
 
 _AT_ONCE = {
     LearnGate.CRUISE: Status.NO_DRIVER,
+    LearnGate.ASSIST: Status.NO_DRIVER,
     LearnGate.NO_CRUISE: Status.NO_DRIVER,
     LearnGate.STANDSTILL: Status.NO_DRIVER,
     LearnGate.REVERSE: Status.NO_DRIVER,
@@ -112,7 +113,7 @@ def by_gate(pace: Pace, sample: Sample) -> tuple[Pace, Status | None]:
     Returns:
         The new pace, and the status that the gate alone forces; None where the data decide.
 
-    >>> from canid.types import LearnGate, Sample
+    >>> from canid.values.types import LearnGate, Sample
     >>> braking = Sample(0.0, 0.0, (0.0,), LearnGate.BRAKE, False, 0, {})
     >>> pace, forced = by_gate(Pace(), braking)
     >>> forced is None
@@ -188,7 +189,7 @@ def implausible(channels: Mapping[str, Channel]) -> str:
 
     A driver who presses the pedal more the nearer or the faster the vehicle ahead comes would not follow it for long.
 
-    >>> from canid.types import Interval
+    >>> from canid.values.types import Interval
     >>> steers = Channel(Interval(-2.0, -3.0, -1.0), status=Identifiable.GAIN_ONLY)
     >>> implausible({"range_rate": steers}).partition(": check")[0]
     'range rate: K is negative, -2.00 [-3.00, -1.00]'

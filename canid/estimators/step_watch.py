@@ -22,11 +22,11 @@ from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.fopdt import answer_columns, earlier_rows, gain_step
 from canid.identification.fopdt.answer_columns import Columns, Reference
 from canid.identification.fopdt.earlier_rows import Earlier
-from canid.identification.fopdt.fopdt_fit import ProcessFit
 from canid.identification.fopdt.gain_step import CANDIDATE_S, Steps
+from canid.identification.fopdt.grid_search import ProcessFit
 from canid.identification.fopdt.regression_rows import Layout
-from canid.state_constraints import TIME
-from canid.types import NAN, Array, Channel, GainChange, Identifiable, Interval, OutputFilter
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN, Array, Channel, GainChange, Identifiable, Interval, OutputFilter
 
 # s between two checks: a check takes a third of a refit
 CHECK_EVERY_S = 2.0
@@ -121,19 +121,19 @@ def check(watch: Watch, window: Window, t: float) -> Watch:
     tested = _steps(watch.reference, window, watch.earlier)
     if tested is None:
         return watch._replace(evidence=0.0)
-    made, found = tested
-    if found.evidence < ALARM:
-        earlier = _absorbed(watch, watch.reference, window, made) if found.evidence < HOLD else watch.earlier
-        return watch._replace(evidence=found.evidence, earlier=earlier)
-    first, low, high = (window.time_of(row) for row in gain_step.when(found))
+    made, steps = tested
+    if steps.evidence < ALARM:
+        earlier = _absorbed(watch, watch.reference, window, made) if steps.evidence < HOLD else watch.earlier
+        return watch._replace(evidence=steps.evidence, earlier=earlier)
+    first, low, high = (window.time_of(row) for row in gain_step.when(steps))
     # over all times at which it may have been
-    weight = np.exp(found.log_bayes - found.log_bayes.max())
+    weight = np.exp(steps.log_bayes - steps.log_bayes.max())
     before, after = (
         {name: gain_step.mixture(K[:, i], sd[:, i], weight) for i, name in enumerate(window.names)}
-        for K, sd in ((found.before, found.before_sd), (found.after, found.after_sd))
+        for K, sd in ((steps.before, steps.before_sd), (steps.after, steps.after_sd))
     )
     # a step between two candidates is found at either
-    change = GainChange(Interval(first, low - CANDIDATE_S, high + CANDIDATE_S), before, after, found.evidence)
+    change = GainChange(Interval(first, low - CANDIDATE_S, high + CANDIDATE_S), before, after, steps.evidence)
     return watch._replace(evidence=0.0, change=change, detected=t, cut=first, new=True)
 
 
@@ -171,8 +171,8 @@ def with_steps(watch: Watch, channels: Mapping[str, Channel], window: Window) ->
     tested = _steps(watch.reference, window, watch.earlier)
     if tested is None:
         return channels
-    _, found = tested
-    weight = np.concatenate([[1.0], STEP_RATE * CANDIDATE_S * np.exp(np.minimum(found.log_bayes, 50.0))])
+    _, steps = tested
+    weight = np.concatenate([[1.0], STEP_RATE * CANDIDATE_S * np.exp(np.minimum(steps.log_bayes, 50.0))])
     weight /= weight.sum()
     if weight[0] > 1.0 - MIN_STEP_WEIGHT:
         return channels
@@ -180,8 +180,8 @@ def with_steps(watch: Watch, channels: Mapping[str, Channel], window: Window) ->
     for i, (name, channel) in enumerate(channels.items()):
         K = channel.K
         half = (K.high - K.low) / (2.0 * NORMAL_QUANTILE)
-        value = np.concatenate([[0.5 * (K.low + K.high)], found.after[:, i]])
-        mixed = gain_step.mixture(value, np.concatenate([[half], found.after_sd[:, i]]), weight)
+        value = np.concatenate([[0.5 * (K.low + K.high)], steps.after[:, i]])
+        mixed = gain_step.mixture(value, np.concatenate([[half], steps.after_sd[:, i]]), weight)
         usable = math.isfinite(half) and channel.status is not Identifiable.NOT
         out[name] = identifiability.with_gain(channel, mixed) if usable else channel
     return out
@@ -199,16 +199,16 @@ def since_step(watch: Watch, window: Window) -> Mapping[str, Channel] | None:
     two = np.array([parts[:first].sum(axis=0), parts[first:].sum(axis=0)])
     rows = np.array([0.0, first])
     before = earlier_rows.products(watch.earlier, window.layout, watch.reference)
-    found = gain_step.of_grams(two, made, watch.reference.size, rows, before, DETECTED_SD)
-    gains = _intervals(window.names, found.after[0], found.after_sd[0])
+    steps = gain_step.of_grams(two, made, watch.reference.size, rows, before, DETECTED_SD)
+    gains = _intervals(window.names, steps.after[0], steps.after_sd[0])
     out = {}
-    for (name, K), sd in zip(gains.items(), found.after_sd[0], strict=True):
-        of = watch.channels[name]
+    for (name, K), sd in zip(gains.items(), steps.after_sd[0], strict=True):
+        channel = watch.channels[name]
         known = identifiability.judge(K, float(sd), math.inf, math.inf, math.inf)
-        status = of.status if known is not Identifiable.NOT else Identifiable.NOT
+        status = channel.status if known is not Identifiable.NOT else Identifiable.NOT
         # a driver who has just changed is given no prior: these gains are of the data alone
-        weights = {key: of_prior for key, of_prior in of.prior_weights.items() if key != "K"}
-        out[name] = of._replace(K=K, status=status, progress=None, prior_weights=weights)
+        weights = {key: of_prior for key, of_prior in channel.prior_weights.items() if key != "K"}
+        out[name] = channel._replace(K=K, status=status, progress=None, prior_weights=weights)
     return out
 
 
@@ -235,11 +235,11 @@ def _steps(at: Reference, window: Window, earlier: Earlier) -> tuple[Columns, St
     if made is None:
         return None
     before = earlier_rows.products(earlier, window.layout, at)
-    found = gain_step.steps(made, at.size, window.block, before)
-    if found.evidence < SECOND_PASS:
-        return made, found
+    steps = gain_step.steps(made, at.size, window.block, before)
+    if steps.evidence < SECOND_PASS:
+        return made, steps
     m = made.inputs
-    after = np.arange(made.values.shape[1]) >= found.rows[found.best]
+    after = np.arange(made.values.shape[1]) >= steps.rows[steps.best]
     e = answer_columns.residual(made, made.values[: m + 1] * after)
     made = answer_columns.weighed(made, e, at, made.values.shape[1], at.scale)
     return made, gain_step.steps(made, at.size, window.block, before)
@@ -305,10 +305,3 @@ def _is_known(K: Interval) -> bool:
 
 def _gain(K: Interval) -> str:
     return f"{K.value:.2f} [{K.low:.2f}, {K.high:.2f}]"
-
-
-def moved(change: GainChange | None, by: float) -> GainChange | None:
-    """Shift the times of a change by some seconds: from the estimators' time to the session's."""
-    if change is None or not by:
-        return change
-    return change._replace(t=Interval(*(t + by for t in change.t)))

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from canid.estimators import agreement, status
 from canid.estimators.estimator import AnyRunning
-from canid.types import NAN, Estimate, Sample
+from canid.values.types import NAN, Estimate, Sample
 
 # s; an older estimate bears on no contradiction
 HISTORY_S = agreement.PERSISTENCE_S + agreement.MAX_AGE_S + 1.0

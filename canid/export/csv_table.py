@@ -8,10 +8,10 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from canid.errors import ConfigError
 from canid.export import names
 from canid.export.table import Field, Origin, Table, Values, in_ns
-from canid.types import Array
+from canid.values.errors import ConfigError
+from canid.values.types import Array
 
 # "log": s since the log's first frame; "utc": ISO 8601; "epoch": s since 1970
 TimeColumn = Literal["log", "utc", "epoch"]
@@ -97,7 +97,9 @@ def _cells(values: Values) -> list[bytes]:
     out = []
     for text in values.tolist():
         cell = known.get(text)
-        if cell is None:
+        if isinstance(text, int):
+            cell = str(text).encode()
+        elif cell is None:
             cell = known[text] = _quoted(names.disarmed(text))
         out.append(cell)
     return out

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from canid.export.table import Field, Table, Values, of_columns
-from canid.types import NAN, Array, Estimate, Trace
-from canid.vehicle.roles import DERIVED, ROLES
+from canid.signal_checks.output_scale import output_scale
+from canid.values.roles import DERIVED, ROLES
+from canid.values.types import NAN, Array, Estimate, Trace
 
 if TYPE_CHECKING:
-    from canid.drive_series import DriveSeries
+    from canid.drive.drive_series import DriveSeries
 
 # of the inputs of the models, and of derived roles
 _UNITS = {"headway": "s", "headway_error": "s"}
@@ -75,18 +76,29 @@ def _numbers(estimate: Estimate, name: str) -> list[float]:
     return [x for key in PARAMETERS for x in getattr(channel, key)]
 
 
-_LEAD = (Field("status", kind="text"), Field("can_tell", "", "which parameters may be quoted", "text"))
+_LEAD = (
+    Field("status", kind="text"),
+    Field("can_tell", "", "which parameters may be quoted", "text"),
+    Field("scale", "", "of a pedal: whether K in % of its full travel is confirmed", "text"),
+)
 _TAIL = (Field("fit_percent", "%"), Field("used", "s", "data that the estimate rests on"))
 
 
-def estimates_table(estimates: Sequence[Estimate]) -> Table:
-    """One row per estimate and channel: estimator, status, channel, can_tell, K, K_low, K_high, tau, ..."""
+def scale_text(trace: Trace) -> str:
+    """Whether a drive's pedal is in % of its full travel: "confirmed", "not confirmed", or "" where it is no pedal."""
+    scale = output_scale(trace.output, trace.dt, trace.full_scale, trace.findings)
+    return "" if scale is None else "confirmed" if scale.confirmed else "not confirmed"
+
+
+def estimates_table(estimates: Sequence[Estimate], scale: str = "") -> Table:
+    """One row per estimate and channel: estimator, status, channel, can_tell, scale, K, K_low, K_high, tau, ..."""
     rows: list[tuple[Any, ...]] = [
         (
             e.estimator,
             e.status.value,
             name,
             e.channels[name].status.value,
+            scale,
             *_numbers(e, name),
             e.fit_percent,
             e.used,
@@ -94,7 +106,7 @@ def estimates_table(estimates: Sequence[Estimate]) -> Table:
         for e in estimates
         for name in e.channels
     ]
-    of_text = (Field("estimator", kind="text"), _LEAD[0], Field("channel", kind="text"), _LEAD[1])
+    of_text = (Field("estimator", kind="text"), _LEAD[0], Field("channel", kind="text"), *_LEAD[1:])
     # the unit of K differs between channels
     fields = (*of_text, *_interval_fields("", ""), *_TAIL)
     t = np.round(np.array([e.t for e in estimates for _ in e.channels]), 9)
@@ -111,12 +123,12 @@ def _of_rows(
     return of_columns(group, name, t, columns)
 
 
-def channel_tables(estimates: Sequence[Estimate], output: str) -> list[Table]:
+def channel_tables(estimates: Sequence[Estimate], output: str, scale: str = "") -> list[Table]:
     """Estimates, a table for each estimator and channel: for formats in which a name stands for one curve."""
-    found: dict[tuple[str, str], list[Estimate]] = {}
+    by_channel: dict[tuple[str, str], list[Estimate]] = {}
     for e in estimates:
         for name in e.channels:
-            found.setdefault((e.estimator, name), []).append(e)
+            by_channel.setdefault((e.estimator, name), []).append(e)
     return [
         _of_rows(
             "estimates",
@@ -124,11 +136,18 @@ def channel_tables(estimates: Sequence[Estimate], output: str) -> list[Table]:
             np.round(np.array([e.t for e in those]), 9),
             (*_LEAD, *_interval_fields(output, name), *_TAIL),
             [
-                (e.status.value, e.channels[name].status.value, *_numbers(e, name), e.fit_percent, e.used)
+                (
+                    e.status.value,
+                    e.channels[name].status.value,
+                    scale,
+                    *_numbers(e, name),
+                    e.fit_percent,
+                    e.used,
+                )
                 for e in those
             ],
         )
-        for (estimator, name), those in found.items()
+        for (estimator, name), those in by_channel.items()
     ]
 
 

@@ -7,10 +7,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from canid import timestamps
-from canid.errors import ConfigError
 from canid.export import names
 from canid.export.table import Origin, Table
+from canid.values import timestamps
+from canid.values.errors import ConfigError
 
 # bytes of text at the beginning of the file (MAT-File Format, level 5)
 TEXT_BYTES = 116
@@ -54,16 +54,16 @@ class _Variables(dict[str, Any]):
         self._origin = origin
 
     def items(self) -> Iterator[tuple[str, Any]]:  # type: ignore[override]
-        of = self._origin
-        epoch = timestamps.epoch_seconds(of.start_ns)
+        origin = self._origin
+        epoch = timestamps.epoch_seconds(origin.start_ns)
         yield (
             "info",
             {
-                "log": of.log,
-                "vehicle": of.vehicle,
-                "start_utc": of.start_text,
+                "log": origin.log,
+                "vehicle": origin.vehicle,
+                "start_utc": origin.start_text,
                 "start_epoch": epoch,
-                "program": of.program,
+                "program": origin.program,
             },
         )
         for name, table in self._named:

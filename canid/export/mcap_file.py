@@ -9,10 +9,10 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from canid.errors import ConfigError
 from canid.export.csv_table import numbers
 from canid.export.table import Field, Origin, Table, Values, in_ns
-from canid.views.terminal_text import terminal_text
+from canid.values.errors import ConfigError
+from canid.values.terminal_text import terminal_text
 
 # s of all tables that are made messages at once
 SLICE_S = 20.0
@@ -35,7 +35,7 @@ def write(file: BinaryIO, tables: Sequence[Table], origin: Origin) -> None:
     """Write all tables.
 
     A message for each row: `{"t": s, "gap": m, ...}`; what was not measured is left out. Log time: ns since 1970 UTC; since
-    the log's first frame where it states no date.
+    the log's first frame, or an earlier one behind it, where it states no date.
 
     Raises:
         ConfigError: mcap is missing.
@@ -44,7 +44,9 @@ def write(file: BinaryIO, tables: Sequence[Table], origin: Origin) -> None:
         from mcap.writer import Writer
     except ImportError as error:
         raise ConfigError("MCAP needs mcap: pip install 'canid[export]'") from error
-    start = origin.start_ns or 0
+    # a log time has no sign: without a date the earliest frame, not the first, is 0 where it comes before it
+    earliest = min((int(in_ns(table.t[:1])[0]) for table in tables if len(table.t)), default=0)
+    start = max(origin.start_ns or 0, -earliest)
     writer = Writer(file, chunk_size=CHUNK_BYTES)
     writer.start(profile="", library=f"{origin.program} export")
     writer.add_metadata(
@@ -80,8 +82,8 @@ def write(file: BinaryIO, tables: Sequence[Table], origin: Origin) -> None:
             continue
         stamp = np.concatenate(stamps)
         order = np.argsort(stamp, kind="stable")
-        of = np.concatenate(which)[order].tolist()
-        for row, channel, ns in zip(order.tolist(), of, stamp[order].tolist(), strict=True):
+        channel_ids = np.concatenate(which)[order].tolist()
+        for row, channel, ns in zip(order.tolist(), channel_ids, stamp[order].tolist(), strict=True):
             writer.add_message(channel, ns, rows[row], ns)
     writer.finish()  # type: ignore[no-untyped-call]
 

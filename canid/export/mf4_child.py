@@ -1,32 +1,42 @@
 """Run as `python -m canid.export.mf4_child FILE`: writes the tables that come over standard input as an ASAM .mf4.
 
-A process of its own because asammdf is slow to import and needs much memory. Input, pickled: `(start in ns or None,
-comment)`, then `(name, comment, t, [(name, unit, comment, values), ...])` for each table, then None.
+A process of its own because asammdf is slow to import and needs much memory. Messages: `(start in ns or None, comment)`,
+then `(name, comment, t, [(name, unit, comment, values), ...])` for each table, then None. The answer is `WRITTEN`,
+`NO_ASAMMDF` or the reason why the file cannot be written.
 """
 
 from __future__ import annotations
 
-import pickle
 import sys
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
+from canid.processes.serve import connect
+
+WRITTEN, NO_ASAMMDF = "", "asammdf is missing"
+
 
 def main(path: str) -> int:
-    """Write `path`, which exists; 0 if all went well, 3 without asammdf, 4 where it cannot be written."""
+    """Write `path`, which exists, and answer."""
+    parent = connect()
+    parent.answer(_written(path, parent.messages()))
+    return 0
+
+
+def _written(path: str, messages: Iterator[Any]) -> str:
     try:
         import asammdf
         import numpy as np
     except ImportError:
-        return 3
-    source = sys.stdin.buffer
+        return NO_ASAMMDF
     try:
-        start_ns, comment = pickle.load(source)
+        start_ns, comment = next(messages)
         file = asammdf.MDF(version="4.10")
         file.header.start_time = datetime.fromtimestamp((start_ns or 0) / 1e9, UTC)
         file.header.abs_time = start_ns or 0  # with all its nanoseconds
         file.header.comment = comment
-        while (table := pickle.load(source)) is not None:
+        while (table := next(messages)) is not None:
             name, of_table, t, columns = table
             signals = [
                 asammdf.Signal(
@@ -45,9 +55,8 @@ def main(path: str) -> int:
         file.close()
     except Exception as error:  # asammdf raises errors of any kind
         why = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-        sys.stderr.write(" ".join(str(why).split())[:200] + "\n")
-        return 4
-    return 0
+        return " ".join(str(why).split())[:200] or type(error).__name__
+    return WRITTEN
 
 
 def _samples(values: Any, np: Any) -> Any:

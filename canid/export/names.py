@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 
-from canid.views.terminal_text import terminal_text
+from canid.values.terminal_text import terminal_text
 
 # of a part of a file name: whole names have 255 bytes on usual file systems
 MAX_FILE_PART = 80

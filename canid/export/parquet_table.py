@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from canid import timestamps
-from canid.errors import ConfigError
 from canid.export import names
 from canid.export.csv_table import TIME, TimeColumn, no_date
 from canid.export.table import Origin, Table, in_ns
+from canid.values import timestamps
+from canid.values.errors import ConfigError
 
 Write = Callable[..., None]
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from canid.export.table import Table
-from canid.types import Array
+from canid.values.types import Array
 
 MARK = " canid export "
 # PlotJuggler's plugins and the parameters of the two that ask for the column of the time
@@ -103,10 +103,10 @@ def layout(table: Table, curve: Callable[[int], str], data: Path, kind: str, tim
             area = ElementTree.SubElement(splitter, "DockArea", name="...")
             shown = {"mode": "TimeSeries", "style": "Lines", "flip_x": "false", "flip_y": "false"}
             plot = ElementTree.SubElement(area, "plot", shown)
-            ElementTree.SubElement(plot, "range", _range(table.t, [values[of.column] for of in curves]))
+            ElementTree.SubElement(plot, "range", _range(table.t, [values[line.column] for line in curves]))
             ElementTree.SubElement(plot, "limitY")
-            for of in curves:
-                ElementTree.SubElement(plot, "curve", name=curve(of.column), color=of.color)
+            for line in curves:
+                ElementTree.SubElement(plot, "curve", name=curve(line.column), color=line.color)
     ElementTree.SubElement(widget, "currentTabIndex", index="0")
     ElementTree.SubElement(root, "use_relative_time_offset", enabled="1")
     plugins = ElementTree.SubElement(root, "Plugins")
@@ -140,8 +140,8 @@ def _range(t: Array, curves: Sequence[Array]) -> dict[str, str]:
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     room = MARGIN * (high - low) or 0.5
     left, right = (float(t[0]), float(t[-1])) if len(t) else (0.0, 1.0)
-    found = {"left": left, "right": right, "bottom": low - room, "top": high + room}
-    return {name: f"{x:.6f}" for name, x in found.items()}
+    limits = {"left": left, "right": right, "bottom": low - room, "top": high + room}
+    return {name: f"{x:.6f}" for name, x in limits.items()}
 
 
 def _visible(text: str) -> str:

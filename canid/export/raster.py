@@ -2,45 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from canid.errors import ConfigError
+from canid.drive.signal_columns import decode
 from canid.export.signal_tables import Received, fields_of, texts
 from canid.export.table import Field, Table, Values, of_columns
-from canid.signal_columns import decode
+from canid.values.errors import ConfigError
 
 # rows of a raster: two hours at 1 kHz; with more the step was a slip of the pen
 MAX_ROWS = 10_000_000
 
 
 def raster_table(messages: Sequence[Received], step: float) -> Table:
-    """Sample all signals every `step` s, from t = 0 to the last frame.
+    """Sample all signals every `step` s, from t = 0, or an earlier first frame of these messages, to the last one.
 
     Memory: 8 bytes for each row and signal.
 
     Raises:
         ConfigError: the raster is too fine.
     """
-    last = max((float(of.frames.t[-1]) for of in messages), default=0.0)
-    if last / step > MAX_ROWS:
+    last = max((float(message.frames.t[-1]) for message in messages), default=0.0)
+    first = min((float(message.frames.t[0]) for message in messages), default=0.0)
+    if (last - min(first, 0.0)) / step > MAX_ROWS:
         raise ConfigError(
-            f"--raster {step:g}: gives more than {MAX_ROWS:,} rows of {last:.0f} s; use a longer step"
+            f"--raster {step:g}: gives more than {MAX_ROWS:,} rows of {last - min(first, 0.0):.0f} s; use a longer step"
         )
     # a little room: 0.3 is not three times 0.1 in floats
-    t = np.round(np.arange(int(last / step + 1e-9) + 1) * step, 9)
+    begin = min(math.ceil(first / step - 1e-9), 0)
+    t = np.round(np.arange(begin, math.floor(last / step + 1e-9) + 1) * step, 9)
     columns: list[tuple[Field, Values]] = []
-    for of in messages:
-        for signal in of.signals:
+    for message in messages:
+        for signal in message.signals:
             held = np.full(len(t), np.nan)
-            column = decode(of.message, signal, of.frames)
+            column = decode(message.message, signal, message.frames)
             if column is not None:
                 known = np.isfinite(column.value)
                 at = np.searchsorted(column.t[known], t, "right") - 1
                 if known.any():
                     held = np.where(at >= 0, column.value[known][at.clip(0)], np.nan)
-            fields = fields_of(signal, f"{of.name}.{signal.name}")
+            fields = fields_of(signal, f"{message.name}.{signal.name}")
             columns.append((fields[0], held))
             if len(fields) > 1:
                 columns.append((fields[1], texts(signal, held)))

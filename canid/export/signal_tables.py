@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.errors import ConfigError
+from canid.dbc_text.parsing import Message, Signal
+from canid.drive.signal_columns import MessageFrames, MessageKey, decode, is_wide, whole_values
 from canid.export.table import Field, Table, Values
-from canid.parsing import Message, Signal
-from canid.signal_columns import MessageFrames, MessageKey, decode
-from canid.types import Array
+from canid.values.errors import ConfigError
+from canid.values.types import Array
 from canid.vehicle import j1939
 from canid.vehicle.database import Dbc
 
@@ -37,7 +37,7 @@ def wanted(files: Sequence[Dbc], patterns: Sequence[str]) -> dict[int, set[str]]
     Raises:
         ConfigError: a pattern matches nothing.
     """
-    found: dict[int, set[str]] = {}
+    chosen: dict[int, set[str]] = {}
     unmatched = {pattern.lower() for pattern in patterns}
     names: set[str] = set()
     for message in (message for file in files for message in file.messages.values()):
@@ -49,12 +49,12 @@ def wanted(files: Sequence[Dbc], patterns: Sequence[str]) -> dict[int, set[str]]
             }
             unmatched -= hits
             if hits or not patterns:
-                found.setdefault(id(message), set()).add(signal.name)
+                chosen.setdefault(id(message), set()).add(signal.name)
     for pattern in sorted(unmatched):
         close = get_close_matches(pattern.upper(), sorted(names), n=1, cutoff=0.5)
         hint = f'did you mean "{close[0]}"?' if close else "a pattern may hold * and ?, as in WHEEL_*"
         raise ConfigError(f'--signals: "{pattern}" matches no signal of the DBC files; {hint}')
-    return found
+    return chosen
 
 
 def ids_of(files: Sequence[Dbc], patterns: Sequence[str]) -> set[int] | None:
@@ -76,17 +76,17 @@ def received(
     A file that is bound to a bus goes before one that is not; of two files that define the same id, the first counts.
     """
     selected = wanted(files, patterns)
-    found: list[tuple[MessageKey, Message]] = []
+    matched: list[tuple[MessageKey, Message]] = []
     for key in frames:
         of_bus = sorted((f for f in files if f.bus in (None, key.bus)), key=lambda file: file.bus is None)
         message = next(
             (m for file in of_bus if (m := _matching(key, file.messages.values())) is not None), None
         )
         if message is not None and id(message) in selected and len(frames[key].t):
-            found.append((key, message))
+            matched.append((key, message))
     out = []
-    for key, message in found:
-        same = [other for other, of in found if of.name == message.name]
+    for key, message in matched:
+        same = [other for other, other_message in matched if other_message.name == message.name]
         by_bus = len({other.bus for other in same}) > 1
         ids = sum(other.bus == key.bus for other in same) > 1
         name = message.name + (f".bus{key.bus}" if by_bus else "") + (f".{key.id:X}" if ids else "")
@@ -116,34 +116,47 @@ def _in_time_order(frames: MessageFrames) -> MessageFrames:
     return MessageFrames(t[order], frames.length[order], frames.data[order])
 
 
-def signal_tables(messages: Sequence[Received]) -> list[Table]:
+def signal_tables(messages: Sequence[Received], *, exact: bool = False) -> list[Table]:
     """One table for each message, in the order of bus and id.
+
+    `exact`: whole numbers of more than 53 bits are Python's, in the place of the doubles next to them.
 
     A multiplexed signal is NaN in frames that do not carry it. A signal with a value table has a second column,
     "NAME text", with what the value means.
     """
-    return [_table(of) for of in messages]
+    return [_table(message, exact) for message in messages]
 
 
-def _table(of: Received) -> Table:
-    fields = tuple(field for signal in of.signals for field in fields_of(signal, signal.name))
+def rounded(messages: Sequence[Received]) -> list[str]:
+    """Signals of which a double does not hold all digits, by message and name."""
+    return [
+        f"{message.name}.{signal.name}"
+        for message in messages
+        for signal in message.signals
+        if is_wide(signal)
+    ]
+
+
+def _table(message: Received, exact: bool) -> Table:
+    fields = tuple(field for signal in message.signals for field in fields_of(signal, signal.name))
 
     def values(part: slice) -> list[Values]:
-        frames = MessageFrames(of.frames.t[part], of.frames.length[part], of.frames.data[part])
+        frames = MessageFrames(message.frames.t[part], message.frames.length[part], message.frames.data[part])
         out: list[Values] = []
-        for signal in of.signals:
-            number = on_rows(of.message, signal, frames)
-            out.append(number)
+        for signal in message.signals:
+            number = on_rows(message.message, signal, frames)
+            whole = _whole_on_rows(message.message, signal, frames) if is_wide(signal) else None
+            out.append(number if whole is None or not exact else whole)
             if signal.choices:
-                out.append(texts(signal, number))
+                out.append(texts(signal, number if whole is None else whole))
         return out
 
-    return Table("signals", of.name, of.frames.t, fields, values, f"id 0x{of.message.id:X}")
+    return Table("signals", message.name, message.frames.t, fields, values, f"id 0x{message.message.id:X}")
 
 
 def fields_of(signal: Signal, name: str) -> list[Field]:
     """Columns of a signal: its value, and with a value table its text."""
-    meanings = {raw * signal.scale + signal.offset: text for raw, text in signal.choices.items()}
+    meanings = signal.meanings
     field = Field(name, signal.unit, choices=meanings)
     return [field, Field(f"{name} text", "", f"meaning of {name}", "text")] if meanings else [field]
 
@@ -161,9 +174,23 @@ def on_rows(message: Message, signal: Signal, frames: MessageFrames) -> Array:
     return out
 
 
-def texts(signal: Signal, values: Array) -> Values:
+def _whole_on_rows(message: Message, signal: Signal, frames: MessageFrames) -> Values:
+    """The same of a wide signal: Python's whole numbers, None where a frame does not carry it."""
+    out = np.full(len(frames.t), None, dtype=object)
+    rows = np.arange(len(frames.t), dtype=np.float64)
+    column = decode(message, signal, frames._replace(t=rows))
+    if column is not None:
+        out[column.t.astype(np.int64)] = whole_values(signal, column)
+    return out
+
+
+def texts(signal: Signal, values: Values) -> Values:
     """Meaning of each value by the value table; None where there is none."""
-    meanings = {raw * signal.scale + signal.offset: text for raw, text in signal.choices.items()}
+    if values.dtype == object:
+        scale, offset = int(signal.scale), int(signal.offset)
+        whole = {raw * scale + offset: text for raw, text in signal.choices.items()}
+        return np.array([whole.get(value) for value in values.tolist()], dtype=object)
+    meanings = signal.meanings
     distinct, which = np.unique(values, return_inverse=True)
     labels = np.array([meanings.get(value) for value in distinct.tolist()], dtype=object)
     return labels[which]

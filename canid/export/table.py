@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
 
 # float64: NaN is "not measured"; int64; or objects: texts, None is "no text"
 Values = npt.NDArray[Any]

@@ -5,17 +5,17 @@ Format: https://en.racelogic.support/VBOX_Automotive/Knowledge_Base/VBO_File_For
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from datetime import UTC, datetime
+from typing import IO
 
 import numpy as np
 
-from canid.errors import ConfigError
 from canid.export import names
 from canid.export.drive_tables import unit_of
 from canid.export.table import Origin
-from canid.types import Array, Trace
-from canid.views.terminal_text import terminal_text
+from canid.values.errors import ConfigError
+from canid.values.terminal_text import terminal_text
+from canid.values.types import Array, Trace
 
 # The format has no "not known"; programs take fewer than three or four satellites for no position.
 SATELLITES = 8
@@ -50,11 +50,14 @@ def check(roles: set[str], vehicle: str) -> None:
         )
 
 
-def lines(trace: Trace, origin: Origin) -> Iterator[bytes]:
-    """The file, piece by piece: rows of the samples that have a position.
+def write(file: IO[bytes], trace: Trace, origin: Origin) -> tuple[int, list[str]]:
+    """Write the file: rows of the samples that have a position.
 
     Time is UTC since midnight; since the log's first frame where it states no date. Velocity is that of the role speed, or
     gnss_speed. Heading is the course over the ground. What was not measured in another channel is NaN.
+
+    Returns:
+        how many rows, and the names of the columns.
 
     Raises:
         ConfigError: no sample has a position.
@@ -86,9 +89,10 @@ def lines(trace: Trace, origin: Origin) -> Iterator[bytes]:
     ]
     if origin.start_ns is None:
         header.append("the log states no date: time and date count from zero")
-    columns = names.unique(texts, names.matlab_name, [name for _, name in _STANDARD])
-    header += ["", "[column names]", " ".join([*(name for _, name in _STANDARD), *columns]), "", "[data]"]
-    yield "".join(f"{line}\r\n" for line in header).encode("utf-8", "backslashreplace")
+    standard = [name for _, name in _STANDARD]
+    columns = [*standard, *names.unique(texts, names.matlab_name, standard)]
+    header += ["", "[column names]", " ".join(columns), "", "[data]"]
+    file.write("".join(f"{line}\r\n" for line in header).encode("utf-8", "backslashreplace"))
     lat, lon = signals["lat"], signals["lon"]
     velocity = next((signals[role] for role in ("speed", "gnss_speed") if role in signals), np.zeros(len(t)))
     height = signals.get("altitude", np.zeros(len(t)))
@@ -104,7 +108,8 @@ def lines(trace: Trace, origin: Origin) -> Iterator[bytes]:
         *(signals[role].tolist() for role in extra),
         strict=True,
     )
-    yield "".join(_row(*row) for row in rows).encode("ascii")
+    file.write("".join(_row(*row) for row in rows).encode("ascii"))
+    return len(t), columns
 
 
 def _row(

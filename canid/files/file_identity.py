@@ -29,9 +29,9 @@ class FileIdentity(NamedTuple):
 
 def of_new_file(fd: int) -> FileIdentity:
     """Identity of a file that was just created. Raises OSError."""
-    own = os.fstat(fd)
-    inode = 0 if _passing_inodes(own.st_dev) else own.st_ino
-    return FileIdentity(own.st_dev, _filesystem(fd), inode)
+    status = os.fstat(fd)
+    inode = 0 if _passing_inodes(status.st_dev) else status.st_ino
+    return FileIdentity(status.st_dev, _filesystem(fd), inode)
 
 
 def with_beginning(identity: FileIdentity, fd: int, skip: int) -> FileIdentity:
@@ -58,17 +58,17 @@ def mismatch(identity: FileIdentity, fd: int) -> str:
     ...     same, mismatch(noted, file.fileno())
     ('', 'has another size')
     """
-    own = os.fstat(fd)
-    if not stat.S_ISREG(own.st_mode):
+    status = os.fstat(fd)
+    if not stat.S_ISREG(status.st_mode):
         return "is no regular file"
     if identity.inode < 0 or not identity.head:
         return "was not noted well enough to be recognised"
     filesystem = _filesystem(fd)
-    if own.st_dev != identity.device and not (filesystem and filesystem == identity.filesystem):
+    if status.st_dev != identity.device and not (filesystem and filesystem == identity.filesystem):
         return "is on another device"
-    if identity.inode and own.st_ino != identity.inode:
+    if identity.inode and status.st_ino != identity.inode:
         return "is another file (inode)"
-    if identity.size >= 0 and own.st_size != identity.size:
+    if identity.size >= 0 and status.st_size != identity.size:
         return "has another size"
     if not identity.inode and identity.size < 0:
         return "was not noted well enough to be recognised"

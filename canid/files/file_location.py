@@ -48,19 +48,19 @@ def find(fd: int, path: Path) -> Whereabouts:
     False
     """
     try:
-        own = os.fstat(fd)
+        opened = os.fstat(fd)
         named = _named(path)
     except OSError:  # EACCES, EIO, ESTALE, ...
         return Whereabouts(Place.HERE, path)
-    if named is not None and os.path.samestat(own, named):
+    if named is not None and os.path.samestat(opened, named):
         return Whereabouts(Place.HERE, path)
-    if own.st_nlink == 0:
+    if opened.st_nlink == 0:
         return Whereabouts(Place.DELETED, path)
     new = _path_of(fd)
     if new is not None:
         with contextlib.suppress(OSError):
             named = _named(new)
-            if named is not None and os.path.samestat(own, named):
+            if named is not None and os.path.samestat(opened, named):
                 deleted = new.name.startswith(_DELETED_PREFIXES)
                 return Whereabouts(Place.DELETED, path) if deleted else Whereabouts(Place.MOVED, new)
     return Whereabouts(Place.HIDDEN, path)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from canid.errors import ConfigError
-from canid.identified_model import IdentifiedModel, from_json
+from canid.values.errors import ConfigError
+from canid.values.identified_model import IdentifiedModel, from_json
 
 
 def read_model(path: str | Path) -> IdentifiedModel:

@@ -4,36 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 from collections.abc import Callable
 from pathlib import Path
 
-from canid.errors import OutputError
-from canid.files import file_location
+from canid.files import file_location, opening
 from canid.files.file_location import Place, Whereabouts
+from canid.values.errors import OutputError
 
 # macOS and Windows have no fdatasync.
 _to_disk = getattr(os, "fdatasync", os.fsync)
-# Readable too: what was written must be readable after the name was deleted. Zero: not on this system.
-_NEW_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
-_EXCLUSIVE_FLAGS = os.O_EXCL | _NO_LINK
-_MODE = 0o666  # less the umask, as open() does
-# For a file that lines are appended to, by its name. No link is followed, opening a FIFO does not block, and no
-# terminal becomes the controlling one.
-APPEND_FLAGS = (
-    os.O_RDWR
-    | os.O_APPEND
-    | getattr(os, "O_NOFOLLOW", 0)
-    | getattr(os, "O_NONBLOCK", 0)
-    | getattr(os, "O_NOCTTY", 0)
-    | getattr(os, "O_CLOEXEC", 0)
-    | getattr(os, "O_BINARY", 0)
-)
 # bytes copied at once
 _COPY_SIZE = 1 << 20
-# temporary names that are tried: each is random, so one is enough unless another program interferes
-_TEMPORARY_TRIES = 8
 
 
 class TakenError(OutputError):
@@ -53,6 +34,7 @@ class Disk:
         self.size = 0
         self.taken = 0  # bytes of an `append` that failed which are in the file, until `keep`
         self.changed = ""  # the error where another program wrote into it; then nothing more is written
+        self.broken = False  # a write or a sync has failed: it ends where it is whole
         self.closing: Callable[[Disk], object] | None = None  # called before the descriptor is closed
         self._entry_synced = False
         self._fd = -1
@@ -62,7 +44,7 @@ class Disk:
             message = f"{path} exists already: choose another name"
             raise TakenError(message) from None
         except OSError as error:
-            raise OutputError(f"cannot create {path}: {error.strerror}") from None
+            raise OutputError(f"cannot create {path}: {error.strerror}", error.errno) from None
         self.size = len(head)
         # Some network file systems have no lasting inode numbers: there only a failing write shows that a file is gone. A
         # device (/dev/null) has no size.
@@ -111,10 +93,10 @@ class Disk:
         try:
             _to_disk(self.fileno())
             if not self._entry_synced:
-                _sync_folder(self.path.parent)
+                opening.sync_folder(self.path.parent)
                 self._entry_synced = True
         except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+            raise OutputError(f"cannot write {self.path}: {error.strerror}", error.errno) from None
 
     def find(self) -> Whereabouts:
         """Where the file is now."""
@@ -146,6 +128,13 @@ class Disk:
             raise OutputError(str(error)) from None
         return copied
 
+    def remove(self) -> None:
+        """Close it and delete its name, where that still leads to it: of a file that holds nothing."""
+        with contextlib.suppress(OSError, ValueError):
+            if os.path.samestat(os.lstat(self.path), os.fstat(self.fileno())):
+                os.unlink(self.path)
+        self.close()
+
     def size_on_disk(self) -> int:
         """Bytes that the file has now; `size` where that is unknown."""
         try:
@@ -173,9 +162,9 @@ class Disk:
 
     def _check_size(self) -> None:
         """Raise ChangedError where another program has changed the size: writing on would leave a hole."""
-        if self._sized and (found := self.size_on_disk()) != self.size:
+        if self._sized and (size := self.size_on_disk()) != self.size:
             self._sized = False  # nothing is cut off any more: another program writes it
-            self.changed = f"{self.path} was changed by another program: it has {found:,} bytes, {self.size:,} were written"
+            self.changed = f"{self.path} was changed by another program: it has {size:,} bytes, {self.size:,} were written"
         if self.changed:
             raise ChangedError(self.changed)
 
@@ -183,7 +172,7 @@ class Disk:
         try:
             _write(self.fileno(), at, data)
         except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror}") from None
+            raise OutputError(f"cannot write {self.path}: {error.strerror}", error.errno) from None
 
 
 def _open(path: Path, *, head: bytes) -> int:
@@ -192,7 +181,7 @@ def _open(path: Path, *, head: bytes) -> int:
         linked = _open_linked(path, head)
         if linked >= 0:
             return linked
-    fd = os.open(path, _NEW_FLAGS | _EXCLUSIVE_FLAGS, _MODE)
+    fd = opening.create(path)
     try:
         _write(fd, 0, head)
     except OSError:
@@ -208,7 +197,7 @@ def _open_linked(path: Path, head: bytes) -> int:
     """
     if os.path.lexists(path):
         raise FileExistsError
-    fd, other = _open_temporary(path)
+    fd, other = opening.create_temporary(path)
     try:
         _write(fd, 0, head)
         _to_disk(fd)
@@ -225,29 +214,7 @@ def _open_linked(path: Path, head: bytes) -> int:
     finally:
         with contextlib.suppress(OSError):
             os.unlink(other)
-    return _reopened(fd, path)
-
-
-def _reopened(fd: int, path: Path) -> int:
-    """The same file, opened under its own name: the system reports a moved file by the name it was opened with."""
-    try:
-        named = os.open(path, _NEW_FLAGS & ~os.O_CREAT | _NO_LINK)
-    except OSError:
-        return fd  # write permission may be missing by the umask, or the name be gone already: later checks notice that
-    if os.path.samestat(os.fstat(named), os.fstat(fd)):
-        os.close(fd)
-        return named
-    os.close(named)
-    return fd
-
-
-def _open_temporary(path: Path) -> tuple[int, Path]:
-    """Create a file under a random name in the same folder; no existing file or link is opened."""
-    for _ in range(_TEMPORARY_TRIES):
-        other = path.with_name(f".{path.name}.{secrets.token_hex(8)}.new")
-        with contextlib.suppress(FileExistsError):
-            return os.open(other, _NEW_FLAGS | _EXCLUSIVE_FLAGS, _MODE), other
-    raise OSError(None, "no temporary name is free")
+    return opening.reopened(fd, path)
 
 
 def _write(fd: int, at: int, data: bytes) -> None:
@@ -266,14 +233,3 @@ def _read(fd: int, at: int, count: int) -> bytes:
         return os.pread(fd, count, at)
     os.lseek(fd, at, os.SEEK_SET)  # Windows
     return os.read(fd, count)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Sync the folder's entries: a file whose name is lost is lost."""
-    # Windows cannot open folders, and some network file systems cannot sync them
-    with contextlib.suppress(OSError):
-        fd = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(fd)
-        finally:
-            os.close(fd)

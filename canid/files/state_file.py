@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import stat
-from contextlib import suppress
-from itertools import count
 from pathlib import Path
 
-from canid.errors import ConfigError, OutputError
+from canid.files import opening
 from canid.saving.checksum import ours
+from canid.values.errors import ConfigError, OutputError
 
 # bytes; thirty times what a window of a minute needs. A longer file is no saved state.
 MAX_STATE_BYTES = 16_000_000
@@ -28,7 +27,7 @@ def read(path: str | Path) -> bytes | None:
         True
     """
     try:
-        if Path(path).exists() and not Path(path).is_file():
+        if os.path.exists(path) and not os.path.isfile(path):
             raise ConfigError(f"{path} is no file: name the file to which --state may save")
         with open(path, "rb") as file:
             return file.read(MAX_STATE_BYTES)
@@ -44,11 +43,15 @@ def check_writable(path: str | Path) -> None:
     Raises:
         OutputError: it will not.
     """
+    target = Path(path).resolve()
     try:
-        handle, new = _create(path)
+        for left in opening.leftovers(target):  # by a process that was killed
+            if _replaceable(left):
+                left.unlink(missing_ok=True)
+        handle, new = opening.create_temporary(target)
         os.close(handle)
         new.unlink()
-        if Path(path).exists() and not os.access(path, os.W_OK):
+        if os.path.exists(path) and not os.access(path, os.W_OK):
             raise PermissionError(0, "it is write-protected")
     except OSError as error:
         raise _unwritable(path, error) from error
@@ -69,65 +72,28 @@ def write(path: str | Path, data: bytes) -> None:
         (b'{"canid_state": 1, the second', ['driver.json'])
     """
     target = Path(path).resolve()  # a link stays a link
-    new = None
-    try:
-        handle, new = _create(path)
-        with open(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            # before the name: else a power cut can leave the new name on blocks that were never written
-            os.fsync(file.fileno())
+
+    def check() -> None:
         if not _replaceable(target):
             raise OutputError(f"{path}: exists and is no saved state: it is left as it is")
-        os.replace(new, target)
-        new = None
-        _sync_folder(target.parent)
+
+    try:
+        with opening.replacement(target, check) as file:
+            file.write(data)
     except OSError as error:
         raise _unwritable(path, error) from error
-    finally:
-        if new is not None:
-            with suppress(OSError):
-                new.unlink()
 
 
 def _replaceable(target: Path) -> bool:
     """Whether the name belongs to a saved state, to nothing, or to an empty file."""
     try:
-        found = os.lstat(target)
-        if not stat.S_ISREG(found.st_mode):
+        status = os.lstat(target)
+        if not stat.S_ISREG(status.st_mode):
             return False
         with open(target, "rb") as file:
             return ours(file.read(_HEAD_BYTES))
     except FileNotFoundError:
         return True
-
-
-def _create(path: str | Path) -> tuple[int, Path]:
-    """Create the temporary file that will replace it; always the same name, unless another program's file has it.
-
-    What a killed process left there is deleted. A link, or a file that is no saved state, is never written to or deleted.
-    """
-    target = Path(path).resolve()
-    for number in count():
-        new = target.with_name(f".{target.name}{number or ''}.new")
-        while True:
-            try:
-                return os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), new
-            except FileExistsError:
-                if not _replaceable(new):
-                    break
-                new.unlink(missing_ok=True)
-    raise AssertionError("unreachable")
-
-
-def _sync_folder(folder: Path) -> None:
-    """Sync the new name to the disk, where the system can open a folder."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _unwritable(path: str | Path, error: OSError) -> OutputError:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from canid.errors import OutputError
 from canid.files import state_file
 from canid.saving.checksum import ours
+from canid.values.errors import OutputError
 
 
 def saved(path: str | Path | None) -> bytes | None:

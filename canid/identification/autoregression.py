@@ -14,7 +14,7 @@ import operator
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
 
 # Share of the noise's variance that is treated as white. Where a signal was smoothed (an acceleration, a
 # derivative) its noise has next to no content at high frequencies; unlimited whitening would multiply exactly
@@ -66,15 +66,16 @@ def chosen(rows: npt.NDArray[np.bool_]) -> slice | npt.NDArray[np.bool_]:
     return slice(first, first + count) if rows[first : first + count].all() else rows
 
 
-def whiten(x: Array, noise: Array) -> Array:
-    """x_t - sum noise_i x_(t-i), along the last axis; the first p values lack what came before them.
+def whiten(x: Array, noise: Array, stride: int = 1) -> Array:
+    """x_t - sum noise_i x_(t - i stride), along the last axis; the first p strides of values lack what came before them.
 
     One convolution of all rows, one after the other: numpy has a loop of its own for kernels of up to eleven numbers,
     fifteen times as fast as as many slices. What leaks from one row into the first p values of the next is made anew.
 
     Args:
-        x: (..., n), finite.
+        x: (..., n), finite; of one row NaN makes NaN of what it predicts.
         noise: (p,).
+        stride: values from one to the one that predicts it.
 
     >>> whiten(np.array([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]), np.array([0.5]))
     array([[1. , 0.5, 0.5],
@@ -82,6 +83,11 @@ def whiten(x: Array, noise: Array) -> Array:
     """
     if not len(noise) or not x.size:
         return x.copy()
+    if stride > 1:
+        strided = x.copy()
+        for lag, coefficient in zip(range(stride, x.shape[-1], stride), noise, strict=False):
+            strided[..., lag:] -= coefficient * x[..., :-lag]
+        return strided
     kernel = np.concatenate([[1.0], -noise])
     out: Array = np.convolve(x.reshape(-1), kernel)[: x.size].reshape(x.shape)
     if x.ndim == 1:
@@ -144,9 +150,9 @@ def fit(
         # the mean of what is known is not the noise's: what lies below the bound is missing from it
         products -= np.outer(sums, sums) / max(weight, 1e-300)
     products.flat[:: most + 2] *= 1.0 + floor
-    found = np.array(_best_order(products.tolist(), count))
-    total = float(found.sum())
-    return found * (SLOWEST / total) if total > SLOWEST else found
+    coefficients = np.array(_best_order(products.tolist(), count))
+    total = float(coefficients.sum())
+    return coefficients * (SLOWEST / total) if total > SLOWEST else coefficients
 
 
 def _lag_products(
@@ -208,10 +214,12 @@ def _best_order(products: list[list[float]], count: int) -> list[float]:
         value = count * math.log(max(left, 1e-12 * yy)) + 2.0 * (i + 1)
         if value < least:
             best, least = i + 1, value
-    found = [0.0] * best
+    coefficients = [0.0] * best
     for i in reversed(range(best)):
-        found[i] = (explained[i] - sum(factor[k][i] * found[k] for k in range(i + 1, best))) / factor[i][i]
-    return found
+        coefficients[i] = (
+            explained[i] - sum(factor[k][i] * coefficients[k] for k in range(i + 1, best))
+        ) / factor[i][i]
+    return coefficients
 
 
 # Rows whose lags are laid out at once: of a whole drive they would take as much memory as its regression.

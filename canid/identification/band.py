@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array, OutputFilter
+from canid.values.types import Array, OutputFilter
 
 
 class Band(NamedTuple):
@@ -45,15 +45,15 @@ class Strides(NamedTuple):
 ANY = Strides()
 
 
-def strides(step: float, of: OutputFilter | None = None) -> Strides:
+def strides(step: float, output_filter: OutputFilter | None = None) -> Strides:
     """Return the limits for rows `step` s apart of an output that has passed a filter; None: nothing is said of one.
 
     >>> strides(0.1, OutputFilter("unknown")).least, strides(0.1, OutputFilter("none"))
     (5, Strides(least=1, most=2))
     """
-    if of is not None and of.kind == "unknown":
+    if output_filter is not None and output_filter.kind == "unknown":
         return Strides(max(round(UNKNOWN_FILTER_S / step), 1))
-    if of is not None and of.kind == "none":
+    if output_filter is not None and output_filter.kind == "none":
         return Strides(1, max(round(UNFILTERED_S / step), 1))
     return ANY
 
@@ -79,8 +79,8 @@ def stride(residual: Array, usable: npt.NDArray[np.bool_], step: float, limits: 
     frequency = np.fft.rfftfreq(len(change), step)
     below = np.cumsum(of_change) / total
     apart = 0.0
-    for one in BANDS:
-        reach = float(np.interp(one.share, below, frequency))
-        part = min(max((one.wide - reach) / (one.wide - one.narrow), 0.0), 1.0)
-        apart = max(apart, one.short * (part > 0.0) + (one.long - one.short) * part)
+    for entry in BANDS:
+        reach = float(np.interp(entry.share, below, frequency))
+        part = min(max((entry.wide - reach) / (entry.wide - entry.narrow), 0.0), 1.0)
+        apart = max(apart, entry.short * (part > 0.0) + (entry.long - entry.short) * part)
     return min(max(round(apart / step), limits.least), limits.most)

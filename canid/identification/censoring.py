@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 # beyond this the bound says nothing more, or what it says is linear
 MAX_SD = 30.0

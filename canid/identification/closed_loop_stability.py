@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.types import Array, Channel, Interval
+from canid.values.types import Array, Channel, Interval
 
 # Frequencies at which f is evaluated: closer together towards zero, where a headway gain over a high speed acts.
 FREQUENCIES = 512

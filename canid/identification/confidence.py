@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from functools import cache
+
 # share of intervals that miss the truth; of each side one half
 MISS = 0.05
 LEVEL = 1.0 - MISS
@@ -15,3 +18,34 @@ SIGMAS = 1.96
 # chi-squared with one degree of freedom, to two decimals: the fall of 2 log likelihood from its maximum to the ends of a
 # profile interval (Wilks 1938)
 CHI_SQUARED_QUANTILE = 3.84
+
+
+@cache
+def student_quantile(freedom: int) -> float:
+    """Student's t that `LEVEL` lies within on both sides; `NORMAL_QUANTILE` of as many degrees of freedom as one likes.
+
+    Its distribution is a finite sum (Abramowitz & Stegun 1964, 26.7.3 and 26.7.4), halved until no digit is left: importing
+    scipy.special for it takes 0.3 s.
+
+    Args:
+        freedom: degrees of freedom, 1 or more.
+
+    >>> [round(student_quantile(freedom), 3) for freedom in (1, 4, 10, 200)]
+    [12.706, 2.776, 2.228, 1.972]
+    """
+    low, high = 0.0, 13.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if _within(middle, freedom) < LEVEL else (low, middle)
+    return middle
+
+
+def _within(t: float, freedom: int) -> float:
+    """Probability of less than t in size."""
+    angle = math.atan2(t, math.sqrt(freedom))
+    sine, cosine = math.sin(angle), math.cos(angle)
+    odd = freedom % 2
+    total = term = cosine if odd else 1.0
+    for k in range(2 + odd, freedom - 1, 2):
+        term *= cosine * cosine * (k - 1) / k
+        total += term
+    return 2.0 / math.pi * (angle + sine * total * (freedom > 1)) if odd else sine * total

@@ -5,7 +5,7 @@ the push. So the mean of the headway error over a drive holds the noise that cam
 offset, which takes that mean away, correlates each row with the noise of all rows. With noise of any spectrum the whitened
 headway answers a whitened shock with -1/K in the long run, hence to first order E(estimate) - K = var(estimate) / K: a gain
 that is known to 40 % comes out 16 % too large. It is the bias of predictive regressions (Kendall 1954; Stambaugh 1999).
-Every slow cosine that the offset follows adds as much.
+A drift of the offset (fopdt/offset_drift.py) is a part of the noise, with no free mean of its own, and adds nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.identifiability import with_gain
-from canid.types import Channel, Interval
+from canid.values.types import Channel, Interval
 
 # the inputs that a driver's loop holds
 HELD = ("headway_error",)
@@ -30,12 +30,11 @@ def held(names: Sequence[str]) -> int | None:
     return next((i for i, name in enumerate(names) if name in HELD), None)
 
 
-def without(channel: Channel, drift: int = 0) -> Channel:
+def without(channel: Channel) -> Channel:
     """Move the interval of K by the bias; half a standard deviation at most.
 
     Args:
         channel: of the input that the loop holds.
-        drift: slow cosines that the offset follows besides its constant.
 
     >>> channel = Channel(K=Interval(5.0, 1.08, 8.92))  # known to 2.0
     >>> [round(x, 2) for x in without(channel).K]
@@ -45,7 +44,7 @@ def without(channel: Channel, drift: int = 0) -> Channel:
     4.999
     """
     K = channel.K
-    variance = (1 + drift) * ((K.high - K.low) / (2.0 * NORMAL_QUANTILE)) ** 2
+    variance = ((K.high - K.low) / (2.0 * NORMAL_QUANTILE)) ** 2
     if not (math.isfinite(variance) and math.isfinite(K.value) and variance > 0.0):
         return channel
     by = variance * K.value / (K.value * K.value + variance)

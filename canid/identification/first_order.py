@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
+
+# runs up to which each is summed alone, without the mask that keeps them apart: the same sums in half of the time
+MOST_RUNS = 16
 
 
 def scan(v: Array, alpha: Array, age: npt.NDArray[np.int64] | None = None) -> Array:
@@ -22,10 +25,24 @@ def scan(v: Array, alpha: Array, age: npt.NDArray[np.int64] | None = None) -> Ar
     array([1. , 0.5, 1. ])
     """
     y = v.copy()
+    if age is None:
+        _double(y, alpha)
+        return y
+    begins = np.flatnonzero(age == 0)
+    if len(begins) > MOST_RUNS or (len(age) and age[0] > 0):
+        _double(y, alpha, age)
+        return y
+    ends = np.flatnonzero((age >= 0) & (np.append(age[1:], 0) <= 0)) + 1
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        _double(y[..., begin:end], alpha)
+    return y
+
+
+def _double(y: Array, alpha: Array, age: npt.NDArray[np.int64] | None = None) -> None:
+    """Sum in place, from twice as far back with each step."""
     reach, power, largest = 1, alpha, float(np.abs(alpha).max())
     # below 1e-17 a term no longer changes a float64 sum
-    while reach < v.shape[-1] and largest > 1e-17:
+    while reach < y.shape[-1] and largest > 1e-17:
         weight = power if age is None else np.where(age[reach:] >= reach, power, 0.0)
         y[..., reach:] += weight * y[..., :-reach]
         reach, power, largest = 2 * reach, power * power, largest * largest
-    return y

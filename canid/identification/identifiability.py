@@ -1,15 +1,17 @@
 """Identifiability of a channel: which of K, tau, dead time and their sum may be quoted. The only place that decides it.
 
-Every method (FOPDT, ARMAX, the diagnosis) judges with its own standard deviations, by the same limits.
+Every method (FOPDT, ARMAX, the diagnosis) judges with its own standard deviations, by the same limits. They are those of
+the Cramér-Rao bound at the fitted point, not of the posterior: a narrow parameter box would make anything look identifiable.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from statistics import NormalDist
 
-from canid.types import NAN, Channel, Identifiable, Interval, Progress
+from canid.values.types import NAN, Channel, Identifiable, Interval, Progress
 
 # s. tau and dead time are quoted separately where each is known to half of what drivers differ by (tau 0.4-0.7 s, dead
 # time 0.2-0.4 s; Grover 2021), and the intervals are then believed: radar noise that whitening amplifies moves tau up
@@ -59,6 +61,15 @@ def judge(
     if tau_sd <= TAU_SD and dead_time_sd <= DEAD_TIME_SD:
         return Identifiable.OK
     return Identifiable.SUM_ONLY if sum_sd <= SUM_SD else Identifiable.GAIN_ONLY
+
+
+def apart(intervals: Sequence[Interval]) -> bool:
+    """Whether some two intervals have no point in common.
+
+    >>> apart([Interval(1.0, 0.0, 2.0), Interval(2.0, 1.0, 3.0)]), apart([Interval(1, 0, 2), Interval(4, 3, 5)])
+    (False, True)
+    """
+    return any(a.low > b.high or b.low > a.high for a, b in combinations(intervals, 2))
 
 
 # s; what would take longer than a day more is not worth a number
@@ -168,6 +179,16 @@ def gain_only(channel: Channel) -> Channel:
     """
     delayed = channel.status in (Identifiable.OK, Identifiable.SUM_ONLY)
     return channel._replace(status=Identifiable.GAIN_ONLY, progress=None) if delayed else channel
+
+
+def sum_only(channel: Channel) -> Channel:
+    """Leave at most the gain and tau + dead time to be quoted.
+
+    >>> sum_only(Channel(status=Identifiable.OK)).status
+    <Identifiable.SUM_ONLY: 'sum_only'>
+    """
+    apart = channel.status is Identifiable.OK
+    return channel._replace(status=Identifiable.SUM_ONLY, progress=None) if apart else channel
 
 
 def not_quotable(channel: Channel) -> Channel:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.identification import first_order
-from canid.types import Array
+from canid.values.types import Array
 
 # degrees of freedom that are compared
 FREEDOMS = (math.inf, 40.0, 20.0, 12.0, 8.0, 6.0, 4.5, 3.5, 2.75, 2.2)
@@ -132,14 +132,14 @@ def features(e: Array, rows: npt.NDArray[np.bool_], change: Array, per_second: f
 
 
 def fit(
-    e: Array, rows: npt.NDArray[np.bool_], of: Array, share: float = 1.0, before: Law | None = None
+    e: Array, rows: npt.NDArray[np.bool_], features: Array, share: float = 1.0, before: Law | None = None
 ) -> Weights:
     """Fit the law by maximum likelihood.
 
     Args:
         e: (n,) innovations.
         rows: (n,) where they count.
-        of: (k, n) features of the scale.
+        features: (k, n) features of the scale.
         share: of the rows, as many as are independent.
         before: a law to begin with.
 
@@ -151,7 +151,7 @@ def fit(
     >>> fit(rng.normal(size=600), np.full(600, True), no[:, :600]).law.freedom
     inf
     """
-    x, F = e[rows], of[:, rows]
+    x, F = e[rows], features[:, rows]
     k = len(F)
     start = before if before is not None else Law(math.inf, 1.0, np.zeros(0))
     plain = _best(x, np.zeros(len(x)), share, start.freedom)
@@ -175,21 +175,32 @@ def fit(
         freedom, sd, value = _best(x, log_size, share, freedom)
     if value < plain[2] + SCALE_LEAST:
         slopes, (freedom, sd, value) = np.zeros(k), plain
-    return applied(e, Law(freedom, sd, slopes if slopes.any() else np.zeros(0)), of)
+    return applied(e, Law(freedom, sd, slopes if slopes.any() else np.zeros(0)), features)
 
 
-def weights(e: Array, law: Law, of: Array, rows: npt.NDArray[np.bool_]) -> Weights:
+def weights(e: Array, law: Law, features: Array, rows: npt.NDArray[np.bool_]) -> Weights:
     """Weigh innovations by a law of which only the scale is fitted.
 
     Args:
         e: (n,) innovations.
         law: whose degrees of freedom and slopes are kept.
-        of: (k, n) features of the scale.
+        features: (k, n) features of the scale.
         rows: (n,) where they count.
     """
-    size = _size(law, of, len(e))
-    sd, _ = _at((e[rows] / size[rows]) ** 2, law.freedom, 1.0, 0.0)
-    return applied(e, law._replace(sd=sd), of)
+    return log_likelihood(e, law, features, rows)[0]
+
+
+def log_likelihood(e: Array, law: Law, features: Array, rows: npt.NDArray[np.bool_]) -> tuple[Weights, float]:
+    """Weights as of `weights`, and the log likelihood of the innovations (n,) that count.
+
+    >>> e = np.array([-1.0, 1.0])
+    >>> _, value = log_likelihood(e, Law(math.inf, 9.0, np.zeros(0)), np.zeros((0, 2)), np.full(2, True))
+    >>> round(value, 3)  # two values one standard deviation from the mean
+    -2.838
+    """
+    size = _size(law, features, len(e))[rows]
+    sd, value = _at((e[rows] / size) ** 2, law.freedom, 1.0, float(np.log(size).sum()))
+    return applied(e, law._replace(sd=sd), features), value
 
 
 def mixture(law: Law, e: float) -> float:
@@ -202,16 +213,16 @@ def mixture(law: Law, e: float) -> float:
     return (v + 1.0) / (v + (e / law.sd) ** 2) if v < math.inf and law.sd > 0.0 else 1.0
 
 
-def applied(e: Array, law: Law, of: Array) -> Weights:
+def applied(e: Array, law: Law, features: Array) -> Weights:
     """Weigh innovations (n,) by a law as it is, with features (k, n) of the scale."""
-    size = _size(law, of, len(e))
+    size = _size(law, features, len(e))
     if not math.isfinite(law.freedom):
         return Weights(law, size, np.ones(len(e)))
     return Weights(law, size, (law.freedom + 1.0) / (law.freedom + (e / (law.sd * size)) ** 2))
 
 
-def _size(law: Law, of: Array, n: int) -> Array:
-    return np.asarray(np.exp(_log_size(law.slopes, of))) if len(law.slopes) else np.ones(n)
+def _size(law: Law, features: Array, n: int) -> Array:
+    return np.asarray(np.exp(_log_size(law.slopes, features))) if len(law.slopes) else np.ones(n)
 
 
 # an innovation beyond three sd does not show a larger scale: it may be one outlier
@@ -272,15 +283,4 @@ def _at(square: Array, freedom: float, share: float, shift: float) -> tuple[floa
 def _constant(freedom: float) -> float:
     return float(
         math.lgamma(0.5 * (freedom + 1.0)) - math.lgamma(0.5 * freedom) - 0.5 * math.log(freedom * math.pi)
-    )
-
-
-def log_density(e: Array, weights: Weights) -> Array:
-    """Return (n,) log density of innovations under their law; the weights' own mixture is not used."""
-    law, scale = weights.law, weights.law.sd * weights.size
-    z2 = (e / scale) ** 2
-    if not math.isfinite(law.freedom):
-        return np.asarray(-0.5 * z2 - np.log(scale) - 0.5 * math.log(2.0 * math.pi))
-    return np.asarray(
-        _constant(law.freedom) - np.log(scale) - 0.5 * (law.freedom + 1.0) * np.log1p(z2 / law.freedom)
     )

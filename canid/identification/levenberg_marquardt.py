@@ -10,7 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 P = TypeVar("P")
 
@@ -38,6 +38,26 @@ class Local(NamedTuple, Generic[P]):
     curvature: Array  # (k, k)
     damped: Array  # (k,) what the damping multiplies, positive
     move: Callable[[Array], P | None]  # step (k,) -> a point; None: not allowed
+
+
+def gauss_newton(
+    psi: Array, residual: Array, root: Array | None, move: Callable[[Array], P | None]
+) -> Local[P] | None:
+    """The neighbourhood of a point of a sum of squared residuals; None where a parameter moves nothing.
+
+    Args:
+        psi: (k, n) negative gradient of the residuals.
+        residual: (n,).
+        root: (n,) of the weight of each square; None: one.
+        move: step (k,) -> a point; None: not allowed.
+    """
+    if root is not None:
+        psi, residual = root * psi, root * residual
+    curvature = psi @ psi.T
+    size = np.diag(curvature)
+    if not (np.isfinite(size).all() and (size > 0.0).all()):
+        return None
+    return Local(-(psi @ residual), curvature, size, move)
 
 
 class Minimum(NamedTuple, Generic[P]):

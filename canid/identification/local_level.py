@@ -1,6 +1,6 @@
 """Local-level model of a parameter over a drive: y_i = level_i + e_i, level_i = level_(i-1) + w_i (Harvey 1989, ch. 2).
 
-The variance of w per second by maximum likelihood; the level by a Kalman filter and the RTS smoother of filterpy, averaged
+The variance of w per second by maximum likelihood; the level by a Kalman filter and the RTS smoother, averaged
 over what the likelihood leaves open of that variance; and a likelihood ratio test of a constant level. Its null lies on the
 boundary, and is no half-and-half mixture with so few windows (Shephard & Harvey 1990), so its distribution is simulated:
 with known variances of e it does not depend on the level, and the test is exact. This is Chen & Ulsoy's question (2001).
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.identification.confidence import CHI_SQUARED_QUANTILE, NORMAL_QUANTILE
-from canid.types import NAN, Array, Interval
+from canid.values.types import Array, Interval
 
 # windows below which no level is fitted: the variance of five changes is not known to a factor of three
 MIN_WINDOWS = 6
@@ -96,26 +96,24 @@ def fit(t: Array, value: Array, sd: Array, *, seed: int = 0) -> LocalLevel | Non
     # a random walk's sample variance over a time T is on average T/6 of its variance per second
     of_drive = np.concatenate([[0.0], float(np.median(sd)) * np.geomspace(low, high, count)])
     change = 6.0 / whole * of_drive[:, None] ** 2 * spans
-    found = log_likelihood(value, variance, change)
-    statistic = 2.0 * float(found.max() - found[0])
+    likelihood = log_likelihood(value, variance, change)
+    statistic = 2.0 * float(likelihood.max() - likelihood[0])
     null = log_likelihood(
         np.random.default_rng(seed).standard_normal((SIMULATIONS, n)) * sd, variance, change
     )
     simulated = 2.0 * (null.max(axis=1) - null[:, 0])
     p_value = (1.0 + float(np.sum(simulated >= statistic))) / (SIMULATIONS + 1.0)
-    possible = of_drive[2.0 * (found.max() - found) <= CHI_SQUARED_QUANTILE]
-    variation = Interval(float(of_drive[int(np.argmax(found))]), float(possible.min()), float(possible.max()))
+    possible = of_drive[2.0 * (likelihood.max() - likelihood) <= CHI_SQUARED_QUANTILE]
+    variation = Interval(
+        float(of_drive[int(np.argmax(likelihood))]), float(possible.min()), float(possible.max())
+    )
     # every sd up to the largest is as likely before the data
-    weight = np.exp(found - found.max()) * np.gradient(of_drive)
+    weight = np.exp(likelihood - likelihood.max()) * np.gradient(of_drive)
     weight /= weight.sum()
-    level, square = np.zeros(n), np.zeros(n)
-    for w, each in zip(weight, change, strict=True):
-        if w > MIN_WEIGHT:
-            mean, of_mean = _smoothed(value, variance, each)
-            level += w * mean
-            square += w * (of_mean + mean * mean)
-    share = float(weight[weight > MIN_WEIGHT].sum())
-    level /= share
+    likely = weight > MIN_WEIGHT
+    mean, of_mean = _smoothed(value, variance, change[likely])
+    share = float(weight[likely].sum())
+    level, square = weight[likely] @ mean / share, weight[likely] @ (of_mean + mean * mean)
     spread = NORMAL_QUANTILE * np.sqrt(np.maximum(square / share - level * level, 0.0))
     precision = float((1.0 / variance).sum())
     middle = float((value / variance).sum()) / precision
@@ -139,19 +137,28 @@ DIFFUSE = 1e7
 
 
 def _smoothed(value: Array, variance: Array, change: Array) -> tuple[Array, Array]:
-    """Return mean and variance (n,) of the level by filterpy's Kalman filter and Rauch-Tung-Striebel smoother."""
-    from filterpy.kalman import KalmanFilter  # here: it imports matplotlib, which takes most of a second
+    """Mean and variance (..., n) of the level: Kalman filter, and RTS smoother (Rauch, Tung & Striebel 1965).
 
-    n, one = len(value), np.ones((1, 1))
-    filtered = KalmanFilter(dim_x=1, dim_z=1)
-    filtered.x, filtered.P, filtered.F, filtered.H = value[:1, None], DIFFUSE * variance[0] * one, one, one
-    Qs = [np.zeros((1, 1)), *(q * one for q in change)]
-    means, covariances, _, _ = filtered.batch_filter(
-        value[:, None, None], Qs=Qs, Rs=[r * one for r in variance]
-    )
-    # rts_smoother takes from k to k + 1 the Q of k + 1
-    smooth, P, _, _ = filtered.rts_smoother(means, covariances, Fs=[one] * n, Qs=Qs)
-    return np.asarray(smooth, float).reshape(n), np.asarray(P, float).reshape(n)
+    Args:
+        value: (n,) windows, in time.
+        variance: (n,) of each window's error.
+        change: (..., n - 1) variances of the level's change from one window to the next.
+    """
+    n, some = len(value), change.shape[:-1]
+    mean, P = np.empty((*some, n)), np.empty((*some, n))
+    before, spread = np.broadcast_to(value[0], some), np.broadcast_to(DIFFUSE * variance[0], some)
+    for i in range(n):
+        if i:
+            spread = spread + change[..., i - 1]
+        gain = spread / (spread + variance[i])
+        before, spread = before + gain * (value[i] - before), gain * variance[i]
+        mean[..., i], P[..., i] = before, spread
+    for i in range(n - 2, -1, -1):
+        ahead = P[..., i] + change[..., i]
+        gain = P[..., i] / ahead
+        mean[..., i] += gain * (mean[..., i + 1] - mean[..., i])
+        P[..., i] += gain**2 * (P[..., i + 1] - ahead)
+    return mean, P
 
 
 def log_likelihood_of_vectors(values: Array, covariances: Array, change: Array) -> Array:
@@ -219,9 +226,3 @@ def smoothed_vectors(values: Array, covariances: Array, change: Array) -> tuple[
     Qs = [np.zeros((d, d)), *change]
     smooth, P, _, _ = filtered.rts_smoother(means, states, Fs=[eye] * n, Qs=Qs)
     return np.asarray(smooth, float).reshape(n, d), np.asarray(P, float)
-
-
-def nothing() -> LocalLevel:
-    """Return the result of a drive that is too short."""
-    none = np.zeros(0)
-    return LocalLevel(none, none, none, none, none, none, Interval(), Interval(), NAN, NAN)

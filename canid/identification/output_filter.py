@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array, OutputFilter
+from canid.values.types import Array, OutputFilter
 
 # Power, against the filter's gain at zero, below which nothing is restored: what is there was rounded, not measured.
 LOST_POWER = 1e-4
@@ -45,7 +45,7 @@ class Equalizer(NamedTuple):
     answers: Kernel  # G F
 
 
-def kernel(of: OutputFilter, step: float) -> Kernel:
+def kernel(output_filter: OutputFilter, step: float) -> Kernel:
     """Weights of a filter for rows every `step` s; they sum to one.
 
     >>> kernel(OutputFilter("moving_average", 0.3), 0.1).weights.round(3)
@@ -53,14 +53,14 @@ def kernel(of: OutputFilter, step: float) -> Kernel:
     >>> kernel(OutputFilter("savitzky_golay", 0.5), 0.1).weights.round(2)
     array([0.1 , 0.25, 0.3 , 0.25, 0.1 ])
     """
-    if of.kind == "first_order" and of.width > 0.0:
-        lags = np.arange(int(np.ceil(FORGOTTEN * of.width / step)) + 1)
-        weights = np.exp(-lags * step / of.width)
+    if output_filter.kind == "first_order" and output_filter.width > 0.0:
+        lags = np.arange(int(np.ceil(FORGOTTEN * output_filter.width / step)) + 1)
+        weights = np.exp(-lags * step / output_filter.width)
         return Kernel(weights / weights.sum(), len(lags) - 1, 0)
-    half = round((of.width / step - 1.0) / 2.0)
-    if of.kind not in ("savitzky_golay", "moving_average") or half < 1:
+    half = round((output_filter.width / step - 1.0) / 2.0)
+    if output_filter.kind not in ("savitzky_golay", "moving_average") or half < 1:
         return Kernel(np.ones(1), 0, 0)
-    if of.kind == "moving_average":
+    if output_filter.kind == "moving_average":
         weights = np.ones(2 * half + 1)
     else:
         # The slope of a local parabola weighs each speed by its distance from the middle (Savitzky & Golay 1964);
@@ -70,46 +70,50 @@ def kernel(of: OutputFilter, step: float) -> Kernel:
     return Kernel(weights / weights.sum(), half, half)
 
 
-def is_unknown(of: OutputFilter | None) -> bool:
+def is_unknown(output_filter: OutputFilter | None) -> bool:
     """Whether the output was smoothed in a way that nobody has stated.
 
     >>> is_unknown(OutputFilter("unknown")), is_unknown(None)
     (True, False)
     """
-    return of is not None and of.kind == "unknown"
+    return output_filter is not None and output_filter.kind == "unknown"
 
 
 @cache
-def equalizer(of: OutputFilter | None, step: float) -> Equalizer | None:
+def equalizer(output_filter: OutputFilter | None, step: float) -> Equalizer | None:
     """Make it for rows every `step` s; None: the filter is unknown, or leaves everything as it is.
 
     >>> made = equalizer(OutputFilter("moving_average", 0.5), 0.1)
     >>> round(float(made.answers.weights[made.answers.after]), 1), round(float(made.answers.weights.sum()), 2)
     (1.0, 1.01)
     """
-    if of is None:
+    if output_filter is None:
         return None
-    own = kernel(of, step)
-    if len(own.weights) == 1:
+    smoothing = kernel(output_filter, step)
+    if len(smoothing.weights) == 1:
         return None
-    at = np.arange(-own.after, own.before + 1)
-    response = np.exp(-2j * np.pi * np.outer(np.fft.rfftfreq(FREQUENCIES), at)) @ own.weights
+    at = np.arange(-smoothing.after, smoothing.before + 1)
+    response = np.exp(-2j * np.pi * np.outer(np.fft.rfftfreq(FREQUENCIES), at)) @ smoothing.weights
     inverse = np.fft.irfft(np.conj(response) / (np.abs(response) ** 2 + LOST_POWER))
     reach = max(round(REACH_S / step), 1)
     taper = np.hanning(2 * reach + 3)[1:-1]
     weights = np.roll(inverse, reach)[: 2 * reach + 1] * taper
-    both = np.convolve(weights, own.weights)
+    both = np.convolve(weights, smoothing.weights)
     for shared in (weights, both):
         shared.setflags(write=False)
-    return Equalizer(Kernel(weights, reach, reach), Kernel(both, reach + own.before, reach + own.after))
+    return Equalizer(
+        Kernel(weights, reach, reach), Kernel(both, reach + smoothing.before, reach + smoothing.after)
+    )
 
 
 def apply(by: Kernel, x: Array) -> Array:
-    """Filter (n,); the first `before` and the last `after` values lack what lies beyond the ends.
+    """Filter (n,); the first `before` and the last `after` values lack what lies beyond the ends. None of none.
 
     >>> apply(Kernel(np.array([0.5, 0.5]), 1, 0), np.array([1.0, 2.0, 4.0]))
     array([0.5, 1.5, 3. ])
     """
+    if not x.size:
+        return x
     out: Array = np.convolve(x, by.weights)[by.after : by.after + len(x)]
     return out
 

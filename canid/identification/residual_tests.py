@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import NAN, Array, ResidualTests
+from canid.values.types import NAN, Array, ResidualTests
 
 # The 99 % bound of Chen & Ulsoy 2001, fig. 8.
 LEVEL = 0.99
@@ -80,9 +80,9 @@ def run_tests(
     largest = _largest(e)
     e = phases(_scaled(e), stride)
     white = whiteness(e, fitted=fitted, stride=stride)
-    own = innovations(e, OWN)
+    whitened = innovations(e, OWN)
     held = {
-        name: _against(own, phases(_scaled(u), stride), stride)
+        name: _against(whitened, phases(_scaled(u), stride), stride)
         for name, u in zip(names, inputs.T, strict=True)
     }
     return ResidualTests(
@@ -91,10 +91,10 @@ def run_tests(
         bound=white.bound,
         left_over=tuple(name for name, x in held.items() if x.left_over),
         feedback=tuple(name for name, x in held.items() if x.feedback),
-        stationary=stationary(_sizes(own, stride)),
+        stationary=stationary(_sizes(whitened, stride)),
         excitation_order={name: x.order for name, x in held.items()},
         left_over_share=(
-            {} if response is None else _shares(held, _variance(own) * largest**2, _variance(response))
+            {} if response is None else _shares(held, _variance(whitened) * largest**2, _variance(response))
         ),
     )
 
@@ -272,7 +272,7 @@ class _AgainstInput(NamedTuple):
     explained: float = 0.0  # share of the residual's variance, beyond what chance explains
 
 
-def _against(own: Array, u: Array, stride: int = 1) -> _AgainstInput:
+def _against(whitened: Array, u: Array, stride: int = 1) -> _AgainstInput:
     """Test whether the input's past predicts the residual (left over), and the residual's past the input (feedback).
 
     Left over: regression of the residual on the input's lags, in the directions in which these move; n R^2 is
@@ -284,14 +284,14 @@ def _against(own: Array, u: Array, stride: int = 1) -> _AgainstInput:
     show at negative lags too, through the input's autocorrelation.
 
     Args:
-        own: (n,) whitened residual; NaN where there is none.
+        whitened: (n,) whitened residual; NaN where there is none.
         u: (n,) input.
         stride: how many phases both consist of.
     """
     nothing = _AgainstInput(False, False, 0)
     if len(u) <= 3 * LAGS:
         return nothing
-    y = own[LAGS:]
+    y = whitened[LAGS:]
     known = _complete(u, LAGS + 1) & np.isfinite(y)
     y = y[known]
     n = len(y)
@@ -318,7 +318,7 @@ def _against(own: Array, u: Array, stride: int = 1) -> _AgainstInput:
     explained = max(answer - order, 0.0) * stride / n
     if not fresh > RIDGE * n * size:
         return _AgainstInput(answer > chi2_bound(order), False, order, explained)
-    past = np.where(np.isfinite(own), own, 0.0)
+    past = np.where(np.isfinite(whitened), whitened, 0.0)
     fresh *= float(past @ past) / np.count_nonzero(past)
     along = new @ _windows(past, LAGS)[:-1][known]
     moves = float(along @ along) / fresh / stride

@@ -1,7 +1,8 @@
 """Reads `candump -L` logs: `(1436509052.249713) can0 044#2A366C2BBA`, CAN FD with `##`, remote, error frames.
 
-Interfaces become buses 0, 1, ... in the order in which they first appear. A line is a frame in every character, a
-comment, a CAN XL frame, or damaged.
+The names of interfaces become numbers of buses by `values.bus_names`, whichever speaks first: all names are looked for
+before the first frame is given. A line is a frame in every character, a comment, a CAN XL frame, or damaged. Usual lines
+are parsed as arrays (`candump_columns`), all others one by one.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from canid import timestamps
+from canid.logs import candump_columns
+from canid.logs.candump_columns import BRS_BIT, ESI_BIT
+from canid.logs.frame_lines import Row, bus_of, read_columns
 from canid.logs.reader_state import ReadState
 from canid.logs.text_lines import (
     MAX_EXTENDED_ID,
@@ -18,18 +21,24 @@ from canid.logs.text_lines import (
     Bad,
     Line,
     LineCount,
+    blocks,
     hex_bytes,
-    lines,
     remote_length,
 )
-from canid.types import Flag, Frame
+from canid.values import timestamps
+from canid.values.bus_names import MAX_BUSES, bus_numbers
+from canid.values.frame_columns import WantedIds, frames_of
+from canid.values.types import Columns, Flag, Frame
 
 ERROR_BIT = 0x2000_0000  # of an eight-digit id, as in linux/can.h
-_BRS, _ESI = 1, 2  # linux/can.h: flags of struct canfd_frame
 _MAX_STANDARD_ID = 0x7FF
+# the name of an interface in a line that begins like a frame (Linux allows 15 characters)
+_INTERFACE = re.compile(rb"\(\d{1,20}\.\d{1,9}\)[ \t]+([!-~]{1,255})[ \t]+[0-9A-Fa-f]{3,8}#")
+_FEW = 16  # names up to which counting is faster
 # time, interface, id, what follows "#", direction
 _LINE = re.compile(
-    r"\((\d{1,20}\.\d{1,9})\)\s+([!-~]+)\s+([0-9A-F]{3}|[0-9A-F]{8})#([!-~]*)(?:\s+([RT]))?", re.IGNORECASE
+    r"\((\d{1,20}\.\d{1,9})\)[ \t]+([!-~]+)[ \t]+([0-9A-F]{3}|[0-9A-F]{8})#([!-~]*)(?:[ \t]+([RT]))?",
+    re.IGNORECASE,
 )
 # data, points between bytes or none; "_9" to "_F" behind 8 bytes is the raw DLC, which adds nothing
 _CLASSIC_DATA = re.compile(r"((?:[0-9A-F]{2}\.?)*)(?:_[9A-F])?", re.IGNORECASE)
@@ -46,28 +55,43 @@ _COMMENT = re.compile(r"#(?!\(?\d+\.\d+\))")
 
 def read_candump(path: Path, state: ReadState) -> Iterator[Frame]:
     """Frames in the order of the file; raises LogError where no line is one."""
-    count = LineCount()
-    buses: dict[str, int] = {}
-    first: int | None = None
-    for line in lines(path, state, count):
-        text = line.text.strip()
-        if not text:
-            continue
+    for chunk in read_candump_columns(path, state):
+        yield from frames_of(chunk)
+
+
+def read_candump_columns(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is a frame.
+
+    `wanted`: frames with other ids may be left out.
+    """
+    if not state.buses:
+        state.buses.update(bus_numbers(interfaces(path, state.size, _INTERFACE)))
+    buses = state.buses
+
+    def take(text: str, line: Line) -> Row | str:
         if kind := _other(text):
-            count.others[kind] += 1
-            continue
-        try:
-            ns, interface, id_, data, flags, length = _parse(text, line)
-        except Bad as error:
-            count.miss(line, str(error))
-            continue
-        if first is None:
-            first = ns
-            state.start_ns = ns
-        count.read += 1
-        bus = buses.setdefault(interface, len(buses))
-        yield Frame((ns - first) * 1e-9, bus, id_, data, flags, length)
-    count.close(path, state)
+            return kind
+        ns, interface, id_, data, flags, length = _parse(text, line)
+        bus = buses.get(interface)
+        return Row(ns, bus_of(interface, buses) if bus is None else bus, id_, data, flags, length)
+
+    return read_columns(path, state, take, lambda block: candump_columns.read(block, buses), wanted)
+
+
+def interfaces(path: Path, size: int, name_of: re.Pattern[bytes]) -> set[str]:
+    """The names of all interfaces of a log, as many as there can be buses; nothing else is looked at.
+
+    `name_of`: its group is the name in a line with a frame.
+    """
+    names: dict[bytes, None] = {}  # in the order in which they speak, which only beyond `MAX_BUSES` matters
+    for block in blocks(path, ReadState(size), LineCount()):
+        # usual lines of interfaces that are known are counted at the speed of a search
+        known = sum(block.data.count(b") " + name + b" ") for name in names) if len(names) <= _FEW else 0
+        if known < len(block.ends):
+            names.update(dict.fromkeys(name_of.findall(block.data)))
+        if len(names) > MAX_BUSES:
+            break
+    return {name.decode("latin-1") for name in [*names][:MAX_BUSES]}
 
 
 def _other(text: str) -> str:
@@ -78,10 +102,10 @@ def _other(text: str) -> str:
 
 
 def _parse(text: str, line: Line) -> tuple[int, str, int, bytes, int, int]:
-    found = _LINE.fullmatch(text)
-    if not found:
+    match = _LINE.fullmatch(text)
+    if not match:
         raise Bad("it is no candump line")
-    stamp, interface, name, rest, direction = found.groups()
+    stamp, interface, name, rest, direction = match.groups()
     if not line.whole and direction is None:
         # nothing announces the length of the data: the rest of a frame may be missing
         raise Bad("the file ends in it")
@@ -98,24 +122,24 @@ def _parse(text: str, line: Line) -> tuple[int, str, int, bytes, int, int]:
     elif len(name) == 8:
         flags |= Flag.EXTENDED
     if rest.startswith("#"):
-        found = _FD_DATA.fullmatch(rest)
-        if not found:
+        match = _FD_DATA.fullmatch(rest)
+        if not match:
             raise Bad("its data are not hexadecimal")
-        bits = int(found[1], 16)
-        flags |= Flag.FD | (Flag.BRS if bits & _BRS else 0) | (Flag.ESI if bits & _ESI else 0)
-        data = _octets(found[2])
+        bits = int(match[1], 16)
+        flags |= Flag.FD | (Flag.BRS if bits & BRS_BIT else 0) | (Flag.ESI if bits & ESI_BIT else 0)
+        data = _octets(match[2])
         if len(data) > 64:
             raise Bad("more than 64 data bytes")
         return ns, interface, id_, data, int(flags), -1
     if rest[:1] in ("R", "r"):
-        found = _REMOTE_DATA.fullmatch(rest)
-        if not found:
+        match = _REMOTE_DATA.fullmatch(rest)
+        if not match:
             raise Bad("it is no remote frame")
-        return ns, interface, id_, b"", int(flags | Flag.REMOTE), remote_length(int(found[1] or "0"))
-    found = _CLASSIC_DATA.fullmatch(rest)
-    if not found:
+        return ns, interface, id_, b"", int(flags | Flag.REMOTE), remote_length(int(match[1] or "0"))
+    match = _CLASSIC_DATA.fullmatch(rest)
+    if not match:
         raise Bad("its data are not hexadecimal")
-    data = _octets(found[1])
+    data = _octets(match[1])
     if len(data) > 8 or ("_" in rest and len(data) < 8):
         raise Bad(
             "more than 8 data bytes in a classic frame" if len(data) > 8 else "it announces more than 8 bytes"

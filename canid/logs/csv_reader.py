@@ -11,42 +11,34 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from canid import timestamps
+from canid.logs.frame_lines import Row, read
 from canid.logs.reader_state import ReadState
-from canid.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Bad, LineCount, lines, remote_length
-from canid.types import Flag, Frame
+from canid.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Bad, Line, remote_length
+from canid.values import timestamps
+from canid.values.types import Flag, Frame
 
 _COLUMN_NAMES = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 # a byte order mark, each of its bytes one character
 _MARK = "\xef\xbb\xbf"
 # as Python writes floats and hexadecimal numbers; int() and float() take more, such as underscores
-_TIME_WORD = re.compile(r"\d{1,20}(\.\d{1,20})?(e[+-]\d{1,3})?")
+_TIME_WORD = re.compile(r"\d{1,20}(\.\d{1,20})?(e[+-]?\d{1,3})?")
 _ID_WORD = re.compile(r"0x[0-9a-f]{1,8}", re.IGNORECASE)
 _DLC = re.compile(r"\d{1,2}")
 
 
 def read_csv(path: Path, state: ReadState) -> Iterator[Frame]:
     """Frames in the order of the file; raises LogError where no line is one."""
-    count = LineCount()
-    first: int | None = None
-    for line in lines(path, state, count):
-        text = line.text.strip()
-        if not text:
-            continue
-        if text.removeprefix(_MARK) == _COLUMN_NAMES:
-            count.others["header lines"] += 1
-            continue
-        try:
-            ns, id_, data, flags, length = _parse(text)
-        except (ValueError, OverflowError) as error:
-            count.miss(line, str(error) if isinstance(error, Bad) else f"it is not {_COLUMN_NAMES}")
-            continue
-        if first is None:
-            first = ns
-            state.start_ns = ns
-        count.read += 1
-        yield Frame((ns - first) * 1e-9, 0, id_, data, flags, length)
-    count.close(path, state)
+    return read(path, state, _take)
+
+
+def _take(text: str, line: Line) -> Row | str:
+    if text.removeprefix(_MARK) == _COLUMN_NAMES:
+        return "header lines"
+    try:
+        ns, id_, data, flags, length = _parse(text)
+    except (ValueError, OverflowError) as error:
+        raise error if isinstance(error, Bad) else Bad(f"it is not {_COLUMN_NAMES}") from None
+    return Row(ns, 0, id_, data, flags, length)
 
 
 def _parse(text: str) -> tuple[int, int, bytes, int, int]:

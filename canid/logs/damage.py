@@ -14,16 +14,20 @@ class DamagedSpans:
         self._spans: list[tuple[int, int]] = []
         self._why = ""
         self._more = 0
-        self.count = 0  # calls of `add`
+        self.count = 0  # what was added
 
-    def add(self, begin: int, end: int, why: str) -> None:
-        """Bytes from `begin` up to, not including, `end` could not be read; equal where the place is unknown."""
-        self.count += 1
+    def add(self, begin: int, end: int, why: str, count: int = 1) -> None:
+        """Bytes from `begin` up to, not including, `end` could not be read; equal where the place is unknown.
+
+        `count`: how many lines or objects these are.
+        """
+        self.count += count
         touches = bool(self._spans) and begin <= self._spans[-1][1] + 1
         if not self._why:
             self._why = why
+            self._more = count - 1
         elif end <= begin or not touches:
-            self._more += 1
+            self._more += count
         if end <= begin:
             return
         if self._spans and (touches or len(self._spans) == _MAX_SPANS):
@@ -48,9 +52,9 @@ class DamagedSpans:
         >>> damaged.sentence("objects", 90, 95)
         "read 90 of 95 objects, bytes 100–199 damaged: a container's compressed data are damaged"
         """
-        of = f" of {total:d}" if total >= 0 else ""
+        share = f" of {total:d}" if total >= 0 else ""
         places = len(self._spans)
         where = f", bytes {self._spans[0][0]}–{self._spans[0][1]}" if places else ""
         where += f" and {places - 1} more place{'s' if places > 2 else ''}" if places > 1 else ""
         more = f", and {self._more} more" if self._more else ""
-        return f"read {read}{of} {what}{where}{' damaged' if places else ''}: {self._why}{more}"
+        return f"read {read}{share} {what}{where}{' damaged' if places else ''}: {self._why}{more}"

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import datetime
 import importlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from canid import timestamps
-from canid.errors import ConfigError, LogError
-from canid.frame_columns import WantedIds, chunks
-from canid.logs import formats
+from canid.logs import content, formats
+from canid.logs.input_file import regular_file
+from canid.logs.local_time import zone_of
 from canid.logs.reader_state import Note, Read, ReadColumns, ReadState
-from canid.types import Columns, Damage, Frame
+from canid.logs.text_lines import MAX_TIME_NS
+from canid.values import timestamps
+from canid.values.errors import ConfigError, LogError
+from canid.values.frame_columns import WantedIds, chunks
+from canid.values.shipped_files import located
+from canid.values.types import Columns, Damage, Frame
 
 _T = TypeVar("_T")
 
@@ -24,21 +29,35 @@ class Log:
     `damage` is known when an iteration is over; `progress` (0..1) is the share of the file that it has read.
     """
 
-    def __init__(self, path: Path, read: Read, read_columns: ReadColumns | None = None):
+    def __init__(
+        self,
+        path: Path,
+        read: Read,
+        read_columns: ReadColumns | None,
+        form: formats.Format,
+        zone: datetime.tzinfo | None = None,
+    ):
         self.path = path
+        self.format = form
+        self._zone = zone
         self._read = read
         self._read_columns = read_columns
+        # interface -> bus, where the format has names (candump); see `values.bus_names`
+        self.buses: dict[str, int] = {}
         self._state = self._new_state()
         # the first frame, for the start
         frames = read(path, self._state)
         next(frames, None)
         frames.close()  # type: ignore[attr-defined]  # it is a generator: close the file now
-        self.start_ns = self._state.start_ns  # as `start_utc`, exactly; None where the log does not state it
+        self._first_remarks = tuple(self._state.remarks)
+        start = self._state.start_ns
+        # as `start_utc`, exactly; None where the log does not state it, or one that is 146 years away or more
+        self.start_ns = start if start is not None and abs(start) <= MAX_TIME_NS else None
         self.start_utc = timestamps.epoch_seconds(self.start_ns)
         self._state = self._new_state()
 
     def _new_state(self, notes: list[Note] | None = None) -> ReadState:
-        return ReadState(size=self.path.stat().st_size, notes=notes)
+        return ReadState(size=self.path.stat().st_size, zone=self._zone, notes=notes, buses=self.buses)
 
     @property
     def damage(self) -> Damage | None:
@@ -78,10 +97,19 @@ class Log:
         """
         if not self.others:
             return ""
-        known = formats.format_of(self.path)
-        what = ("line" if known is None or known.is_text else "object") + "s" * (self.others != 1)
+        what = ("line" if self.format.is_text else "object") + "s" * (self.others != 1)
         kinds = ", ".join(f"{n} {kind}" for kind, n in self.other_kinds.items())
         return f"{self.others} {what} of no interest: {kinds}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """How the file was understood where it may be read in two ways, a sentence each; all are known with `damage`."""
+        return tuple(dict.fromkeys((*self._first_remarks, *self._state.remarks)))
+
+    @property
+    def start_says(self) -> str:
+        """What the file does not state of its start, "" where that is clear. Known with `damage`."""
+        return self._state.start_says
 
     @property
     def damaged(self) -> int:
@@ -123,14 +151,41 @@ class Log:
             raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
 
 
-def open_log(path: str | os.PathLike[str]) -> Log:
-    """Open a log; the suffix names the format (see `formats`).
+def _format(path: Path, suffix: str) -> formats.Format:
+    """The format by the first lines of a text, otherwise by the suffix. Raises ConfigError, LogError."""
+    try:
+        form, lines = content.head_of(path)
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror or error}") from None
+    if form is not None:
+        if form.format is None:
+            raise content.refuse(path, form)
+        return form.format
+    known = formats.format_of(path)
+    may_be_table = suffix.removesuffix(".gz") in formats.TABLE_SUFFIXES
+    if suffix in formats.TABLES_ALONE or (may_be_table and content.is_table(lines)):
+        raise ConfigError(
+            f"{path}: is a table of named columns and lists no CAN frames: `canid identify {path.name}` reads it"
+        )
+    if known is None:
+        known_suffixes = ", ".join(formats.read_suffixes())
+        raise ConfigError(
+            f"{path}: unknown log format {suffix or '(no suffix)'!r}; known are {known_suffixes}"
+        )
+    return known
+
+
+def open_log(path: str | os.PathLike[str], *, time_zone: str | None = None) -> Log:
+    """Open a log; the suffix names the format (see `formats`). The name of a shipped one is enough.
+
+    `time_zone`: of local times in it, an IANA name, "UTC" or an offset as "+08:00"; None: what CANID_TIME_ZONE names,
+    else this machine's (see `local_time`).
 
     Times are s since the first frame, exact to the nanosecond that the format has; `start_utc` is the epoch
     time of the first frame, NaN where the log does not state it.
 
     Raises ConfigError for a missing file, an unknown suffix or a missing optional package, LogError where
-    nothing can be read. A log that is damaged in part is read in part: see `Log.damage`.
+    there is no log that can be read. A log that is damaged in part is read in part: see `Log.damage`.
 
     >>> import tempfile
     >>> from canid.logs.log_writer import write_log
@@ -142,24 +197,18 @@ def open_log(path: str | os.PathLike[str]) -> Log:
     >>> log.start_utc, log.damage
     (1533224087.0, None)
     """
-    path = Path(path)
-    if not path.exists():
-        raise ConfigError(f"no such log: {path}")
-    if path.is_dir():
-        raise LogError(f"{path} is a folder: name a log file in it")
+    path = located(path)
+    zone = zone_of(time_zone)
+    status = regular_file(path)
     suffix = formats.log_suffix(path)
-    known = formats.format_of(path)
-    if known is None:
-        known_suffixes = ", ".join(formats.read_suffixes())
-        raise ConfigError(
-            f"{path}: unknown log format {suffix or '(no suffix)'!r}; known are {known_suffixes}"
-        )
-    if path.stat().st_size == 0:
+    known = _format(path, suffix)
+    # a candump log has no header: without frames, as of a silent bus, it is empty
+    if status.st_size == 0 and suffix != ".log":
         raise LogError(f"{path} is empty")
     module = importlib.import_module(known.module)
     read: Read = getattr(module, known.reader)
     read_columns: ReadColumns | None = getattr(module, f"{known.reader}_columns", None)
     try:
-        return Log(path, read, read_columns)
+        return Log(path, read, read_columns, known, zone)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from None

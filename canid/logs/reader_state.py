@@ -9,11 +9,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from datetime import tzinfo
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.frame_columns import WantedIds
-from canid.types import Columns, Damage, Event, Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Damage, Event, Frame
+
+# of a file that was joined of hundreds
+_MAX_REMARKS = 20
 
 
 class Note(NamedTuple):
@@ -28,8 +32,11 @@ class ReadState:
     """One reading of one log."""
 
     size: int = 0  # bytes of the file
+    zone: tzinfo | None = None  # of local times; None: this machine's
     done: int = 0  # bytes read so far
     unpacked: int = 0  # progress within the unpacked data: grows wherever work goes on
+    # interface -> bus, of formats that name them; a reader that has to look for them does so once a log
+    buses: dict[str, int] = field(default_factory=dict)
     start_ns: int | None = None  # epoch ns of the first frame, known before it is yielded
     damage: Damage | None = None  # known when the reading is over
     # events so far, where they are wanted: the owner of the list may empty it
@@ -39,6 +46,13 @@ class ReadState:
     # lines or objects that are known to hold no CAN frame: how many of each kind; kinds are of a closed list
     other_kinds: Counter[str] = field(default_factory=Counter)
     damaged: int = 0  # lines, objects or stretches of bytes that could not be read
+    start_says: str = ""  # what the file does not state of its start
+    remarks: list[str] = field(default_factory=list)  # how the file was read, where that is a decision
+
+    def remark(self, says: str) -> None:
+        """Note a decision of the reader, once; the first twenty are kept."""
+        if says not in self.remarks and len(self.remarks) < _MAX_REMARKS:
+            self.remarks.append(says)
 
     @property
     def others(self) -> int:

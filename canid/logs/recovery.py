@@ -9,13 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.errors import LogError, OutputError
-from canid.frame_columns import rows
+from canid.files import derived_name
 from canid.logs.formats import log_suffix
 from canid.logs.log import Log, open_log
-from canid.logs.log_writer import WRITTEN_SUFFIXES, Writer, check_suffix, open_writer
+from canid.logs.log_writer import WRITTEN_SUFFIXES, check_suffix, open_writer
 from canid.logs.reader_state import Note
-from canid.types import Columns, Damage, Flag
+from canid.logs.writer import Writer
+from canid.values.errors import DamagedLogError, OutputError
+from canid.values.frame_columns import rows
+from canid.values.types import Columns, Damage, Flag
 
 _CLASSIC_BYTES, _FD_BYTES, _MAX_STANDARD_ID = 8, 64, 0x7FF
 _FD, _ERROR, _EXTENDED, _REMOTE = int(Flag.FD), int(Flag.ERROR), int(Flag.EXTENDED), int(Flag.REMOTE)
@@ -37,6 +39,7 @@ class Recovered(NamedTuple):
     damage: Damage | None  # what the log has lost; None: nothing
     read: int  # objects that were read; of a text log: lines with a frame
     others_says: str  # how many others there are of each kind; "": none
+    remarks: tuple[str, ...] = ()  # how the log was read, where the reader had to decide
 
 
 def recovered_path(log: str | os.PathLike[str]) -> Path:
@@ -47,7 +50,7 @@ def recovered_path(log: str | os.PathLike[str]) -> Path:
     """
     log, suffix = Path(log), log_suffix(log)
     stem = log.name[: len(log.name) - len(suffix)]
-    return log.with_name(f"{stem}.recovered{suffix if suffix in WRITTEN_SUFFIXES else '.blf'}")
+    return derived_name.sibling(log, stem, f".recovered{suffix if suffix in WRITTEN_SUFFIXES else '.blf'}")
 
 
 def recover(
@@ -67,36 +70,44 @@ def recover(
 
     >>> import tempfile
     >>> from canid.logs.log_writer import write_log
-    >>> from canid.types import Frame
+    >>> from canid.values.types import Frame
     >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
     >>> write_log(path, [Frame(0.0, 0, 0x123, b"abc")] * 9, start_utc=1533224087.0)
     >>> _ = path.write_bytes(path.read_bytes() + b"LOBJ, and then nothing that makes sense")
-    >>> found = recover(path)
-    >>> found.path.name, found.frames, found.damage.spans
+    >>> recovered = recover(path)
+    >>> recovered.path.name, recovered.frames, recovered.damage.spans
     ('drive.recovered.blf', 9, ((220, 258),))
-    >>> len(list(open_log(found.path)))
+    >>> len(list(open_log(recovered.path)))
     9
     """
     target = recovered_path(log) if output is None else Path(output)
     check_suffix(target)
-    if target.exists():
+    if os.path.exists(target):
         raise OutputError(f"{target} exists already: choose another name with -o")
     source = open_log(log)
     frames, events = _copy(source, target, progress)
     kept = events if log_suffix(target) in _EVENT_SUFFIXES else 0
-    read = frames + (source.others if log_suffix(log) == ".blf" else 0)
+    read = frames + (0 if source.format.is_text else source.others)
     if source.damage is not None:
         read = source.damage.read
     return Recovered(
-        target, frames, kept, source.others, source.start_utc, source.damage, read, source.others_says
+        target,
+        frames,
+        kept,
+        source.others,
+        source.start_utc,
+        source.damage,
+        read,
+        source.others_says,
+        source.remarks,
     )
 
 
 def _copy(source: Log, target: Path, progress: Callable[[float], None] | None) -> tuple[int, int]:
-    """Copy frames and events; returns how many of each. Raises LogError where the log holds no frame."""
+    """Copy frames and events; returns how many of each. Raises LogError where damage has left no frame."""
     known = source.start_ns is not None and 0 <= source.start_ns <= _MAX_START_NS
     start_ns = source.start_ns if known else None
-    lead_ns = _lead(source) if log_suffix(target) == ".asc" else 0
+    lead_ns = _lead(source)
     writer: Writer | None = None
     events = row = 0
     notes: list[Note] = []
@@ -112,9 +123,8 @@ def _copy(source: Log, target: Path, progress: Callable[[float], None] | None) -
             if progress is not None:
                 progress(source.progress)
         if writer is None:
-            if source.damage is not None or log_suffix(source.path) != ".blf":
-                why = f" ({source.damage.says})" if source.damage else ""
-                raise LogError(f"{source.path} holds no frame that can be read{why}")
+            if source.damage is not None:
+                raise DamagedLogError(f"{source.path} holds no frame that can be read ({source.damage.says})")
             writer = open_writer(target, start_ns)  # a recording of a silent bus
         events += len(notes)
         for note in notes:
@@ -142,8 +152,8 @@ def writable(chunk: Columns) -> Columns:
 
     More than eight bytes make a frame CAN FD, an id of more than 11 bits makes it extended.
 
-    >>> from canid.frame_columns import columns_of
-    >>> from canid.types import Frame
+    >>> from canid.values.frame_columns import columns_of
+    >>> from canid.values.types import Frame
     >>> writable(columns_of([Frame(0.0, 0, 0x12345, bytes(12))])).flags.tolist() == [Flag.EXTENDED | Flag.FD]
     True
     """
@@ -159,6 +169,8 @@ def writable(chunk: Columns) -> Columns:
 
 
 def _lead(source: Log) -> int:
-    """How far before the first frame the earliest one is, ns: an .asc cannot hold a time before its start."""
-    earliest = min((float(chunk.t.min()) for chunk in source.columns()), default=0.0)
-    return max(0, round(-earliest * 1e9))
+    """How far before the first frame the earliest one is, ns: no format has times before its zero."""
+    notes: list[Note] = []
+    earliest = min((float(chunk.t.min()) for chunk in source.columns(notes=notes)), default=0.0)
+    earliest = min(earliest, *(note.event.t for note in notes), 0.0)
+    return round(-earliest * 1e9)

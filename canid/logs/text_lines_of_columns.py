@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Columns
+from canid.values.types import Columns
 
 Octets = npt.NDArray[np.uint8]
 # what the text of a frame depends on, apart from its time and its data: bus, id, flags, length
@@ -71,9 +71,9 @@ def text(octets: bytes, n: int) -> Block:
     return Block(np.broadcast_to(row, (n, len(row))), np.ones((n, len(row)), bool))
 
 
-def texts(of: Sequence[str], which: npt.NDArray[np.int64]) -> Block:
+def texts(choices: Sequence[str], which: npt.NDArray[np.int64]) -> Block:
     """One of some texts in each line; `which` (n,) says which."""
-    encoded = [each.encode("ascii") for each in of]
+    encoded = [each.encode("ascii") for each in choices]
     width = max((len(each) for each in encoded), default=0)
     table = np.frombuffer(b"".join(each.ljust(width) for each in encoded), np.uint8).reshape(-1, width)
     lengths = np.array([len(each) for each in encoded])

@@ -1,4 +1,4 @@
-"""Writes .asc and candump .log: microseconds, whole lines. A time before the start is written as 0."""
+"""Writes .asc and candump .log: microseconds, whole lines."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.errors import OutputError
 from canid.files.new_file import ChangedError, Disk
-from canid.frame_columns import columns_of
 from canid.logs import text_lines_of_columns as lines
-from canid.logs.asc.asc_reader import EXACT_START_PREFIX
+from canid.logs.asc.asc_reader import ERROR_DATA_PREFIX, EXACT_START_PREFIX
 from canid.logs.blf.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, dlc_of
 from canid.logs.candump_reader import ERROR_BIT
-from canid.types import Columns, Event, Flag, Frame
+from canid.logs.own_times import check_own_times
+from canid.logs.writer import Writer
+from canid.values import timestamps
+from canid.values.errors import OutputError
+from canid.values.types import Columns, Event, Flag
 
 # Lines wait in memory up to this size: few system calls, and never half a line in the file.
 _BUFFER_BYTES = 64 * 1024
@@ -36,40 +38,17 @@ class _Part(NamedTuple):
     ends: npt.NDArray[np.int64] | None  # of each frame's line; None: text that is no frame's
 
 
-class _TextWriter:
+class _TextWriter(Writer):
     """The file of either format."""
 
     def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None):
-        self.start_ns = start_ns
-        self.lead_ns = 0
-        self.frames = 0
-        self.kept = 0
-        self._waiting: list[_Part] = []
-        self._length = 0
+        super().__init__(start_ns)
+        self._parts: list[_Part] = []
         self._begun = False
         self._ended = False
         self._middles = lines.TextCache(self._middle, _MAX_TEXTS)
         self._tails = lines.TextCache(self._tail_of, _MAX_TEXTS)
         self.disk = Disk(Path(path))
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self.disk.path
-
-    @property
-    def bytes(self) -> int:
-        """Bytes in the file so far."""
-        return self.disk.size
-
-    @property
-    def waiting(self) -> int:
-        """Bytes that wait to be written."""
-        return self._length
-
-    def append(self, frame: Frame) -> None:
-        """Take one frame."""
-        self.append_columns(columns_of([frame]))
 
     def append_columns(self, chunk: Columns) -> None:
         """Take frames. Where writing fails, `frames` says how many were taken."""
@@ -77,21 +56,11 @@ class _TextWriter:
             return
         self._begin()
         made = self._lines(chunk)
-        self._waiting.append(_Part(made.text, made.ends))
-        self._length += len(made.text)
+        self._parts.append(_Part(made.text, made.ends))
+        self.waiting += len(made.text)
         self.frames += len(made.ends)
-        if self._length > _BUFFER_BYTES:
+        if self.waiting > _BUFFER_BYTES:
             self._write()
-
-    def checkpoint(self, *, sync: bool = True) -> None:
-        """Write the lines that wait; `sync`: down to the disk."""
-        self._write()
-        if sync:
-            self.sync()
-
-    def sync(self) -> None:
-        """Sync what was written to the disk itself; another thread may call this at any time."""
-        self.disk.sync()
 
     def complete(self) -> None:
         """Write the end; the file stays open."""
@@ -99,20 +68,7 @@ class _TextWriter:
             self._ended = True
             self._begin()
             self._add(self._tail())
-        self.checkpoint()
-
-    def close(self) -> None:
-        """Write the end and close; a second call does nothing."""
-        if self.disk.closed:
-            return
-        try:
-            self.complete()
-        finally:
-            self.disk.close()
-
-    def abandon(self) -> None:
-        """Close without writing any more."""
-        self.disk.close()
+        super().complete()
 
     def note(self, event: Event) -> None:
         """Write an event between the frames, where the format has comments."""
@@ -147,12 +103,12 @@ class _TextWriter:
     def _add(self, text: str) -> None:
         """Take text that is no frame's."""
         if text:
-            self._waiting.append(_Part(text.encode("ascii"), None))
-            self._length += len(text)
+            self._parts.append(_Part(text.encode("ascii"), None))
+            self.waiting += len(text)
 
     def _write(self) -> None:
         try:
-            self.disk.append(b"".join([part.text for part in self._waiting]))
+            self.disk.append(b"".join([part.text for part in self._parts]))
         except ChangedError:
             raise
         except OutputError:
@@ -164,7 +120,7 @@ class _TextWriter:
     def _keep_whole(self) -> None:
         """Count the lines that a full disk took whole; what it took of the next one is cut off."""
         size = 0
-        for text, ends in self._waiting:
+        for text, ends in self._parts:
             left = self.disk.taken - size
             whole = len(text) if len(text) <= left else 0
             if ends is not None:
@@ -178,24 +134,31 @@ class _TextWriter:
         self._forget()
 
     def _forget(self) -> None:
-        self._waiting.clear()
-        self._length = 0
+        self._parts.clear()
+        self.waiting = 0
 
 
 def _microseconds(
-    t: npt.NDArray[np.float64], zero: int
+    t: npt.NDArray[np.float64], zero_ns: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Seconds and the microseconds of the rest; a time before `zero` us is 0."""
-    us = np.maximum(np.rint(t * 1e6).astype(np.int64) + zero, 0)
+    """Seconds since `zero_ns` and the microseconds of the rest. Raises ValueError for a time before it."""
+    us, ns = np.divmod(np.rint(t * 1e9).astype(np.int64) - zero_ns, 1000)
+    us += (ns > 500) | ((ns == 500) & (us % 2 == 1))
+    check_own_times(us)
     return us // 1_000_000, us % 1_000_000
 
 
 class CandumpWriter(_TextWriter):
     """`candump -L` lines; a frame that was sent ends with ` T`, as newer candump versions mark it."""
 
+    @property
+    def earliest_ns(self) -> int:
+        """The earliest t that the file holds, ns: its times count from 1970."""
+        return -self.lead_ns if self.start_ns is None else -self.start_ns
+
     def _lines(self, chunk: Columns) -> lines.Lines:
         n = len(chunk.t)
-        seconds, us = _microseconds(chunk.t, (self.start_ns or 0) // 1000)
+        seconds, us = _microseconds(chunk.t, self.earliest_ns)
         lengths = chunk.length.astype(np.int64)
         keys, which = lines.keyed(chunk, lengths)
         shown = np.where(chunk.flags & _REMOTE, 0, lengths)
@@ -232,8 +195,7 @@ class AscWriter(_TextWriter):
     """Vector's .asc, hex, absolute times, the date in local time as Vector's tools read it."""
 
     def _head(self) -> str:
-        # whole microseconds, as the times of the frames
-        zero = ((self.start_ns or 0) - self.lead_ns) // 1000 * 1000
+        zero, _ = timestamps.log_zero(self.start_ns, self.lead_ns)
         at = datetime.datetime.fromtimestamp(zero // 1_000_000_000)
         ms = zero // 1_000_000 % 1000
         date = f"{_DAYS[at.weekday()]} {_MONTH_NAMES[at.month - 1]} {at.day:02d} {at:%H:%M:%S}.{ms:03d} {at.year}"
@@ -244,33 +206,50 @@ class AscWriter(_TextWriter):
         )
 
     def _comment(self, event: Event) -> str:
+        check_own_times(np.array([round(event.t * 1e9) - self.earliest_ns]))
         says = " ".join(event.says.split()).encode("ascii", "replace").decode()
-        return f"// {event.t + self.lead_ns * 1e-9:.6f} canid {event.what}: {says}\n"
+        return f"// {event.t - self.earliest_ns * 1e-9:.6f} canid {event.what}: {says}\n"
 
     def _tail(self) -> str:
         return "End TriggerBlock\n"
 
     def _lines(self, chunk: Columns) -> lines.Lines:
         n = len(chunk.t)
-        seconds, us = _microseconds(chunk.t, self.lead_ns // 1000)
+        seconds, us = _microseconds(chunk.t, self.earliest_ns)
         lengths = chunk.length.astype(np.int64)
         keys, which = lines.keyed(chunk, lengths)
-        shown = np.where(chunk.flags & (_REMOTE | _ERROR), 0, lengths)
+        error = (chunk.flags & _ERROR) != 0
+        there = np.where(chunk.flags & _REMOTE, 0, lengths)
         return lines.joined(
             [
+                *self._error_data(chunk, np.where(error, np.minimum(there, 8), 0)),
                 lines.number(seconds, digits=4, fill=" "),
                 lines.text(b".", n),
                 lines.number(us, digits=6, fill="0"),
                 lines.texts(self._middles.of(keys), which),
-                lines.hexadecimal(chunk.data, shown, spaced=True),
+                lines.hexadecimal(chunk.data, np.where(error, 0, there), spaced=True),
                 lines.texts(self._tails.of(keys), which),
             ]
         )
 
+    @staticmethod
+    def _error_data(chunk: Columns, lengths: npt.NDArray[np.int64]) -> list[lines.Block]:
+        """The data of error frames, for which their lines have no place, in comments before them."""
+        if not lengths.any():
+            return []
+        which = (lengths > 0).astype(np.int64)
+        data = lines.hexadecimal(chunk.data, lengths, spaced=True)
+        return [lines.texts(["", ERROR_DATA_PREFIX], which), data, lines.texts(["", "\n"], which)]
+
     def _middle(self, key: lines.Key) -> str:
         bus, id_, flags, length = key
         if flags & _ERROR:
-            return f" {bus + 1}  ErrorFrame"
+            if not (id_ or length or flags & _EXTENDED):
+                return f" {bus + 1}  ErrorFrame"
+            # Vector's fields; flags of zero: the codes and the position are not known
+            name = f"{id_}{'x' if flags & _EXTENDED else ''}"
+            codes = f"Flags = 0x0 CodeExt = 0x0 Code = 0x0 ID = {name} DLC = {length}"
+            return f" {bus + 1}  ErrorFrame {codes} Position = 0 Length = 0"
         name = f"{id_:X}x" if flags & _EXTENDED else f"{id_:X}"
         way = "Tx" if flags & _TX else "Rx"
         if flags & _REMOTE:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from canid.state_constraints import TIME
-from canid.types import NAN, BlockReport, BlockStatus
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN, BlockReport, BlockStatus
 
 # s without sufficient evidence after which a block is no longer suspected: as long as a misfit may take to be detected
 ALARM_HOLD_S = 60.0

@@ -13,8 +13,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.state_constraints import FINITE, NOT_NEGATIVE
-from canid.types import NAN, Array
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE
+from canid.values.types import NAN, Array
 
 # share of a column's sum of squares that is added to it: makes collinear columns solvable, moves no number
 RIDGE_SHARE = 1e-7

@@ -26,8 +26,8 @@ from canid.monitor import (
     vehicle_predictors,
 )
 from canid.monitor.predictor import Predictor
-from canid.state_constraints import NOT_NEGATIVE, TIME
-from canid.types import NAN, Array, BlockReport, BlockStatus, MonitorReport, Sample
+from canid.values.state_constraints import NOT_NEGATIVE, TIME
+from canid.values.types import NAN, Array, BlockReport, BlockStatus, MonitorReport, Sample
 
 # rows per batch; one test every 2 s. Half as many would cost twice as much: calls cost, not numbers
 BATCH_ROWS = 10
@@ -104,7 +104,7 @@ def make(names: Sequence[str]) -> Monitor:
     """Make the monitor for a driver with these inputs.
 
     Example:
-        >>> from canid.types import LearnGate, Sample
+        >>> from canid.values.types import LearnGate, Sample
         >>> monitor = make(("lateral_offset",))
         >>> state, reports = monitor.init(), []
         >>> for k in range(120):
@@ -158,8 +158,8 @@ def make(names: Sequence[str]) -> Monitor:
         full = len(batches) == LEARNING_DELAY_BATCHES + window
         oldest = np.concatenate(batches[:window]).ravel() if full else None
         updated = tuple(
-            _update(p, own, newest, oldest, at, columns, since, thresholds[p.block])
-            for p, own, at, columns in zip(predictors, state.predictors, places, fitted, strict=True)
+            _update(p, known, newest, oldest, at, columns, since, thresholds[p.block])
+            for p, known, at, columns in zip(predictors, state.predictors, places, fitted, strict=True)
         )
         return _report(state._replace(predictors=updated), sample.t)
 
@@ -184,7 +184,7 @@ def make(names: Sequence[str]) -> Monitor:
             fits_since = max(alarm.t for alarm in alarms if alarm.t == alarm.t)
         state = state._replace(alarms=alarms, fits=fits, fits_since=fits_since)
         report = _summary(t, blocks, fits_since)
-        key = (report.block, *(of.state.value for of in blocks.values()))
+        key = (report.block, *(block.state.value for block in blocks.values()))
         # the first report waits: what was learnt changes by the second while it is little
         changed = key != state.reported and bool(state.reported)
         if not changed and t - state.reported_at < REPORT_INTERVAL_S - TIME_ROUNDING_S:
@@ -197,26 +197,15 @@ def make(names: Sequence[str]) -> Monitor:
     return Monitor(init, step, check_state)
 
 
-def moved(report: MonitorReport, by: float) -> MonitorReport:
-    """Shift the times of a report by some seconds: from the estimators' time to the session's.
-
-    Example:
-        >>> moved(MonitorReport(90.0, False, 80.0, "driver", "", {}), -60.0).since
-        20.0
-    """
-    if not by:
-        return report
-    blocks = {name: of._replace(since=of.since + by) for name, of in report.blocks.items()}
-    return report._replace(t=report.t + by, since=report.since + by, blocks=blocks)
-
-
 def _shape_errors(state: State, fresh: State, width: int) -> Iterator[str]:
     """Sentences about a restored state whose shapes are not those of a fresh one."""
     if len(state.predictors) != len(fresh.predictors) or len(state.alarms) != len(fresh.alarms):
         yield "the monitor has other predictors"
-    for own, new in zip(state.predictors, fresh.predictors, strict=True):
+    for restored, new in zip(state.predictors, fresh.predictors, strict=True):
         for part, usual in zip(
-            (*own.model, *own.misfit, *own.variance), (*new.model, *new.misfit, *new.variance), strict=True
+            (*restored.model, *restored.misfit, *restored.variance),
+            (*new.model, *new.misfit, *new.variance),
+            strict=True,
         ):
             if np.asarray(part).shape != np.asarray(usual).shape:
                 yield "a predictor of the monitor has another shape"
@@ -270,7 +259,7 @@ def _regression(places: LagPlaces, window: Array) -> tuple[Array, Array]:
 
 def _update(
     p: Predictor,
-    own: PredictorState,
+    state: PredictorState,
     newest: Array,
     oldest: Array | None,
     places: LagPlaces,
@@ -280,8 +269,8 @@ def _update(
 ) -> PredictorState:
     """Test the newest batch against a predictor, and let it learn the one that is a minute old."""
     X, y = _regression(places, newest)
-    own = own._replace(unseen=0 if len(y) else min(own.unseen + 1, MAX_UNSEEN_BATCHES))
-    model = own.model
+    state = state._replace(unseen=0 if len(y) else min(state.unseen + 1, MAX_UNSEEN_BATCHES))
+    model = state.model
     if len(y) and model.rows >= MIN_LEARNT_ROWS and model.variance > 0.0:
         e, extrapolation = arx_model.innovations(model, X, y), arx_model.extrapolation(model, X)
         # what the direction of a misfit adds is known before the innovation comes
@@ -292,24 +281,24 @@ def _update(
         uncertainty = np.column_stack([arx_model.gain_uncertainty(model, X, m.gains) for m in p.misfits])
         allowed = (margin * np.abs(z) + uncertainty) / model.variance**0.5 + extrapolation[:, None]
         expected = arx_model.expected_variance(model, X, p.noise_scales)
-        own = own._replace(
-            misfit=evalue_cusum.step(own.misfit, t, e, z, model.variance, allowed, threshold),
-            variance=variance_cusum.step(own.variance, t, e, expected, threshold),
+        state = state._replace(
+            misfit=evalue_cusum.step(state.misfit, t, e, z, model.variance, allowed, threshold),
+            variance=variance_cusum.step(state.variance, t, e, expected, threshold),
         )
-    if oldest is None or 0.5 * threshold <= _level(own) < threshold:
-        return own
+    if oldest is None or 0.5 * threshold <= _level(state) < threshold:
+        return state
     X, y = _regression(places, oldest)
-    return own._replace(model=arx_model.learn(model, X, y, fitted, MEMORY_ROWS))
+    return state._replace(model=arx_model.learn(model, X, y, fitted, MEMORY_ROWS))
 
 
-def _level(own: PredictorState) -> float:
-    return max(float(own.misfit.level.max()), float(own.variance.level.max()))
+def _level(state: PredictorState) -> float:
+    return max(float(state.misfit.level.max()), float(state.variance.level.max()))
 
 
 def _block_report(block: str, predictors: Sequence[Predictor], state: State, threshold: float) -> BlockReport:
     """Report on one block by its present evidence."""
-    of_block = [(p, own) for p, own in zip(predictors, state.predictors, strict=True) if p.block == block]
-    seen = [(p, own) for p, own in of_block if own.unseen < MAX_UNSEEN_BATCHES]
+    of_block = [(p, known) for p, known in zip(predictors, state.predictors, strict=True) if p.block == block]
+    seen = [(p, known) for p, known in of_block if known.unseen < MAX_UNSEEN_BATCHES]
     if not seen:
         needs = " or ".join(p.needs for p, _ in of_block)
         return BlockReport(BlockStatus.UNSEEN, NAN, f"needs {needs}", 0.0, threshold)
@@ -320,26 +309,26 @@ def _block_report(block: str, predictors: Sequence[Predictor], state: State, thr
         level, since, says = state.stuck.level, state.stuck.since, "the driver's output is stuck"
     if level >= threshold:
         return BlockReport(BlockStatus.MISFIT, since, says, level, threshold)
-    learnt = max(own.model.rows for _, own in seen)
+    learnt = max(known.model.rows for _, known in seen)
     if learnt < MIN_LEARNT_ROWS:
         says = f"{100 * learnt / MIN_LEARNT_ROWS:.0f} % learnt"
         return BlockReport(BlockStatus.LEARNING, NAN, says, max(level, 0.0), threshold)
     return BlockReport(BlockStatus.FITS, NAN, "fits the learnt model", max(level, 0.0), threshold)
 
 
-def _strongest_evidence(p: Predictor, own: PredictorState, threshold: float) -> tuple[float, float, str]:
+def _strongest_evidence(p: Predictor, state: PredictorState, threshold: float) -> tuple[float, float, str]:
     """Return the strongest evidence against a predictor: level, since when, in words."""
-    found = evalue_cusum.strongest(own.misfit)
-    at = int(own.variance.level.argmax())
-    variance_level = float(own.variance.level[at])
+    strongest_misfit = evalue_cusum.strongest(state.misfit)
+    at = int(state.variance.level.argmax())
+    variance_level = float(state.variance.level[at])
     # a direction is more specific than variance, which any misfit increases once it is large
-    if variance_level > found.level and found.level < 0.5 * threshold:
+    if variance_level > strongest_misfit.level and strongest_misfit.level < 0.5 * threshold:
         says = f"{p.name} is predicted far worse than before"
-        return variance_level, float(own.variance.since[at]), says
+        return variance_level, float(state.variance.since[at]), says
     return (
-        max(found.level, variance_level),
-        found.since,
-        p.misfits[found.direction].says.format(more="more" if found.more else "less"),
+        max(strongest_misfit.level, variance_level),
+        strongest_misfit.since,
+        p.misfits[strongest_misfit.direction].says.format(more="more" if strongest_misfit.more else "less"),
     )
 
 

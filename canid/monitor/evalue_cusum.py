@@ -21,8 +21,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from canid.state_constraints import FINITE
-from canid.types import NAN, Array
+from canid.values.state_constraints import FINITE
+from canid.values.types import NAN, Array
 
 # λ; each is best where ρ z is that many standard deviations beyond the margin, w included
 STAKES = np.array([0.1, 0.3, 1.0])
@@ -84,8 +84,8 @@ def step(
         ...     noise = rng.standard_normal(5)
         ...     e = noise - (0.8 * z[:, 0] if k >= 30 else 0.0)
         ...     state = step(state, float(k), e, z, 1.0, 0.2 * np.abs(z), 14.0)
-        >>> found = strongest(state)
-        >>> found.level > 14, 25 < found.since < 35, found.more
+        >>> evidence = strongest(state)
+        >>> evidence.level > 14, 25 < evidence.since < 35, evidence.more
         (True, True, False)
     """
     sd = variance**0.5

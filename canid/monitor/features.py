@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Annotated, NamedTuple
 
-from canid.state_constraints import TIME
-from canid.types import NAN, Sample
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN, Sample
 
 # s; 5 Hz. A person's response ends below 1 Hz; slower rows would mix dead time and lag, faster ones cost more
 ROW_INTERVAL_S = 0.2
@@ -59,7 +59,7 @@ def step(state: State, sample: Sample) -> tuple[State, tuple[float, ...]]:
     """Make a row of a sample.
 
     Example:
-        >>> from canid.types import LearnGate
+        >>> from canid.values.types import LearnGate
         >>> signals = {"speed": 20.0, "gap": 30.0, "range_rate": 1.0, "pedal": 12.0}
         >>> _, row = step(State(), Sample(0.0, 12.0, (0.1, 1.0), LearnGate.OPEN, True, 0, signals))
         >>> row[OUTPUT], row[PEDAL], row[FIRST_INPUT:]

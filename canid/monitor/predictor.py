@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Misfit(NamedTuple):
@@ -52,11 +52,11 @@ def scaled_coefficients(indices: Sequence[int]) -> Callable[[Array], Array]:
     return direction
 
 
-def whitened_signal(own: Sequence[int], signal: Sequence[int]) -> Callable[[Array], Array]:
+def whitened_signal(outcome_lags: Sequence[int], signal: Sequence[int]) -> Callable[[Array], Array]:
     """Make the direction of a signal that adds to the outcome: it passes the outcome's own autoregression.
 
     Args:
-        own: places of the outcome's lags 1, 2, ...
+        outcome_lags: places of the outcome's lags 1, 2, ...
         signal: places of the signal's lags 0, 1, 2, ...
 
     Example:
@@ -67,7 +67,7 @@ def whitened_signal(own: Sequence[int], signal: Sequence[int]) -> Callable[[Arra
     def direction(theta: Array) -> Array:
         out = np.zeros_like(theta)
         out[signal[0]] = 1.0
-        out[signal[1:]] = -theta[own]
+        out[signal[1:]] = -theta[outcome_lags]
         return out
 
     return direction

@@ -10,7 +10,7 @@ from math import log
 from typing import NamedTuple
 
 from canid.monitor.evalue_cusum import MAX_EXCESS
-from canid.types import NAN
+from canid.values.types import NAN
 
 # rows; as long as the memory of the predictors
 MEMORY_ROWS = 1500.0

@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from canid.monitor.evalue_cusum import MAX_EXCESS
-from canid.state_constraints import FINITE
-from canid.types import NAN, Array
+from canid.values.state_constraints import FINITE
+from canid.values.types import NAN, Array
 
 # times the learnt variance; a standard deviation of up to three times that of the last minutes still fits
 ALLOWED_VARIANCE_RATIO = 9.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 
 def inverse(a: Array) -> Array:
@@ -56,7 +56,4 @@ def times(a: Array, x: Array) -> Array:
         >>> times(np.eye(2)[:, :, None], np.array([[1.0], [2.0]])).tolist()
         [[1.0], [2.0]]
     """
-    out = a[:, 0] * x[0]
-    for k in range(1, a.shape[1]):
-        out += a[:, k] * x[k]
-    return np.asarray(out)
+    return np.asarray(np.einsum("kl...,l...->k...", a, x))

@@ -19,7 +19,7 @@ from canid.population.drive_table import DriveTable, Flags, rows
 from canid.population.false_discovery import RATE, adjusted
 from canid.population.hierarchical import Population
 from canid.population.spread import wide
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 WEEK_S = 7.0 * 86400.0
 # drives of a parameter: of three, a line leaves one degree of freedom, and one odd drive makes any slope
@@ -65,8 +65,8 @@ def change_over_time(table: DriveTable, population: Population, *, rate: float =
         >>> gain = 5.0 + 0.2 * rng.standard_normal(30) + np.repeat([0.0, 0.0, 0.0, 0.0, 0.4], 6) * week
         >>> names = tuple(np.repeat(list("abcde"), 6))
         >>> table = drive_table(("K",), gain[:, None], np.full((30, 1), 0.01), names, start=week * WEEK_S)
-        >>> of = change_over_time(table, pool(table))
-        >>> of.changed.tolist(), bool(of.low[4, 0] < 0.4 < of.high[4, 0])
+        >>> change = change_over_time(table, pool(table))
+        >>> change.changed.tolist(), bool(change.low[4, 0] < 0.4 < change.high[4, 0])
         ([False, False, False, False, True], True)
     """
     p, drivers = len(table.names), len(table.drivers)
@@ -83,22 +83,24 @@ def change_over_time(table: DriveTable, population: Population, *, rate: float =
         drive_weight=population.drive_weight[dated],
     )
     weighted_drives.prepare(table, population)  # refuses another table's population
-    of = weighted_drives.prepare(rows(table, dated), part) if dated.any() else None
-    if of is not None:
-        t = (table.start[dated][of.order] - np.mean(table.start[dated])) / WEEK_S
-        span = np.maximum.reduceat(t, of.first) - np.minimum.reduceat(t, of.first)
-        enough = np.add.reduceat(of.known.astype(np.float64), of.first, axis=-1) >= MIN_DRIVES
+    weighted = weighted_drives.prepare(rows(table, dated), part) if dated.any() else None
+    if weighted is not None:
+        t = (table.start[dated][weighted.order] - np.mean(table.start[dated])) / WEEK_S
+        span = np.maximum.reduceat(t, weighted.first) - np.minimum.reduceat(t, weighted.first)
+        enough = np.add.reduceat(weighted.known.astype(np.float64), weighted.first, axis=-1) >= MIN_DRIVES
         enough &= span >= MIN_WEEKS
-        used = of._replace(known=of.known & enough[:, of.driver])
-        used = used._replace(y=np.where(used.known, of.y, 0.0))
+        used = weighted._replace(known=weighted.known & enough[:, weighted.driver])
+        used = used._replace(y=np.where(used.known, weighted.y, 0.0))
         # about each driver's own mean date, so that the two blocks are nearly orthogonal
-        t = t - (np.add.reduceat(t, of.first) / np.bincount(of.driver))[of.driver]
+        t = t - (np.add.reduceat(t, weighted.first) / np.bincount(weighted.driver))[weighted.driver]
         used = used._replace(weight=_weights(used, part, t, enough))
-        found, p_values = _regress(used, part, t, enough)
+        intervals, p_values = _regress(used, part, t, enough)
         tested = enough.any(axis=0)
-        p_value[of.present] = np.where(tested, p_values, NAN)
-        for whole, x in zip((slope, low, high), found, strict=True):
-            whole[of.present] = wide((np.where(enough, x, NAN) * of.unit[:, None]).T, of.column, p, 1)
+        p_value[weighted.present] = np.where(tested, p_values, NAN)
+        for whole, x in zip((slope, low, high), intervals, strict=True):
+            whole[weighted.present] = wide(
+                (np.where(enough, x, NAN) * weighted.unit[:, None]).T, weighted.column, p, 1
+            )
     fdr = adjusted(p_value)
     status = tuple(
         _status(int(n), float(w), bool(np.isfinite(q))) for n, w, q in zip(count, weeks, p_value, strict=True)
@@ -116,43 +118,44 @@ def change_over_time(table: DriveTable, population: Population, *, rate: float =
     )
 
 
-def _weights(of: weighted_drives.WeightedDrives, population: Population, t: Array, enough: Flags) -> Array:
+def _weights(
+    weighted: weighted_drives.WeightedDrives, population: Population, t: Array, enough: Flags
+) -> Array:
     """Weights of the drives about each driver's line, iterated from the median slope (Theil 1950; Sen 1968), (n',)."""
-    fitted = np.zeros_like(of.y)
-    ends = [*of.first.tolist(), len(t)]
+    fitted = np.zeros_like(weighted.y)
+    ends = [*weighted.first.tolist(), len(t)]
     for start, end in itertools.pairwise(ends):
-        for k in range(len(of.y)):
-            has = np.flatnonzero(of.known[k, start:end]) + start
+        for k in range(len(weighted.y)):
+            has = np.flatnonzero(weighted.known[k, start:end]) + start
             i, j = np.triu_indices(len(has), 1)
             i, j = has[i], has[j]
             apart = t[i] != t[j]
             if apart.any():
-                slope = float(np.median((of.y[k, j] - of.y[k, i])[apart] / (t[j] - t[i])[apart]))
-                fitted[k, has] = slope * t[has] + np.median(of.y[k, has] - slope * t[has])
-    square = np.ix_(of.column, of.column)
-    within = np.nan_to_num(population.within.covariance[square]) / (of.unit[:, None] * of.unit[None, :])
-    bare = weighted_drives.masked_inverse(of.s + within[:, :, None], of.known)
-    count = of.known.sum(axis=0)
+                slope = float(np.median((weighted.y[k, j] - weighted.y[k, i])[apart] / (t[j] - t[i])[apart]))
+                fitted[k, has] = slope * t[has] + np.median(weighted.y[k, has] - slope * t[has])
+    within = np.nan_to_num(weighted_drives.scaled(weighted, population.within.covariance))
+    bare = weighted_drives.masked_inverse(weighted.s + within[:, :, None], weighted.known)
+    count = weighted.known.sum(axis=0)
     constant, share = gibbs.t_constant(count), np.array([gibbs.SHARE_OUTLIER[0] / sum(gibbs.SHARE_OUTLIER)])
     weight = np.ones(len(t))
     for step in range(WEIGHT_STEPS):
-        residual = np.where(of.known, of.y - fitted, 0.0)
+        residual = np.where(weighted.known, weighted.y - fitted, 0.0)
         distance = np.sum(residual * times(bare, residual), axis=0)
         p = gibbs.outlier_probability(distance[None], count, constant, share)[0]
         weight = 1.0 - p + p * gibbs.outlier_weight(distance, count)
         if step + 1 < WEIGHT_STEPS:
-            level, slopes, _, _ = _line(of, bare * weight, t, enough)
-            fitted = level[:, of.driver] + slopes[:, of.driver] * t
+            level, slopes, _, _ = _line(weighted, bare * weight, t, enough)
+            fitted = level[:, weighted.driver] + slopes[:, weighted.driver] * t
     return weight
 
 
 def _line(
-    of: weighted_drives.WeightedDrives, ahead: Array, t: Array, enough: Flags
+    weighted: weighted_drives.WeightedDrives, ahead: Array, t: Array, enough: Flags
 ) -> tuple[Array, Array, Array, Array]:
     """Level and slope of each driver, (k, I'), covariance of the slope and its inverse, (k, k, I')."""
-    pulled = times(ahead, of.y)
-    q, qt, qtt = (np.add.reduceat(ahead * t**k, of.first, axis=-1) for k in range(3))
-    h, ht = (np.add.reduceat(pulled * t**k, of.first, axis=-1) for k in range(2))
+    pulled = times(ahead, weighted.y)
+    q, qt, qtt = (np.add.reduceat(ahead * t**k, weighted.first, axis=-1) for k in range(3))
+    h, ht = (np.add.reduceat(pulled * t**k, weighted.first, axis=-1) for k in range(2))
     # normal equations with the level eliminated (Schur complement)
     inverse = weighted_drives.masked_inverse(q, enough)
     gain = np.stack([times(inverse, qt[:, k]) for k in range(len(qt))], axis=1)
@@ -163,7 +166,7 @@ def _line(
 
 
 def _regress(
-    of: weighted_drives.WeightedDrives, population: Population, t: Array, enough: Flags
+    weighted: weighted_drives.WeightedDrives, population: Population, t: Array, enough: Flags
 ) -> tuple[tuple[Array, Array, Array], Array]:
     """Slopes with intervals, (k, I') each, and p-values, (I',).
 
@@ -171,11 +174,11 @@ def _regress(
     twice the smaller p-value holds the level whatever their dependence.
     """
     count = np.maximum(enough.sum(axis=0), 1).astype(np.float64)
-    slopes, sds, total = [], [], np.zeros(len(of.first))
+    slopes, sds, total = [], [], np.zeros(len(weighted.first))
     each = np.zeros(enough.shape)
-    for draw in weighted_drives.draws(of, population):
-        ahead = weighted_drives.information(of, draw.within)
-        _, slope, covariance, information = _line(of, ahead, t, enough)
+    for draw in weighted_drives.draws(weighted, population):
+        ahead = weighted_drives.information(weighted, draw.within)
+        _, slope, covariance, information = _line(weighted, ahead, t, enough)
         total += chdtrc(count, np.maximum(np.sum(slope * times(information, slope), axis=0), 0.0))
         sd = np.sqrt(np.einsum("kki->ki", covariance))
         slopes.append(slope)
@@ -190,7 +193,8 @@ def _status(drives: int, weeks: float, tested: bool) -> str:
     if tested:
         return ""
     if drives < MIN_DRIVES:
-        return f"{drives} drives with a date: a change needs {MIN_DRIVES} or more"
+        return f"of {drives} drives the date is known, and a change needs {MIN_DRIVES} or more"
     if not weeks >= MIN_WEEKS:
-        return f"drives within {7.0 * weeks:.1f} days: a change needs a week or more"
+        span = "one day" if 7.0 * weeks < 1.0 else f"{7.0 * weeks:.0f} days"
+        return f"all drives are of {span}, and a change needs a week or more"
     return f"no parameter is known from {MIN_DRIVES} or more drives"

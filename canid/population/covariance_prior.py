@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 # degrees of freedom of the half-t priors: 2 makes every correlation uniform (Huang & Wand 2013, property 3)
 NU = 2.0
@@ -29,8 +29,8 @@ def draw(rng: np.random.Generator, covariance: Array, scatter: Array, count: Arr
         (C, p, p).
 
     Example:
-        >>> rng, one = np.random.default_rng(1), np.eye(2)[None]
-        >>> drawn = np.array([draw(rng, one, 4000.0 * one, np.array([1000.0]), 1.0)[0] for _ in range(200)])
+        >>> rng, unit = np.random.default_rng(1), np.eye(2)[None]
+        >>> drawn = np.array([draw(rng, unit, 4000.0 * unit, np.array([1000.0]), 1.0)[0] for _ in range(200)])
         >>> np.round(drawn.mean(axis=0), 1).tolist()
         [[4.0, 0.0], [0.0, 4.0]]
     """
@@ -69,8 +69,8 @@ def rescale(
         (C, p), 1 where the proposal is refused.
 
     Example:
-        >>> one = np.eye(1)[None]
-        >>> f = rescale(np.random.default_rng(1), one, 1e6 * one, 0.5e6 * np.ones((1, 1)), 10.0)
+        >>> unit = np.eye(1)[None]
+        >>> f = rescale(np.random.default_rng(1), unit, 1e6 * unit, 0.5e6 * np.ones((1, 1)), 10.0)
         >>> bool(0.49 < f[0, 0] < 0.51)
         True
     """

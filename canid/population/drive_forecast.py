@@ -16,7 +16,7 @@ from canid.population import weighted_drives
 from canid.population.batched_inverse import inverse
 from canid.population.drive_table import DriveTable, Index
 from canid.population.hierarchical import Population
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Forecast(NamedTuple):
@@ -48,58 +48,57 @@ def forecasts(table: DriveTable, population: Population) -> tuple[Forecast, ...]
         >>> from canid.population.hierarchical import pool
         >>> gain = np.array([3.0, 3.1, 3.05, 4.0, 4.1, 4.05, 5.0])
         >>> table = drive_table(("K",), gain[:, None], np.full((7, 1), 0.04), ("a", "a", "a", "b", "b", "b", "c"))
-        >>> of = forecasts(table, pool(table))
-        >>> of[0].driver, of[0].expected < of[0].width
+        >>> forecast = forecasts(table, pool(table))
+        >>> forecast[0].driver, forecast[0].expected < forecast[0].width
         ('c', True)
     """
-    of = weighted_drives.prepare(table, population)
-    if of is None:
+    weighted = weighted_drives.prepare(table, population)
+    if weighted is None:
         return ()
-    outer = of.unit[:, None] * of.unit[None, :]
-    square = np.ix_(of.column, of.column)
     between, within = (
-        np.nan_to_num(x.covariance[square]) / outer for x in (population.between, population.within)
+        np.nan_to_num(weighted_drives.scaled(weighted, x.covariance))
+        for x in (population.between, population.within)
     )
-    sd = population.between.value[of.column]
+    sd = population.between.value[weighted.column]
     known = np.isfinite(sd)
     # what has no spread between drivers keeps a wide one here and is not listed
     between = between + np.diag(np.where(known, 0.0, 1.0))
-    ahead = weighted_drives.information(of, within)
-    q = np.add.reduceat(ahead, of.first, axis=-1)
+    ahead = weighted_drives.information(weighted, within)
+    q = np.add.reduceat(ahead, weighted.first, axis=-1)
     b_inverse = np.linalg.inv(between)[..., None]
     now = inverse(q + b_inverse)
-    then = inverse(q + b_inverse + _coming(of, within))
-    counts = np.add.reduceat(of.known.astype(np.intp), of.first, axis=-1)
+    then = inverse(q + b_inverse + _coming(weighted, within))
+    counts = np.add.reduceat(weighted.known.astype(np.intp), weighted.first, axis=-1)
     width, expected = (
-        2.0 * NORMAL_QUANTILE * np.sqrt(np.einsum("kki->ki", x)) * of.unit[:, None] for x in (now, then)
+        2.0 * NORMAL_QUANTILE * np.sqrt(np.einsum("kki->ki", x)) * weighted.unit[:, None] for x in (now, then)
     )
     out = [
         Forecast(
             table.drivers[driver],
-            table.names[of.column[k]],
+            table.names[weighted.column[k]],
             float(width[k, i]),
             float(expected[k, i]),
             float((width[k, i] - expected[k, i]) / (2.0 * NORMAL_QUANTILE * sd[k])),
             int(counts[k, i]),
         )
-        for i, driver in enumerate(of.present)
+        for i, driver in enumerate(weighted.present)
         for k in np.flatnonzero(known)
     ]
-    return tuple(sorted(out, key=lambda one: -one.gain))
+    return tuple(sorted(out, key=lambda forecast: -forecast.gain))
 
 
-def _coming(of: weighted_drives.WeightedDrives, within: Array) -> Array:
+def _coming(weighted: weighted_drives.WeightedDrives, within: Array) -> Array:
     """Information of a coming drive of each driver, (k, k, I'): of an independent error as large as the median one."""
-    variance = np.einsum("kkn->kn", of.s)
+    variance = np.einsum("kkn->kn", weighted.s)
     fleet = np.array(
-        [np.median(v[has]) if has.any() else np.inf for v, has in zip(variance, of.known, strict=True)]
+        [np.median(v[has]) if has.any() else np.inf for v, has in zip(variance, weighted.known, strict=True)]
     )
-    typical = np.tile(fleet[:, None], len(of.first))
-    ends: Index = np.append(of.first, len(of.order)).astype(np.intp)
-    for i in range(len(of.first)):
+    typical = np.tile(fleet[:, None], len(weighted.first))
+    ends: Index = np.append(weighted.first, len(weighted.order)).astype(np.intp)
+    for i in range(len(weighted.first)):
         part = slice(ends[i], ends[i + 1])
         for k in range(len(variance)):
-            has = of.known[k, part]
+            has = weighted.known[k, part]
             if has.any():
                 typical[k, i] = np.median(variance[k, part][has])
     error = np.eye(len(variance))[..., None] * typical[:, None, :]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
 
 Flags = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
@@ -54,8 +54,8 @@ def drive_table(
         ValueError: shapes do not fit each other, or a covariance is none.
 
     Example:
-        >>> of = drive_table(("K",), np.ones((2, 1)), np.ones((2, 1)), ("anna", "ben"))
-        >>> of.driver.tolist(), of.drivers, of.drives
+        >>> table = drive_table(("K",), np.ones((2, 1)), np.ones((2, 1)), ("anna", "ben"))
+        >>> table.driver.tolist(), table.drivers, table.drives
         ([0, 1], ('anna', 'ben'), ('drive 1', 'drive 2'))
     """
     estimate = np.asarray(estimate, dtype=np.float64)
@@ -90,8 +90,8 @@ def check(table: DriveTable) -> None:
         ValueError: it names the column and its shape.
 
     Example:
-        >>> of = drive_table(("K",), np.ones((2, 1)), np.ones((2, 1)), ("anna", "ben"))
-        >>> check(of._replace(drives=("one",)))
+        >>> table = drive_table(("K",), np.ones((2, 1)), np.ones((2, 1)), ("anna", "ben"))
+        >>> check(table._replace(drives=("one",)))
         Traceback (most recent call last):
         ...
         ValueError: drives has 1 entries, but estimate has 2 rows: give one per drive
@@ -118,8 +118,8 @@ def known(table: DriveTable) -> Flags:
         (n, p).
 
     Example:
-        >>> of = drive_table(("K",), np.array([[1.0], [np.nan]]), np.ones((2, 1)), ("anna", "ben"))
-        >>> known(of).tolist()
+        >>> table = drive_table(("K",), np.array([[1.0], [np.nan]]), np.ones((2, 1)), ("anna", "ben"))
+        >>> known(table).tolist()
         [[True], [False]]
     """
     variance = np.einsum("nkk->nk", table.covariance)
@@ -134,8 +134,8 @@ def rows(table: DriveTable, keep: Flags | Index) -> DriveTable:
         keep: (n,) flags, or places.
 
     Example:
-        >>> of = drive_table(("K",), np.ones((2, 1)), np.ones((2, 1)), ("anna", "ben"))
-        >>> rows(of, np.array([False, True])).drives
+        >>> table = drive_table(("K",), np.ones((2, 1)), np.ones((2, 1)), ("anna", "ben"))
+        >>> rows(table, np.array([False, True])).drives
         ('drive 2',)
     """
     places = np.flatnonzero(keep) if keep.dtype == np.bool_ else keep
@@ -147,26 +147,4 @@ def rows(table: DriveTable, keep: Flags | Index) -> DriveTable:
         start=table.start[places],
         group=tuple(table.group[k] for k in places),
         car=tuple(table.car[k] for k in places),
-    )
-
-
-def columns(table: DriveTable, names: tuple[str, ...]) -> DriveTable:
-    """Some parameters of a table, in the order of `names`.
-
-    Raises:
-        ValueError: a name is not in the table.
-
-    Example:
-        >>> of = drive_table(("K", "tau"), np.ones((1, 2)), np.ones((1, 2)), ("anna",))
-        >>> columns(of, ("tau",)).covariance.shape
-        (1, 1, 1)
-    """
-    missing = [name for name in names if name not in table.names]
-    if missing:
-        raise ValueError(f"no parameter {missing[0]!r}: the table has {', '.join(table.names)}")
-    places = np.array([table.names.index(name) for name in names], dtype=np.intp)
-    return table._replace(
-        names=tuple(names),
-        estimate=table.estimate[:, places],
-        covariance=table.covariance[:, places][:, :, places],
     )

@@ -17,7 +17,7 @@ from scipy.special import stdtr, stdtrit
 from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
 from canid.population.drive_table import Flags, Index
 from canid.population.pooled_causes import random_effects_mean
-from canid.types import NAN, Array, Interval
+from canid.values.types import NAN, Array, Interval
 
 
 class MeanContrast(NamedTuple):
@@ -44,33 +44,35 @@ def mean_contrast(
     Example:
         >>> y, driver = np.array([0.0, 1.0, 2.0, 3.1, 4.0, 5.0]), np.array([0, 0, 1, 1, 2, 2])
         >>> ones = np.ones(6, dtype=bool)
-        >>> of = mean_contrast(y, np.full(6, 0.01), ones, driver, np.arange(6) % 2 == 1, ones)
-        >>> of.drivers, round(of.difference.value, 2), of.p_value < 0.02
+        >>> compared = mean_contrast(y, np.full(6, 0.01), ones, driver, np.arange(6) % 2 == 1, ones)
+        >>> compared.drivers, round(compared.difference.value, 2), compared.p_value < 0.02
         (3, 1.03, True)
     """
-    own: list[Interval] = []
-    for one in np.unique(driver[known & here]):
-        of = known & here & (driver == one)
-        sides = [_mean(y, variance, of & side) for side in (~second, second)]
+    differences: list[Interval] = []
+    for label in np.unique(driver[known & here]):
+        of_driver = known & here & (driver == label)
+        sides = [_mean(y, variance, of_driver & side) for side in (~second, second)]
         if any(math.isnan(mean) for mean, _ in sides):
             continue
         (a, va), (b, vb) = sides
         half = NORMAL_QUANTILE * math.sqrt(va + vb)
-        own.append(Interval(b - a, b - a - half, b - a + half))
-    if len(own) < 2:
-        return MeanContrast(Interval(), NAN, len(own))
-    return _tested(own)
+        differences.append(Interval(b - a, b - a - half, b - a + half))
+    if len(differences) < 2:
+        return MeanContrast(Interval(), NAN, len(differences))
+    return _tested(differences)
 
 
-def _mean(y: Array, variance: Array, of: Flags) -> tuple[float, float]:
-    if not of.any():
+def _mean(y: Array, variance: Array, chosen: Flags) -> tuple[float, float]:
+    if not chosen.any():
         return NAN, NAN
-    weight = 1.0 / np.maximum(variance[of], 1e-300)
-    return float(weight @ y[of] / weight.sum()), float(1.0 / weight.sum())
+    weight = 1.0 / np.maximum(variance[chosen], 1e-300)
+    return float(weight @ y[chosen] / weight.sum()), float(1.0 / weight.sum())
 
 
-def _tested(own: Sequence[Interval]) -> MeanContrast:
-    mean, _ = random_effects_mean(own)
-    freedom = len(own) - 1
+def _tested(differences: Sequence[Interval]) -> MeanContrast:
+    mean, _ = random_effects_mean(differences)
+    freedom = len(differences) - 1
     sd = (mean.high - mean.value) / float(stdtrit(freedom, QUANTILES[1]))
-    return MeanContrast(mean, 2.0 * float(stdtr(freedom, -abs(mean.value) / max(sd, 1e-300))), len(own))
+    return MeanContrast(
+        mean, 2.0 * float(stdtr(freedom, -abs(mean.value) / max(sd, 1e-300))), len(differences)
+    )

@@ -14,7 +14,7 @@ from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
 from canid.population import normal_mixture
 from canid.population.drive_table import Flags, Index
 from canid.population.spread import correlations, wide
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 
 class Estimates(NamedTuple):
@@ -33,8 +33,8 @@ def of_draws(draws: Array) -> Estimates:
         draws: (D, ..., p).
 
     Example:
-        >>> of = of_draws(np.random.default_rng(1).standard_normal((4000, 2)))
-        >>> round(float(of.high[0]), 1), round(float(of.covariance[0, 0]), 1)
+        >>> estimates = of_draws(np.random.default_rng(1).standard_normal((4000, 2)))
+        >>> round(float(estimates.high[0]), 1), round(float(estimates.covariance[0, 0]), 1)
         (2.0, 1.0)
     """
     low, value, high = np.quantile(draws, (QUANTILES[0], 0.5, QUANTILES[1]), axis=0)
@@ -49,8 +49,8 @@ def of_mixture(mean: Array, covariance: Array) -> Estimates:
         covariance: (D, p, p).
 
     Example:
-        >>> of = of_mixture(np.zeros((5, 1)), 4.0 * np.ones((5, 1, 1)))
-        >>> round(float(of.high[0]), 2), round(float(of.covariance[0, 0]), 2)
+        >>> estimates = of_mixture(np.zeros((5, 1)), 4.0 * np.ones((5, 1, 1)))
+        >>> round(float(estimates.high[0]), 2), round(float(estimates.covariance[0, 0]), 2)
         (3.92, 4.0)
     """
     sd = np.sqrt(np.einsum("...kk->...k", covariance))
@@ -82,11 +82,11 @@ def correlation_of(draws: Array) -> Array:
     return np.asarray(out)
 
 
-def withheld(of: Estimates, unknown: Flags) -> Estimates:
+def withheld(estimates: Estimates, unknown: Flags) -> Estimates:
     """With NaN for some parameters.
 
     Args:
-        of: p parameters.
+        estimates: p parameters.
         unknown: (p,).
 
     Example:
@@ -94,28 +94,28 @@ def withheld(of: Estimates, unknown: Flags) -> Estimates:
         [nan]
     """
     both = unknown[:, None] | unknown[None, :]
-    value, low, high = (np.where(unknown, NAN, x) for x in of[:3])
-    return Estimates(value, low, high, np.where(both, NAN, of.covariance))
+    value, low, high = (np.where(unknown, NAN, x) for x in estimates[:3])
+    return Estimates(value, low, high, np.where(both, NAN, estimates.covariance))
 
 
-def placed(of: Estimates, place: Index, others: Estimates, column: Index, p: int) -> Estimates:
+def placed(estimates: Estimates, place: Index, others: Estimates, column: Index, p: int) -> Estimates:
     """Of some drivers and parameters -> of all.
 
     Args:
-        of: (I', k) estimates.
+        estimates: (I', k) estimates.
         place: (I,) a driver's place among them; -1: none.
         others: (k,) estimates, of those that have none.
         column: (k,) places of the parameters.
         p: number of parameters.
 
     Example:
-        >>> one, other = Estimates(*np.ones((3, 1, 1)), np.ones((1, 1, 1))), Estimates(*np.zeros((3, 1)), np.ones((1, 1)))
-        >>> placed(one, np.array([0, -1]), other, np.array([1]), 2).value.tolist()
+        >>> known, other = Estimates(*np.ones((3, 1, 1)), np.ones((1, 1, 1))), Estimates(*np.zeros((3, 1)), np.ones((1, 1)))
+        >>> placed(known, np.array([0, -1]), other, np.array([1]), 2).value.tolist()
         [[nan, 1.0], [nan, 0.0]]
     """
     has = place >= 0
-    numbers = [np.where(has[:, None], x[place], y) for x, y in zip(of[:3], others[:3], strict=True)]
-    covariance = np.where(has[:, None, None], of.covariance[place], others.covariance)
+    numbers = [np.where(has[:, None], x[place], y) for x, y in zip(estimates[:3], others[:3], strict=True)]
+    covariance = np.where(has[:, None, None], estimates.covariance[place], others.covariance)
     value, low, high = (wide(x, column, p, 1) for x in numbers)
     return Estimates(value, low, high, wide(covariance, column, p, 2))
 

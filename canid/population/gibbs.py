@@ -22,7 +22,7 @@ from scipy.special import gammaln
 from canid.population import covariance_prior
 from canid.population.batched_inverse import inverse, times
 from canid.population.drive_table import Flags, Index
-from canid.types import Array
+from canid.values.types import Array
 
 # Student's t of outliers: 3 degrees of freedom, the fewest whole number with a variance
 NU_OUTLIER = 3.0
@@ -79,6 +79,7 @@ def sample(
     scale: tuple[float, float] = SCALE,
     *,
     fixed: Array | None = None,
+    fixed_within: Array | None = None,
 ) -> Draws:
     """Draw from the posterior.
 
@@ -89,6 +90,7 @@ def sample(
         keep: D.
         scale: of the half-t priors of standard deviations between and within.
         fixed: (p, p) B, where it is not to be estimated: a wide one makes drivers fixed effects.
+        fixed_within: (p, p) W, likewise.
 
     Example:
         >>> rng = np.random.default_rng(1)
@@ -114,7 +116,7 @@ def sample(
     constant, d_constant = t_constant(count), t_constant(np.full(drivers, p))
 
     between = np.tile(eye if fixed is None else fixed, (chains, 1, 1))
-    within = np.tile(eye, (chains, 1, 1))
+    within = np.tile(eye if fixed_within is None else fixed_within, (chains, 1, 1))
     mean = _start(data, groups)
     b = np.zeros((p, chains, drivers))
     share, driver_share = np.full(chains, 0.05), np.full(chains, 0.05)
@@ -168,29 +170,58 @@ def sample(
                 driver_share = rng.beta(SHARE_OUTLIER[0] + flags, SHARE_OUTLIER[1] + drivers - flags)
             scatter = np.einsum("kci,lci,ci->ckl", b, b, kappa)
             between = covariance_prior.draw(rng, between, scatter, np.full(chains, float(drivers)), scale[0])
-        # true deviations of the drives (by a draw from the prior and its residual: Matheron's rule), and the spread within
-        residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
-        w_root = _roots(w)
-        sigma = lam[0] ** -0.5
-        u = times(w_root, rng.standard_normal(residual.shape)) * sigma
-        error = times(s_root, rng.standard_normal(residual.shape)) * sigma
-        u = u + times(w, times(precision, np.where(data.known, residual - u - error, 0.0)))
-        # an outlier says nothing of the ordinary spread
-        ordinary = 1.0 - flagged
-        weighted_u = u * ordinary
-        information = np.einsum("kcn,lcn,klcn->ckl", u, weighted_u, s_inverse)
-        score = np.einsum("kcn,kcn->ck", weighted_u, times(s_inverse, residual))
-        factor = covariance_prior.rescale(rng, within, information, score, scale[1])
-        u *= factor.T[:, :, None]
-        within *= factor[:, :, None] * factor[:, None, :]
-        scatter = np.einsum("kcn,lcn,cn->ckl", u, u, ordinary)
-        within = covariance_prior.draw(rng, within, scatter, ordinary.sum(axis=1), scale[1])
+        if fixed_within is None:
+            within = _drawn_within(rng, data, within, precision, lam, (s_root, s_inverse), mean, b, scale[1])
         if step >= burn:
             out.append((mean.transpose(1, 2, 0), hat, hat_covariance, between.copy(), within.copy(), b))
             for sum_, new in zip(total, (p_outlier, d_outlier, lam[0], kappa, pull), strict=True):
                 sum_ += new / keep
-    stacked = [np.array([one[k] for one in out]) for k in range(6)]
+    stacked = [np.array([draw[k] for draw in out]) for k in range(6)]
     return Draws(*stacked, *total)
+
+
+def _drawn_within(
+    rng: np.random.Generator,
+    data: Data,
+    within: Array,
+    precision: Array,
+    lam: tuple[Array, Array],
+    of_error: tuple[Array, Array],
+    mean: Array,
+    b: Array,
+    scale: float,
+) -> Array:
+    """W, by the true deviations of the drives: a draw from the prior and its residual (Matheron's rule).
+
+    Args:
+        rng: random numbers.
+        data: drives.
+        within: (C, p, p) W.
+        precision: (S + W)^-1.
+        lam: weights of the drives, and which are outliers.
+        of_error: root and inverse of S.
+        mean: (p, C, G) m.
+        b: (p, C, I).
+        scale: of the half-t prior.
+    """
+    s_root, s_inverse = of_error
+    w = np.moveaxis(within, 0, -1)[..., None]
+    residual = np.where(data.known, data.y - mean[:, :, data.group] - b[:, :, data.driver], 0.0)
+    w_root = _roots(w)
+    sigma = lam[0] ** -0.5
+    u = times(w_root, rng.standard_normal(residual.shape)) * sigma
+    error = times(s_root, rng.standard_normal(residual.shape)) * sigma
+    u = u + times(w, times(precision, np.where(data.known, residual - u - error, 0.0)))
+    # an outlier says nothing of the ordinary spread
+    ordinary = 1.0 - lam[1]
+    weighted_u = u * ordinary
+    information = np.einsum("kcn,lcn,klcn->ckl", u, weighted_u, s_inverse)
+    score = np.einsum("kcn,kcn->ck", weighted_u, times(s_inverse, residual))
+    factor = covariance_prior.rescale(rng, within, information, score, scale)
+    u *= factor.T[:, :, None]
+    within *= factor[:, :, None] * factor[:, None, :]
+    scatter = np.einsum("kcn,lcn,cn->ckl", u, u, ordinary)
+    return covariance_prior.draw(rng, within, scatter, ordinary.sum(axis=1), scale)
 
 
 def _cells(driver: Index, group: Index) -> tuple[Index, Index, Index]:
@@ -220,8 +251,8 @@ def _start(data: Data, groups: int) -> Array:
     """Medians of what is known, which outliers do not move; (p, C, G)."""
     out = np.zeros((*data.y.shape[:2], groups))
     for g in range(groups):
-        of = data.group == g
-        y = np.where(data.known[..., of], data.y[..., of], np.nan)
+        in_group = data.group == g
+        y = np.where(data.known[..., in_group], data.y[..., in_group], np.nan)
         some = np.isfinite(y).any(axis=-1)
         out[..., g][some] = np.nanmedian(y[some], axis=-1)
     return out
@@ -255,8 +286,8 @@ def outlier_probability(distance: Array, count: Array | Index, constant: Array, 
         share: (C,) of outliers.
 
     Example:
-        >>> distance, one = np.array([[0.0, 100.0]]), np.array([1, 1])
-        >>> far = outlier_probability(distance, one, t_constant(one), np.array([0.05]))
+        >>> distance, count = np.array([[0.0, 100.0]]), np.array([1, 1])
+        >>> far = outlier_probability(distance, count, t_constant(count), np.array([0.05]))
         >>> np.round(far, 2).tolist()
         [[0.01, 1.0]]
     """

@@ -21,7 +21,7 @@ from canid.population.false_discovery import RATE, adjusted
 from canid.population.gibbs import Data, Draws
 from canid.population.hierarchical import run
 from canid.population.spread import wide
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # drives below which a group is left out: of one drive there is no repetition
 MIN_DRIVES = 2
@@ -72,8 +72,8 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
         >>> gain = np.repeat(rng.normal(5.0, 1.0, 5), 6) + 0.6 * setting + 0.2 * rng.standard_normal(30)
         >>> names = tuple(np.repeat(list("abcde"), 6))
         >>> table = drive_table(("K",), gain[:, None], np.full((30, 1), 0.01), names)
-        >>> of = contrasts(table, tuple(np.where(setting > 0.0, "long", "short")))
-        >>> of.groups, bool(of.different[0]), bool(-0.9 < of.difference[0, 0] < -0.3), int(of.both[0])
+        >>> pair = contrasts(table, tuple(np.where(setting > 0.0, "long", "short")))
+        >>> pair.groups, bool(pair.different[0]), bool(-0.9 < pair.difference[0, 0] < -0.3), int(pair.both[0])
         (('long', 'short'), True, True, 5)
     """
     if len(labels) != len(table.driver):
@@ -113,11 +113,11 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
     units = scaling.units(table, has)
     data, _ = scaling.data(table, has, order, column, units)
     data = data._replace(group=group[order])
-    found, reduction = run(data, seed)
+    draws, reduction = run(data, seed)
     if reduction > 1.1:
         says = (*says, f"the sampler did not converge (potential scale reduction {reduction:.2f})")
-    hat = found.mean_hat.reshape(-1, len(names), len(column))
-    covariance = found.mean_covariance.reshape(-1, len(names), len(column), len(names), len(column))
+    hat = draws.mean_hat.reshape(-1, len(names), len(column))
+    covariance = draws.mean_covariance.reshape(-1, len(names), len(column), len(names), len(column))
     thin = np.linspace(0, len(hat) - 1, min(DRAWS, len(hat))).astype(np.intp)
     hat, covariance = hat[thin], covariance[thin]
 
@@ -129,18 +129,18 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
     joint = np.full(m, NAN)
     for pair in range(m):
         g, h = a[pair], b[pair]
-        of: Flags = np.asarray(cells[:, g].any(axis=0)) & np.asarray(cells[:, h].any(axis=0))
-        if not of.any():
+        common: Flags = np.asarray(cells[:, g].any(axis=0)) & np.asarray(cells[:, h].any(axis=0))
+        if not common.any():
             continue
-        d = (hat[:, h] - hat[:, g])[:, of]
+        d = (hat[:, h] - hat[:, g])[:, common]
         c = covariance[:, g, :, g] + covariance[:, h, :, h] - covariance[:, g, :, h] - covariance[:, h, :, g]
-        c = c[:, of][:, :, of]
+        c = c[:, common][:, :, common]
         sd = np.sqrt(np.einsum("dkk->dk", c))
-        each[pair, of] = np.mean(chdtrc(1.0, (d / sd) ** 2), axis=0)
+        each[pair, common] = np.mean(chdtrc(1.0, (d / sd) ** 2), axis=0)
         for x, found_ in zip((value, low, high), normal_mixture.interval(d, sd), strict=True):
-            x[pair, of] = found_ * units.size[column][of]
-        crossed = _within_drivers(data, found, g, h)
-        for place in np.flatnonzero([one.drivers > 1 for one in crossed]):
+            x[pair, common] = found_ * units.size[column][common]
+        crossed = _within_drivers(data, draws, g, h)
+        for place in np.flatnonzero([contrast.drivers > 1 for contrast in crossed]):
             iv = crossed[place].difference
             for x, end in zip((value, low, high), iv, strict=True):
                 x[pair, place] = end * units.size[column][place]
@@ -179,10 +179,10 @@ def contrasts(table: DriveTable, labels: tuple[str, ...], *, rate: float = RATE,
     )
 
 
-def _within_drivers(data: Data, found: Draws, g: int, h: int) -> list[MeanContrast]:
+def _within_drivers(data: Data, draws: Draws, g: int, h: int) -> list[MeanContrast]:
     """Contrasts of two groups within drivers, of each parameter."""
-    within = np.einsum("dckk->dck", found.within).mean(axis=(0, 1))
-    weight = np.maximum(found.drive_weight.mean(axis=0), 1e-9)
+    within = np.einsum("dckk->dck", draws.within).mean(axis=(0, 1))
+    weight = np.maximum(draws.drive_weight.mean(axis=0), 1e-9)
     here: Flags = np.asarray((data.group == g) | (data.group == h))
     second: Flags = np.asarray(data.group == h)
     return [

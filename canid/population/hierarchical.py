@@ -13,6 +13,7 @@ and metafor's peers in Python one parameter at a time, and general samplers (PyM
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from canid.population import estimates, gibbs, scaling, spread
 from canid.population.drive_table import DriveTable, Flags, Index, check, known
 from canid.population.estimates import Estimates
 from canid.population.spread import Spread
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # chains, and steps of each: the ends of intervals are then known to some 0.1 sd
 CHAINS, STEPS = 6, 800
@@ -37,6 +38,8 @@ MAX_REDUCTION, LONGER = 1.1, 4
 MIXTURE_DRAWS = 200
 # probability of being an outlier from which on a drive or driver is called one
 OUTLIER = 0.5
+# W of drives that are not repeated, in units of the prior's scale: next to any error it is nothing
+NO_SPREAD = 1e-8
 # drivers below which the spread between them is hardly known: of two there is one difference
 MIN_DRIVERS = 3
 
@@ -91,10 +94,10 @@ def pool(table: DriveTable, *, seed: int = 0) -> Population:
         >>> rng = np.random.default_rng(2)
         >>> gain = np.repeat(rng.normal(5.0, 1.0, 12), 4) + rng.normal(0.0, 0.3, 48) + rng.normal(0.0, 0.2, 48)
         >>> drivers = tuple(f"driver {k // 4}" for k in range(48))
-        >>> of = pool(drive_table(("K",), gain[:, None], np.full((48, 1), 0.2**2), drivers))
-        >>> bool(of.mean.low[0] < 5.0 < of.mean.high[0]), bool(of.between.low[0] < 1.0 < of.between.high[0])
+        >>> pooled = pool(drive_table(("K",), gain[:, None], np.full((48, 1), 0.2**2), drivers))
+        >>> bool(pooled.mean.low[0] < 5.0 < pooled.mean.high[0]), bool(pooled.between.low[0] < 1.0 < pooled.between.high[0])
         (True, True)
-        >>> of.status
+        >>> pooled.status
         ('',)
     """
     check(table)
@@ -106,45 +109,52 @@ def pool(table: DriveTable, *, seed: int = 0) -> Population:
     order = row[np.argsort(table.driver[row], kind="stable")]
     units = scaling.units(table, has)
     data, present = scaling.data(table, has, order, column, units)
-    found, reduction = run(data, seed)
+    # no driver has two drives: the two spreads are one, which the drivers' deviations take
+    one_each = len(data.driver) == len(present)
+    sampled, reduction = run(data, seed, within=NO_SPREAD * np.eye(len(column)) if one_each else None)
 
     # draws of all chains in a row, in the table's units
     k, p, n, drivers = len(column), len(table.names), len(table.driver), len(table.drivers)
     unit = units.size[column]
     outer = unit[:, None] * unit[None, :]
-    mean = (found.mean[:, :, 0] * unit + units.centre[column]).reshape(-1, k)
-    between, within = ((x * outer).reshape(-1, k, k) for x in (found.between, found.within))
-    own = (np.moveaxis(found.deviation, 1, -1) * unit).reshape(len(mean), -1, k) + mean[:, None, :]
+    mean = (sampled.mean[:, :, 0] * unit + units.centre[column]).reshape(-1, k)
+    between, within = ((x * outer).reshape(-1, k, k) for x in (sampled.between, sampled.within))
+    by_driver = (np.moveaxis(sampled.deviation, 1, -1) * unit).reshape(len(mean), -1, k) + mean[:, None, :]
 
-    counts = np.array([(of.sum(), len(set(table.driver[of].tolist()))) for of in has.T], dtype=np.float64)
+    counts = np.array(
+        [(knows.sum(), len(set(table.driver[knows].tolist()))) for knows in has.T], dtype=np.float64
+    )
     # one driver has no spread between drivers, and one drive no spread at all
-    alone, single = counts[column, 1] < 2.0, counts[column, 0] < 2.0
+    alone, single = counts[column, 1] < 2.0, (counts[column, 0] < 2.0) | one_each
     new_driver = estimates.withheld(estimates.of_mixture(mean, between + within), alone)
     another_driver = estimates.withheld(estimates.of_mixture(mean, between), alone)
-    another_drive = _another_drive(own, within, single)
+    another_drive = _another_drive(by_driver, within, single)
     place = np.full(drivers, -1, dtype=np.intp)
     place[present] = np.arange(len(present))
-    drive_outlier = _filled(found.drive_outlier.mean(axis=0), order, n, NAN)
-    driver_outlier = _filled(found.driver_outlier.mean(axis=0), present, drivers, 0.0)
-    pull = np.clip(found.pull.mean(axis=1).T, 0.0, 1.0)
+    drive_outlier = _filled(sampled.drive_outlier.mean(axis=0), order, n, NAN)
+    driver_outlier = _filled(sampled.driver_outlier.mean(axis=0), present, drivers, 0.0)
+    pull = np.clip(sampled.pull.mean(axis=1).T, 0.0, 1.0)
     return Population(
         names=table.names,
         drivers=table.drivers,
         drives=table.drives,
         counts=counts,
         mean=_wide(estimates.of_draws(mean), column, p),
-        between=spread.of_draws(between, alone, column, p),
+        between=spread.of_draws(between, alone | one_each, column, p),
         within=spread.of_draws(within, single, column, p),
-        driver=estimates.placed(estimates.of_draws(own), place, another_driver, column, p),
+        driver=estimates.placed(estimates.of_draws(by_driver), place, another_driver, column, p),
         shrinkage=spread.wide(_filled(pull, present, drivers, 1.0), column, p, 1),
-        drive_weight=_filled(found.drive_weight.mean(axis=0), order, n, NAN),
+        drive_weight=_filled(sampled.drive_weight.mean(axis=0), order, n, NAN),
         drive_outlier=drive_outlier,
-        driver_weight=_filled(found.driver_weight.mean(axis=0), present, drivers, 1.0),
+        driver_weight=_filled(sampled.driver_weight.mean(axis=0), present, drivers, 1.0),
         driver_outlier=driver_outlier,
         new_driver=_wide(new_driver, column, p),
         new_drive=estimates.placed(another_drive, place, new_driver, column, p),
-        status=tuple(_status(table, of, int(count)) for of, count in zip(has.T, counts[:, 1], strict=True)),
-        says=_says(table, drive_outlier, driver_outlier, reduction),
+        status=tuple(
+            _status(table, knows, int(count)) for knows, count in zip(has.T, counts[:, 1], strict=True)
+        ),
+        # of one drive each only the driver is odd, or not
+        says=_says(table, np.where(one_each, 0.0, drive_outlier), driver_outlier, reduction),
         reduction=reduction,
         draws=Draws(
             spread.wide(mean, column, p, 1),
@@ -154,13 +164,22 @@ def pool(table: DriveTable, *, seed: int = 0) -> Population:
     )
 
 
-def run(data: gibbs.Data, seed: int, between: Array | None = None) -> tuple[gibbs.Draws, float]:
+def run(
+    data: gibbs.Data,
+    seed: int,
+    *,
+    between: Array | None = None,
+    within: Array | None = None,
+    most_steps: int = STEPS,
+) -> tuple[gibbs.Draws, float]:
     """Run the sampler until its chains agree.
 
     Args:
         data: of one chain.
         seed: of the random numbers.
         between: (p, p) B, where it is not to be estimated.
+        within: (p, p) W, likewise.
+        most_steps: of each chain, where they agree after so many.
 
     Returns:
         Draws, and the potential scale reduction.
@@ -173,17 +192,19 @@ def run(data: gibbs.Data, seed: int, between: Array | None = None) -> tuple[gibb
     """
     large = data.s.size > LARGE
     chains, steps = (FEW_CHAINS, FEW_STEPS) if large else (CHAINS, STEPS)
+    steps = min(steps, most_steps)
     many = data._replace(
         y=np.repeat(data.y, chains, axis=1),
         s=np.repeat(data.s, chains, axis=2),
         known=np.repeat(data.known, chains, axis=1),
     )
-    found = gibbs.sample(many, np.random.default_rng(seed), *_lengths(steps), fixed=between)
-    reduction = _reduction(found)
+    sample = partial(gibbs.sample, many, fixed=between, fixed_within=within)
+    sampled = sample(np.random.default_rng(seed), *_lengths(steps))
+    reduction = _reduction(sampled, between is None, within is None)
     if reduction > MAX_REDUCTION and not large:
-        found = gibbs.sample(many, np.random.default_rng(seed), *_lengths(LONGER * steps), fixed=between)
-        reduction = _reduction(found)
-    return found, reduction
+        sampled = sample(np.random.default_rng(seed), *_lengths(LONGER * steps))
+        reduction = _reduction(sampled, between is None, within is None)
+    return sampled, reduction
 
 
 def _lengths(steps: int) -> tuple[int, int]:
@@ -191,30 +212,38 @@ def _lengths(steps: int) -> tuple[int, int]:
     return burn, steps - burn
 
 
-def _reduction(of: gibbs.Draws) -> float:
-    """Potential scale reduction of means and of logarithms of standard deviations, the largest (Gelman & Rubin 1992)."""
-    count = len(of.mean)
-    variances = [np.einsum("dckk->dck", x) for x in (of.between, of.within)]
-    x = np.concatenate([of.mean.reshape(*of.mean.shape[:2], -1), *(np.log(v) for v in variances)], axis=2)
-    within = np.maximum(x.var(axis=0, ddof=1).mean(axis=0), 1e-300)
-    between = x.mean(axis=0).var(axis=0, ddof=1)
-    return float(np.sqrt(np.max((count - 1.0) / count + between / within)))
+def _reduction(draws: gibbs.Draws, between: bool, within: bool) -> float:
+    """Potential scale reduction of means and of logarithms of standard deviations, the largest (Gelman & Rubin 1992).
+
+    Of B and W where they were estimated: the round-off of a constant, over a variance of 0, would be any number.
+    """
+    count = len(draws.mean)
+    variances = [np.einsum("dckk->dck", x) for x in ((draws.between,) * between + (draws.within,) * within)]
+    x = np.concatenate(
+        [draws.mean.reshape(*draws.mean.shape[:2], -1), *(np.log(v) for v in variances)], axis=2
+    )
+    inside = np.maximum(x.var(axis=0, ddof=1).mean(axis=0), 1e-300)
+    return float(np.sqrt(np.max((count - 1.0) / count + x.mean(axis=0).var(axis=0, ddof=1) / inside)))
 
 
-def _another_drive(own: Array, within: Array, unknown: Flags) -> Estimates:
+def _another_drive(by_driver: Array, within: Array, unknown: Flags) -> Estimates:
     """Predictive of another drive, driver by driver: an array of all draws of all drivers' covariances would be large."""
-    thin = np.linspace(0, len(own) - 1, min(MIXTURE_DRAWS, len(own))).astype(np.intp)
-    each = [estimates.of_mixture(own[thin, i], within[thin]) for i in range(own.shape[1])]
-    columns = [np.array([of[k] for of in each]) for k in range(4)]
+    if unknown.all():
+        unknowns = np.full(by_driver.shape[1:], NAN)
+        covariances = np.full((*by_driver.shape[1:], by_driver.shape[2]), NAN)
+        return Estimates(unknowns, unknowns, unknowns, covariances)
+    thin = np.linspace(0, len(by_driver) - 1, min(MIXTURE_DRAWS, len(by_driver))).astype(np.intp)
+    each = [estimates.of_mixture(by_driver[thin, i], within[thin]) for i in range(by_driver.shape[1])]
+    columns = [np.array([estimate[k] for estimate in each]) for k in range(4)]
     # the mixture's correlations are those of W; the driver's own uncertainty has others
-    drawn = np.einsum("ikk->ik", estimates.of_draws(own).covariance)
+    drawn = np.einsum("ikk->ik", estimates.of_draws(by_driver).covariance)
     share = np.clip(drawn / np.maximum(np.einsum("ikk->ik", columns[3]), 1e-300), 0.0, 1.0)
     sd = np.sqrt(np.einsum("ikk->ik", columns[3]))
     a, b = np.sqrt(share), np.sqrt(1.0 - share)
-    correlation = estimates.correlation_of(own) * a[:, :, None] * a[:, None, :]
+    correlation = estimates.correlation_of(by_driver) * a[:, :, None] * a[:, None, :]
     correlation += spread.correlations(within).mean(axis=0) * b[:, :, None] * b[:, None, :]
-    found = Estimates(columns[0], columns[1], columns[2], correlation * sd[:, :, None] * sd[:, None, :])
-    return estimates.withheld(found, unknown)
+    predictive = Estimates(columns[0], columns[1], columns[2], correlation * sd[:, :, None] * sd[:, None, :])
+    return estimates.withheld(predictive, unknown)
 
 
 def _filled(x: Array, places: Index, count: int, value: float) -> Array:
@@ -223,9 +252,9 @@ def _filled(x: Array, places: Index, count: int, value: float) -> Array:
     return out
 
 
-def _wide(of: Estimates, column: Index, p: int) -> Estimates:
-    value, low, high = (spread.wide(x, column, p, 1) for x in of[:3])
-    return Estimates(value, low, high, spread.wide(of.covariance, column, p, 2))
+def _wide(part: Estimates, column: Index, p: int) -> Estimates:
+    value, low, high = (spread.wide(x, column, p, 1) for x in part[:3])
+    return Estimates(value, low, high, spread.wide(part.covariance, column, p, 2))
 
 
 def _status(table: DriveTable, has: Flags, drivers: int) -> str:
@@ -275,7 +304,7 @@ def _nothing(table: DriveTable) -> Population:
     p, n, drivers = len(table.names), len(table.driver), len(table.drivers)
     none, square = np.full(p, NAN), np.full((p, p), NAN)
     spread_ = Spread(none, none, none, square, square, square, square)
-    one = Estimates(none, none, none, square)
+    unknown = Estimates(none, none, none, square)
     all_ = np.full((drivers, p), NAN)
     each = Estimates(all_, all_, all_, np.full((drivers, p, p), NAN))
     return Population(
@@ -283,7 +312,7 @@ def _nothing(table: DriveTable) -> Population:
         drivers=table.drivers,
         drives=table.drives,
         counts=np.zeros((p, 2)),
-        mean=one,
+        mean=unknown,
         between=spread_,
         within=spread_,
         driver=each,
@@ -292,7 +321,7 @@ def _nothing(table: DriveTable) -> Population:
         drive_outlier=np.full(n, NAN),
         driver_weight=np.ones(drivers),
         driver_outlier=np.zeros(drivers),
-        new_driver=one,
+        new_driver=unknown,
         new_drive=each,
         status=("no drive knows it",) * p,
         says=("no drive has an estimate",),

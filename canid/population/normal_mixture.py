@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from canid.identification.confidence import QUANTILES
-from canid.types import Array
+from canid.values.types import Array
 
 # halvings of the bracket: the quantile is exact to 1e-9 of it
 BISECTIONS = 30

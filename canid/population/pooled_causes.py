@@ -17,10 +17,10 @@ from scipy.special import bdtrc, betaincinv, stdtrit
 
 from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
 from canid.population.false_discovery import RATE, adjusted
-from canid.types import NAN, Array, Interval
+from canid.values.types import NAN, Array, Interval
 
 # chance that the diagnosis of a drive names one given cause falsely: of clean simulated drives at most 1.7 % have any false
-# name (docs/diagnosis.md); people do what no simulator does, so three times as many
+# name (docs/evidence/diagnosis.md); people do what no simulator does, so three times as many
 FALSE_NAMES = 0.05
 # drivers below which the design effect is not known
 MIN_DRIVERS = 3
@@ -78,20 +78,22 @@ def pooled_causes(
 
     Example:
         >>> who = [(str(k), f"driver {k % 4}", "van") for k in range(12)]
-        >>> often = [Diagnosed(*one, "delay", k < 8, Interval(0.3, 0.2, 0.4), 0.2) for k, one in enumerate(who)]
-        >>> once = [Diagnosed(*one, "scale", k < 1, detectable=0.1) for k, one in enumerate(who)]
-        >>> [(one.effect, one.named, one.possible, one.real) for one in pooled_causes([*often, *once])]
+        >>> often = [Diagnosed(*cause, "delay", k < 8, Interval(0.3, 0.2, 0.4), 0.2) for k, cause in enumerate(who)]
+        >>> once = [Diagnosed(*cause, "scale", k < 1, detectable=0.1) for k, cause in enumerate(who)]
+        >>> [(cause.effect, cause.named, cause.possible, cause.real) for cause in pooled_causes([*often, *once])]
         [('delay', 8, 12, True), ('scale', 1, 12, False)]
     """
     if not 0.0 < false_names < 1.0:
         raise ValueError(f"false_names = {false_names}: give a probability between 0 and 1")
-    of: dict[tuple[str, str], list[Diagnosed]] = {}
+    groups: dict[tuple[str, str], list[Diagnosed]] = {}
     for drive in drives:
-        of.setdefault((drive.car, drive.effect), []).append(drive)
-    found = [_pool(group, false_names) for group in of.values() if any(one.named for one in group)]
-    fdr = adjusted(np.array([one.p_value for one in found]))
-    out = [one._replace(adjusted=float(q), real=bool(q <= rate)) for one, q in zip(found, fdr, strict=True)]
-    return tuple(sorted(out, key=lambda one: (one.p_value, -one.named, one.car, one.effect)))
+        groups.setdefault((drive.car, drive.effect), []).append(drive)
+    pooled = [_pool(group, false_names) for group in groups.values() if any(drive.named for drive in group)]
+    fdr = adjusted(np.array([cause.p_value for cause in pooled]))
+    out = [
+        cause._replace(adjusted=float(q), real=bool(q <= rate)) for cause, q in zip(pooled, fdr, strict=True)
+    ]
+    return tuple(sorted(out, key=lambda cause: (cause.p_value, -cause.named, cause.car, cause.effect)))
 
 
 def random_effects_mean(values: Sequence[Interval]) -> tuple[Interval, float]:
@@ -143,15 +145,15 @@ def _variance(x: Interval) -> float:
 
 
 def _pool(drives: list[Diagnosed], false_names: float) -> PooledCause:
-    named = [one for one in drives if one.named]
-    strength, spread = random_effects_mean([one.strength for one in named])
+    named = [drive for drive in drives if drive.named]
+    strength, spread = random_effects_mean([drive.strength for drive in named])
     typical = abs(strength.value)
     # without a strength every drive that could name the cause at all counts
     possible = [
-        one
-        for one in drives
-        if one.named
-        or (math.isfinite(one.detectable) and (math.isnan(typical) or abs(one.detectable) <= typical))
+        drive
+        for drive in drives
+        if drive.named
+        or (math.isfinite(drive.detectable) and (math.isnan(typical) or abs(drive.detectable) <= typical))
     ]
     share, status = _rate(possible)
     return PooledCause(
@@ -160,7 +162,7 @@ def _pool(drives: list[Diagnosed], false_names: float) -> PooledCause:
         len(named),
         len(possible),
         len(drives),
-        len({one.driver for one in named}),
+        len({drive.driver for drive in named}),
         share,
         strength,
         spread,
@@ -173,11 +175,11 @@ def _pool(drives: list[Diagnosed], false_names: float) -> PooledCause:
 
 def _rate(drives: list[Diagnosed]) -> tuple[Interval, str]:
     """Share of drives that name the cause; drives of one driver are a cluster."""
-    n, count = len(drives), sum(one.named for one in drives)
+    n, count = len(drives), sum(drive.named for drive in drives)
     share = count / n
     by_driver: dict[str, list[bool]] = {}
-    for one in drives:
-        by_driver.setdefault(one.driver, []).append(one.named)
+    for drive in drives:
+        by_driver.setdefault(drive.driver, []).append(drive.named)
     clusters = len(by_driver)
     effect, status = 1.0, ""
     if clusters < MIN_DRIVERS:

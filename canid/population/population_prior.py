@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from canid.identification.fopdt.prior import CHANNELS, ChannelPrior, Prior
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # limits of what a vehicle file may state, see prior.py; a population that is narrower or wider states these
 _FACTORS = (1.001, 100.0)
@@ -58,19 +58,19 @@ def prior_of(names: Sequence[str], value: Array, covariance: Array) -> Prior | N
         for k, name in enumerate(names)
         if math.isfinite(value[k]) and covariance[k, k] > 0.0 and math.isfinite(covariance[k, k])
     }
-    own = {channel: made for channel in CHANNELS if (made := _channel(channel, known)) is not None}
-    if not own:
+    channels = {channel: made for channel in CHANNELS if (made := _channel(channel, known)) is not None}
+    if not channels:
         return None
-    own = {channel: _rounded(of) for channel, of in own.items()}
-    unknown = [name for name in own if math.isnan(own[name].tau_plus_dead_time)]
-    tie = SAME_DELAYS_SD_S if len(own) == 2 and len(unknown) == 1 else NAN
+    channels = {channel: _rounded(prior) for channel, prior in channels.items()}
+    unknown = [name for name in channels if math.isnan(channels[name].tau_plus_dead_time)]
+    tie = SAME_DELAYS_SD_S if len(channels) == 2 and len(unknown) == 1 else NAN
     return Prior(
         same_tau=tie,
         same_dead_time=tie,
-        headway_error=own.get("headway_error"),
-        range_rate=own.get("range_rate"),
-        lateral_offset=own.get("lateral_offset"),
-        gain_correlation=_correlation(names, covariance, own),
+        headway_error=channels.get("headway_error"),
+        range_rate=channels.get("range_rate"),
+        lateral_offset=channels.get("lateral_offset"),
+        gain_correlation=_correlation(names, covariance, channels),
     )
 
 
@@ -90,9 +90,11 @@ def _channel(channel: str, known: Mapping[str, tuple[float, float]]) -> ChannelP
     return ChannelPrior(**stated) if stated else None
 
 
-def _correlation(names: Sequence[str], covariance: Array, own: Mapping[str, ChannelPrior]) -> float:
+def _correlation(names: Sequence[str], covariance: Array, channels: Mapping[str, ChannelPrior]) -> float:
     """Correlation of the gains of both channels; NaN: fewer than two are stated, or it is not known."""
-    gains = [list(names).index(f"{channel}.K") for channel, of in own.items() if not math.isnan(of.K)]
+    gains = [
+        list(names).index(f"{channel}.K") for channel, prior in channels.items() if not math.isnan(prior.K)
+    ]
     if len(gains) != 2:
         return NAN
     i, j = gains

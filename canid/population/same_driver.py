@@ -20,7 +20,7 @@ from canid.population.drive_table import DriveTable, Flags, Index
 from canid.population.false_discovery import RATE, adjusted
 from canid.population.hierarchical import Population
 from canid.population.spread import wide
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # drivers of whom all pairs are compared: 125,000 pairs take some ten seconds
 MAX_DRIVERS = 500
@@ -80,59 +80,60 @@ def drives_fit(table: DriveTable, population: Population, *, rate: float = RATE)
         >>> gain = np.repeat([3.0, 4.0, 5.0, 6.0, 7.0], 5) + 0.2 * rng.standard_normal(25)
         >>> gain[7] = 6.0
         >>> table = drive_table(("K",), gain[:, None], np.full((25, 1), 0.01), tuple(np.repeat(list("abcde"), 5)))
-        >>> of = drives_fit(table, pool(table))
-        >>> np.flatnonzero(of.misfit).tolist(), table.drivers[int(of.closest[7])]
+        >>> fit = drives_fit(table, pool(table))
+        >>> np.flatnonzero(fit.misfit).tolist(), table.drivers[int(fit.closest[7])]
         ([7], 'd')
     """
     n, p = table.estimate.shape
     p_value, score = np.full(n, NAN), np.full((n, p), NAN)
     status = ["no estimate"] * n
     closest = table.driver.copy()
-    of = weighted_drives.prepare(table, population)
-    if of is None:
+    weighted = weighted_drives.prepare(table, population)
+    if weighted is None:
         return DriveFit(p_value, p_value.copy(), score, np.zeros(n, dtype=bool), closest, tuple(status))
-    count = of.known.sum(axis=0).astype(np.float64)
-    total, scores, used = np.zeros(len(of.order)), np.zeros(of.y.shape), 0
-    for draw in weighted_drives.draws(of, population):
-        ahead = weighted_drives.information(of, draw.within)
-        pulled = times(ahead, of.y)
+    count = weighted.known.sum(axis=0).astype(np.float64)
+    total, scores, used = np.zeros(len(weighted.order)), np.zeros(weighted.y.shape), 0
+    for draw in weighted_drives.draws(weighted, population):
+        ahead = weighted_drives.information(weighted, draw.within)
+        pulled = times(ahead, weighted.y)
         b_inverse = np.linalg.inv(draw.between)
-        q = np.add.reduceat(ahead, of.first, axis=-1)[..., of.driver] - ahead
-        h = np.add.reduceat(pulled, of.first, axis=-1)[..., of.driver] - pulled
+        q = np.add.reduceat(ahead, weighted.first, axis=-1)[..., weighted.driver] - ahead
+        h = np.add.reduceat(pulled, weighted.first, axis=-1)[..., weighted.driver] - pulled
         t = inverse(q + b_inverse[..., None])
-        residual = np.where(of.known, of.y - times(t, h + (b_inverse @ draw.mean)[:, None]), 0.0)
-        variance = of.s + draw.within[..., None] + t
+        residual = np.where(weighted.known, weighted.y - times(t, h + (b_inverse @ draw.mean)[:, None]), 0.0)
+        variance = weighted.s + draw.within[..., None] + t
         distance = np.sum(
-            residual * times(weighted_drives.masked_inverse(variance, of.known), residual), axis=0
+            residual * times(weighted_drives.masked_inverse(variance, weighted.known), residual), axis=0
         )
         total += chdtrc(count, np.maximum(distance, 0.0))
         scores += residual / np.sqrt(np.einsum("kkn->kn", variance))
         used += 1
-    drives_of = np.bincount(of.driver)[of.driver]
+    drives_of = np.bincount(weighted.driver)[weighted.driver]
     tested = drives_of > 1
-    p_value[of.order] = np.where(tested, total / used, NAN)
-    scores = np.where(of.known & tested, scores / used, NAN)
-    score[of.order] = wide(scores.T, of.column, p, 1)
-    for k, place in enumerate(of.order):
+    p_value[weighted.order] = np.where(tested, total / used, NAN)
+    scores = np.where(weighted.known & tested, scores / used, NAN)
+    score[weighted.order] = wide(scores.T, weighted.column, p, 1)
+    for k, place in enumerate(weighted.order):
         status[place] = "" if tested[k] else "the driver's only drive: nothing to compare it with"
     fdr = adjusted(p_value)
     misfit = np.nan_to_num(fdr, nan=1.0) <= rate
-    inner = np.flatnonzero(misfit[of.order])
-    closest[of.order[inner]] = of.present[_closest(of, population, inner.astype(np.intp))]
+    inner = np.flatnonzero(misfit[weighted.order])
+    closest[weighted.order[inner]] = weighted.present[_closest(weighted, population, inner.astype(np.intp))]
     return DriveFit(p_value, fdr, score, misfit, closest, tuple(status))
 
 
-def _closest(of: weighted_drives.WeightedDrives, population: Population, drives: Index) -> Index:
+def _closest(weighted: weighted_drives.WeightedDrives, population: Population, drives: Index) -> Index:
     """The driver by whose predictive density a drive is most likely; the drive's own without it would need a fit more."""
-    units = of.unit[:, None] * of.unit[None, :]
-    square = np.ix_(of.column, of.column)
-    centre = ((population.driver.value[of.present][:, of.column] - of.centre) / of.unit).T
-    own = np.moveaxis(population.new_drive.covariance[of.present][:, square[0], square[1]] / units, 0, -1)
+    centre = (
+        (population.driver.value[weighted.present][:, weighted.column] - weighted.centre) / weighted.unit
+    ).T
+    covariance = weighted_drives.scaled(weighted, population.new_drive.covariance[weighted.present])
+    drive_covariance = np.moveaxis(covariance, 0, -1)
     out = np.zeros(len(drives), dtype=np.intp)
     for k, drive in enumerate(drives):
-        has = np.broadcast_to(of.known[:, drive, None], centre.shape)
-        ahead = weighted_drives.masked_inverse(of.s[:, :, drive, None] + own, has)
-        residual = np.where(has, of.y[:, drive, None] - centre, 0.0)
+        has = np.broadcast_to(weighted.known[:, drive, None], centre.shape)
+        ahead = weighted_drives.masked_inverse(weighted.s[:, :, drive, None] + drive_covariance, has)
+        residual = np.where(has, weighted.y[:, drive, None] - centre, 0.0)
         block = np.moveaxis(ahead + np.eye(len(ahead))[..., None] * ~has, -1, 0)
         density = np.linalg.slogdet(block)[1] - np.sum(residual * times(ahead, residual), axis=0)
         out[k] = int(np.argmax(density))
@@ -159,37 +160,46 @@ def pairs(table: DriveTable, population: Population, *, rate: float = RATE) -> P
         >>> rng = np.random.default_rng(1)
         >>> gain = np.repeat([3.0, 4.0, 5.0, 6.0, 6.0], 5) + 0.2 * rng.standard_normal(25)
         >>> table = drive_table(("K",), gain[:, None], np.full((25, 1), 0.01), tuple(np.repeat(list("abcde"), 5)))
-        >>> of = pairs(table, pool(table))
-        >>> [table.drivers[of.a[k]] + table.drivers[of.b[k]] for k in np.flatnonzero(~of.different)]
+        >>> compared = pairs(table, pool(table))
+        >>> [table.drivers[compared.a[k]] + table.drivers[compared.b[k]] for k in np.flatnonzero(~compared.different)]
         ['de']
-        >>> of.status[-1]
+        >>> compared.status[-1]
         'perhaps one person: drivers of this population would mostly be seen to differ'
     """
     p = len(table.names)
-    of = weighted_drives.prepare(table, population)
-    drives_of = np.zeros(0) if of is None else np.bincount(of.driver)
+    weighted = weighted_drives.prepare(table, population)
+    drives_of = np.zeros(0) if weighted is None else np.bincount(weighted.driver)
     chosen = np.sort(np.argsort(-drives_of, kind="stable")[:MAX_DRIVERS])
     left, right = np.triu_indices(len(chosen), 1)
-    if of is None or not len(left):
+    # without two drives of one driver nothing says how much the drives of one driver differ
+    repeated = drives_of.max(initial=0.0) > 1.0
+    if weighted is None or not len(left) or not repeated:
         none, wide_ = np.zeros(0), np.zeros((0, p))
         index = np.zeros(0, dtype=np.intp)
-        says = ("fewer than two drivers: nothing to compare",)
+        says = (
+            "fewer than two drivers: nothing to compare"
+            if not len(left)
+            else "one drive per driver: differences between drivers cannot be separated from those between drives; add a "
+            "second drive of some drivers",
+        )
         return Pairs(index, index, wide_, wide_, none, none, none, wide_, none > 0.0, (), says)
     a, b = chosen[left].astype(np.intp), chosen[right].astype(np.intp)
-    has = np.asarray(np.logical_or.reduceat(of.known, of.first, axis=-1))
+    has = np.asarray(np.logical_or.reduceat(weighted.known, weighted.first, axis=-1))
     both = has[:, a] & has[:, b]
     count = both.sum(axis=0).astype(np.float64)
     total, used = np.zeros(len(a)), 0
-    mean, square = np.zeros((len(of.y), len(a))), np.zeros((len(of.y), len(a)))
-    spent = len(of.y) ** 2 * (len(a) + len(of.order))
-    covariance = np.zeros((len(of.y), len(of.y), len(a)))
-    of, withins = weighted_drives.fixed_effects(of, weighted_drives.number(of, spent))
+    mean, square = np.zeros((len(weighted.y), len(a))), np.zeros((len(weighted.y), len(a)))
+    spent = len(weighted.y) ** 2 * (len(a) + len(weighted.order))
+    covariance = np.zeros((len(weighted.y), len(weighted.y), len(a)))
+    weighted, withins = weighted_drives.fixed_effects(weighted, weighted_drives.number(weighted, spent))
     for within in withins:
-        ahead = weighted_drives.information(of, within)
-        own = weighted_drives.masked_inverse(np.add.reduceat(ahead, of.first, axis=-1), has)
-        value = times(own, np.add.reduceat(times(ahead, of.y), of.first, axis=-1))
+        ahead = weighted_drives.information(weighted, within)
+        driver_covariance = weighted_drives.masked_inverse(
+            np.add.reduceat(ahead, weighted.first, axis=-1), has
+        )
+        value = times(driver_covariance, np.add.reduceat(times(ahead, weighted.y), weighted.first, axis=-1))
         difference = np.where(both, value[:, b] - value[:, a], 0.0)
-        error = own[:, :, a] + own[:, :, b]
+        error = driver_covariance[:, :, a] + driver_covariance[:, :, b]
         distance = np.sum(difference * times(weighted_drives.masked_inverse(error, both), difference), axis=0)
         total += chdtrc(np.maximum(count, 1.0), np.maximum(distance, 0.0))
         mean += difference
@@ -199,14 +209,14 @@ def pairs(table: DriveTable, population: Population, *, rate: float = RATE) -> P
     mean, covariance = mean / used, covariance / used
     variance = np.einsum("kkm->km", covariance) + np.maximum(square / used - mean**2, 0.0)
     # with one drive of each driver a difference may be one of drives
-    single = len(of.order) == len(of.first)
+    single = len(weighted.order) == len(weighted.first)
     tested = (count > 0) & (not single)
     p_value = np.where(tested, total / used, NAN)
     fdr = adjusted(p_value, dependent=True)
     different = np.nan_to_num(fdr, nan=1.0) <= rate
-    power = np.where(tested, _power(of, population, covariance, both), NAN)
-    sd = np.where(both, np.sqrt(variance), NAN) * of.unit[:, None]
-    difference = np.where(both, mean, NAN) * of.unit[:, None]
+    power = np.where(tested, _power(weighted, population, covariance, both), NAN)
+    sd = np.where(both, np.sqrt(variance), NAN) * weighted.unit[:, None]
+    difference = np.where(both, mean, NAN) * weighted.unit[:, None]
     status = tuple(
         ONE_DRIVE_EACH if single else _status(bool(t), bool(d), float(x), float(w))
         for t, d, x, w in zip(tested, different, p_value, power, strict=True)
@@ -217,28 +227,29 @@ def pairs(table: DriveTable, population: Population, *, rate: float = RATE) -> P
             f"pairs of the {len(chosen)} drivers with the most drives; give a table of fewer for others",
         )
     return Pairs(
-        of.present[a],
-        of.present[b],
-        wide(difference.T, of.column, p, 1),
-        wide(sd.T, of.column, p, 1),
+        weighted.present[a],
+        weighted.present[b],
+        wide(difference.T, weighted.column, p, 1),
+        wide(sd.T, weighted.column, p, 1),
         p_value,
         fdr,
         power,
-        wide(DETECTABLE * sd.T, of.column, p, 1),
+        wide(DETECTABLE * sd.T, weighted.column, p, 1),
         different,
         status,
         capped,
     )
 
 
-def _power(of: weighted_drives.WeightedDrives, population: Population, error: Array, both: Flags) -> Array:
+def _power(
+    weighted: weighted_drives.WeightedDrives, population: Population, error: Array, both: Flags
+) -> Array:
     """Chance of p < 5 % for two drivers drawn from the population.
 
     Their distance is a weighted sum of chi-squared variates; a multiple of one with its mean and variance (Box 1954, theorem
     3.1).
     """
-    square = np.ix_(of.column, of.column)
-    between = np.nan_to_num(population.between.covariance[square]) / (of.unit[:, None] * of.unit[None, :])
+    between = np.nan_to_num(weighted_drives.scaled(weighted, population.between.covariance))
     ahead = weighted_drives.masked_inverse(error, both)
     ratio = 2.0 * np.einsum("klm,lj->kjm", ahead, between) + np.eye(len(between))[..., None] * both
     mean = np.einsum("kkm->m", ratio)

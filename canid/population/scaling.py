@@ -12,7 +12,7 @@ import numpy as np
 
 from canid.population.drive_table import DriveTable, Flags, Index
 from canid.population.gibbs import Data
-from canid.types import Array
+from canid.values.types import Array
 
 # median absolute deviation -> standard deviation of a normal distribution
 NORMAL_MAD = 1.4826
@@ -41,17 +41,17 @@ def units(table: DriveTable, known: Flags) -> Units:
 
     Example:
         >>> from canid.population.drive_table import drive_table
-        >>> of = drive_table(("K",), np.array([[4.0], [5.0], [6.0], [900.0]]), np.full((4, 1), 0.01), tuple("abcd"))
-        >>> [round(float(x[0]), 1) for x in units(of, np.ones((4, 1), bool))]
+        >>> table = drive_table(("K",), np.array([[4.0], [5.0], [6.0], [900.0]]), np.full((4, 1), 0.01), tuple("abcd"))
+        >>> [round(float(x[0]), 1) for x in units(table, np.ones((4, 1), bool))]
         [5.5, 1.5]
     """
     p = len(table.names)
     centre, size = np.zeros(p), np.ones(p)
     for k in range(p):
-        of = known[:, k]
-        if not of.any():
+        knows = known[:, k]
+        if not knows.any():
             continue
-        y, v = table.estimate[of, k], table.covariance[of, k, k]
+        y, v = table.estimate[knows, k], table.covariance[knows, k, k]
         # of few estimates all that are as well known as the second: one alone has no spread
         limit = max(float(np.median(v)), float(np.sort(v)[:2][-1]))
         best = v <= limit
@@ -63,7 +63,7 @@ def units(table: DriveTable, known: Flags) -> Units:
     return Units(centre, size)
 
 
-def data(table: DriveTable, known: Flags, order: Index, column: Index, of: Units) -> tuple[Data, Index]:
+def data(table: DriveTable, known: Flags, order: Index, column: Index, units: Units) -> tuple[Data, Index]:
     """What the sampler takes, of one chain.
 
     Args:
@@ -71,22 +71,22 @@ def data(table: DriveTable, known: Flags, order: Index, column: Index, of: Units
         known: (n, p).
         order: places of the drives that know something, in ascending order of drivers.
         column: places of the parameters that some drive knows.
-        of: units.
+        units: of `units`.
 
     Returns:
         Data with one group, and the places of the drivers that have drives.
 
     Example:
         >>> from canid.population.drive_table import drive_table
-        >>> of = drive_table(("K",), np.array([[4.0], [6.0]]), np.ones((2, 1)), ("a", "b"))
+        >>> table = drive_table(("K",), np.array([[4.0], [6.0]]), np.ones((2, 1)), ("a", "b"))
         >>> known, both = np.ones((2, 1), bool), np.arange(2)
-        >>> found, present = data(of, known, both, np.arange(1), units(of, known))
-        >>> found.y.shape, present.tolist()
+        >>> prepared, present = data(table, known, both, np.arange(1), units(table, known))
+        >>> prepared.y.shape, present.tolist()
         ((1, 1, 2), [0, 1])
     """
     has = known[order][:, column]
-    unit = of.size[column]
-    y = np.where(has, (table.estimate[order][:, column] - of.centre[column]) / unit, 0.0)
+    unit = units.size[column]
+    y = np.where(has, (table.estimate[order][:, column] - units.centre[column]) / unit, 0.0)
     s = table.covariance[order][:, column][:, :, column] / (unit[:, None] * unit[None, :])
     both = has[:, :, None] & has[:, None, :]
     s = _mended(np.where(both, np.nan_to_num(s), 0.0), has)

@@ -8,7 +8,7 @@ import numpy as np
 
 from canid.identification.confidence import LEVEL, QUANTILES
 from canid.population.drive_table import Flags, Index
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # the shortest interval begins at 0 where its lowest draws are this small against its upper end: a spread of 5 % of what is
 # still possible is none that could be seen
@@ -38,8 +38,8 @@ def of_draws(draws: Array, unknown: Flags, column: Index, p: int) -> Spread:
 
     Example:
         >>> draws = np.random.default_rng(1).gamma(50.0, 0.02, 4000)[:, None, None] ** 2
-        >>> of = of_draws(draws, np.array([False]), np.array([0]), 1)
-        >>> [round(float(x[0]), 1) for x in (of.value, of.low, of.high)]
+        >>> sd = of_draws(draws, np.array([False]), np.array([0]), 1)
+        >>> [round(float(x[0]), 1) for x in (sd.value, sd.low, sd.high)]
         [1.0, 0.7, 1.3]
     """
     sd = np.sqrt(np.einsum("dkk->dk", draws))

@@ -11,7 +11,7 @@ from canid.population import gibbs, scaling
 from canid.population.batched_inverse import inverse
 from canid.population.drive_table import DriveTable, Flags, Index, known
 from canid.population.hierarchical import Population, run
-from canid.types import Array
+from canid.values.types import Array
 
 # draws over which p-values are averaged: they are then known to 5 % where W is hardly known, and better elsewhere
 DRAWS = 200
@@ -19,6 +19,9 @@ DRAWS = 200
 WORK = 400_000_000
 # variance of fixed effects, in squares of the estimates' whole spread
 WIDE = 1e4
+# steps of each of six chains, of which 144 count: the drives of each driver alone decide W, whose chains forget their start
+# within ten steps, and `DRAWS` of them are used
+FIXED_EFFECTS_STEPS = 240
 # fewest draws, of large tables, where W is known to some percent
 FEWEST_DRAWS = 20
 
@@ -64,8 +67,8 @@ def prepare(table: DriveTable, population: Population) -> WeightedDrives | None:
         >>> from canid.population.drive_table import drive_table
         >>> from canid.population.hierarchical import pool
         >>> table = drive_table(("K",), np.arange(4.0)[:, None], np.ones((4, 1)), ("b", "a", "b", "a"))
-        >>> of = prepare(table, pool(table))
-        >>> of.order.tolist(), of.first.tolist()
+        >>> weighted = prepare(table, pool(table))
+        >>> weighted.order.tolist(), weighted.first.tolist()
         ([0, 2, 1, 3], [0, 2])
     """
     if population.drives != table.drives or population.names != table.names:
@@ -94,16 +97,22 @@ def prepare(table: DriveTable, population: Population) -> WeightedDrives | None:
     )
 
 
-def number(of: WeightedDrives, work: int = 0) -> int:
+def scaled(weighted: WeightedDrives, covariance: Array) -> Array:
+    """Covariance of all parameters, (..., p, p), of those that these drives know and in their units, (..., k, k)."""
+    part: Array = covariance[..., weighted.column[:, None], weighted.column]
+    return part / (weighted.unit[:, None] * weighted.unit[None, :])
+
+
+def number(weighted: WeightedDrives, work: int = 0) -> int:
     """Draws that the size of a task allows; arguments as of `draws`."""
-    return max(FEWEST_DRAWS, min(DRAWS, WORK // max(work or of.s.size, 1)))
+    return max(FEWEST_DRAWS, min(DRAWS, WORK // max(work or weighted.s.size, 1)))
 
 
-def draws(of: WeightedDrives, population: Population, work: int = 0) -> Iterator[Draw]:
+def draws(weighted: WeightedDrives, population: Population, work: int = 0) -> Iterator[Draw]:
     """Draws of the posterior, evenly over all, as many as the size of the task allows.
 
     Args:
-        of: drives.
+        weighted: the drives.
         population: of the same table.
         work: numbers that the caller touches for each draw; 0: as many as there are in the covariances.
 
@@ -114,29 +123,27 @@ def draws(of: WeightedDrives, population: Population, work: int = 0) -> Iterator
         >>> from canid.population.drive_table import drive_table
         >>> from canid.population.hierarchical import pool
         >>> table = drive_table(("K",), np.arange(4.0)[:, None], np.ones((4, 1)), ("b", "a", "b", "a"))
-        >>> of = pool(table)
-        >>> len(list(draws(prepare(table, of), of)))
+        >>> population = pool(table)
+        >>> len(list(draws(prepare(table, population), population)))
         200
     """
     count = len(population.draws.mean)
-    wanted = number(of, work)
-    outer = of.unit[:, None] * of.unit[None, :]
-    square = np.ix_(of.column, of.column)
+    wanted = number(weighted, work)
     for place in np.linspace(0, count - 1, min(wanted, count)).astype(np.intp):
         yield Draw(
-            (population.draws.mean[place][of.column] - of.centre) / of.unit,
-            population.draws.between[place][square] / outer,
-            population.draws.within[place][square] / outer,
+            (population.draws.mean[place][weighted.column] - weighted.centre) / weighted.unit,
+            scaled(weighted, population.draws.between[place]),
+            scaled(weighted, population.draws.within[place]),
         )
 
 
-def fixed_effects(of: WeightedDrives, wanted: int) -> tuple[WeightedDrives, Array]:
+def fixed_effects(weighted: WeightedDrives, wanted: int) -> tuple[WeightedDrives, Array]:
     """W from the drives of each driver alone, drivers as fixed effects: what a test of their differences has for its error.
 
     Where drivers are all one person, B is a little above 0 in the posterior and W as much too small.
 
     Args:
-        of: drives.
+        weighted: the drives.
         wanted: draws.
 
     Returns:
@@ -149,19 +156,21 @@ def fixed_effects(of: WeightedDrives, wanted: int) -> tuple[WeightedDrives, Arra
         >>> fixed_effects(prepare(table, pool(table)), 50)[1].shape
         (50, 1, 1)
     """
-    group = np.zeros(len(of.order), dtype=np.intp)
-    data = gibbs.Data(of.y[:, None], of.s[:, :, None], of.known[:, None], of.driver, group)
-    found, _ = run(data, 0, WIDE * np.eye(len(of.y)))
-    within = found.within.reshape(-1, len(of.y), len(of.y))
+    group = np.zeros(len(weighted.order), dtype=np.intp)
+    data = gibbs.Data(
+        weighted.y[:, None], weighted.s[:, :, None], weighted.known[:, None], weighted.driver, group
+    )
+    sampled, _ = run(data, 0, between=WIDE * np.eye(len(weighted.y)), most_steps=FIXED_EFFECTS_STEPS)
+    within = sampled.within.reshape(-1, len(weighted.y), len(weighted.y))
     thin = np.linspace(0, len(within) - 1, min(wanted, len(within))).astype(np.intp)
-    return of._replace(weight=found.drive_weight.mean(axis=0)), within[thin]
+    return weighted._replace(weight=sampled.drive_weight.mean(axis=0)), within[thin]
 
 
-def information(of: WeightedDrives, within: Array) -> Array:
+def information(weighted: WeightedDrives, within: Array) -> Array:
     """Information of each drive on its driver's parameters: weight times (S + W)^-1, 0 where not known.
 
     Args:
-        of: drives.
+        weighted: the drives.
         within: (k, k).
 
     Returns:
@@ -174,7 +183,7 @@ def information(of: WeightedDrives, within: Array) -> Array:
         >>> information(prepare(table, pool(table)), np.eye(1)).shape
         (1, 1, 4)
     """
-    return masked_inverse(of.s + within[:, :, None], of.known) * of.weight
+    return masked_inverse(weighted.s + within[:, :, None], weighted.known) * weighted.weight
 
 
 def masked_inverse(a: Array, known: Flags) -> Array:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from canid.dbc_text.parsing import Parser
 from canid.logs import Log
-from canid.parsing import Parser
 from canid.proposal import log_columns
 from canid.proposal.choice import Ask, Decisions, decide
 from canid.proposal.vehicle_text import vehicle_text
@@ -28,32 +28,6 @@ class Proposal(NamedTuple):
 _FEW_MESSAGES = 0.5
 # s: in less hardly anything moves
 _SHORT_S = 10.0
-
-
-def propose(
-    paths: str | Path | Sequence[str | Path], folder: str | Path | None = None, log: Log | None = None
-) -> str:
-    """Propose a vehicle file, without questions.
-
-    Args:
-        paths: DBC file, or several.
-        folder: where the vehicle file will be, for its relative paths; None: the folder of the first DBC.
-        log: a drive of the vehicle, from `open_log`; None: by names and units alone.
-
-    Returns:
-        The TOML's text: what was found, with its unit; alternatives and uncertain entries as comments. Where
-        something that canid needs was not found, or has no unit, `read_vehicle` says so again.
-
-    Raises:
-        ConfigError: a file is missing or no DBC.
-        LogError: the log cannot be read.
-
-    Example:
-        >>> from canid.vehicle.vehicle_file import shipped
-        >>> print(propose(shipped() / "generic.dbc").splitlines()[9])
-        pedal = "ENGINE_DATA.PedalPosition"  # "%"
-    """
-    return proposal(paths, folder, log).text
 
 
 def proposal(

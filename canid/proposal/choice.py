@@ -11,14 +11,16 @@ import numpy as np
 from canid.proposal import log_columns, log_evidence
 from canid.proposal.log_columns import LogColumns
 from canid.proposal.log_evidence import Seen
+from canid.proposal.made_roles import MadeRole, range_rate_of_others, speed_of_wheels
 from canid.proposal.name_patterns import POSSIBLE, STRONG, USUAL
 from canid.proposal.name_score import Candidate, candidates
-from canid.proposal.signal_agreement import References, correlation, slope
+from canid.proposal.signal_agreement import References, correlation, moves, slope
 from canid.proposal.track_groups import TrackGroup, track_groups
-from canid.proposal.wheel_reference import wheel_reference
-from canid.types import Array
+from canid.proposal.track_scale import scaled
+from canid.proposal.wheel_reference import speed_reference, wheel_reference, wheel_signals
+from canid.values.roles import ROLES
+from canid.values.types import Array
 from canid.vehicle.database import Dbc
-from canid.vehicle.roles import ROLES
 
 # points: a usual name with a fitting unit, or a strong name alone
 SURE = 6.0
@@ -43,6 +45,8 @@ ORDER = (
     "speed", "accel", "steering_angle", "pedal", "gap", "range_rate", "lead_valid", "lead_speed",
     "cruise_active", "brake", *(role for role in ROLES),
 )  # fmt: skip
+# what is said of a role whose names say little, where there is no log
+_BY_NAME_ALONE = {"steering_assist": ("by its name alone, a guess: a log shows more",)}
 # roles about which a person is asked; without the others canid works
 ASKED = ("pedal", "speed", "gap", "range_rate", "brake", "cruise_active")
 
@@ -78,7 +82,9 @@ class Decision(NamedTuple):
     chosen: Choice | None  # written; None: nothing is
     others: tuple[Choice, ...]  # the next best
     absent: tuple[str, ...] = ()  # candidates that the log does not have
+    empty: tuple[str, ...] = ()  # candidates whose message is in the log, never with a value
     asked: bool = False
+    made: MadeRole | None = None  # of others, where no signal gives it
 
 
 class Decisions(NamedTuple):
@@ -99,36 +105,50 @@ def decide(files: Sequence[Dbc], columns: LogColumns | None = None, ask: Ask | N
         columns: the log, from `log_columns.read`; None: names alone.
         ask: asked where two are close; None: never, as `--yes`.
     """
-    known = wheel_reference(files, columns)
-    rates = _without_tracks(candidates("range_rate", files))
+    wheels = wheel_signals(files, columns)
+    known = wheel_reference(wheels)
     roles: dict[str, Decision] = {}
-    groups = [group for group in track_groups(files) if columns is None or _track_buses(group, columns)]
+    groups = [group for group in track_groups(files) if columns is None or _reports(group, columns)]
+    lists = {(group.file, message.name) for group in groups for message in group.messages}
+    rates = _without_tracks(candidates("range_rate", files), lists)
     for role in dict.fromkeys(ORDER):
-        found = _without_tracks(candidates(role, files))
+        proposed = _without_tracks(candidates(role, files), lists)
         if role == "range_rate":
-            found = _paired(found, roles["gap"])
+            proposed = _paired(proposed, roles["gap"])
         elif role == "gap":
-            found = _with_partner(found, rates)
-        decision = _decision(role, found, columns, known, ask if role in ASKED else None)
+            proposed = _with_partner(proposed, rates)
+        if role == "speed" and columns is not None and known.wheels is None:
+            known = speed_reference(proposed, columns)
+        decision = _decision(role, proposed, columns, known, ask if role in ASKED else None)
+        if role == "speed" and not _usable(decision):
+            buses = () if columns is None else columns.buses
+            bound = None if columns is None or not wheels else columns.file_bus[wheels[0].file]
+            decision = decision._replace(made=speed_of_wheels(wheels, buses, bound))
         roles[role] = decision
         known = _with(known, decision)
     roles = _without_doubles(roles)
     tracks = None
     if groups and not all(_usable(roles[role]) for role in ("gap", "range_rate")):
         tracks = groups[0]
+    elif not _usable(roles["range_rate"]):
+        rate = range_rate_of_others(roles, known)
+        roles["range_rate"] = roles["range_rate"]._replace(made=rate)
     made = Decisions(roles, tracks, None, 1, columns)
     if tracks is None or columns is None:
         return made
     bus = _track_buses(tracks, columns)[0]
+    if tracks.unknown:
+        return made._replace(tracks=scaled(tracks, bus, columns, known.speed), track_bus=bus)
     return made._replace(track_bus=bus, track_rate_sign=_track_sign(tracks, bus, columns))
 
 
-def _without_tracks(found: list[Candidate]) -> list[Candidate]:
-    """Leave out the signals of numbered messages: each is one of many objects, not the lead."""
+def _without_tracks(proposed: list[Candidate], lists: set[tuple[int, str]]) -> list[Candidate]:
+    """Leave out the signals of tracks and of numbered messages: each is one of many objects, not the lead."""
+    proposed = [each for each in proposed if (each.file, each.message.name) not in lists]
     messages: dict[tuple[int, str], set[str]] = {}
-    for each in found:
+    for each in proposed:
         messages.setdefault(_numbered(each), set()).add(each.message.name)
-    return [each for each in found if len(messages[_numbered(each)]) < _MANY]
+    return [each for each in proposed if len(messages[_numbered(each)]) < _MANY]
 
 
 def _numbered(candidate: Candidate) -> tuple[int, str]:
@@ -160,37 +180,40 @@ def _with(known: References, decision: Decision) -> References:
     return known
 
 
-def _with_partner(found: list[Candidate], rates: list[Candidate]) -> list[Candidate]:
+def _with_partner(gaps: list[Candidate], rates: list[Candidate]) -> list[Candidate]:
     """Gaps whose message also carries a range rate are a sensor's, not a display's."""
     partners = {(rate.file, rate.message.name) for rate in rates}
     made = [
         gap._replace(score=gap.score + _SAME_MESSAGE) if (gap.file, gap.message.name) in partners else gap
-        for gap in found
+        for gap in gaps
     ]
     return sorted(made, key=lambda item: -item.score)
 
 
-def _paired(found: list[Candidate], gap: Decision) -> list[Candidate]:
+def _paired(rates: list[Candidate], gap: Decision) -> list[Candidate]:
     """Range rates by the message of the gap: one that comes alone may be of an object on any side."""
     messages = {gap.chosen.candidate.message.name: 2 * _SAME_MESSAGE} if gap.chosen is not None else {}
     for each in gap.others:
         messages.setdefault(each.candidate.message.name, 0.0)
-    made = [rate._replace(score=rate.score + messages.get(rate.message.name, _ALONE)) for rate in found]
+    made = [rate._replace(score=rate.score + messages.get(rate.message.name, _ALONE)) for rate in rates]
     return sorted(made, key=lambda item: -item.score)
 
 
 def _decision(
-    role: str, found: list[Candidate], columns: LogColumns | None, known: References, ask: Ask | None
+    role: str, proposed: list[Candidate], columns: LogColumns | None, known: References, ask: Ask | None
 ) -> Decision:
-    choices, absent = [], []
-    for candidate in found[: _MOST_SEEN if columns is not None else None]:
+    choices: list[Choice] = []
+    absent: list[str] = []
+    empty: list[str] = []
+    for candidate in proposed[: _MOST_SEEN if columns is not None else None]:
         if columns is None:
-            choices.append(Choice(candidate, candidate.score, 0.0, candidate.remarks))
+            remarks = (*candidate.remarks, *_BY_NAME_ALONE.get(role, ()))
+            choices.append(Choice(candidate, candidate.score, 0.0, remarks))
             continue
         bus = log_columns.bus_of(candidate, columns)
         shown = log_evidence.seen(candidate, bus, columns, known) if bus is not None else None
         if shown is None:
-            absent.append(candidate.where)
+            (absent if bus is None else empty).append(candidate.where)
         else:
             choices.append(_choice(shown))
     choices.sort(key=lambda item: (-item.score, -item.rate))
@@ -204,7 +227,7 @@ def _decision(
     if asked:
         state = "sure" if chosen is not None else "open"
     others = tuple(each for each in choices if each is not chosen)
-    return Decision(role, state, chosen, others, tuple(absent), asked)
+    return Decision(role, state, chosen, others, tuple(absent), tuple(empty), asked)
 
 
 def _choice(shown: Seen) -> Choice:
@@ -265,9 +288,20 @@ def _without_doubles(roles: dict[str, Decision]) -> dict[str, Decision]:
     return {role: made[role] for role in ROLES}
 
 
+def _reports(group: TrackGroup, columns: LogColumns) -> bool:
+    """Whether a log has a radar's tracks; a list of which all reports have one id is the lead's own message."""
+    buses = _track_buses(group, columns)
+    if not buses or "id" not in group.parts:
+        return bool(buses)
+    message = group.messages[0]
+    number = next(signal for signal in message.signals if signal.name == group.parts["id"].signal)
+    came = log_columns.column(message, number, buses[0], columns, texts_are_values=True)
+    return came is not None and moves(came[0].value)
+
+
 def _track_buses(group: TrackGroup, columns: LogColumns) -> list[int]:
     buses = [{key.bus for key in log_columns.keys_of(message, columns)} for message in group.messages]
-    counts = {bus: sum(bus in of for of in buses) for of in buses for bus in of}
+    counts = {bus: sum(bus in on_buses for on_buses in buses) for on_buses in buses for bus in on_buses}
     usual = columns.file_bus[group.file]
     return sorted(counts, key=lambda bus: (-counts[bus], bus != usual))
 
@@ -275,10 +309,10 @@ def _track_buses(group: TrackGroup, columns: LogColumns) -> list[int]:
 def _track_sign(group: TrackGroup, bus: int, columns: LogColumns) -> int:
     """Whether the tracks' speed is the change of their distance, or the opposite."""
     total = weight = 0.0
-    for message in group.messages:
+    for message, names in group.tracks:
         signals = {signal.name: signal for signal in message.signals}
-        distance = log_columns.column(message, signals[group.parts["distance"].signal], bus, columns)
-        rate = log_columns.column(message, signals[group.parts["rate"].signal], bus, columns)
+        distance = log_columns.column(message, signals[names["distance"]], bus, columns)
+        rate = log_columns.column(message, signals[names["rate"]], bus, columns)
         if distance is None or rate is None:
             continue
         change = slope(distance[1])

@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.dbc_text.parsing import Message, Signal
+from canid.drive.signal_columns import MessageFrames, MessageKey, SignalColumn, decode, frames_by_message
 from canid.logs import Log
-from canid.parsing import Message, Signal
 from canid.proposal.name_score import Candidate
-from canid.signal_columns import MessageFrames, MessageKey, SignalColumn, decode, frames_by_message
-from canid.types import Array
+from canid.values.errors import LogError
+from canid.values.types import Array
+from canid.values.window import Window
 from canid.vehicle.database import Dbc
-from canid.vehicle.j1939 import PROTOCOL, first_no_value, pgn_of
+from canid.vehicle.j1939 import PROTOCOL, pgn_of
 
 # s; the raster of the estimators
 STEP_S = 0.1
@@ -40,17 +42,21 @@ def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | Non
     """Read a log.
 
     Raises:
-        LogError: it cannot be read.
+        LogError: it cannot be read, or holds no frames.
     """
-    frames = frames_by_message(log, stop=LONGEST_S, progress=progress)
-    frames = {key: of for key, of in frames.items() if len(of.t) >= _MIN_FRAMES}
+    frames = frames_by_message(log, within=Window(stop=LONGEST_S), progress=progress)
+    if not log.frames_read:
+        raise LogError(f"{log.path} holds no frames")
+    frames = {
+        key: message_frames for key, message_frames in frames.items() if len(message_frames.t) >= _MIN_FRAMES
+    }
     by_id: dict[tuple[int, bool], list[MessageKey]] = {}
     for key in frames:
         by_id.setdefault((key.id, key.extended), []).append(key)
         if key.extended:
             by_id.setdefault((-1 - pgn_of(key.id), True), []).append(key)
-    end = max((float(of.t[-1]) for of in frames.values()), default=0.0)
-    start = min((float(of.t[0]) for of in frames.values()), default=0.0)
+    end = max((float(message_frames.t.max()) for message_frames in frames.values()), default=0.0)
+    start = min((float(message_frames.t.min()) for message_frames in frames.values()), default=0.0)
     columns = LogColumns(
         frames,
         tuple(sorted({key.bus for key in frames})),
@@ -64,10 +70,10 @@ def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | Non
 
 def keys_of(message: Message, columns: LogColumns) -> list[MessageKey]:
     """The messages of the log that a DBC's message describes, by id and length."""
-    found = columns.by_id.get((message.id, message.extended), [])
+    keys = columns.by_id.get((message.id, message.extended), [])
     if message.protocol == PROTOCOL:
-        found = columns.by_id.get((-1 - pgn_of(message.id), True), [])
-    return [key for key in found if _long_enough(message, columns.frames[key])]
+        keys = columns.by_id.get((-1 - pgn_of(message.id), True), [])
+    return [key for key in keys if _long_enough(message, columns.frames[key])]
 
 
 def _long_enough(message: Message, frames: MessageFrames) -> bool:
@@ -118,13 +124,10 @@ def _column(
     if came is None or len(came.t) < _MIN_FRAMES:
         return None
     value = came.value.copy()
-    for raw, text in signal.choices.items():
+    for number, text in signal.meanings.items():
         if not texts_are_values and signal.length > 3 and not text[:1].isdigit() and not text.startswith("-"):
-            value[value == raw * signal.scale + signal.offset] = np.nan
-    reserved = first_no_value(message, signal)
-    if reserved is not None:
-        value[value >= reserved[0] * signal.scale + signal.offset] = np.nan
+            value[value == number] = np.nan
     index = np.searchsorted(came.t, columns.t + 1e-6, side="right") - 1
     held = value[np.maximum(index, 0)]
     held[(index < 0) | (columns.t - came.t[np.maximum(index, 0)] > _HOLD_S)] = np.nan
-    return SignalColumn(came.t, value), held
+    return came._replace(value=value), held

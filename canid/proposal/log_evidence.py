@@ -23,9 +23,10 @@ from canid.proposal.signal_agreement import (
     moves,
     smooth,
 )
-from canid.proposal.switch_evidence import brake, cruise
-from canid.types import Array
-from canid.vehicle.roles import ROLES
+from canid.proposal.signal_words import dbc_unit
+from canid.proposal.switch_evidence import brake, cruise, lead_valid, steering_assist
+from canid.values.roles import ROLES
+from canid.values.types import Array
 from canid.vehicle.units import factor_to
 
 # m/s: a gap that changes faster is another vehicle's
@@ -39,8 +40,30 @@ _SAME = 0.017
 _DISPLAY_STEP = 0.1 / 3.6
 # in the role's unit: what nine tenths of a drive's values do not exceed in any car
 _LARGEST = {"speed": 90.0, "accel": 15.0, "steering_angle": 900.0, "lateral_offset": 10.0, "yaw_rate": 3.0}
+# numbers that a drive in which the speed changes moves; where they stand still, a car of this kind does not send them
+_DEAD_WHERE_STILL = (
+    "accel",
+    "accel_command",
+    "engine_speed",
+    "steering_angle",
+    "yaw_rate",
+    "grade",
+    "altitude",
+    "gnss_speed",
+    "wheel_speed",
+    "lat",
+    "lon",
+    "east",
+    "north",
+)
 # units of speeds that DBC files leave out, as factors to m/s
 _SPEED_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
+
+
+# bits of a pedal's converter; what is wider has bits that nothing fills
+_PEDAL_BITS = 12
+# share by which readings may leave the range that the DBC states: by a step or two
+_BEYOND = 1.05
 
 
 class Seen(NamedTuple):
@@ -58,10 +81,10 @@ class Seen(NamedTuple):
 def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References) -> Seen | None:
     """Compare a candidate with the log; None where no frame carries it."""
     state = ROLES[candidate.role].kind == "state"
-    found = column(candidate.message, candidate.signal, bus, columns, texts_are_values=state)
-    if found is None:
+    decoded = column(candidate.message, candidate.signal, bus, columns, texts_are_values=state)
+    if decoded is None:
         return None
-    raw = found[1]
+    raw = decoded[1]
     if not np.isfinite(raw).any():
         return None
     judge = _JUDGES.get(candidate.role, _any)
@@ -72,8 +95,10 @@ def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References)
     if most is not None and made.unit and len(finite) and float(np.percentile(np.abs(finite), 90)) > most:
         points, remarks = CONTRADICTS, [*remarks, "larger than it can be: is the DBC that of this car?"]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (math.nan, math.nan)
-    t = found[0].t
+    t = decoded[0].t
     rate = (len(t) - 1) / (t[-1] - t[0]) if t[-1] > t[0] else 0.0
+    if candidate.role in _DEAD_WHERE_STILL and known.accel is not None and low == high:
+        points, remarks = CONTRADICTS, ["constant in the log, in which the speed changes: nobody sends it"]
     return Seen(made, points, tuple(remarks), values, low, high, float(rate))
 
 
@@ -89,6 +114,8 @@ def _speed(candidate: Candidate, raw: Array, known: References) -> Judged:
         return 2 * STILL, ["constant in the log"], candidate
     if known.wheels is None:
         return AGREES_WEAKLY, [], candidate
+    if known.wheels_are == candidate.where:
+        return AGREES_WEAKLY, ["another message has the same speed"], candidate
     fast = (
         np.isfinite(raw)
         & np.isfinite(known.wheels)
@@ -103,27 +130,27 @@ def _speed(candidate: Candidate, raw: Array, known: References) -> Judged:
     # a constant speed says little in the correlation: its ratio is compared alone
     steady = float(np.std(known.wheels[fast])) < 0.02 * float(np.mean(known.wheels[fast]))
     if r < 0.97 and not steady:
-        return CONTRADICTS, [f"does not follow the wheel speeds (r = {r:.2f})"], candidate
+        return CONTRADICTS, [f"does not follow {known.wheels_are} (r = {r:.2f})"], candidate
     if not known.wheels_unit:
-        return AGREES, [f"follows the wheel speeds (r = {r:.3f})"], candidate
+        return AGREES, [f"follows {known.wheels_are} (r = {r:.3f})"], candidate
     if candidate.unit:
         share = ratio * (factor_to(candidate.unit, "m/s") or 1.0)
     else:
         unit = min(_SPEED_UNITS, key=lambda name: abs(math.log(max(ratio, 1e-9) * _SPEED_UNITS[name])))
         share = ratio * _SPEED_UNITS[unit]
         if not 0.9 < share < 1.15:
-            return 0.0, [f"{ratio:.3g} times the wheel speeds in m/s: no usual unit"], candidate
+            return 0.0, [f"{ratio:.3g} times {known.wheels_are} in m/s: no usual unit"], candidate
         candidate = candidate._replace(
-            unit=unit, remarks=(f"no unit in the DBC; {unit} by the wheel speeds",)
+            unit=unit, remarks=(f"no unit in the DBC; {unit} by {known.wheels_are}",)
         )
     if abs(share - 1.0) < _SAME:
-        return AGREES, [f"{share:.3f} of the wheel speeds"], candidate
+        return AGREES, [f"{share:.3f} of {known.wheels_are}"], candidate
     step = abs(candidate.signal.scale) * (factor_to(candidate.unit, "m/s") or 1.0)
     if _SPEEDOMETER[0] <= share <= _SPEEDOMETER[1] and step >= _DISPLAY_STEP:
-        return -AGREES, [f"{share:.3f} of the wheel speeds, as a speedometer shows"], candidate
+        return -AGREES, [f"{share:.3f} of {known.wheels_are}, as a speedometer shows"], candidate
     if 0.9 < share < 1.15:
-        return 0.0, [f"{share:.3f} of the wheel speeds"], candidate
-    return CONTRADICTS, [f"{share:.3g} of the wheel speeds: its unit is wrong"], candidate
+        return 0.0, [f"{share:.3f} of {known.wheels_are}"], candidate
+    return CONTRADICTS, [f"{share:.3g} of {known.wheels_are}: its unit is wrong"], candidate
 
 
 def _accel(candidate: Candidate, raw: Array, known: References) -> Judged:
@@ -166,10 +193,23 @@ def _pedal(candidate: Candidate, raw: Array, known: References) -> Judged:
     if np.nanmin(raw) < -2.0 * abs(candidate.signal.scale):
         points += STILL
         remarks.append("is negative at times")
+    # a range that the readings leave is none
+    beyond = candidate.signal.maximum is not None and np.nanmax(raw) > _BEYOND * candidate.signal.maximum
+    if not dbc_unit(candidate.signal.unit) and np.nanmax(raw) > 0.0 and (beyond or not candidate.unit):
+        candidate = _by_bits(candidate, float(np.nanmax(raw)))
     share = in_role_unit(candidate, raw)
     if candidate.unit and np.nanmax(share) > 130.0:
         points += CONTRADICTS / 2
     return points, remarks, candidate
+
+
+def _by_bits(candidate: Candidate, highest: float) -> Candidate:
+    """A pedal of raw numbers: its bits are taken as full travel, of a wide signal those that the log fills."""
+    step = abs(candidate.signal.scale)
+    filled = math.ceil(math.log2(highest / step + 1.0))
+    top = step * (2.0 ** (candidate.signal.length if candidate.signal.length <= _PEDAL_BITS else filled) - 1)
+    says = f"no unit in the DBC; {top:g} is taken as 100 %: check the scale"
+    return candidate._replace(unit="%", scale=float(f"{100.0 / top:.4g}"), remarks=(says,))
 
 
 def _gap(candidate: Candidate, raw: Array, known: References) -> Judged:
@@ -225,5 +265,7 @@ _JUDGES: Mapping[str, Callable[[Candidate, Array, References], Judged]] = {
     "range_rate": _range_rate,
     "brake": brake,
     "cruise_active": cruise,
+    "steering_assist": steering_assist,
+    "lead_valid": lead_valid,
     "yaw_rate": _yaw,
 }

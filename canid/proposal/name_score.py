@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-from canid.parsing import Message, Signal
+from canid.dbc_text.parsing import Message, Signal
 from canid.proposal.name_patterns import ROLE_PATTERNS, STRONG, RolePatterns
 from canid.proposal.optional_patterns import OPTIONAL_PATTERNS
 from canid.proposal.signal_words import EITHER_SPEED, dbc_unit, words
+from canid.values.roles import ROLES
 from canid.vehicle.database import Dbc, carried, condition_of
 from canid.vehicle.j1939 import first_no_value
-from canid.vehicle.roles import ROLES
 from canid.vehicle.units import factor_to, unit_of
 
 PATTERNS: dict[str, RolePatterns] = {**ROLE_PATTERNS, **OPTIONAL_PATTERNS}
@@ -91,22 +91,22 @@ def candidates(role: str, files: Sequence[Dbc]) -> list[Candidate]:
     """List the signals that may be the role by the DBC alone, best first.
 
     Example:
-        >>> from canid.parsing import Parser
+        >>> from canid.dbc_text.parsing import Parser
         >>> from canid.vehicle.database import load
-        >>> from canid.vehicle.vehicle_file import shipped
+        >>> from canid.values.shipped_files import shipped
         >>> with Parser() as parser:
         ...     dbc = load(shipped() / "generic.dbc", None, parser)[0]
         >>> candidates("pedal", [dbc])[0].where
         'ENGINE_DATA.PedalPosition'
     """
-    found = []
+    scored = []
     for index, file in enumerate(files):
         for message in file.messages.values():
             for signal in message.signals:
                 made = candidate(role, index, message, signal)
                 if made is not None:
-                    found.append(made)
-    return sorted(found, key=lambda item: -item.score)
+                    scored.append(made)
+    return sorted(scored, key=lambda item: -item.score)
 
 
 def candidate(role: str, file: int, message: Message, signal: Signal) -> Candidate | None:
@@ -227,6 +227,10 @@ def _is_numeric(text: str) -> bool:
     return re.match(r"[+-]?\d", text) is not None
 
 
+# a step of a pedal that is given as a share: five bits resolve 3 %
+_SHARE_STEP = 0.05
+
+
 def reach(signal: Signal) -> tuple[float, float]:
     """The least and largest value that the bits can hold, in the DBC's unit; limits of the DBC where they are tighter."""
     if signal.floating:
@@ -286,6 +290,9 @@ def _all_bits(signal: Signal, low: float, high: float) -> bool:
 def _pedal_share(made: Candidate, high: float) -> Candidate | None:
     """A pedal without a unit: what counts as 100 %."""
     signal = made.signal
+    stated = signal.maximum
+    if stated is not None and 0.9 <= stated <= 1.1 < high and abs(signal.scale) <= _SHARE_STEP:
+        return made._replace(unit="0..1", remarks=("no unit in the DBC; its stated range is 0 to 1",))
     if 0.9 <= high <= 1.1:
         return made._replace(unit="0..1", remarks=("no unit in the DBC; its range is 0 to 1",))
     if 90.0 <= high <= 110.0:

@@ -53,6 +53,20 @@ OPTIONAL_PATTERNS: dict[str, RolePatterns] = {
         widest=4,
         narrowest=1,
     ),
+    "steering_assist": RolePatterns(
+        (
+            (
+                r"\b(lkas?|lka|lane ?(keep\w*|centering|follow\w*) ?(assist )?|ldw lka|steer\w* assist|lfa|hca|tja|lcc) "
+                r"?(control |ctrl |sys |system )?(is )?(active|actv|activated|engaged|steering|intervening)\b",
+                STRONG,
+            ),
+        ),
+        rf"{NEVER}|{_COMMANDED}|{_SHOWN}|\b(torque|angle|available|ready|warn\w*|button|sw\w*|key|dis\w*|not|non|"
+        r"inactive|enabled|left|right|fault|err\w*|speed|count\w*|cnt)\b",
+        elsewhere=r"\b(button\w*|switch\w*|hud|cluster|clu\d*|key\w*|display\w*)\b",
+        widest=4,
+        narrowest=1,
+    ),
     "clutch": RolePatterns(
         (
             (

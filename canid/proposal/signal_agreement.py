@@ -9,8 +9,8 @@ import numpy as np
 
 from canid.proposal.log_columns import STEP_S
 from canid.proposal.name_score import Candidate
-from canid.types import Array
-from canid.vehicle.roles import ROLES
+from canid.values.roles import ROLES
+from canid.values.types import Array
 from canid.vehicle.units import factor_to
 
 # points, in the same unit as those of names: a clear agreement outweighs a unit, a contradiction a name
@@ -26,6 +26,7 @@ class References(NamedTuple):
 
     wheels: Array | None = None  # m/s, or of unknown unit
     wheels_unit: bool = False
+    wheels_are: str = "the wheel speeds"  # what is said of them
     speed: Array | None = None
     accel: Array | None = None  # derivative of `speed`, m/s2
     pedal: Array | None = None

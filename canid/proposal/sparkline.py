@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
 
@@ -27,12 +27,12 @@ def sparkline(values: Array, width: int = 32) -> str:
     for part in np.array_split(values, min(width, max(len(values), 1))):
         finite = part[np.isfinite(part)]
         means.append(float(finite.mean()) if len(finite) else np.nan)
-    of = np.array(means)
-    if not np.isfinite(of).any():
-        return " " * len(of)
-    low, high = float(np.nanmin(of)), float(np.nanmax(of))
+    heights = np.array(means)
+    if not np.isfinite(heights).any():
+        return " " * len(heights)
+    low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     span = high - low or 1.0
     return "".join(
         " " if not np.isfinite(value) else _BLOCKS[round((value - low) / span * (len(_BLOCKS) - 1))]
-        for value in of
+        for value in heights
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +13,16 @@ from canid.proposal.signal_agreement import (
     AGREES,
     AGREES_WEAKLY,
     CONTRADICTS,
+    MIN_ROWS,
     Judged,
     References,
     in_role_unit,
     moves,
 )
-from canid.types import Array
+from canid.values.types import Array
+
+# m/s, degrees: no assistant steers a car that stands, or around a corner; and a share of the time that is noise of both
+_STANDS_M_S, _TURNED_DEG, _SELDOM = 0.5, 120.0, 0.1
 
 
 def brake(candidate: Candidate, raw: Array, known: References) -> Judged:
@@ -34,6 +39,17 @@ def brake(candidate: Candidate, raw: Array, known: References) -> Judged:
             )
             return AGREES + 1.0, ["on while the car brakes"], candidate
     return _while_on(candidate, raw, known)
+
+
+def lead_valid(candidate: Candidate, raw: Array, known: References) -> Judged:
+    """Compare a flag of the lead with the gap: where that moves, there is a lead."""
+    on = in_role_unit(candidate, raw) > 0.5
+    moving = (
+        np.isfinite(known.gap_rate) & (known.gap_rate != 0.0) if known.gap_rate is not None else on & False
+    )
+    if int(moving.sum()) >= MIN_ROWS and not on[moving].any():
+        return CONTRADICTS, ["never true in the log, although the gap changes"], candidate
+    return AGREES_WEAKLY if moves(raw) else 0.0, [] if moves(raw) else ["constant in the log"], candidate
 
 
 def _while_on(candidate: Candidate, raw: Array, known: References) -> Judged:
@@ -63,15 +79,15 @@ def _while_on(candidate: Candidate, raw: Array, known: References) -> Judged:
 def _braking_values(raw: Array, known: References) -> tuple[int, ...]:
     """The states in which the car brakes and the accelerator is at rest."""
     assert known.accel is not None
-    found = []
+    braking = []
     values = np.unique(raw[np.isfinite(raw)])
     means = {value: _mean(known.accel, raw == value) for value in values}
     usual = max(values, key=lambda value: int((raw == value).sum()))
     for value in values:
         pressed = _mean((known.pedal > 3.0).astype(float), raw == value) if known.pedal is not None else 0.0
         if value != usual and means[value] < min(-0.3, means[usual] - 0.3) and not pressed > 0.3:
-            found.append(int(value))
-    return tuple(found)
+            braking.append(int(value))
+    return tuple(braking)
 
 
 def _mean(values: Array, rows: npt.NDArray[np.bool_]) -> float:
@@ -92,3 +108,36 @@ def cruise(candidate: Candidate, raw: Array, known: References) -> Judged:
         return 0.0, [], candidate
     remarks = [f"accelerator at rest in {100 * held:.0f} % of the time while on"]
     return (AGREES if held > 0.7 else -AGREES_WEAKLY if held < 0.2 else 0.0), remarks, candidate
+
+
+def steering_assist(candidate: Candidate, raw: Array, known: References) -> Judged:
+    """Compare the state of a steering assistant with speed and steering wheel: it steers a car that drives, and gently.
+
+    That fits a warning lamp as well: what the log shows can only speak against the name.
+    """
+    if not moves(raw):
+        return 0.0, ["constant in the log: by its name alone, a guess"], candidate
+    on = in_role_unit(candidate, raw) > 0.5
+    stands = _share(known.speed, on, lambda speed: speed < _STANDS_M_S)
+    turned = _share(known.steering, on, lambda angle: np.abs(angle) > _TURNED_DEG)
+    if stands > _SELDOM or turned > _SELDOM:
+        what = (
+            f"the car stands in {100 * stands:.0f} % of the time"
+            if stands > _SELDOM
+            else f"the wheel is turned by more than {_TURNED_DEG:.0f}° in {100 * turned:.0f} % of the time"
+        )
+        return CONTRADICTS, [f"{what} while on"], candidate
+    shown = [
+        *(["the car drives"] if math.isfinite(stands) else []),
+        *([f"the wheel is turned by less than {_TURNED_DEG:.0f}°"] if math.isfinite(turned) else []),
+    ]
+    if not shown:
+        return 0.0, ["by its name alone, a guess"], candidate
+    return AGREES_WEAKLY, [f"while on {' and '.join(shown)}: it may be a lamp all the same"], candidate
+
+
+def _share(
+    values: Array | None, on: npt.NDArray[np.bool_], is_so: Callable[[Array], npt.NDArray[np.bool_]]
+) -> float:
+    """How often something is so while a switch is on; NaN: not known."""
+    return math.nan if values is None else _mean(is_so(values).astype(float), on & np.isfinite(values))

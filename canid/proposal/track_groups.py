@@ -1,12 +1,15 @@
-"""Radar tracks in DBC files: numbered messages that all carry a distance and a relative speed."""
+"""Radar tracks in DBC files: numbered messages, lists of objects with ids, numbered signals or pages of one message.
+
+Each track has a distance and a relative speed.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from canid.parsing import Message, Signal
+from canid.dbc_text.parsing import Message, Signal
 from canid.proposal.name_score import reach
 from canid.proposal.signal_words import dbc_unit, words
 from canid.vehicle.database import Dbc
@@ -42,17 +45,44 @@ _LATERAL = (
         r"\b(rate|std\w*|sigma|var\w*|rms|spd|speed|vel\w*|accel\w*|prob\w*)\b",
     ),
 )
+_ANGLE = (
+    (
+        r"\b(angle|ang|azimuth\w*|azi?m?|bearing|theta|phi)\b",
+        r"\b(rate|std\w*|sigma|var\w*|rms|elev\w*|vert\w*|steer\w*|yaw|prob\w*|err\w*|heading|orient\w*|valid)\b",
+    ),
+)
 _VALID = (
     (
         r"\b(valid|measured|tracked|detection valid|det valid level)\b",
         r"\b(count\w*|level|spd|prob\w*|exist\w*)\b",
     ),
 )
+# a status whose value table says in which states there is an object that is measured
+_STATUS = (
+    (r"\b(stat|status|state|meas\w*|valid\w*|flag)\b", r"\b(count\w*|bridge|dyn\w*|mov\w*|prob\w*)\b"),
+)
+_OBJECT = re.compile(r"\b(target|track\w*|measured|updated?|valid|object|detected|new|ok|confirmed)\b")
+_NO_OBJECT = re.compile(
+    r"\b(no|not|non|none|in ?valid|coast\w*|merg\w*|predict\w*|lost|deleted|empty|free|error|fault|reserved|unused|sna)\b"
+)
+# which object of a list a report describes
+_ID = re.compile(r"\b(obj\w*|target|tgt|trk|track) ?(id|no|num|number|index|idx)\b|^id$")
+_NO_ID = re.compile(r"\b(valid|msg|message|sensor|count\w*)\b")
+_ID_BITS = (3, 8)
+# in a message's name: it is of one object that was chosen
+_CHOSEN = r"\b(acc|aeb|fcw|cipv|lead\w*|clos\w*|primary|select\w*|threat|most)\b"
 _NEW = ((r"\bnew\b", r"\b(level|count\w*)\b"),)
-_PARTS = {"distance": _DISTANCE, "rate": _RATE, "lateral": _LATERAL, "valid": _VALID, "new": _NEW}
-_UNIT = {"distance": "m", "rate": "m/s", "lateral": "m"}
+_PARTS = {
+    "distance": _DISTANCE,
+    "rate": _RATE,
+    "lateral": _LATERAL,
+    "angle": _ANGLE,
+    "valid": _VALID,
+    "new": _NEW,
+}
+_UNIT = {"distance": "m", "rate": "m/s", "lateral": "m", "angle": "rad"}
 # m, m/s: ends of a signal's range between which it can be what its name says, where the DBC gives no unit
-_REACH = {"distance": (40.0, 400.0), "rate": (15.0, 150.0), "lateral": (3.0, 200.0)}
+_REACH = {"distance": (40.0, 400.0), "rate": (15.0, 150.0), "lateral": (3.0, 200.0), "angle": (0.1, 1.6)}
 
 
 class TrackPart(NamedTuple):
@@ -60,7 +90,10 @@ class TrackPart(NamedTuple):
 
     signal: str
     unit: str | None  # to be written where the DBC has none; None: its own
-    scale: float = 1.0
+    on: tuple[float, ...] = ()  # values of a status that mean an object; (): it is yes or no
+    scale: float = 1.0  # by a log
+    valid: tuple[float, float] | None = None  # in the unit that is written; beyond it there is no object
+    why: str = ""  # what says the unit, where the DBC does not
 
 
 class TrackGroup(NamedTuple):
@@ -71,6 +104,8 @@ class TrackGroup(NamedTuple):
     messages: tuple[Message, ...]
     parts: dict[str, TrackPart]
     unknown: tuple[str, ...]  # parts whose unit is not known
+    # of each track its message, and part -> signal; (): the tracks come under one name, as a list
+    tracks: tuple[tuple[Message, dict[str, str]], ...] = ()
 
 
 def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
@@ -90,22 +125,38 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
                 key = (index, message.name[: match.start()], message.name[match.end() :])
                 if len(match[0]) <= 4:
                     groups.setdefault(key, {})[_key(match[0])] = message
-    found = []
+    # one of many messages whose names differ in a number is one track, not a list
+    many = {
+        (key[0], message.name)
+        for key, numbered in groups.items()
+        if len(_longest_run(numbered)) >= _MIN_TRACKS
+        for message in numbered.values()
+    }
+    track_lists = [
+        made
+        for index, file in enumerate(files)
+        for message in file.messages.values()
+        if (index, message.name) not in many
+        and not re.search(_ELSEWHERE, words(message.name))
+        and (made := _list(index, message) or _numbered_signals(index, message)) is not None
+    ]
     for (index, before, after), numbered in groups.items():
         run = _longest_run(numbered)
         if len(run) < _MIN_TRACKS or re.search(_ELSEWHERE, words(f"{before} {after}")):
             continue
-        made = _group(index, before, after, [numbered[key] for key in run])
+        made = _group(index, before, after, {key: numbered[key] for key in run})
         if made is not None:
-            found.append(made)
-    return sorted(found, key=lambda of: (bool(of.unknown), -len(of.parts), -len(of.messages)))
+            track_lists.append(made)
+    return sorted(
+        track_lists, key=lambda group: (bool(group.unknown), -len(group.parts), -len(group.messages))
+    )
 
 
 def _key(digits: str) -> int:
     return int(digits)
 
 
-def _longest_run(numbers: dict[int, Message]) -> list[int]:
+def _longest_run(numbers: Iterable[int]) -> list[int]:
     runs: list[list[int]] = []
     for number in sorted(numbers):
         if runs and number == runs[-1][-1] + 1:
@@ -115,40 +166,159 @@ def _longest_run(numbers: dict[int, Message]) -> list[int]:
     return max(runs, key=len, default=[])
 
 
-def _group(index: int, before: str, after: str, messages: list[Message]) -> TrackGroup | None:
-    shared = set.intersection(*[{signal.name for signal in message.signals} for message in messages])
-    parts: dict[str, TrackPart] = {}
-    unknown = []
-    for part, patterns in _PARTS.items():
-        signal = _first(patterns, [signal for signal in messages[0].signals if signal.name in shared], part)
-        if signal is None:
-            continue
-        unit, known = _unit(part, signal, parts)
-        if not known and part == "lateral":
-            continue
-        if not known:
-            unknown.append(part)
-        parts[part] = TrackPart(signal.name, unit)
-    if not {"distance", "rate"} <= set(parts):
+def _list(index: int, message: Message) -> TrackGroup | None:
+    """Objects that come under one id of CAN, each with a number of its own in the frame."""
+    number = next(
+        (
+            signal
+            for signal in message.signals
+            if _ID_BITS[0] <= signal.length <= _ID_BITS[1]
+            and _ID.search(words(signal.name))
+            and not _NO_ID.search(words(signal.name))
+        ),
+        None,
+    )
+    of_track = _found(message.signals) if number is not None else None
+    if number is None or of_track is None or re.search(_CHOSEN, words(message.name)):
         return None
+    # any object may be at the side
+    if not {"lateral", "angle"} & set(of_track[0]):
+        return None
+    parts, unknown = of_track
+    return TrackGroup(index, message.name, (message,), parts | {"id": TrackPart(number.name, None)}, unknown)
+
+
+def _numbered_signals(index: int, message: Message) -> TrackGroup | None:
+    """Objects whose signals are numbered in one message, side by side or on its pages."""
+    stems: dict[tuple[str, str], dict[int, Signal]] = {}
+    for signal in message.signals:
+        match = re.fullmatch(r"(\D*)(\d{1,3})(\D*)", signal.name)
+        if match is not None and (match[2] == "0" or not match[2].startswith("0")):
+            stems.setdefault((match[1], match[3]), {})[int(match[2])] = signal
+    runs = {stem: _longest_run(numbered) for stem, numbered in stems.items()}
+    longest = max(runs.values(), key=len, default=[])
+    if len(longest) < _MIN_TRACKS:
+        return None
+    stem_of = {stems[stem][longest[0]].name: stem for stem, run in runs.items() if run == longest}
+    of_track = _found([stems[stem][longest[0]] for stem in stem_of.values()])
+    if of_track is None:
+        return None
+    parts, unknown = of_track
+    tracks = tuple(
+        (message, {part: stems[stem_of[track_part.signal]][k].name for part, track_part in parts.items()})
+        for k in longest
+    )
+    named = {
+        part: track_part._replace(
+            signal=f"{stem_of[track_part.signal][0]}{{{longest[0]}..{longest[-1]}}}{stem_of[track_part.signal][1]}"
+        )
+        for part, track_part in parts.items()
+    }
+    return TrackGroup(index, message.name, (message,), named, unknown, tracks)
+
+
+def _group(index: int, before: str, after: str, numbered: dict[int, Message]) -> TrackGroup | None:
+    messages = list(numbered.values())
+    names = _names_in_all(numbered)
+    of_track = _found([signal for signal in messages[0].signals if signal.name in names])
+    if of_track is None:
+        return None
+    parts, unknown = of_track
     first = messages[0].name[len(before) : len(messages[0].name) - len(after) or None]
     last = messages[-1].name[len(before) : len(messages[-1].name) - len(after) or None]
     if first.startswith("0") and len(first) != len(last) and first != "0":
         return None
     if "{" in before + after or "}" in before + after:
         return None
-    return TrackGroup(index, f"{before}{{{first}..{last}}}{after}", tuple(messages), parts, tuple(unknown))
+    tracks = tuple(
+        (message, {part: names[track_part.signal][1][k] for part, track_part in parts.items()})
+        for k, message in enumerate(messages)
+    )
+    parts = {
+        part: track_part._replace(signal=names[track_part.signal][0]) for part, track_part in parts.items()
+    }
+    return TrackGroup(index, f"{before}{{{first}..{last}}}{after}", tuple(messages), parts, unknown, tracks)
+
+
+def _names_in_all(numbered: dict[int, Message]) -> dict[str, tuple[str, list[str]]]:
+    """Signals of the first message that all have, maybe with their own number in the name.
+
+    Returns:
+        name in the first -> how all are written ("FLRRTrk{1..20}Range"), and the name in each.
+    """
+    in_each = [{signal.name for signal in message.signals} for message in numbered.values()]
+    numbers = list(numbered)
+    out = {}
+    for signal in next(iter(numbered.values())).signals:
+        name = signal.name
+        if all(name in names for names in in_each):
+            out[name] = name, [name] * len(in_each)
+            continue
+        for match in re.finditer(r"\d+", name):
+            width = len(match[0]) if match[0].startswith("0") else 1
+            written_names = [
+                f"{name[: match.start()]}{number:0{width}d}{name[match.end() :]}" for number in numbers
+            ]
+            if written_names[0] == name and all(
+                own_name in names for own_name, names in zip(written_names, in_each, strict=True)
+            ):
+                written = f"{{{numbers[0]:0{width}d}..{numbers[-1]:0{width}d}}}"
+                out[name] = f"{name[: match.start()]}{written}{name[match.end() :]}", written_names
+                break
+    return out
+
+
+def _found(present: Sequence[Signal]) -> tuple[dict[str, TrackPart], tuple[str, ...]] | None:
+    """The parts of a track among its signals, and those whose unit is not known; None: they are no track."""
+    parts: dict[str, TrackPart] = {}
+    unknown: list[str] = []
+    for part, patterns in _PARTS.items():
+        signal = _first(patterns, present, part)
+        if signal is None and part == "valid":
+            status = _status(present)
+            if status is not None:
+                parts[part] = status
+            continue
+        if signal is None or (part == "angle" and "lateral" in parts):
+            continue
+        unit, known = _unit(part, signal, parts)
+        if not known:
+            unknown.append(part)
+        parts[part] = TrackPart(signal.name, unit)
+    if not {"distance", "rate"} <= set(parts):
+        return None
+    if "distance" not in unknown and "rate" not in unknown:
+        # without a side the lead is weaker, with a wrong one it is none
+        parts = {part: track_part for part, track_part in parts.items() if part not in unknown}
+        unknown = []
+    return parts, tuple(unknown)
 
 
 def _first(patterns: Sequence[tuple[str, str]], signals: Sequence[Signal], part: str) -> Signal | None:
-    for found, excluded in patterns:
+    for pattern, excluded in patterns:
         for signal in signals:
             name = words(signal.name)
             wide = signal.length >= 6 if part in _UNIT else signal.length <= 2
-            if wide and re.search(found, name) and not re.search(excluded, name):
+            if wide and re.search(pattern, name) and not re.search(excluded, name):
                 unit = dbc_unit(signal.unit)
                 if part not in _UNIT or not unit or factor_to(unit, _UNIT[part]) is not None:
                     return signal
+    return None
+
+
+def _status(signals: Sequence[Signal]) -> TrackPart | None:
+    """A status that says by its value table whether there is an object."""
+    for pattern, excluded in _STATUS:
+        for signal in signals:
+            name = words(signal.name)
+            if not signal.choices or not re.search(pattern, name) or re.search(excluded, name):
+                continue
+            texts = {value: words(text) for value, text in signal.meanings.items()}
+            on = [
+                value for value, text in texts.items() if _OBJECT.search(text) and not _NO_OBJECT.search(text)
+            ]
+            if on and len(on) < len(texts):
+                return TrackPart(signal.name, None, tuple(sorted(on)))
     return None
 
 

@@ -10,8 +10,10 @@ from pathlib import Path
 
 from canid.proposal.choice import Choice, Decision, Decisions
 from canid.proposal.name_score import reach
+from canid.proposal.track_groups import TrackPart
+from canid.values.roles import NEEDS, ROLES
+from canid.values.shipped_files import SHIPPED, shipped
 from canid.vehicle.database import Dbc
-from canid.vehicle.roles import NEEDS, ROLES
 from canid.vehicle.units import examples, factor_to
 
 # in a proposal for car following these are comments: logs of car following rarely have them
@@ -77,8 +79,8 @@ def vehicle_text(
 def output_of(decisions: Decisions) -> str:
     """Whose output is identified: the pedal's, else a commanded or the own acceleration."""
     roles = ("pedal", "accel_command", "accel")
-    chosen = {role: of for role in roles if (of := decisions.roles[role].chosen) is not None}
-    known = [role for role, of in chosen.items() if of.unit_is_known]
+    chosen = {role: choice for role in roles if (choice := decisions.roles[role].chosen) is not None}
+    known = [role for role, choice in chosen.items() if choice.unit_is_known]
     return next(iter([*known, *chosen]), "pedal")
 
 
@@ -90,6 +92,8 @@ def missing(decisions: Decisions) -> list[str]:
         if role in ("gap", "range_rate") and tracks is not None and not tracks.unknown:
             continue
         decision = decisions.roles[role]
+        if decision.made is not None:
+            continue
         if decision.chosen is None:
             names = [plain(each.candidate.where) for each in decision.others if each.score >= 1.0][
                 :_MOST_OTHERS
@@ -122,7 +126,10 @@ def plain(text: str) -> str:
 def _dbc(paths: Sequence[str | Path], decisions: Decisions, home: Path) -> str:
     entries = []
     for index, path in enumerate(paths):
-        name = quoted(Path(os.path.relpath(path, home)).as_posix())
+        is_shipped = Path(path).parent == shipped() != home
+        name = quoted(
+            SHIPPED + Path(path).name if is_shipped else Path(os.path.relpath(path, home)).as_posix()
+        )
         bus = _file_bus(index, decisions)
         entries.append(name if bus is None else f"{{ file = {name}, bus = {bus} }}")
     return ", ".join(entries)
@@ -137,6 +144,9 @@ def _file_bus(index: int, decisions: Decisions) -> int | None:
 def role_lines(decision: Decision, needed: bool, decisions: Decisions) -> list[str]:
     """The lines of one role: an entry with what speaks for it, or a comment that says what to fill in."""
     role, chosen = decision.role, decision.chosen
+    if decision.made is not None:
+        made = f"{role} = {decision.made.entry}  # {plain('; '.join(decision.made.says))}"
+        return [made, *_others(decision)]
     if chosen is None:
         return _open_lines(decision, needed)
     unit_missing = not chosen.unit_is_known
@@ -180,7 +190,15 @@ def _valid(chosen: Choice) -> list[str]:
     if limits is None or not candidate.unit:
         return []
     signal = candidate.signal
-    factor = (factor_to(candidate.unit, ROLES[candidate.role].unit) or 1.0) * candidate.scale
+    to_role = factor_to(candidate.unit, ROLES[candidate.role].unit) or 1.0
+    if (
+        candidate.role == "pedal"
+        and signal.maximum is not None
+        and chosen.high > signal.maximum * candidate.scale * to_role + 1.0
+    ):
+        # the readings leave the DBC's range, by which they would be left out
+        return [f"valid = [0, {limits[1] / to_role:g}]"]
+    factor = to_role * candidate.scale
     low, high = (end * factor for end in reach(signal))
     stated = signal.minimum is not None and signal.maximum is not None and signal.minimum < signal.maximum
     ends = signal.scale * 2**signal.length + signal.offset
@@ -222,10 +240,13 @@ def _others(decision: Decision) -> list[str]:
 def _open_lines(decision: Decision, needed: bool) -> list[str]:
     role = decision.role
     names = [plain(each.candidate.where) for each in decision.others if each.score >= 1.0]
-    missing = (
-        f"; not in the log: {', '.join(map(plain, decision.absent[:_MOST_OTHERS]))}"
-        if decision.absent
-        else ""
+    missing = "".join(
+        f"; {where}: {', '.join(map(plain, names[:_MOST_OTHERS]))}"
+        for where, names in (
+            ("not in the log", decision.absent),
+            ("in the log, never with a value", decision.empty),
+        )
+        if names
     )
     if names:
         word = "needed" if needed else "open"
@@ -238,7 +259,7 @@ def _open_lines(decision: Decision, needed: bool) -> list[str]:
         ]
     if needed:
         return [f'# {role} = "MESSAGE.SIGNAL"  # not found, but needed: {ROLES[role].meaning}{missing}']
-    return [f"# {role}: in the DBC{missing}"] if decision.absent else []
+    return [f"# {role}: in the DBC{missing}"] if missing else []
 
 
 def _why(each: Choice) -> str:
@@ -251,12 +272,17 @@ def _lead(decisions: Decisions) -> list[str]:
     if tracks is None:
         return []
     lines = ["[lead]  # the lead is chosen among the radar's tracks", f"tracks = {quoted(tracks.pattern)}"]
-    for part, of in tracks.parts.items():
-        value = quoted(of.signal)
+    for part, track_part in tracks.parts.items():
+        value = quoted(track_part.signal)
         if part in tracks.unknown:
-            value = f'{{ signal = {value}, unit = "" }}  # FILL IN its unit'
-        elif of.unit is not None:
-            value = f"{{ signal = {value}, unit = {quoted(of.unit)} }}  # no unit in the DBC; its range fits"
+            value = f'{{ signal = {value}, unit = "", scale = 1 }}  # FILL IN its unit, and its scale where a step is not 1'
+        elif track_part.on:
+            states = ", ".join(f"{state:g}" for state in track_part.on)
+            value = f"{{ signal = {value}, on = [{states}] }}  # by its value table"
+        elif track_part.why:
+            value = f"{{ {', '.join(_scaled(track_part))} }}  # {plain(track_part.why)}"
+        elif track_part.unit is not None:
+            value = f"{{ signal = {value}, unit = {quoted(track_part.unit)} }}  # no unit in the DBC; its range fits"
         lines.append(f"{part} = {value}")
     if decisions.track_rate_sign < 0:
         lines.append("rate_sign = -1  # closing speed, by the change of the distances in the log")
@@ -271,3 +297,16 @@ def _lead(decisions: Decisions) -> list[str]:
     if tracks.unknown:
         lines = [f"# {line}" for line in lines]
     return [*lines, ""]
+
+
+def _scaled(track_part: TrackPart) -> list[str]:
+    """The entry of a track's signal whose unit and scale a log showed."""
+    valid = (
+        [] if track_part.valid is None else [f"valid = [{track_part.valid[0]:g}, {track_part.valid[1]:g}]"]
+    )
+    return [
+        f"signal = {quoted(track_part.signal)}",
+        f'unit = "{track_part.unit}"',
+        f"scale = {track_part.scale:g}",
+        *valid,
+    ]

@@ -11,19 +11,15 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Any
 
-from canid.types import (
+from canid.values import json_values
+from canid.values.types import (
     TASK_INPUTS,
-    BlockStatus,
     Estimate,
     Event,
-    Identifiable,
-    LearnGate,
     MonitorReport,
     Sample,
     SignalReport,
-    Status,
 )
-from canid.views import json_values
 
 # bytes of one datagram: it fits into an Ethernet frame of 1,500 with its headers
 MAX_BYTES = 1400
@@ -37,6 +33,7 @@ Item = Sample | Estimate | MonitorReport | SignalReport | Event
 def code(member: Enum) -> int:
     """Number of a member of an enum, in the order of its definition: texts cannot be plotted.
 
+    >>> from canid.values.types import Status
     >>> code(Status.OK), code(Status.NO_LEAD)
     (0, 3)
     """
@@ -57,10 +54,10 @@ def values_of(item: Item) -> dict[str, Any]:
     if isinstance(item, MonitorReport):
         return {"monitor": _monitor(item)}
     if isinstance(item, SignalReport):
-        standing = [one for one in item.findings if one.until != one.until]
+        standing = [finding for finding in item.findings if finding.until != finding.until]
         return {
             "findings": {"standing": len(standing)}
-            | {one.name: int(one in standing) for one in item.findings}
+            | {finding.name: int(finding in standing) for finding in item.findings}
         }
     return {"event": {item.what: 1, "what": item.what, "says": item.says[:_MAX_TEXT]}}
 
@@ -73,7 +70,7 @@ def _sample(s: Sample) -> dict[str, Any]:
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
-    values = json_values.estimate(e)
+    values = json_values.plain(e)
     channels = {
         name: {key: channel[key] for key in ("K", "tau", "dead_time", "tau_plus_dead_time", "status")}
         | {"status_code": code(e.channels[name].status)}
@@ -90,11 +87,11 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _monitor(m: MonitorReport) -> dict[str, Any]:
-    values = json_values.monitor_report(m)["screen"]
+    values = json_values.plain(m)
     blocks = {
-        name: {"state": one.state.value, "state_code": code(one.state)}
+        name: {"state": block.state.value, "state_code": code(block.state)}
         | {key: values["blocks"][name][key] for key in ("since", "evidence", "needed")}
-        for name, one in m.blocks.items()
+        for name, block in m.blocks.items()
     }
     return {"fits": int(m.fits), "since": values["since"], "block": m.block} | blocks
 
@@ -149,12 +146,3 @@ def _encoded(head: dict[str, Any], leaves: list[_Leaf]) -> bytes:
     # a lone surrogate (an undecodable byte of a name) has no UTF-8
     text = json.dumps(out, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.encode("utf-8", "backslashreplace")
-
-
-# how the codes count, for docs/publish.md and its test
-CODES = {
-    "status_code": [member.value for member in Status],
-    "channel status_code": [member.value for member in Identifiable],
-    "state_code": [member.value for member in BlockStatus],
-    "gate_code": [member.name.lower() for member in LearnGate],
-}

@@ -7,7 +7,7 @@ import socket
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
-from canid.errors import ConfigError
+from canid.values.errors import ConfigError
 
 
 class Destination(NamedTuple):
@@ -29,7 +29,7 @@ def parse(url: str) -> Destination:
         9870
         >>> parse("udp://224.0.0.1:9870")
         Traceback (most recent call last):
-        canid.errors.ConfigError: --publish udp://224.0.0.1:9870: 224.0.0.1 is a multicast address; name one machine
+        canid.values.errors.ConfigError: --publish udp://224.0.0.1:9870: 224.0.0.1 is a multicast address; name one machine
     """
     shown = "".join(c if c.isprintable() else "?" for c in url)[:100]
     try:
@@ -41,15 +41,15 @@ def parse(url: str) -> Destination:
         raise ConfigError(f"--publish {shown}: write udp://HOST:PORT, such as udp://127.0.0.1:9870")
     if parts.path or parts.query or parts.fragment or parts.username is not None:
         raise ConfigError(f"--publish {shown}: nothing but host and port, such as udp://127.0.0.1:9870")
-    found = Destination(host, port, shown)
+    destination = Destination(host, port, shown)
     try:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
-        return found  # a name, which is resolved once, by the thread that publishes
+        return destination  # a name, which is resolved once, by the thread that publishes
     why = refused(address)
     if why:
         raise ConfigError(f"--publish {shown}: {why}")
-    return found
+    return destination
 
 
 def refused(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> str:
@@ -70,8 +70,8 @@ def refused(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> str:
 
 def resolve(destination: Destination) -> tuple[socket.AddressFamily, tuple[object, ...]]:
     """Resolve a name, which may take long. Raises OSError with a sentence."""
-    found = socket.getaddrinfo(destination.host, destination.port, type=socket.SOCK_DGRAM)
-    family, _, _, _, address = found[0]
+    addresses = socket.getaddrinfo(destination.host, destination.port, type=socket.SOCK_DGRAM)
+    family, _, _, _, address = addresses[0]
     why = refused(ipaddress.ip_address(str(address[0]).partition("%")[0]))
     if why:
         raise OSError(None, why)

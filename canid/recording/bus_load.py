@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from canid.types import Columns, Flag
+from canid.values.types import Columns, Flag
 
 # Bits without data, stuffing left out as `canbusload` does: SOF to the interframe space (ISO 11898-1).
 _CLASSIC_BITS, _CLASSIC_EXTENDED_BITS = 47, 67
@@ -24,8 +24,8 @@ _REMOTE = int(Flag.REMOTE)
 def seconds(chunk: Columns, bitrate: float, data_bitrate: float = math.nan) -> float:
     """Time on the bus of all frames together in s; NaN where the bit rate (bit/s) is unknown.
 
-    >>> from canid.frame_columns import columns_of
-    >>> from canid.types import Frame
+    >>> from canid.values.frame_columns import columns_of
+    >>> from canid.values.types import Frame
     >>> round(seconds(columns_of([Frame(0.0, 0, 0x123, bytes(8))] * 2), 500_000) * 1e6)
     444
     """

@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from canid.errors import OutputError
 from canid.files.file_location import Place, Whereabouts
 from canid.files.new_file import ChangedError
-from canid.logs.log_writer import Writer
+from canid.logs.writer import Writer
+from canid.values.errors import OutputError
 
 # s between two checks of whether the file still has its name: noticed within 1 s is promised, and the writing thread
 # takes up to 0.15 s to go on elsewhere
@@ -33,7 +33,7 @@ class DiskSync:
         misplaced: Callable[[Writer, Whereabouts, bool], object],
         changed: Callable[[Writer], object],
     ):
-        self.failed = ""  # why a sync or a close failed
+        self._failures: SimpleQueue[tuple[Writer, OutputError]] = SimpleQueue()
         self._maintain = maintain
         self._misplaced = misplaced
         self._changed = changed
@@ -65,6 +65,10 @@ class DiskSync:
         """Close a writer to which nothing more is appended."""
         self._finished.put(writer)
         self._wake.set()
+
+    def failures(self) -> list[tuple[Writer, OutputError]]:
+        """The syncs and closings that failed since the last call."""
+        return [self._failures.get() for _ in range(self._failures.qsize())]
 
     def end(self) -> None:
         """Finish the queue, and end; returns at once."""
@@ -112,24 +116,32 @@ class DiskSync:
             if writer.disk.changed:
                 writer.abandon()  # the writing thread has reported it
                 continue
-            try:
-                writer.complete()
-            except ChangedError:
-                self._changed(writer)
-            except OutputError as error:
-                self.failed = str(error)
+            if not writer.disk.broken:
+                self._complete(writer)
+            elif not writer.kept:
+                writer.disk.remove()
+                continue
             where = writer.disk.find()
             if where.place is not Place.HERE:
                 self._misplaced(writer, where, True)
             if not where.lost:
                 writer.abandon()  # it is complete, or cannot be
 
+    def _complete(self, writer: Writer) -> None:
+        try:
+            writer.complete()
+        except ChangedError:
+            self._changed(writer)
+        except OutputError as error:
+            self._failures.put((writer, error))
+
     def _sync_current(self) -> None:
         writer, self._current = self._current, None
+        if writer is None or writer.disk.broken:
+            return
         try:
-            if writer is not None:
-                writer.sync()
+            writer.sync()
         except OutputError as error:
-            self.failed = str(error)
+            self._failures.put((writer, error))
         except ValueError:
-            pass  # closed in between: finished, or given up
+            pass  # closed in between: finished

@@ -15,18 +15,21 @@ import secrets
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from canid.errors import OutputError
 from canid.files import file_identity, file_location
+from canid.files.derived_name import short_stem
 from canid.files.new_file import Disk, TakenError
 from canid.logs.blf.blf_layout import FILE_HEADER_SIZE
 from canid.logs.formats import log_suffix
-from canid.logs.log_writer import WRITTEN_SUFFIXES, Writer, check_suffix, open_writer
+from canid.logs.log_writer import WRITTEN_SUFFIXES, check_suffix, open_writer
+from canid.logs.writer import Writer
+from canid.recording.file_age import elapsed, read_clocks
 from canid.recording.ring_list import Entry, RingList
 from canid.recording.rotation import Rotation
+from canid.values.errors import OutputError
 
 _READ = (
     os.O_RDONLY
@@ -38,6 +41,11 @@ _READ = (
 )
 # all functions that are used here must support dir_fd; on Windows none does
 _BY_FOLDER = {os.open, os.stat, os.unlink, os.rename, os.link} <= os.supports_dir_fd
+# A ring by its share of the disk keeps room for this many of its largest file: other files may fill the disk, and the
+# one being written and the next one must fit.
+_FREE_FILES = 2
+# bytes of a name behind the stem, such as -12_20261121T185017Z_000001-restored-12.blf or ….events-12.jsonl
+_ENDING_BYTES = 48
 # names of files in one event
 _MAX_NAMES_SHOWN = 5
 
@@ -57,22 +65,27 @@ class Series:
         self._report = report
         self._suffix = wanted.name[len(wanted.name) - len(log_suffix(wanted)) :]
         self._folder = wanted.parent
-        self._list = RingList(self._folder, wanted.name[: len(wanted.name) - len(self._suffix)])
+        stem = wanted.name[: len(wanted.name) - len(self._suffix)]
+        self._list = RingList(self._folder, short_stem(stem, _ENDING_BYTES))
         self._stem = self._list.stem
         self._fd = _open_folder(self._folder) if _BY_FOLDER else None
+        self._session_began = time.monotonic()
         self._began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         self._number = 0
         self._current: Disk | None = None  # the file that this process writes
         self._open: set[str] = set()  # files that this process has not closed yet
-        # of files that this process has finished: their age must not depend on a clock that is corrected in between
-        self._finished: dict[str, float] = {}  # name -> s, monotonic clock
+        # of files of this process: their age must not depend on a clock that is corrected in between
+        self._opened_at: dict[str, float] = {}  # name -> s, monotonic clock
+        self._finished: dict[str, float] = {}
+        self._ages_reported = False  # that some are not known
         self._lock = threading.Lock()  # never held during disk access
-        own = _own_names(self._stem)
-        for name in [name for name in self._list.entries if not own.fullmatch(name)]:
+        self._deleting = threading.Lock()
+        name_pattern = _own_names(self._stem)
+        for name in [name for name in self._list.entries if not name_pattern.fullmatch(name)]:
             del self._list.entries[name]
         self._complaints = list(self._list.complaints)
         unidentified = [
-            name for name in self._list.unidentified if own.fullmatch(name) and self._exists(name)
+            name for name in self._list.unidentified if name_pattern.fullmatch(name) and self._exists(name)
         ]
         if unidentified:
             self._complaints.append(
@@ -98,9 +111,11 @@ class Series:
                     self._finished[self._current.path.name] = time.monotonic()
                 self._current = writer.disk
                 self._open.add(name)
+                self._opened_at[name] = time.monotonic()
             writer.disk.closing = partial(self._is_closed, name)
             with contextlib.suppress(OSError):
-                self._list.note(Entry(name, file_identity.of_new_file(writer.disk.fileno())))
+                identity = file_identity.of_new_file(writer.disk.fileno())
+                self._list.note(Entry(name, identity, clocks=read_clocks()))
             return writer
 
     def own(self, journal: Path, fd: int) -> None:
@@ -121,7 +136,8 @@ class Series:
             fd = os.open(path, _READ)
             try:
                 identity = file_identity.with_beginning(file_identity.of_new_file(fd), fd, _skip(path.name))
-                self._list.note(Entry(path.name, file_identity.with_end(identity, fd, os.fstat(fd).st_size)))
+                identity = file_identity.with_end(identity, fd, os.fstat(fd).st_size)
+                self._list.note(Entry(path.name, identity, clocks=read_clocks()))
             finally:
                 os.close(fd)
             self._finished[path.name] = time.monotonic()
@@ -174,8 +190,10 @@ class Series:
 
     def _is_closed(self, name: str, disk: Disk) -> None:
         """Note what the file is, before its descriptor is closed."""
+        now = time.monotonic()
         with self._lock:
             self._open.discard(name)
+            recorded = self._finished.get(name, now) - self._opened_at.get(name, now)
         entry = self._list.entries.get(name)
         if entry is None:
             return
@@ -183,49 +201,76 @@ class Series:
             # a recording of a silent bus has a header alone
             skip = _skip(name) if disk.size > _skip(name) else 0
             identity = file_identity.with_beginning(entry.identity, disk.fileno(), skip)
-            self._list.note(
-                entry._replace(identity=file_identity.with_end(identity, disk.fileno(), disk.size))
-            )
+            identity = file_identity.with_end(identity, disk.fileno(), disk.size)
+            self._list.note(entry._replace(identity=identity, clocks=read_clocks(), recorded=recorded))
 
     # --- deleting ---
 
+    def delete_oldest(self, folder: Path) -> Path | None:
+        """Delete the oldest file of a ring in `folder`, whatever its age: the disk is full. None: there is none."""
+        if not self._rotation.ring or folder != self._folder:
+            return None
+        with self._deleting:
+            return next(self._deletions(lambda entry: True), None)
+
     def _deleted(self) -> list[Path]:
-        current = self._current.path.name if self._current is not None else ""
-        logs = [entry for entry in list(self._list.entries.values()) if not entry.log]
-        sizes = {entry.name: self._size(entry.name) for entry in logs}
-        used = sum(sizes.values())
         try:
-            total = shutil.disk_usage(self._fd if self._fd is not None else self._folder).total
+            usage = shutil.disk_usage(self._fd if self._fd is not None else self._folder)
         except OSError:
             return []  # the folder is gone: the writer will report
-        limit = self._rotation.keep_share * total  # NaN: no limit
-        deleted, kept = [], []
-        for entry in logs:
-            with self._lock:
-                written = entry.name == current or entry.name in self._open
-            if written:
-                continue
-            if not (used > limit or self._age(entry.name) > self._rotation.keep_time):
-                break
-            try:
-                why = self._delete(entry)
-            except OSError:
-                continue  # it is tried again next time
-            used -= sizes[entry.name]
-            if why:
-                kept.append(f"{entry.name} {why}")
-            else:
-                deleted += [self._folder / entry.name] if why is not None else []
+        with self._deleting:
+            logs = self._logs()
+            sizes = {entry.name: self._size(entry.name) for entry in logs}
+            ages = self._ages(logs) if self._rotation.keep_time < math.inf else {}
+            limit = self._rotation.keep_share * usage.total  # NaN: no limit
+            room = _FREE_FILES * max([self._rotation.size, *sizes.values()])
+            used, free = sum(sizes.values()), usage.free
+
+            def is_due(entry: Entry) -> bool:
+                nonlocal used, free
+                due = used > limit or (limit == limit and free < room)
+                due |= ages.get(entry.name, 0.0) > self._rotation.keep_time
+                if due:
+                    used, free = used - sizes[entry.name], free + sizes[entry.name]
+                return due
+
+            return list(self._deletions(is_due))
+
+    def _logs(self) -> list[Entry]:
+        """Listed files, the oldest first, but for journals."""
+        return [entry for entry in list(self._list.entries.values()) if not entry.log]
+
+    def _deletions(self, is_due: Callable[[Entry], bool]) -> Iterator[Path]:
+        """Delete files, the oldest first, up to one that is not due; yields what was deleted."""
+        current = self._current.path.name if self._current is not None else ""
+        kept: list[str] = []
+        try:
+            for entry in self._logs():
+                with self._lock:
+                    written = entry.name == current or entry.name in self._open
+                if written:
+                    break  # a newer one must not go before it
+                if self._exists(entry.name) and not is_due(entry):
+                    break
+                try:
+                    why = self._delete(entry)
+                except OSError:
+                    continue  # it is tried again next time
+                self._list.forget(entry.name)
+                with self._lock:
+                    self._finished.pop(entry.name, None)
+                if why:
+                    kept.append(f"{entry.name} {why}")
+                    continue
                 self._delete_journals(entry.name)
-            self._list.forget(entry.name)
-            with self._lock:
-                self._finished.pop(entry.name, None)
-        if kept:
-            self._report(
-                "file_kept",
-                f"not what {self._list.path.name} lists, and so never deleted: {_shown(kept)}",
-            )
-        return deleted
+                if why is not None:
+                    yield self._folder / entry.name
+        finally:  # also where no more is asked for
+            if kept:
+                self._report(
+                    "file_kept",
+                    f"not what {self._list.path.name} lists, and so never deleted: {_shown(kept)}",
+                )
 
     def _delete_journals(self, log: str) -> None:
         for entry in [each for each in list(self._list.entries.values()) if each.log == log]:
@@ -258,8 +303,8 @@ class Series:
             os.unlink(self._at(name))
             return ""
         os.rename(name, aside, src_dir_fd=self._fd, dst_dir_fd=self._fd)
-        found = os.stat(aside, dir_fd=self._fd, follow_symlinks=False)
-        if os.path.samestat(found, os.fstat(fd)):
+        moved = os.stat(aside, dir_fd=self._fd, follow_symlinks=False)
+        if os.path.samestat(moved, os.fstat(fd)):
             os.unlink(aside, dir_fd=self._fd)
             return ""
         # another program has replaced it: that file gets its name back, unless there is a newer one
@@ -276,10 +321,10 @@ class Series:
 
     def _is_regular(self, name: str) -> bool:
         try:
-            found = os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False)
+            status = os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False)
         except OSError:
             return True  # the reason is another one
-        return (found.st_mode & 0o170000) == 0o100000
+        return (status.st_mode & 0o170000) == 0o100000
 
     def _size(self, name: str) -> int:
         try:
@@ -287,17 +332,38 @@ class Series:
         except OSError:
             return 0
 
-    def _age(self, name: str) -> float:
-        """S since it was finished."""
-        finished = self._finished.get(name)
-        if finished is not None:
-            return time.monotonic() - finished
-        try:
-            return time.time() - os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False).st_mtime
-        except FileNotFoundError:
-            return math.inf  # it was removed
-        except OSError:
-            return 0.0
+    def _ages(self, logs: list[Entry]) -> dict[str, float]:
+        """S since each file was finished, at least; `logs`: the oldest first.
+
+        Of this session by the monotonic clock; of earlier ones by clocks that confirm each other (`file_age`), and in any
+        case what was recorded since then, because that time has passed.
+        """
+        now, monotonic = read_clocks(), time.monotonic()
+        with self._lock:
+            finished = dict(self._finished)
+        ages: dict[str, float] = {}
+        recorded, least, unknown = monotonic - self._session_began, 0.0, 0
+        ended = now  # a file that a killed process left had ended when the next one began
+        for entry in reversed(logs):
+            if entry.name in finished:
+                age = monotonic - finished[entry.name]
+            elif entry.name in self._opened_at:
+                age = 0.0
+            else:
+                confirmed = elapsed(entry.clocks if entry.identity.size >= 0 else ended, now)
+                unknown += confirmed is None
+                age = max(confirmed or 0.0, recorded)
+                recorded += entry.recorded
+            ended = entry.clocks
+            least = ages[entry.name] = max(age, least)  # no younger than those that came later
+        if unknown and not self._ages_reported:
+            self._ages_reported = True
+            self._report(
+                "ages_not_known",
+                f"the clocks of this computer do not confirm the age of {unknown:,} files of earlier sessions: those are"
+                f" deleted once {self._rotation.keep_time:g} s were recorded after them, or the disk needs the room",
+            )
+        return ages
 
 
 def _open_folder(folder: Path) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import stat
 import threading
 import time
 from collections.abc import Callable
@@ -13,11 +12,10 @@ from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from canid import timestamps
-from canid.files import file_location
-from canid.files.new_file import APPEND_FLAGS
+from canid.files import derived_name, file_location, opening
 from canid.logs.formats import log_suffix
-from canid.types import Event
+from canid.values import timestamps
+from canid.values.types import Event
 
 # s that ending waits for a journal that is not written
 PATIENCE_S = 1.0
@@ -25,9 +23,10 @@ PATIENCE_S = 1.0
 FILE_CHECK_S = 0.4
 # names that are tried where a file of another program has the journal's own
 _MAX_NAMES = 100
+# bytes of events that wait for a disk that takes none
+_MAX_CARRIED_BYTES = 1 << 20
 # Every line of a journal begins so; nothing is appended to a file that begins otherwise.
 _BEGINNING = b'{"t": '
-_MODE = 0o666  # less the umask, as open() does
 
 
 def journal_path(log: Path) -> Path:
@@ -37,7 +36,7 @@ def journal_path(log: Path) -> Path:
     'drive-2.events.jsonl'
     """
     suffix = log_suffix(log)
-    return log.with_name(log.name[: len(log.name) - len(suffix)] + ".events.jsonl")
+    return derived_name.sibling(log, log.name[: len(log.name) - len(suffix)], ".events.jsonl")
 
 
 class Journal:
@@ -74,7 +73,7 @@ class Journal:
         self._resumed: list[Path] = []  # where it was last, for events that come after `close`
         self._findable = True
         self._new = False  # created, and nothing written yet
-        self._carried = b""  # lines of a file that was deleted, for the next one
+        self._carried = b""  # lines of a file that was deleted, or that the disk did not take
         self._checked = threading.Event()  # set: the file was checked since `close`
 
     @property
@@ -152,7 +151,7 @@ class Journal:
             try:
                 self._append(*item)
             except (OSError, ValueError):
-                self._failed += 1
+                self._carry(item[1])
             finally:
                 self._done += 1
 
@@ -165,10 +164,18 @@ class Journal:
             self._open(wanted)
         else:
             self._check()
+        self._put_carried()
         self._put(line)
         if self._new:
             self._new = False
             self.created(self._path, self._fd)
+
+    def _carry(self, line: bytes) -> None:
+        """Keep a line that the disk did not take: it is tried again with the next one, and once a while."""
+        if len(self._carried) + len(line) > _MAX_CARRIED_BYTES:
+            self._failed += 1
+        else:
+            self._carried += line
 
     def _put_carried(self) -> None:
         if self._carried:
@@ -190,10 +197,10 @@ class Journal:
     def _open(self, wanted: Path) -> None:
         resumed = [path for path in self._resumed if os.path.lexists(path)]
         for path in [*resumed, *_candidates(wanted)]:
-            found = _open_own(path)
-            if found is None:
+            opened = _open_own(path)
+            if opened is None:
                 continue
-            self._fd, new = found
+            self._fd, new = opened
             self._size = os.fstat(self._fd).st_size
             self._path = path
             self._resumed = [path]
@@ -218,6 +225,7 @@ class Journal:
                 if self._carried and self._wanted is not None:
                     self._open(self._wanted)
                 return
+            self._put_carried()
             if not self._findable:
                 return
             where = file_location.find(self._fd, self._path)
@@ -264,7 +272,7 @@ def _candidates(wanted: Path) -> list[Path]:
     """
     stem = wanted.name.removesuffix(".jsonl")
     return [
-        wanted if number == 1 else wanted.with_name(f"{stem}-{number}.jsonl")
+        wanted if number == 1 else derived_name.sibling(wanted, stem, f"-{number}.jsonl")
         for number, _ in zip(count(1), range(_MAX_NAMES), strict=False)
     ]
 
@@ -272,18 +280,15 @@ def _candidates(wanted: Path) -> list[Path]:
 def _open_own(path: Path) -> tuple[int, bool] | None:
     """Open a new file (True), or one that begins like a journal (False); None: it is another program's."""
     try:
-        return os.open(path, APPEND_FLAGS | os.O_CREAT | os.O_EXCL, _MODE), True
+        return opening.create(path, append=True), True
     except FileExistsError:
         pass
     try:
-        # before it is opened: opening a device can do something
-        if not stat.S_ISREG(os.lstat(path).st_mode):
-            return None
-        fd = os.open(path, APPEND_FLAGS)
+        fd = opening.existing(path, append=True)
     except OSError:
         return None
     try:
-        if stat.S_ISREG(os.fstat(fd).st_mode) and os.read(fd, len(_BEGINNING)) == _BEGINNING:
+        if os.read(fd, len(_BEGINNING)) == _BEGINNING:
             return fd, False
     except OSError:
         pass

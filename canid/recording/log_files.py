@@ -1,7 +1,8 @@
 """The log of a recording: frames and events are appended to one file after the other.
 
 Only the writing thread (`log_writer_thread`) appends. Another thread syncs to the disk itself (`disk_sync`); a file that
-is moved, deleted or changed by another program while it is written is handled by `lost_files`.
+is moved, deleted or changed by another program while it is written is handled by `lost_files`, one that cannot be
+written by `write_errors`.
 """
 
 from __future__ import annotations
@@ -15,20 +16,30 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from canid import frame_columns
-from canid.errors import OutputError
 from canid.files.new_file import ChangedError
-from canid.frame_columns import rows
-from canid.logs.log_writer import Writer
+from canid.logs.writer import Writer
 from canid.recording.disk_sync import DiskSync
 from canid.recording.log_folders import LogFolders
 from canid.recording.lost_files import LostFiles
 from canid.recording.rotation import MAX_NOTE_TEXT, Rotation, certain_rows, has_room, is_full
+from canid.recording.running_time import RunningTime
 from canid.recording.thread_join import join
-from canid.types import Columns, Event
+from canid.recording.write_errors import WriteErrors
+from canid.values import frame_columns
+from canid.values.errors import OutputError
+from canid.values.frame_columns import rows
+from canid.values.types import Columns, Event
 
-# ns that a frame may be stamped before its file's first one; a clock that is set back begins new files no more often
-MAX_BACKWARD_NS = 1_000_000_000
+_Ns = npt.NDArray[np.int64]
+
+# ns from a file's own zero to its first frame: frames of several buses, and those of a clock that is corrected, do not come
+# in the order of their stamps, and no format has times before its zero. What is stamped earlier begins a new file.
+LEAD_NS = 1_000_000_000
+# Each such file has twice the room of the one before, so that a clock that runs backwards begins some dozens, not one a
+# second; this is more than any clock's range.
+_MAX_LEAD_NS = 1 << 62
+# A file ends by time at last after so many times its length: a clock may stand still, or run backwards.
+_MAX_REAL_RATIO = 2.0
 
 
 class LogFiles:
@@ -42,7 +53,6 @@ class LogFiles:
         self,
         wanted: Path,
         rotation: Rotation | None,
-        lead_ns: int,
         report: Callable[[str, str], object],
         began: Callable[[Path, float], object],
         follow: Callable[[Path, float], object],
@@ -50,29 +60,30 @@ class LogFiles:
         self.report = report
         self.folders = LogFolders(wanted, rotation, report)
         self._rotation = rotation or Rotation()
-        self._opened = time.monotonic()
-        self._lead_ns = lead_ns
+        self._lead_ns = LEAD_NS
         self._began = began
         self._follow = follow
-        self.writer: Writer | None = self.folders.open_first()  # None: closed, or given up
-        self.writer.lead_ns = lead_ns
-        self.path = self.writer.path
+        self.writer: Writer | None = self.folders.open_first()  # None: closed, or no file can be written
+        self.path = self._path_before = self.writer.path
         self.count = 1  # files begun
         self.bytes = self.writer.bytes  # in the current file
-        self.failed = ""  # why the recording was given up
         self.lost = ""  # which frames are in no file any more, and why
         self.start_ns: int | None = None  # epoch ns of session time 0
         self._finished_frames = 0  # in files before the current one, less those that were lost
         self._zero: int | None = None  # ns, session time of the file's first frame; None: it has none yet
+        self._running = RunningTime()
+        self._began_at = 0  # ns, running time at which the file began
+        self._began_real = 0.0  # s, monotonic clock
         self._refused_frames = 0  # that the format cannot hold
-        self._fitting = self._taken = (
-            0  # frames of the latest call of the writer, and how many of them it took
-        )
+        # frames of the latest call of the writer, and how many of them it took; of the latest chunk, how many are done
+        self._fitting = self._taken = self._row = 0
         self._notes: deque[Event] = deque()
         self._no_room = False  # for the next note: the next frame begins a new file
         self._unsaved: list[Columns] = []  # appended since the last checkpoint, in session time
         self._lock = threading.Lock()
+        self._closed = False
         self._lost_files = LostFiles(self)
+        self.errors = WriteErrors(self)
         self._sync = DiskSync(self.folders.prune, self._lost_files.displaced, self._lost_files.changed)
         self._sync.watch(self.writer)
 
@@ -81,8 +92,15 @@ class LogFiles:
         self._sync.start()
 
     @property
+    def failed(self) -> str:
+        """Why nothing can be written now or, at the end, which errors there were; "": none."""
+        if self._closed or not self.errors.says:
+            return self.errors.says
+        return f"{self.errors.says}; frames wait in memory" if self.writer is None else ""
+
+    @property
     def written(self) -> int:
-        """Frames appended; once the recording has failed, those that a reader finds in the files."""
+        """Frames appended; of a file that has ended, those that a reader finds in it."""
         with self._lock:
             return self._finished_frames + (self.writer.frames if self.writer is not None else 0)
 
@@ -100,6 +118,7 @@ class LogFiles:
         with self._lock:
             last, self.writer = self.writer, None
             self._finished_frames += last.frames if last is not None else 0
+            self._closed = True
         if last is not None:
             self._sync.finish(last)
         self._sync.end()
@@ -110,40 +129,52 @@ class LogFiles:
             with self._lock:
                 self._finished_frames -= last.frames - last.kept
             self.bytes = last.bytes
-            if self._sync.failed:
-                self.failed = self._sync.failed
-                self.report("recording_failed", self.failed)
+        for _, error in self._sync.failures():
+            self.errors.note(error)
         self.folders.close()
 
     # --- the writing thread ---
 
     def append(self, chunk: Columns) -> None:
-        """Append frames to the current file, or to the next one where that is due."""
-        ns = np.rint(chunk.t * 1e9).astype(np.int64)
-        row = 0
-        while row < len(ns) and self.writer is not None:
-            try:
-                row += self._append_here(rows(chunk, row, len(ns)), ns[row:])
-            except OutputError as error:
-                row += self._taken
-                if isinstance(error, ChangedError):
-                    self._lost_files.leave_changed(str(error))
-                else:
-                    self.fail(str(error))
-            except Exception as error:
-                # of any kind: what no format can hold must cost no other frame
-                row, count = row + self._taken, self._fitting - self._taken
-                if count > 1:
-                    self._append_apart(rows(chunk, row, row + count))
-                else:
-                    self._refuse(int(chunk.id[row]), error)
-                row += count
+        """Append frames to the current file, or to the next one where that is due; what no file takes is held."""
+        if self.writer is None:
+            self.errors.held.append(chunk)
+            return
+        try:
+            self.append_rows(chunk)
+        except ChangedError as error:
+            rest = self.rest_of(chunk)
+            self._lost_files.leave_changed(str(error))
+            for part in rest:
+                self.append(part)
+        except OutputError as error:
+            self.errors.leave(error, *self.rest_of(chunk))
 
-    def _append_apart(self, chunk: Columns) -> None:
-        """Append frames of which one cannot be written: by halves, until it is alone."""
-        half = len(chunk.t) // 2
-        self.append(rows(chunk, 0, half))
-        self.append(rows(chunk, half, len(chunk.t)))
+    def append_rows(self, chunk: Columns) -> None:
+        """The same; raises OutputError where a file fails, and `rest_of` gives what was not taken."""
+        ns = np.rint(chunk.t * 1e9).astype(np.int64)
+        running = self._running.of(ns, chunk.bus)
+        self._row, most = 0, len(ns)
+        while self._row < len(ns):
+            k = slice(self._row, self._row + most)
+            try:
+                self._row += self._append_here(rows(chunk, k.start, min(k.stop, len(ns))), ns[k], running[k])
+                most = min(2 * most, len(ns))
+            except OutputError:
+                self._row += self._taken
+                raise
+            except Exception as error:
+                # of any kind: what no format can hold must cost no other frame; by halves, until it is alone
+                self._row += self._taken
+                if self._fitting > 1:
+                    most = self._fitting // 2
+                else:
+                    self._refuse(int(chunk.id[self._row]), error)
+                    self._row, most = self._row + 1, len(ns)
+
+    def rest_of(self, chunk: Columns) -> list[Columns]:
+        """What `append_rows` did not take of a chunk."""
+        return [rows(chunk, self._row, len(chunk.t))] if self._row < len(chunk.t) else []
 
     def _refuse(self, id_: int, error: Exception) -> None:
         self._refused_frames += 1
@@ -166,30 +197,36 @@ class LogFiles:
             if self._no_room:
                 return
             self._notes.popleft()
+            file_time = max(event.t - self._zero * 1e-9, self.writer.earliest_ns * 1e-9)
             try:
-                self.writer.note(event._replace(t=max(event.t - self._zero * 1e-9, 0.0)))
+                self.writer.note(event._replace(t=file_time))
             except ChangedError as error:
                 self._lost_files.leave_changed(str(error))
             except OutputError as error:
-                self.fail(str(error))
+                self.errors.leave(error)
 
     def checkpoint(self) -> None:
         """Make the file complete as it stands in the kernel, and have it synced."""
+        for writer, error in self._sync.failures():
+            if writer is self.writer:
+                self.errors.leave(error)
+            else:
+                self.errors.note(error)
         if self.writer is None:
             return
         if not self.writer.waiting and self.writer.bytes == self.bytes:
             return  # nothing has come: flash memory wears out by being written
-        if self._sync.failed:
-            self.fail(self._sync.failed)
-            return
         try:
-            self.writer.checkpoint(sync=False)
+            self.write_out()
         except ChangedError as error:
             self._lost_files.leave_changed(str(error))
-            return
         except OutputError as error:
-            self.fail(str(error))
-            return
+            self.errors.leave(error)
+
+    def write_out(self) -> None:
+        """The same; raises OutputError."""
+        assert self.writer is not None
+        self.writer.checkpoint(sync=False)
         self._unsaved.clear()
         self.bytes = self.writer.bytes
         self._sync.sync(self.writer)
@@ -198,110 +235,104 @@ class LogFiles:
         """Go on in another file where the current one was found deleted or out of reach."""
         self._lost_files.leave_displaced()
 
-    def fail(self, why: str) -> None:
-        """Give the recording up; reading the buses and estimating go on."""
-        writer = self.writer
-        if writer is None:
-            return
-        self._sync.watch(None)
-        writer.abandon()
-        # all that a full disk did not take was appended and is gone: the file ends at its last whole container or line
-        with self._lock:
-            self._finished_frames += writer.kept
-            self.writer = None
-        self.bytes = writer.bytes
-        self.failed = why
-        self.report("recording_failed", why)
-
-    def _append_here(self, chunk: Columns, ns: npt.NDArray[np.int64]) -> int:
+    def _append_here(self, chunk: Columns, ns: _Ns, running: _Ns) -> int:
         """Append as many of the frames as certainly belong into one file, one at least; returns how many."""
         self._taken = 0
         self._fitting = len(ns)
+        if self._zero is not None and self._next_file_is_due(int(ns[0]), int(running[0])):
+            assert self.writer is not None
+            self.writer.checkpoint(sync=False)  # all before it is on its way to the disk
+            self.replace(self.folders.open_next(self.path, anywhere=False))
         if self._zero is None:
-            self._begin(int(ns[0]))
-        elif self._next_file_is_due(int(ns[0])):
-            self._begin_next_file(int(ns[0]))
+            self._begin(int(ns[0]), int(running[0]), int(ns.min()))
         assert self.writer is not None
-        self._fitting = self._rows_here(ns, chunk.data.shape[1])
+        self._fitting = self._rows_here(ns, running, chunk.data.shape[1])
         part = rows(chunk, 0, self._fitting)
-        own = (
+        in_file_time = (
             part._replace(t=(ns[: self._fitting] - self._zero).astype(np.float64) * 1e-9)
             if self._zero
             else part
         )
         frames = self.writer.frames
         try:
-            self.writer.append_columns(own)
+            self.writer.append_columns(in_file_time)
         finally:
             self._taken = self.writer.frames - frames
             if self._taken:  # they may be taken, and writing fail
                 self._unsaved.append(rows(part, 0, self._taken))
         return self._fitting
 
-    def _rows_here(self, ns: npt.NDArray[np.int64], width: int) -> int:
+    def _rows_here(self, ns: _Ns, running: _Ns, width: int) -> int:
         """How many frames, the first of which belongs into the current file, follow each other there for certain."""
         assert self.writer is not None
         assert self._zero is not None
-        since = ns - self._zero
-        elsewhere = since < -MAX_BACKWARD_NS
-        if not self._is_old:
-            elsewhere[:] = False
+        elsewhere = ns - self._zero < self.writer.earliest_ns
         if self.folders.rotates:
-            elsewhere |= since >= self._rotation.time * 1e9
+            elsewhere |= running - self._began_at >= self._rotation.time * 1e9
         elsewhere[0] = False
         until = int(elsewhere.argmax()) if elsewhere.any() else len(ns)
         return min(until, certain_rows(self.writer, self._rotation, width))
 
-    def _begin(self, ns: int) -> None:
-        """The current file's own time begins at session time `ns`."""
+    def _begin(self, ns: int, running: int, earliest: int) -> None:
+        """The current file begins with the frame at session time `ns`; `earliest`: of those that came with it."""
         assert self.writer is not None
         assert self.start_ns is not None
-        self._zero = ns
+        self._zero, self._began_at, self._began_real = ns, running, time.monotonic()
+        # as the clock of another bus may stamp now
+        earliest = min(earliest, running - self._running.furthest_behind)
+        self.writer.lead_ns = max(self._lead_ns, ns - earliest + LEAD_NS)
         self.writer.start_ns = self.start_ns + ns
         self._began(self.path, ns * 1e-9)
 
-    def _next_file_is_due(self, ns: int) -> bool:
+    def _next_file_is_due(self, ns: int, running: int) -> bool:
         """Whether the frame at `ns` belongs into a new file."""
         assert self.writer is not None
         assert self._zero is not None
-        if ns - self._zero < -MAX_BACKWARD_NS and self._is_old:
-            # a clock was set back behind the file's start, and no format has negative times
+        if ns - self._zero < self.writer.earliest_ns:
+            self._lead_ns = min(2 * self._lead_ns, _MAX_LEAD_NS)
             return True
         if not self.folders.rotates or not self.writer.frames:
             return False
         if self._no_room:
             return True
-        return ns - self._zero >= self._rotation.time * 1e9 or is_full(self.writer, self._rotation)
+        length = self._rotation.time
+        return (
+            running - self._began_at >= length * 1e9
+            or time.monotonic() - self._began_real > _MAX_REAL_RATIO * length
+            or is_full(self.writer, self._rotation)
+        )
 
-    @property
-    def _is_old(self) -> bool:
-        """Whether a clock that is set back may begin another file."""
-        return time.monotonic() - self._opened > MAX_BACKWARD_NS * 1e-9
+    # --- for `lost_files` and `write_errors` ---
 
-    def _begin_next_file(self, ns: int) -> None:
-        """The frame at `ns` begins a new file; all before it is on its way to the disk."""
-        assert self.writer is not None
-        self.writer.checkpoint(sync=False)
-        self.replace(self.folders.open_next(self.path, anywhere=False))
-        self._begin(ns)
-
-    # --- for `lost_files` ---
+    def end_broken(self, writer: Writer) -> None:
+        """The file cannot be written any more: it ends where it is whole; one that holds nothing is deleted."""
+        writer.disk.broken = True
+        self._sync.watch(None)
+        with self._lock:
+            self._finished_frames += writer.kept
+            self.writer = None
+            if not writer.kept:
+                self.path, self.count = self._path_before, self.count - 1
+        self._unsaved.clear()
+        self.bytes = writer.bytes
+        if not writer.kept:
+            self._follow(self.path, self.zero_s)
+        self._sync.finish(writer)
 
     def replace(self, writer: Writer) -> None:
         """Go on in a new file; the one before is finished."""
         before = self.writer
-        assert before is not None
-        writer.lead_ns = self._lead_ns
-        self._opened = time.monotonic()
         with self._lock:
-            self._finished_frames += before.kept
+            self._finished_frames += before.kept if before is not None else 0
             self.writer = writer
         self._unsaved.clear()
+        self._path_before = self.path
         self.path, self.count, self.bytes = writer.path, self.count + 1, writer.bytes
         self._zero = None
         self._no_room = False
         self._sync.watch(writer)
-        self._sync.finish(before)
+        if before is not None:
+            self._sync.finish(before)
 
     def renamed(self, path: Path, zero_s: float) -> None:
         """Note that the recording is now under another name, whose own time begins at `zero_s`."""

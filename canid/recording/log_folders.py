@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from canid.errors import OutputError
-from canid.logs.log_writer import Writer, open_new
+from canid.logs.log_writer import open_new
+from canid.logs.writer import Writer
 from canid.recording.file_series import Series
 from canid.recording.rotation import Rotation
+from canid.values.errors import OutputError
 
 
 class LogFolders:
@@ -43,10 +44,10 @@ class LogFolders:
         first: OutputError | None = None
         for folder in self.candidates(current):
             try:
-                return self._open_in(folder)
+                return self.open_in(folder)
             except OutputError as error:
                 first = first or error
-                if not anywhere and folder.is_dir():
+                if not anywhere and os.path.isdir(folder):
                     break
         assert first is not None
         raise first
@@ -58,7 +59,8 @@ class LogFolders:
             yield current.parent
         yield from self._parents
 
-    def _open_in(self, folder: Path) -> Writer:
+    def open_in(self, folder: Path) -> Writer:
+        """Open the next file in a folder. Raises OutputError."""
         if self._series is None:
             here = folder == self._wanted.parent
             return open_new(folder / self._wanted.name, 2 if here else 1)
@@ -84,6 +86,13 @@ class LogFolders:
         """Delete what the ring does not keep."""
         for path in self._series.prune() if self._series else ():
             self._report("file_deleted", f"the ring is full: {path.name} is deleted")
+
+    def delete_oldest(self, folder: Path) -> bool:
+        """Make room for a file in a folder: delete the ring's oldest file there, where there is one; whether it was."""
+        path = self._series.delete_oldest(folder) if self._series else None
+        if path is not None:
+            self._report("file_deleted", f"the disk is full: {path.name} is deleted, the oldest of the ring")
+        return path is not None
 
     def close(self) -> None:
         """Release the series' list and folder."""

@@ -9,9 +9,10 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.errors import OutputError
+from canid.files.derived_name import derived
 from canid.files.new_file import Disk, TakenError
 from canid.logs.formats import log_suffix
+from canid.values.errors import OutputError
 
 
 class Restored(NamedTuple):
@@ -40,7 +41,7 @@ def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
     partial: Path | None = None
     for folder in (path.parent, *folders):
         for number in count(1):
-            copy = folder / f"{stem}-restored{'' if number == 1 else f'-{number}'}{suffix}"
+            copy = folder / derived(stem, f"-restored{'' if number == 1 else f'-{number}'}{suffix}")
             try:
                 disk.copy(copy).close()
             except TakenError:

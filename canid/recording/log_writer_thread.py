@@ -1,8 +1,8 @@
 """The thread that writes the log: a bounded queue of frames, emptied into `LogFiles` at every checkpoint.
 
 The threads that put frames never wait for it. A frame reaches the kernel within `CHECKPOINT_S`, in a file that is
-complete with its header, so that a kill costs no more. While a disk does not keep up, up to `MAX_WAITING_FRAMES` wait
-in memory; what is beyond that is dropped, counted, and noted in the log itself.
+complete with its header, so that a kill costs no more. While a disk does not keep up, or takes no file, up to
+`MAX_WAITING_FRAMES` wait in memory; what is beyond that is dropped, counted, and noted in the log itself.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from canid import frame_columns
-from canid.frame_columns import rows
 from canid.recording.log_files import LogFiles
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import join
-from canid.types import Columns, Event
+from canid.values import frame_columns
+from canid.values.frame_columns import rows
+from canid.values.types import Columns, Event
 
 # s between checkpoints: 250 ms are promised, the rest is for the work itself and a machine that is busy
 CHECKPOINT_S = 0.15
@@ -32,6 +32,8 @@ MAX_WAITING_FRAMES = 480_000
 # Frames between two readings of the clock while the queue is emptied, from and to: a late checkpoint must not wait for all
 # of it, and a writer that is fast costs less per frame the more it gets.
 FRAMES_PER_TURN, MAX_FRAMES_PER_TURN = 256, 4096
+# trials to write what waits at the end, of a disk that fails now and then
+_LAST_TRIES = 5
 
 
 class LogWriterThread:
@@ -41,12 +43,11 @@ class LogWriterThread:
         self,
         wanted: Path,
         rotation: Rotation | None,
-        lead_ns: int,
         report: Callable[[str, str], object],
         began: Callable[[Path, float], object],
         follow: Callable[[Path, float], object] = lambda path, zero: None,
     ):
-        self.files = LogFiles(wanted, rotation, lead_ns, report, began, follow)
+        self.files = LogFiles(wanted, rotation, report, began, follow)
         self.dropped = 0  # frames that were not queued because too many waited
         self._report = report
         # with the time of arrival, monotonic clock
@@ -71,15 +72,13 @@ class LogWriterThread:
 
     def put(self, chunk: Columns, at: float, start_ns: int) -> None:
         """Queue frames that arrived at `at` (monotonic clock); never waits. `start_ns`: epoch ns of their t = 0."""
-        if self.files.failed:
-            return
         n = len(chunk.t)
         if at - self._put_at > CHECKPOINT_S / 2:
             self._gathered_at = at
         self._put_at = at
         with self._lock:
             self.files.start_ns = start_ns
-            room = min(max(MAX_WAITING_FRAMES - self._waiting, 0), n)
+            room = min(max(MAX_WAITING_FRAMES - self.waiting, 0), n)
             if room:
                 self._queue.append((at, chunk if room == n else rows(chunk, 0, room)))
                 self._waiting += room
@@ -97,7 +96,7 @@ class LogWriterThread:
     @property
     def waiting(self) -> int:
         """Frames that were put and not written yet."""
-        return self._waiting
+        return self._waiting + self.files.errors.waiting
 
     @property
     def lag(self) -> float:
@@ -126,7 +125,7 @@ class LogWriterThread:
         if not self._dropping:
             self._report(
                 "disk_too_slow",
-                f"the disk takes nothing for {self.lag:.0f} s: frames are dropped from here on",
+                f"the disk has taken nothing for {self.lag:.0f} s: frames are dropped from here on",
             )
             self._dropping = [times[0], times[0]]
         self._dropping[1] = times[-1]
@@ -138,7 +137,7 @@ class LogWriterThread:
         self._report(
             "frames_not_recorded",
             f"{self._dropped_in_row:,} frames from {first:.6f} s to {last:.6f} s are not in the log: "
-            "the disk was too slow",
+            f"{self.files.errors.says or 'the disk was too slow'}",
         )
         self._dropping, self._dropped_in_row = [], 0
 
@@ -155,18 +154,49 @@ class LogWriterThread:
             ending = self._ending.wait(due - now)
             self._filled.clear()
             try:
-                self.files.leave_displaced()
-                due = self._write_queue(due)
-                self.files.checkpoint()
+                due = self._write(due)
             except Exception as error:  # of any kind: a recording must never end in silence
-                self.files.fail(f"{type(error).__name__}: {error}")
+                self._lose_taken(error)
+        for _ in range(_LAST_TRIES):
+            if not self.waiting or not self.files.errors.resume(at_once=True):
+                break
+            self._write(due)
         self.files.write_notes(last=True)
+        self._drop_rest()
+
+    def _write(self, due: float) -> float:
+        self.files.leave_displaced()
+        if self.files.errors.resume():
+            due = self._write_queue(due)
+            self.files.checkpoint()
+        return due
+
+    def _lose_taken(self, error: Exception) -> None:
+        """What was being written when canid itself failed is lost, and counted."""
+        with self._lock:
+            taken = self._waiting - sum(len(item.t) for _, item in self._queue if not isinstance(item, Event))
+            self._waiting -= taken
+        self.dropped += taken
+        self.files.errors.leave(error)
+
+    def _drop_rest(self) -> None:
+        """The end has come, and no file takes what waits."""
+        held = self.files.errors.held
+        with self._lock:
+            held += [item for _, item in self._queue if not isinstance(item, Event)]
+            self._queue.clear()
+            self._waiting = 0
+        if held:
+            rest = frame_columns.join(held)
+            held.clear()
+            self._drop(rest.t.tolist())
+            self._report_dropped()
 
     def _write_queue(self, due: float) -> float:
         """Append what waits now, with checkpoints where that takes long; returns when the last one was due."""
         late = 0.0
         left = len(self._queue)
-        while left:
+        while left and self.files.writer is not None:
             taken, chunk = self._take(left)
             left -= taken
             self.files.write_notes()

@@ -9,11 +9,11 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from canid.errors import OutputError
 from canid.files.file_location import Whereabouts
-from canid.logs.log_writer import Writer
+from canid.logs.writer import Writer
 from canid.recording.log_restoration import Restored, restore
-from canid.types import Columns
+from canid.values.errors import OutputError
+from canid.values.types import Columns
 
 if TYPE_CHECKING:
     from canid.recording.log_files import LogFiles
@@ -50,10 +50,10 @@ class LostFiles:
 
     def leave_displaced(self) -> None:
         """Follow the file where it was moved; go on in a new one where it is out of reach."""
-        found, self._displaced = self._displaced, None
-        if found is None or found[0] is not self._files.writer:
+        displaced, self._displaced = self._displaced, None
+        if displaced is None or displaced[0] is not self._files.writer:
             return
-        writer, where = found
+        writer, where = displaced
         if not where.lost:
             self._report_moved(writer, where)
             return
@@ -67,11 +67,6 @@ class LostFiles:
             f"recording_{where.place.name.lower()}",  # recording_deleted, recording_hidden
             unsaved,
         )
-        if self._files.failed:
-            self._files.lose(
-                writer.kept,
-                f"{where.path.name} {where.place.value}, and no folder takes a copy of its frames",
-            )
 
     def leave_changed(self, why: str) -> None:
         """Another program has truncated the file, or written into it: leave it as it is and go on in a new one."""
@@ -88,7 +83,7 @@ class LostFiles:
         try:
             writer = files.folders.open_next(files.path, anywhere=True)
         except OutputError as error:
-            files.fail(f"{why}, and {error}")
+            files.errors.leave(OutputError(f"{why}, and {error}", error.errno))
             return
         zero = files.zero_s
         files.replace(writer)

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid import frame_columns
-from canid.types import Array, Columns
+from canid.values import frame_columns
+from canid.values.types import Array, Columns
 
 # frames in the buffer: 60 s before the trigger and 30 s without an evaluation at 8,000 frames/s, a full 1 Mbit/s bus;
 # 30 MB (40 bytes a frame, 96 with the 64 data bytes of CAN FD)
@@ -77,7 +77,7 @@ class PreTriggerBuffer:
 
     Example:
         >>> buffer = PreTriggerBuffer(pre=1.0, post=0.5)
-        >>> from canid.types import Frame
+        >>> from canid.values.types import Frame
         >>> chunk = frame_columns.columns_of([Frame(0.5 * k, 0, k, b"") for k in range(10)])
         >>> buffer.put(chunk, at=0.0)
         >>> buffer.answered(6, [(4, 5, "brake")])
@@ -195,8 +195,9 @@ class PreTriggerBuffer:
                 if self._ring and self._ring[0].times is times:
                     break
             elif times[0] < window.start:
-                # an earlier frame can still be in a window until all up to `pre` after it is known
-                self._discard(_left(times, min(window.start, self._known_time - self._pre)))
+                # until the window begins, an earlier one may still: by what is not known yet, or by a late mark
+                known = self._known_time - self._pre
+                self._discard(_left(times, window.start if known >= window.start else known - MARK_MARGIN_S))
                 if self._ring and self._ring[0].times is times:
                     break
             elif times[0] <= window.end:

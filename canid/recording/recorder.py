@@ -3,6 +3,14 @@
 No consumer can cost a frame: readers put frames into an unbounded queue; from there they go to the log first and then
 to the consumer. The log has threads of its own (`log_writer_thread`): a disk that stalls delays neither the buses nor
 the estimates.
+
+Each attribute is written by one thread alone, by assignment; the others only read it:
+
+- the caller's thread (`start`, `stop`): `_log`, `_state`, `_readers`;
+- `canid-pass` (`_pass_frames`): `_frames`, `_not_passed`, `_not_understood`, `_rate`, `_lag`, `_first_ns`, `_latest`,
+  `_latest_at`;
+- `canid-read-N`: the attributes of its own `BusReader`; its frames come through `_queue`;
+- any thread: `_events`, `_stopping` and the journal, which are safe for that.
 """
 
 from __future__ import annotations
@@ -16,23 +24,25 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 
-from canid import frame_columns
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_reader import Arrival, BusReader
 from canid.buses.draining import MAX_DRAIN_S
-from canid.buses.many_messages import GATHER_S
-from canid.buses.socketcan import error_counters, meaning, overflowed
+from canid.buses.receivers.many_messages import GATHER_S
+from canid.buses.receivers.socketcan import error_counters, meaning, overflowed
 from canid.buses.timestamp_source import TimestampSource
-from canid.controls import Mark
-from canid.errors import BusError, CanidError
 from canid.recording import bus_load
+from canid.recording.clock_events import ClockEvents, against_this_computer
+from canid.recording.controls import Mark
 from canid.recording.journal import Journal
 from canid.recording.log_writer_thread import CHECKPOINT_S, LogWriterThread
 from canid.recording.recorder_stats import BusStats, Stats
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import PROGRESS_S, join
 from canid.recording.trigger_gate import TriggerGate, TriggerStats
-from canid.types import Array, Columns, Event, Flag
+from canid.values import frame_columns
+from canid.values.bus_names import of_open_buses
+from canid.values.errors import BusError, CanidError
+from canid.values.types import Array, Columns, Event, Flag
 
 # s that all buses may be lost before the recorder gives up
 ALL_LOST_TIMEOUT_S = 5.0
@@ -45,9 +55,6 @@ BATCH_WAIT_S = 0.01
 QUEUE_TIMEOUT_S = 0.2
 # s over which rates and loads are averaged
 RATE_WINDOW_S = 1.0
-# Frames of several buses, and those around the change to a new file, do not arrive in the order of their stamps: the
-# file's zero lies this much before the first frame, so that one stamped earlier has no negative time.
-LEAD_NS = 1_000_000_000
 # interfaces whose error frames are Linux' own (linux/can/error.h)
 LINUX_ERRORS = ("socketcan", "socketcand", "gs_usb")
 _ERROR = int(Flag.ERROR)
@@ -85,10 +92,12 @@ class Recorder:
         # where only the disk waits for the frames of one bus, as long as between two checkpoints
         waited_for = len(buses) > 1 or (consumer is not None and prompt)
         self._gather = GATHER_S if waited_for else CHECKPOINT_S
+        numbers = of_open_buses([bus.channel for bus in buses])
         self._buses = [
-            BusReader(bus, index, self._queue.put, self._stopping, self._report, self._gather)
-            for index, bus in enumerate(buses)
+            BusReader(bus, index, self._queue.put, self._stopping, self._report, self._gather, number)
+            for index, (bus, number) in enumerate(zip(buses, numbers, strict=True))
         ]
+        self._clocks = ClockEvents(self._buses, self._report)
         self._log: LogWriterThread | None = None
         self._journal = Journal(None, self._report)
         self._events: SimpleQueue[Event] = SimpleQueue()
@@ -107,12 +116,10 @@ class Recorder:
         Raises OutputError, or ConfigError for an unknown suffix; the buses are closed then.
         """
         if self._wanted is not None:
-            lead = LEAD_NS if len(self._buses) > 1 or self._rotation or self._gate else 0
             try:
                 self._log = LogWriterThread(
                     Path(self._wanted),
                     self._rotation,
-                    lead,
                     self._report,
                     self._file_begins,
                     self._journal.follow,
@@ -162,6 +169,7 @@ class Recorder:
         self._queue.put(None)
         join(self._passing, waiting)
         self._report_drops()
+        self._clocks.since_the_last_call()
         if self._log is not None:
             if self._gate is not None:
                 self._gate.finish(waiting)
@@ -275,6 +283,7 @@ class Recorder:
                     each.load, each.busy = each.busy / (now - window), 0.0
                 window, before = now, self._frames
                 self._report_drops()
+                self._clocks.since_the_last_call()
 
     def _take(self, timeout: float) -> tuple[list[Arrival], bool]:
         """Take what is in the queue, up to `BATCH_FRAMES`; True: these are the last ones."""
@@ -312,8 +321,8 @@ class Recorder:
             # each bus keeps its own order, whatever its stamps: a frame's place is that of its bus's latest stamp so far
             place = np.empty(len(chunk.t))
             for index in {item.bus for item in batch}:
-                own = chunk.bus == index
-                place[own] = np.maximum.accumulate(chunk.t[own])
+                of_bus = chunk.bus == self._buses[index].number
+                place[of_bus] = np.maximum.accumulate(chunk.t[of_bus])
             chunk = frame_columns.select(chunk, np.argsort(place, kind="stable"))
         self._latest, self._latest_at = float(chunk.t[-1]), batch[-1].at
         return chunk
@@ -322,19 +331,17 @@ class Recorder:
         index, (ns, id_, flags, length, data) = arrival.bus, arrival.frames
         if self._first_ns is None:
             self._first_ns = int(ns[0])
-        bus = np.full(len(ns), index, np.uint16)
+        each = self._buses[index]
+        bus = np.full(len(ns), each.number, np.uint16)
         t: Array = np.multiply(ns - self._first_ns, 1e-9)
         part = Columns(t, bus, id_, flags, length, data)
-        each = self._buses[index]
         each.busy += bus_load.seconds(part, each.bus.bitrate, each.bus.data_bitrate)
         self._latest = float(part.t[-1])
-        for step in each.watch.update_many(ns, arrival.at):
-            says = f"{each.bus.name}: the clock that stamps the frames stepped by {step:+.2f} s"
-            self._report("clock_step", says)
+        self._clocks.received(arrival)
         clock = each.bus.clock
         if clock not in (each.clock, TimestampSource.UNKNOWN):
             each.clock = clock
-            self._note_clock(each, float(part.t[0]))
+            self._note_clock(each, float(part.t[0]), against_this_computer(int(ns[0]), arrival.at))
         each.frames += len(ns)
         self._frames += len(ns)
         if np.bitwise_or.reduce(flags) & _ERROR:
@@ -349,10 +356,10 @@ class Recorder:
             each.controller_is(meaning(id_, data) or "")
             each.overflows += overflowed(id_, data)
 
-    def _note_clock(self, each: BusReader, t: float) -> None:
+    def _note_clock(self, each: BusReader, t: float, offset: str = "") -> None:
         """Note in the log which clock stamps its frames."""
         if self._log is not None and each.clock is not TimestampSource.UNKNOWN:
-            says = f"{each.bus.name}: times are stamped by {each.clock.value}"
+            says = f"{each.bus.name}: times are stamped by {each.clock.value}{offset}"
             self._log.files.note(Event(t, "stamp_clock", says))
 
     def _file_begins(self, path: Path, zero: float) -> None:

@@ -16,10 +16,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from canid.errors import OutputError
-from canid.files import file_location
+from canid.files import file_location, opening
 from canid.files.file_identity import FileIdentity
-from canid.files.new_file import APPEND_FLAGS
+from canid.recording.file_age import UNKNOWN, Clocks
+from canid.values.errors import OutputError
 
 # bytes that are read of a list: some 50,000 files; files listed beyond that are kept
 _MAX_LIST_BYTES = 1 << 26
@@ -38,6 +38,8 @@ class Entry(NamedTuple):
     name: str
     identity: FileIdentity
     log: str = ""  # of a journal: the log that it belongs to
+    clocks: Clocks = UNKNOWN  # at its end; until then at its beginning
+    recorded: float = 0.0  # s from its beginning to its end, monotonic clock
 
     def line(self) -> bytes:
         """Encode it.
@@ -45,13 +47,18 @@ class Entry(NamedTuple):
         >>> Entry.decoded(Entry("a.blf", FileIdentity(1, 2, 3)).line()).identity.inode
         3
         """
-        return _line({"name": self.name, "log": self.log, **self.identity._asdict()})
+        more = {"clocks": list(self.clocks), "recorded": self.recorded}
+        return _line({"name": self.name, "log": self.log, **self.identity._asdict(), **more})
 
     @staticmethod
     def decoded(line: bytes) -> Entry | None:
         """Decode a line that `line` encoded; None for any other."""
         fields = _fields(line)
-        if fields is None or set(fields) != {"name", "log", *FileIdentity._fields}:
+        if fields is None:
+            return None
+        # earlier versions had neither
+        clocks, recorded = _clocks(fields.pop("clocks", None)), fields.pop("recorded", 0.0)
+        if set(fields) != {"name", "log", *FileIdentity._fields} or type(recorded) is not float:
             return None
         name, log = fields.pop("name"), fields.pop("log")
         if not (isinstance(name, str) and isinstance(log, str)):
@@ -59,7 +66,7 @@ class Entry(NamedTuple):
         types = {key: type(value) for key, value in FileIdentity()._asdict().items()}
         if any(type(value) is not types[key] for key, value in fields.items()):
             return None
-        return Entry(name, FileIdentity(**fields), log)
+        return Entry(name, FileIdentity(**fields), log, clocks, max(recorded, 0.0))
 
 
 class RingList:
@@ -142,8 +149,10 @@ class RingList:
 
     def _rewrite(self, *, replace: bool) -> None:
         """Write the list without what is not needed any more; `replace`: over the old one."""
-        path = self.path.with_name(f".{self.path.name}.new") if replace else self.path
-        fd = os.open(path, APPEND_FLAGS | os.O_CREAT | os.O_EXCL, _MODE)
+        if replace:
+            fd, path = opening.create_temporary(self.path, append=True, mode=_MODE)
+        else:
+            fd, path = opening.create(self.path, append=True, mode=_MODE), self.path
         try:
             _lock(fd)
             data = b"".join(entry.line() for entry in self.entries.values())
@@ -181,22 +190,22 @@ class RingList:
     def _open(self, path: Path) -> int:
         """Open the list, or create it; -1 and a complaint where it is not ours alone."""
         with contextlib.suppress(FileExistsError):
-            return os.open(path, APPEND_FLAGS | os.O_CREAT | os.O_EXCL, _MODE)
+            return opening.create(path, append=True, mode=_MODE)
         try:
             # before it is opened: opening a device can do something
             why = _not_ours(os.lstat(path))
-            fd = -1 if why else os.open(path, APPEND_FLAGS)
+            fd = -1 if why else opening.existing(path, append=True)
         except OSError as error:
             why, fd = f"cannot be opened ({error.strerror})", -1
         if fd >= 0:
-            found = os.fstat(fd)
-            why = _not_ours(found)
+            status = os.fstat(fd)
+            why = _not_ours(status)
             if why:
                 os.close(fd)
                 fd = -1
-            elif found.st_mode & _OTHERS_WRITE and hasattr(os, "fchmod"):
+            elif status.st_mode & _OTHERS_WRITE and hasattr(os, "fchmod"):
                 with contextlib.suppress(OSError):
-                    os.fchmod(fd, stat.S_IMODE(found.st_mode) & ~_OTHERS_WRITE)
+                    os.fchmod(fd, stat.S_IMODE(status.st_mode) & ~_OTHERS_WRITE)
                 self.complaints.append(
                     f"{path.name} could be written by other users, which is no longer permitted"
                 )
@@ -229,12 +238,20 @@ class RingList:
             )
 
 
-def _not_ours(found: os.stat_result) -> str:
-    if not stat.S_ISREG(found.st_mode):
+def _clocks(values: object) -> Clocks:
+    """Readings as they stand in a line; `UNKNOWN` for anything else."""
+    types = [str, float, float, float, bool]
+    if not isinstance(values, list) or [type(value) for value in values] != types:
+        return UNKNOWN
+    return Clocks(*values)
+
+
+def _not_ours(status: os.stat_result) -> str:
+    if not stat.S_ISREG(status.st_mode):
         return "is no regular file"
-    if found.st_nlink > 1:
+    if status.st_nlink > 1:
         return "has a second name"
-    if hasattr(os, "geteuid") and found.st_uid != os.geteuid():
+    if hasattr(os, "geteuid") and status.st_uid != os.geteuid():
         return "belongs to another user"
     return ""
 

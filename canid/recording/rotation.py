@@ -6,10 +6,10 @@ import math
 import sys
 from typing import NamedTuple
 
-from canid.errors import ConfigError
-from canid.frame_columns import CLASSIC_BYTES
-from canid.logs.log_writer import Writer
-from canid.types import Event
+from canid.logs.writer import Writer
+from canid.values.errors import ConfigError
+from canid.values.frame_columns import CLASSIC_BYTES
+from canid.values.types import Event
 
 # bytes; a BLF's header and its first container must fit, and more
 MIN_FILE_BYTES = 10_000

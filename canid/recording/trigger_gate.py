@@ -21,7 +21,7 @@ from canid.recording.pre_trigger_buffer import (
     PreTriggerBuffer,
     Window,
 )
-from canid.types import Columns, Event
+from canid.values.types import Columns, Event
 
 # s that a frame waits for the evaluation of the conditions; the process that evaluates takes 3 s to start on a laptop
 # and answers within 0.1 s then

@@ -6,13 +6,16 @@ new history, never a jump in range rate.
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, inf
 from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from canid.samples import own_speed, smoothing
 from canid.samples.report_noise import Noise
 from canid.samples.smoothing import Age
-from canid.types import NAN, Event, Reading, TrackReading
+from canid.values.types import NAN, Array, Event, Reading, TrackReading
 from canid.vehicle import Vehicle
 
 # s; a track counts only while it reports: three missed reports at 10 Hz. Shorter than the bridge of the smoothing,
@@ -31,12 +34,18 @@ MIN_CURVE_SPEED = 5.0
 # s; the road bends for longer than a lane change swings (its yaw rate reverses after 2 to 3 s)
 YAW_RATE_TIME_CONSTANT_S = 2.0
 
+# the lead as the radar reported it, as signals of their own: smoothing makes gap and range rate agree with each other,
+# and a frozen report move, so what is wrong with the radar itself can be seen in these alone
+REPORTED = {"gap": "gap_reported", "range_rate": "range_rate_reported"}
+
 
 class Settings(NamedTuple):
     """What the vehicle file says about the lead."""
 
     from_tracks: bool = False
     in_path: float = 1.8  # m; half a lane of 3.6 m
+    # tracks say where they are to the side; without, the nearest that moves is the lead
+    sideways: bool = True
     noise: Noise = Noise()
     # s; older than this is not measured any more
     age: Age = Age()  # of gap and range rate
@@ -64,8 +73,15 @@ def settings_of(vehicle: Vehicle) -> Settings:
     return Settings(
         from_tracks=tracks,
         in_path=config.in_path,
+        sideways=not config.tracks or any(track.has_side for track in config.tracks),
         noise=stated_noise(vehicle),
-        age=usual if tracks else Age(stale("gap", usual.gap), stale("range_rate", usual.range_rate)),
+        # a rate that is made of the gap is as old as that is
+        age=usual
+        if tracks
+        else Age(
+            stale("gap", usual.gap),
+            inf if config.rate_from_gap else stale("range_rate", usual.range_rate),
+        ),
         silent=TRACK_TIMEOUT_S if config.stale is None else config.stale,
         valid=roles["lead_valid"].stale if "lead_valid" in roles else None,
         speed=stale("speed", Settings().speed),
@@ -88,6 +104,9 @@ class Track(NamedTuple):
     since: float  # s; NaN: it is none
 
 
+# what is said of a lead that is not there
+NO_LEAD = {"gap": NAN, "range_rate": NAN, "lead_speed": NAN, "lead_valid": 0.0}
+_NONE = np.zeros(0, np.int64)
 # no report is being collected
 NO_REPORT = (NAN, NAN, NAN)
 
@@ -140,17 +159,28 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
         if t != reading.t:
             gap = rate = NAN
         pending = (reading.t, value, rate) if role == "gap" else (reading.t, gap, value)
-        return state._replace(pending=pending), out
+        # written out here and below: `_replace` takes four times as long, and an hour has half a million readings
+        tracks, target, serial, _, valid, valid_at, yaw_rate, yaw_at, smooth, known_own, given = state
+        return State(
+            tracks, target, serial, pending, valid, valid_at, yaw_rate, yaw_at, smooth, known_own, given
+        ), out
     if role == "lead_valid" and not settings.from_tracks:
-        return state._replace(valid=value, valid_at=reading.t), out
+        tracks, target, serial, pending, _, _, yaw_rate, yaw_at, smooth, known_own, given = state
+        return State(
+            tracks, target, serial, pending, value, reading.t, yaw_rate, yaw_at, smooth, known_own, given
+        ), out
     if role == "speed":
-        own = own_speed.put(state.own, reading.t, value)
+        own_state = own_speed.put(state.own, reading.t, value)
         history = state.smooth.history
         if history and reading.t - history[-1].t > smoothing.MAX_REPORT_AGE_S:
             smooth, points = smoothing.early(state.smooth, reading.t, settings.age)
             out += _readings(points, state.serial)
             state = state._replace(smooth=smooth, given=points[-1].t if points else state.given)
-        state = state._replace(own=own)
+        if own_state is not state.own:
+            tracks, target, serial, pending, valid, valid_at, yaw_rate, yaw_at, smooth, _, given = state
+            state = State(
+                tracks, target, serial, pending, valid, valid_at, yaw_rate, yaw_at, smooth, own_state, given
+            )
     elif role == "yaw_rate" and value == value:
         passed = reading.t - state.yaw_at
         weight = 1.0 - exp(-passed / YAW_RATE_TIME_CONSTANT_S) if passed == passed else 1.0
@@ -189,6 +219,11 @@ def _readings(points: list[smoothing.Smoothed], serial: int) -> Out:
     return out
 
 
+def _nothing(t: float) -> Out:
+    """Nothing is known between the reports of two vehicles: no line joins them."""
+    return [Reading(t, role, NAN) for role in ("gap", "range_rate", "lead_speed", *REPORTED.values())]
+
+
 def _lost(state: State, t: float, settings: Settings, valid: float = 0.0) -> tuple[State, Out]:
     """No target, or none that is known: say so once per report, and give out what was still being smoothed."""
     points = smoothing.flush(state.smooth, settings.age)
@@ -196,20 +231,22 @@ def _lost(state: State, t: float, settings: Settings, valid: float = 0.0) -> tup
     given = points[-1].t if points else state.given
     if state.smooth.history:
         out.append(Event(t, "lead_lost", f"{t:.1f} s: the vehicle ahead is gone"))
+        if settings.from_tracks and given < t:
+            given = 0.5 * (given + t)
+            out += _nothing(given)
     # without a target there is nothing to smooth: said with the same lag, to keep each role's times in order
     at = t - smoothing.LEAD_LAG_S
     if at > given:
         given = at
-        out += [Reading(at, role, NAN) for role in ("gap", "range_rate", "lead_speed")] + [
-            Reading(at, "lead_valid", valid)
-        ]
+        out += [Reading(at, role, value) for role, value in NO_LEAD.items()]
+        out[-1] = Reading(at, "lead_valid", valid)
     smooth = smoothing.fresh(state.smooth)
     return state._replace(pending=NO_REPORT, smooth=smooth, target=-1, given=given), out
 
 
 def _follow(state: State, t: float, gap: float, rate: float, settings: Settings) -> tuple[State, Out]:
     fresh = not state.smooth.history
-    own, speed = own_speed.at(state.own, t, settings.speed)
+    own_state, speed = own_speed.at(state.own, t, settings.speed)
     smooth, points, changed = smoothing.step(state.smooth, t, gap, rate, settings.noise, settings.age, speed)
     out = _readings(points, state.serial)
     given = points[-1].t if points else state.given
@@ -219,7 +256,7 @@ def _follow(state: State, t: float, gap: float, rate: float, settings: Settings)
         if serial > 1 or changed:
             says = f"{t:.1f} s: another vehicle ahead, at {gap:.0f} m"
             out.append(Event(t, "target_change", says))
-    return state._replace(pending=NO_REPORT, smooth=smooth, own=own, serial=serial, given=given), out
+    return State(state.tracks, state.target, serial, NO_REPORT, *state[4:8], smooth, own_state, given), out
 
 
 def _lateral(state: State, reading: TrackReading, speed: float, settings: Settings) -> float:
@@ -236,13 +273,23 @@ def _track(state: State, reading: TrackReading, settings: Settings) -> tuple[Sta
     t, number = reading.t, reading.track
     before = state.tracks.get(number)
     followed = number == state.target
-    reports = reading.valid and reading.distance == reading.distance and reading.rate == reading.rate
+    # a track without an object is often sent as zeros; comparisons with NaN are false
+    reports = reading.valid and reading.distance > 0.0 and reading.rate == reading.rate
+    known = state.tracks.get(state.target)
+    alive = known is not None and known.since == known.since and t - known.t <= settings.silent
+    was_none = not followed and before is not None and before.since != before.since
+    if was_none and not reports and (alive or state.target < 0):
+        return (state, []) if alive else _lost(state, t, settings)
     corridor = settings.in_path * (FOLLOWED_PATH_FACTOR if followed else 1.0)
     speed = own_speed.latest(state.own, t, settings.speed)
     over_ground = speed + reading.rate
-    candidate = reports and abs(_lateral(state, reading, speed, settings)) <= corridor
+    # a side that is not reported this time is not in the path: NaN compares as false
+    in_path = not settings.sideways or abs(_lateral(state, reading, speed, settings)) <= corridor
+    candidate = reports and in_path
     if candidate and not followed:
         candidate = not (over_ground < MIN_GROUND_SPEED and speed > MIN_GROUND_SPEED)
+    if alive and was_none and not candidate:
+        return state, []  # it was none and is none, and nobody is looked for
     since = t if before is None or before.since != before.since or reading.new else before.since
     track = Track(t, reading.distance, reading.rate, since if candidate else NAN)
     state = state._replace(tracks={**state.tracks, number: track})
@@ -268,6 +315,45 @@ def _track(state: State, reading: TrackReading, settings: Settings) -> tuple[Sta
     return state, out
 
 
+def without_object(state: State, t: Array, settings: Settings) -> tuple[State, int, npt.NDArray[np.int64]]:
+    """Reports without an object, of tracks that had none, as `step` takes them one by one.
+
+    Args:
+        state: before the first of them.
+        t: (n,) s, of the reports.
+        settings: of the lead.
+
+    Returns:
+        the next state; how many of the reports it is behind, 0 where the first needs a step of its own; and which of
+        them say once more that there is no lead, `lead.NO_LEAD` later by `smoothing.LEAD_LAG_S`.
+
+    Example:
+        >>> without_object(init(), np.array([1.0, 1.0, 1.1]), Settings(from_tracks=True))[1:]
+        (3, array([0, 2]))
+    """
+    known = state.tracks.get(state.target)
+    if known is not None:
+        silent = np.flatnonzero(t - known.t > settings.silent)
+        return state, int(silent[0]) if silent.size else len(t), _NONE
+    at = t - smoothing.LEAD_LAG_S
+    given = np.maximum.accumulate(np.concatenate([[state.given], at]))
+    says = np.flatnonzero(at > given[:-1])
+    state = state._replace(given=float(given[-1]), smooth=smoothing.fresh(state.smooth))
+    return state, len(t), says
+
+
+def is_followed(state: State, t: float, settings: Settings) -> bool:
+    """Whether a track is followed that has reported lately, at t [s]: then reports without an object change nothing."""
+    known = state.tracks.get(state.target)
+    return known is not None and t - known.t <= settings.silent
+
+
+def is_none(state: State, number: int) -> bool:
+    """Whether the latest report of a track was of no vehicle in the path."""
+    track = state.tracks.get(number)
+    return track is not None and track.since != track.since
+
+
 def _nearest(state: State, t: float, limit: float, silent: float) -> int:
     """Return the nearest track that has persisted in the path, nearer than `limit`; -1: none."""
     candidates = [
@@ -285,5 +371,9 @@ def _hand_over(state: State, t: float, best: int, settings: Settings) -> tuple[S
         return state._replace(target=best), []
     points = smoothing.flush(state.smooth, settings.age)
     given = points[-1].t if points else state.given
+    out = _readings(points, state.serial)
+    if state.smooth.history and state.smooth.history[-1].t < t:
+        given = 0.5 * (state.smooth.history[-1].t + t)
+        out += _nothing(given)
     smooth = smoothing.fresh(state.smooth)
-    return state._replace(target=best, smooth=smooth, given=given), _readings(points, state.serial)
+    return state._replace(target=best, smooth=smooth, given=given), out

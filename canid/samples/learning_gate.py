@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from canid.types import NAN, Driver, LearnGate, Sample
+from canid.values.roles import assistant_of
+from canid.values.types import NAN, Driver, LearnGate, Sample
 
 # %; one step of an 8-bit pedal sensor: at or below it the pedal may be released
 PEDAL_FLOOR_PERCENT = 0.5
@@ -73,12 +74,13 @@ def headway(values: Mapping[str, float]) -> float:
 def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGate:
     """What is wrong with this instant; `LearnGate.OPEN`: nothing."""
     output = values.get(driver.output, NAN)
-    speed, cruise = values.get("speed", NAN), values.get("cruise_active", 0.0)
+    assistant = assistant_of(driver.output, values)
+    speed, cruise = values.get("speed", NAN), values.get(assistant, 0.0)
     if output != output or cruise != cruise or (speed != speed and "speed" in values):
         return LearnGate.STALE
     person = driver.output in ("pedal", "steering_angle")
     if person and cruise:
-        return LearnGate.CRUISE
+        return LearnGate.CRUISE if assistant == "cruise_active" else LearnGate.ASSIST
     if driver.output == "accel_command" and "cruise_active" in values and not cruise:
         return LearnGate.NO_CRUISE
     if in_reverse(values):

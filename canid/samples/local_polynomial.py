@@ -6,9 +6,10 @@ Plain floats: some ten readings are too few for calls of numpy, and the sums do 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import mul
 from typing import NamedTuple
 
-from canid.types import NAN
+from canid.values.types import NAN
 
 
 class Fitted(NamedTuple):
@@ -28,13 +29,15 @@ def line(x: Sequence[float], y: Sequence[float]) -> Fitted:
     if n < 2:
         return Fitted()
     mx, my = sum(x) / n, sum(y) / n
-    sxx = sum([(a - mx) ** 2 for a in x])
+    u, v = [a - mx for a in x], [b - my for b in y]
+    sxx = sum(map(mul, u, u))
     if not sxx > 0.0:
         return Fitted()
-    slope = sum([(a - mx) * (b - my) for a, b in zip(x, y, strict=True)]) / sxx
+    slope = sum(map(mul, u, v)) / sxx
     if n == 2:
         return Fitted(my - slope * mx)
-    rest = sum([(b - my - slope * (a - mx)) ** 2 for a, b in zip(x, y, strict=True)]) / (n - 2)
+    left = [b - slope * a for a, b in zip(u, v, strict=True)]
+    rest = sum(map(mul, left, left)) / (n - 2)
     return Fitted(my - slope * mx, rest * (1.0 / n + mx * mx / sxx))
 
 
@@ -49,7 +52,8 @@ def parabola(x: Sequence[float], y: Sequence[float]) -> Fitted:
         return Fitted()
     scale = x[-1] - x[0]
     u = [a / scale for a in x]
-    s1, s2 = sum(u), sum([a * a for a in u])
+    square = [a * a for a in u]
+    s1, s2 = sum(u), sum(square)
     s3, s4 = sum([a**3 for a in u]), sum([a**4 for a in u])
     # the normal equations by Cramer's rule
     c0, c1, c2 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
@@ -58,10 +62,10 @@ def parabola(x: Sequence[float], y: Sequence[float]) -> Fitted:
         return Fitted()
     # about the mean, so that no square drowns the readings' scatter
     mean = sum(y) / n
-    r1 = sum([a * (b - mean) for a, b in zip(u, y, strict=True)])
-    r2 = sum([a * a * (b - mean) for a, b in zip(u, y, strict=True)])
+    v = [b - mean for b in y]
+    r1, r2 = sum(map(mul, u, v)), sum(map(mul, square, v))
     p0 = (r1 * c1 + r2 * c2) / size
     p1 = (r1 * (n * s4 - s2 * s2) + r2 * (s1 * s2 - n * s3)) / size
     p2 = (r1 * (s1 * s2 - n * s3) + r2 * (n * s2 - s1 * s1)) / size
-    rest = sum([(b - mean - p0 - p1 * a - p2 * a * a) ** 2 for a, b in zip(u, y, strict=True)]) / (n - 3)
-    return Fitted(mean + p0, rest * c0 / size)
+    left = [b - p0 - p1 * a - p2 * a * a for a, b in zip(u, v, strict=True)]
+    return Fitted(mean + p0, sum(map(mul, left, left)) / (n - 3) * c0 / size)

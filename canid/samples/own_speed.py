@@ -14,8 +14,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from canid.samples import local_polynomial
-from canid.state_constraints import NOT_NEGATIVE
-from canid.types import NAN, Array
+from canid.values.state_constraints import NOT_NEGATIVE
+from canid.values.types import NAN, Array
 
 # s of readings that make a line; one as long as that misses an acceleration's change of 1 m/s³ by 0.007 m/s
 WINDOW_S = 0.3
@@ -88,13 +88,14 @@ def at(state: State, t: float, stale: float) -> tuple[State, float]:
     if not (state.recent and t - state.recent[-1][0] <= stale):
         return state, NAN
     times, speeds = zip(*state.recent, strict=True)
-    value, variance = local_polynomial.line([of - t for of in times], speeds)
+    value, variance = local_polynomial.line([time - t for time in times], speeds)
     if variance == variance:
         reports = min(state.reports + 1.0, MEMORY)
         scatter = state.scatter + (variance - state.scatter) / reports
         rounding = state.resolution**2 / 12.0 if state.changes >= MIN_CHANGES else 0.0
         limit = FINE_SD if state.coarse else COARSE_SD
-        state = state._replace(scatter=scatter, reports=reports, coarse=scatter + rounding > limit * limit)
+        coarse = scatter + rounding > limit * limit
+        state = State(state.recent, state.resolution, state.changes, scatter, reports, coarse)
     return state, NAN if state.coarse else value
 
 
@@ -105,8 +106,8 @@ def range_rates(values: Mapping[str, Array]) -> dict[str, Array]:
         values: role -> (m,); `lead_speed` and `own_speed` in m/s where they are known.
 
     Example:
-        >>> one = {"range_rate": 0.9, "lead_speed": 21.0, "own_speed": 20.0}
-        >>> range_rates({role: np.array([x]) for role, x in one.items()})
+        >>> sample = {"range_rate": 0.9, "lead_speed": 21.0, "own_speed": 20.0}
+        >>> range_rates({role: np.array([x]) for role, x in sample.items()})
         {'range_rate': array([1.])}
     """
     out = {role: x for role, x in values.items() if role not in ("lead_speed", "own_speed")}

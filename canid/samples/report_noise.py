@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from canid.state_constraints import FINITE, POSITIVE
-from canid.types import NAN
+from canid.values.state_constraints import FINITE, POSITIVE
+from canid.values.types import NAN
 
 
 class Noise(NamedTuple):

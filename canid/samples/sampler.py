@@ -18,13 +18,15 @@ from canid.samples import (
     stamps,
     update_instants,
 )
-from canid.samples.lead_readings import REPORTED, Made
+from canid.samples.lead import REPORTED
+from canid.samples.lead_readings import Made
+from canid.samples.out_of_range import OutOfRange
 from canid.samples.sampling_grid import Ints, Readings, Role
 from canid.samples.stamps import StampIntervals
-from canid.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
+from canid.values.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
 from canid.vehicle import Vehicle, decoder
-from canid.vehicle.decoding import Decoding, RoleReadings
 from canid.vehicle.decoding import Step as DecodingStep
+from canid.vehicle.decoding_state import Decoded, Decoding, RoleReadings
 
 # roles that the lead makes, whatever the vehicle maps
 MADE = {
@@ -53,7 +55,9 @@ class Samples(NamedTuple):
 
     samples: list[tuple[int, Sample]]
     events: list[tuple[int, Event]]
-    stamps: list[tuple[int, StampIntervals]]
+    stamps: list[tuple[int, StampIntervals | OutOfRange]]
+    decoded: Decoded  # what the frames held
+    t: Array  # (n,) s, of the frames that were decoded
 
 
 class Sampler(NamedTuple):
@@ -128,6 +132,8 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
     }
     if vehicle.driver.task == "car_following":
         age = lead.settings_of(vehicle).age._asdict()
+        if vehicle.lead.rate_from_gap:
+            age["range_rate"] = age["gap"]
         following = {role: Role(stale=age[role], needed=True) for role in REPORTED}
         reported = {name: Role(stale=age[role]) for role, name in REPORTED.items()}
         roles |= following | MADE | reported | {"lead_speed": Role(stale=age["range_rate"])}
@@ -155,41 +161,44 @@ def _init(init_decoding: Callable[[], Decoding]) -> State:
     )
 
 
-def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
+def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
     clock, timed = session_clock.step(state.clock, chunk)
     frames, first = timed.frames, state.grid.frames
-    decoding, decoded = of.decode(state.decoding, frames)
+    decoding, decoded = settings.decode(state.decoding, frames)
     following, passed = state.lead, decoded.roles
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
-    if of.lead is not None:
-        following, found = lead_readings.step(following, decoded, frames, of.lead)
-        passed, made = found.passed, found.made
-        events += found.events
-    intervals, stamped = state.stamps, list[tuple[int, StampIntervals]]()
+    if settings.lead is not None:
+        following, followed = lead_readings.step(following, decoded, frames, settings.lead)
+        passed, made = followed.passed, followed.made
+        events += followed.events
+    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange]]()
     for role, row, _ in decoded.roles:
-        if role in of.stamped:
+        if role in settings.stamped:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
             stamped += spans
+    for role, row, value in decoded.out_of_range:
+        beyond = zip(row.tolist(), frames.t[row].tolist(), value.tolist(), strict=True)
+        stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
     readings = _by_role(passed, made, frames, first)
-    if "own_speed" in of.roles and "speed" in readings:
+    if "own_speed" in settings.roles and "speed" in readings:
         readings["own_speed"] = readings["speed"]
     grid = sampling_grid.put(state.grid, readings)
     instants = state.instants
-    if of.updated:
-        instants = _instants(of, instants, readings.get(of.updated), timed.latest, first)
-        grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles, instants.grid)
-        instants = update_instants.trimmed(instants, (grid.next - 1) * of.dt)
+    if settings.updated:
+        instants = _instants(settings, instants, readings.get(settings.updated), timed.latest, first)
+        grid, parts = sampling_grid.take(grid, timed.latest, settings.dt, settings.roles, instants.grid)
+        instants = update_instants.trimmed(instants, (grid.next - 1) * settings.dt)
     else:
-        grid, parts = sampling_grid.take(grid, timed.latest, of.dt, of.roles)
+        grid, parts = sampling_grid.take(grid, timed.latest, settings.dt, settings.roles)
     gate, samples = state.gate, []
     for points in parts:
-        variances = _variances(of, points)
+        variances = _variances(settings, points)
         at_points = own_speed.range_rates(points.values)
         columns = (column.tolist() for column in (points.frame - first, points.t, *at_points.values()))
         for row, t, *values in zip(*columns, strict=True):
             gate, sample = learning_gate.step(
-                gate, t, dict(zip(at_points, values, strict=True)), of.driver, of.dt
+                gate, t, dict(zip(at_points, values, strict=True)), settings.driver, settings.dt
             )
             if variances is not None:
                 sample = sample._replace(variance=next(variances))
@@ -202,12 +211,12 @@ def _step(of: _Settings, state: State, chunk: Columns) -> tuple[State, Samples]:
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
     after = State(clock, decoding, following, grid, gate, instants, intervals)
-    return after, Samples(samples, events, stamped)
+    return after, Samples(samples, events, stamped, decoded, frames.t)
 
 
-def _variances(of: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
+def _variances(settings: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
     """Of output and inputs, sample by sample; None: of none is anything known."""
-    names = (of.driver.output, *TASK_INPUTS[of.driver.task])
+    names = (settings.driver.output, *TASK_INPUTS[settings.driver.task])
     if not any(name in points.variances for name in names):
         return None
     unknown = np.full(len(points.t), NAN)
@@ -215,16 +224,16 @@ def _variances(of: _Settings, points: sampling_grid.Points) -> Iterator[tuple[fl
 
 
 def _instants(
-    of: _Settings, state: update_instants.State, readings: Readings | None, latest: Array, first: int
+    settings: _Settings, state: update_instants.State, readings: Readings | None, latest: Array, first: int
 ) -> update_instants.State:
     """Instants at which the output is updated, after some more frames."""
     if not latest.size:
         return state
     t, value, frame = readings if readings is not None else _NO_READINGS
-    return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), of.dt)
+    return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), settings.dt)
 
 
-def _row(item: tuple[int, Event | StampIntervals]) -> int:
+def _row(item: tuple[int, Event | StampIntervals | OutOfRange]) -> int:
     return item[0]
 
 
@@ -241,7 +250,7 @@ def _by_role(
             shared[id(row)] = frames.t[row], first + row
         t, frame = shared[id(row)]
         parts.setdefault(role, []).append(Readings(t, value, frame))
-    return {role: of[0] if len(of) == 1 else _in_order(of) for role, of in parts.items()}
+    return {role: sources[0] if len(sources) == 1 else _in_order(sources) for role, sources in parts.items()}
 
 
 def _in_order(parts: list[Readings]) -> Readings:

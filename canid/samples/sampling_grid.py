@@ -19,7 +19,7 @@ import numpy.typing as npt
 from canid.samples import local_polynomial, update_instants
 from canid.samples.local_polynomial import Fitted
 from canid.samples.update_instants import Instants
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # s; how long a grid point waits for the reading after it: the lag of the smoothing and what is smoothed together, 0.5 s
 # that a target may be silent before it counts as lost and what was being smoothed is given out, and two reports of a
@@ -191,23 +191,23 @@ def _points_of(k: Ints, dt: float, grid: Grid) -> tuple[Ints, Array]:
     if grid is None:
         return k, np.multiply(k, dt, dtype=np.float64)
     block = np.searchsorted(_starts(grid), k * dt + ROUNDING_S, side="right") - 1
-    phase = np.array([0.0, *(one.phase for one in grid)], np.float64)[block + 1]
+    phase = np.array([0.0, *(instants.phase for instants in grid)], np.float64)[block + 1]
     # the first points of a block whose instants are others
     since = np.round(k - np.array([0.0, *_starts(grid)])[block + 1] / dt)
-    fresh = np.array([True, *(one.fresh for one in grid)])[block + 1]
+    fresh = np.array([True, *(instants.fresh for instants in grid)])[block + 1]
     some = (block >= 0) & ~(fresh & (since < LEFT_OUT))
     return k[some], np.add(k * dt, phase, dtype=np.float64)[some]
 
 
 def _starts(grid: tuple[Instants, ...]) -> list[float]:
-    return [one.start for one in grid]
+    return [instants.start for instants in grid]
 
 
 def _kinds(t: Array, grid: Grid) -> list[str]:
     """How the updated role has its value at grid points of these nominal times."""
     if grid is None:
         return []
-    kinds = [one.kind for one in grid]
+    kinds = [instants.kind for instants in grid]
     return [kinds[b] for b in np.searchsorted(_starts(grid), t + ROUNDING_S, side="right") - 1]
 
 
@@ -273,7 +273,9 @@ def _points(
     if some.all():
         return Points(t, frame, values, variances)
     return Points(
-        t[some], frame[some], *({role: x[some] for role, x in of.items()} for of in (values, variances))
+        t[some],
+        frame[some],
+        *({role: x[some] for role, x in by_role.items()} for by_role in (values, variances)),
     )
 
 
@@ -345,9 +347,9 @@ def _each(
     high = np.minimum(np.searchsorted(readings.t, t + reach), come)
     for i, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
         if joined[i] == joined[i]:
-            found = fitted(i, slice(a, b))
-            out[i] = found.value if found.value == found.value else joined[i]
-            variance[i] = found.variance
+            fit = fitted(i, slice(a, b))
+            out[i] = fit.value if fit.value == fit.value else joined[i]
+            variance[i] = fit.variance
     return out, variance
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array, Columns, Event
+from canid.values.types import Array, Columns, Event
 
 # s; buffered interfaces deliver the frames of two buses this far out of order (USB adapters batch up to 50 ms)
 MAX_REORDERING_S = 0.1
@@ -44,6 +44,19 @@ class Timed(NamedTuple):
 def init() -> State:
     """Return the state before the first frame."""
     return State()
+
+
+def back_in_time(state: State) -> str:
+    """How many frames came from the past, in words; "": none.
+
+    Example:
+        >>> back_in_time(State(dropped=2, worst=3.0)), back_in_time(State(dropped=49))
+        ('2 frames go back in time (by up to 3 s) and were left out', '')
+    """
+    # frames that are left out at a jump ahead are none of the past: its event says what happened
+    if not state.worst > 0.0:
+        return ""
+    return f"{state.dropped} frames go back in time (by up to {state.worst:.3g} s) and were left out"
 
 
 def step(state: State, chunk: Columns) -> tuple[State, Timed]:
@@ -92,8 +105,13 @@ def _step_frame(state: State, source_t: float) -> tuple[State, float | None, Eve
     if state.back + 1 < FRAMES_OF_CLOCK_STEP:
         worst = max(state.worst, late)
         return State(state.latest, state.offset, state.back + 1, state.dropped + 1, worst), None, None
-    set_by = f"back by {late:.1f} s" if late > 0 else f"ahead by {-late:.0f} s"
-    event = Event(state.latest, "clock_step", f"the log's clock is set {set_by} at {state.latest:.2f} s")
+    says = (
+        f"the log's clock is set back by {late:.1f} s at {state.latest:.2f} s"
+        if late > 0
+        else f"no frame for {-late / 3600.0:.3g} h at {state.latest:.2f} s (a pause, or its clock was set): time goes on "
+        f"from there without it, and without the first {FRAMES_OF_CLOCK_STEP - 1} frames behind it"
+    )
+    event = Event(state.latest, "clock_step", says)
     offset = state.offset + late
     after = State(state.latest, offset, 0, state.dropped, max(state.worst, late))
     return after, source_t + offset, event

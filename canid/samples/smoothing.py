@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from canid.samples import report_noise
 from canid.samples.report_noise import Noise
-from canid.types import NAN
+from canid.values.types import NAN
 
 # s, of the relative motion; after 0.5 s more reports say next to nothing, and what the driver has done since then has
 # moved the car by millimetres: he answers after 0.2 s or more, and the rest has to pass the engine and two integrals
@@ -197,16 +197,16 @@ def fresh(state: State) -> State:
 
 
 def _start(
-    state: State, t: float, gap: float, range_rate: float, own: float, noise: Noise, rate_at: float
+    state: State, t: float, gap: float, range_rate: float, own_speed: float, noise: Noise, rate_at: float
 ) -> State:
     """Begin with a target; a range rate that has not come yet may take as long as one that has stopped."""
     rate_known = range_rate == range_rate
-    if own == own:
-        range_rate += own
+    if own_speed == own_speed:
+        range_rate += own_speed
     # an unknown range rate is within ±20 m/s; relative accelerations stay within ±2 m/s²
     P = (noise.gap**2, 0.0, 0.0, noise.range_rate**2 if rate_known else 100.0, 0.0, 1.0)
-    x = (gap, range_rate if rate_known else own if own == own else 0.0, 0.0)
-    first = Filtered(t, x, P, x, _NOTHING, t, t if rate_known else rate_at, own)
+    x = (gap, range_rate if rate_known else own_speed if own_speed == own_speed else 0.0, 0.0)
+    first = Filtered(t, x, P, x, _NOTHING, t, t if rate_known else rate_at, own_speed)
     return fresh(state)._replace(history=(first,))
 
 
@@ -243,7 +243,7 @@ def step(
     range_rate: float,
     noise: Noise,
     age: Age = DEFAULT_AGE,
-    own: float = NAN,
+    own_speed: float = NAN,
 ) -> tuple[State, list[Smoothed], bool]:
     """Take one report.
 
@@ -254,7 +254,7 @@ def step(
         range_rate: m/s; NaN if the report has none.
         noise: of the radar; what is NaN in it is estimated.
         age: that a gap and a range rate may have.
-        own: own speed at t, m/s; NaN: not known, and the relative motion is smoothed.
+        own_speed: own speed at t, m/s; NaN: not known, and the relative motion is smoothed.
 
     Returns:
         the next state, the reports that are now smoothed with a lag of `LEAD_LAG_S` (relative motion: `LAG_S`), and
@@ -271,34 +271,36 @@ def step(
         return state, [], False
     expected = report_noise.noise(state.shown, noise)
     if not state.history:
-        return _start(state, t, gap, range_rate, own, expected, t), [], False
+        return _start(state, t, gap, range_rate, own_speed, expected, t), [], False
     if not fits(state, t, gap, range_rate, noise, age):
         gone = t - state.history[-1].t > age.bridge
         if gap != gap or (not gone and state.misfits + 1 < MIN_MISFITTING_REPORTS):
             return state._replace(misfits=state.misfits + 1), [], False
-        again = _start(state, t, gap, range_rate, own, expected, state.history[-1].rate_at)
+        again = _start(state, t, gap, range_rate, own_speed, expected, state.history[-1].rate_at)
         return again, flush(state, age), True
     last = state.history[-1]
     dt = t - last.t
-    if (own == own) != (last.own == last.own) or abs(own - last.own) > MAX_RELATIVE_ACCEL * dt + MAX_OWN_STEP:
+    if (own_speed == own_speed) != (last.own == last.own) or abs(
+        own_speed - last.own
+    ) > MAX_RELATIVE_ACCEL * dt + MAX_OWN_STEP:
         # the own speed has come, gone or jumped: the same target in other coordinates
         if gap != gap:
             return state, [], False
-        return _start(state, t, gap, range_rate, own, expected, last.rate_at), flush(state, age), False
+        return _start(state, t, gap, range_rate, own_speed, expected, last.rate_at), flush(state, age), False
     way = 0.0
-    if own == own:
-        way = last.way + 0.5 * dt * (last.own + own)
-        gap, range_rate = gap + way, range_rate + own
+    if own_speed == own_speed:
+        way = last.way + 0.5 * dt * (last.own + own_speed)
+        gap, range_rate = gap + way, range_rate + own_speed
     # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
     prior, (FP, N) = expect(last.x, dt), propagated_covariance(last.P, dt, state.shown.jerk)
     x, P, innovation = update(prior, N, gap, range_rate, expected)
     shown = report_noise.step(state.shown, t, gap, range_rate, innovation, dt)
     gap_at = t if gap == gap else last.gap_at
     rate_at = t if range_rate == range_rate else last.rate_at
-    now = Filtered(t, x, P, prior, gain(FP, N), gap_at, rate_at, own, way)
+    now = Filtered(t, x, P, prior, gain(FP, N), gap_at, rate_at, own_speed, way)
     history = (*state.history, now)
     old = t - now.lag + ROUNDING_S
-    if own == own and history[state.started].t > old - TOGETHER_S:
+    if own_speed == own_speed and history[state.started].t > old - TOGETHER_S:
         return State(history, 0, state.started, shown), [], False
     ready = 0
     while history[ready].t <= old:

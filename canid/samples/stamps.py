@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
 
 # s; stamps are summed up over so long
 SPAN_S = 10.0
@@ -63,12 +63,12 @@ def step(
         numbers are summed, so the result does not depend on how the readings are divided.
 
     Example:
-        >>> state, found = step(init(), "gap", np.arange(0.0, 10.2, 0.05), np.arange(204))
-        >>> found[0][1].number, found[0][1].mean
+        >>> state, spans = step(init(), "gap", np.arange(0.0, 10.2, 0.05), np.arange(204))
+        >>> spans[0][1].number, spans[0][1].mean
         (199, 0.05)
     """
-    of = state.get(role, Tally())
-    span, last, number, total, squares = of
+    tally = state.get(role, Tally())
+    span, last, number, total, squares = tally
     out = []
     for at, k in zip(t.tolist(), row.tolist(), strict=True):
         now = round(at * _MICROSECONDS)

@@ -16,9 +16,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from canid.identification import rounding
 from canid.samples import local_polynomial
 from canid.samples.local_polynomial import Fitted
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # s; readings from which one phase is determined. 50 decisions at 10 Hz know it to 1 ms with a wheel angle in steps of 0.1°
 BLOCK_S = 5.0
@@ -36,6 +37,10 @@ SAME_PHASE = 0.1
 UNIFORM = 0.9
 # of the step; a reading so far from its instant is another one's
 MAX_JITTER = 0.1
+# standard deviations by which what rounding leaves must differ between phases for one to stand out
+SURE_SD = 4.0
+# variance of the square of a rounding error, in steps^4 / 144: 1/80 - 1/144 of a uniform one
+ROUNDING_KURTOSIS = 0.8
 # residuals below this share of the signal's power are rounding
 EXACT_SHARE = 1e-12
 
@@ -81,7 +86,7 @@ def step(state: State, t: Array, value: Array, arrived: Array, latest: float, dt
     >>> t = np.arange(0.013, 11.0, 0.02)
     >>> held = np.random.default_rng(0).normal(size=200)[((t - 0.03) / 0.1).astype(int)]
     >>> grid = step(init(), t, held, t, 11.0, 0.1).grid
-    >>> [(one.start, one.kind, round(one.phase, 2)) for one in grid]
+    >>> [(block.start, block.kind, round(block.phase, 2)) for block in grid]
     [(5.0, 'hold', 0.02), (10.0, 'hold', 0.02)]
     """
     parts, values = (*state.t, t), (*state.value, value)
@@ -93,8 +98,8 @@ def step(state: State, t: Array, value: Array, arrived: Array, latest: float, dt
         parts, values = (t,), (value,)
         grid, block = state.grid, state.block + 1
         if len(known_t) or not grid:
-            found = _decided(known_t, known, dt, grid[-1] if grid else None)
-            grid = (*grid, found._replace(start=block * BLOCK_S))
+            instants = _decided(known_t, known, dt, grid[-1] if grid else None)
+            grid = (*grid, instants._replace(start=block * BLOCK_S))
         else:
             # nothing came: the grid stays, however long
             coming = float(arrived[0]) if len(arrived) else latest
@@ -105,7 +110,7 @@ def step(state: State, t: Array, value: Array, arrived: Array, latest: float, dt
 
 def trimmed(state: State, t: float) -> State:
     """Drop the grids that end before t [s]."""
-    past = sum(one.start <= t for one in state.grid) - 1
+    past = sum(instants.start <= t for instants in state.grid) - 1
     return state._replace(grid=state.grid[past:]) if past > 0 else state
 
 
@@ -119,9 +124,9 @@ def _decided(t: Array, value: Array, dt: float, before: Instants | None) -> Inst
         return kept
     per_step = dt / max(float(np.median(np.diff(t))), 1e-6)
     if per_step > 1.5:
-        found = _corners(t, value - value.mean(), dt, kept)
-        if found is not None:
-            return _followed(found, kept, dt)
+        corners = _corners(t, value - value.mean(), dt, kept)
+        if corners is not None:
+            return _followed(corners, kept, dt)
         if kept.kind in ("hold", "line"):
             return kept
     whole = round(per_step)
@@ -129,46 +134,52 @@ def _decided(t: Array, value: Array, dt: float, before: Instants | None) -> Inst
     mean = complex(np.exp(2j * np.pi * t / period).mean())
     if whole < 1 or abs(mean) < UNIFORM:
         return Instants(0.0, "none", 0.0, kept.kind != "none")
-    own = float(np.angle(mean)) * period / (2.0 * np.pi)
+    phase = float(np.angle(mean)) * period / (2.0 * np.pi)
     # the reading's phase next to the one before: with several readings a step any of them serves
-    turns = round((kept.phase - own) / period)
-    return _followed(Instants(0.0, "reading", own + turns * period, False), kept, dt)
+    turns = round((kept.phase - phase) / period)
+    return _followed(Instants(0.0, "reading", phase + turns * period, False), kept, dt)
 
 
-def _followed(found: Instants, kept: Instants, dt: float) -> Instants:
-    phase = found.phase + dt * round((kept.phase - found.phase) / dt)
+def _followed(instants: Instants, kept: Instants, dt: float) -> Instants:
+    phase = instants.phase + dt * round((kept.phase - instants.phase) / dt)
     moved = phase - kept.phase
-    if kept.kind == found.kind and abs(moved) <= SAME_PHASE * dt:
-        return found._replace(phase=kept.phase + FOLLOW * moved, fresh=False)
+    if kept.kind == instants.kind and abs(moved) <= SAME_PHASE * dt:
+        return instants._replace(phase=kept.phase + FOLLOW * moved, fresh=False)
     # within half a step of the grid without any phase
-    return found._replace(phase=found.phase - dt * round(found.phase / dt), fresh=True)
+    return instants._replace(phase=instants.phase - dt * round(instants.phase / dt), fresh=True)
 
 
 def _corners(t: Array, value: Array, dt: float, kept: Instants) -> Instants | None:
     """Kind and phase of the spline of least residual; None where none stands out."""
     floor = EXACT_SHARE * float(value @ value)
+    # what rounding leaves whatever the phase, and how much that varies: it must not hide that a phase stands out
+    variance = rounding.variance(value)
+    rounded, chance = variance * len(t), SURE_SD * variance * (ROUNDING_KURTOSIS * len(t)) ** 0.5
     best: tuple[float, Instants] | None = None
     coarse = np.arange(COARSE) * dt / COARSE
     for kind, residual in (("hold", _hold), ("line", _line)):
-        found = np.array([residual(t, value, dt, phase) for phase in coarse])
-        usual = float(np.median(found)) + floor
-        k = int(found.argmin())
-        if found[k] > MAX_RESIDUAL_SHARE * usual or (best is not None and found[k] >= best[0]):
+        residuals = np.array([residual(t, value, dt, phase) for phase in coarse])
+        usual = float(np.median(residuals)) + floor
+        k = int(residuals.argmin())
+        # means of a few rounded values hit the lattice by chance: only a line is compared without its rounding
+        off = rounded if kind == "line" and usual - residuals[k] > chance else 0.0
+        shown = max(float(residuals[k]) - off, 0.0) <= MAX_RESIDUAL_SHARE * (usual - off)
+        if not shown or (best is not None and residuals[k] >= best[0]):
             continue
         near = float(coarse[k])
-        phase = _middle(found, near, usual, dt) if kind == "hold" else _finest(t, value, dt, near)
-        best = float(found[k]), Instants(0.0, kind, phase, False)  # type: ignore[arg-type]
+        phase = _middle(residuals, near, usual, dt) if kind == "hold" else _finest(t, value, dt, near)
+        best = float(residuals[k]), Instants(0.0, kind, phase, False)  # type: ignore[arg-type]
     return None if best is None else best[1]
 
 
-def _middle(found: Array, phase: float, usual: float, dt: float) -> float:
+def _middle(residuals: Array, phase: float, usual: float, dt: float) -> float:
     """Middle of the phases that separate the same readings, next to the best."""
-    step, limit = dt / COARSE, max(2.0 * float(found.min()), 0.05 * usual)
-    k = int(found.argmin())
+    step, limit = dt / COARSE, max(2.0 * float(residuals.min()), 0.05 * usual)
+    k = int(residuals.argmin())
     low = high = 0
-    while high < COARSE and found[(k + high + 1) % COARSE] <= limit:
+    while high < COARSE and residuals[(k + high + 1) % COARSE] <= limit:
         high += 1
-    while low < COARSE and found[k - low - 1] <= limit:
+    while low < COARSE and residuals[k - low - 1] <= limit:
         low += 1
     return phase + 0.5 * (high - low) * step
 
@@ -233,10 +244,12 @@ def value_at(t: Array, value: Array, at: float, kind: str, dt: float) -> Fitted:
     if kind == "hold":
         return Fitted(next((y for x, y in zip(times, values, strict=True) if at <= x < at + dt), NAN))
     if kind == "reading":
-        near = min(zip(times, values, strict=True), key=lambda one: abs(one[0] - at), default=(NAN, NAN))
+        near = min(
+            zip(times, values, strict=True), key=lambda reading: abs(reading[0] - at), default=(NAN, NAN)
+        )
         return Fitted(near[1] if abs(near[0] - at) <= MAX_JITTER * dt else NAN)
     middle = next((i for i, x in enumerate(times) if x >= at), len(times))
-    x = [one - at for one in times]
+    x = [time - at for time in times]
     before = local_polynomial.line(x[:middle], values[:middle])
     after = local_polynomial.line(x[middle:], values[middle:])
     return Fitted(0.5 * (before.value + after.value), 0.25 * (before.variance + after.variance))

@@ -30,13 +30,19 @@ def _canonical(value: Any) -> str:
         return f"{type(value).__name__}.{value.name}"
     if isinstance(value, Mapping):
         return (
-            "{" + ",".join(sorted(f"{_canonical(key)}:{_canonical(of)}" for key, of in value.items())) + "}"
+            "{"
+            + ",".join(sorted(f"{_canonical(key)}:{_canonical(item)}" for key, item in value.items()))
+            + "}"
         )
     if isinstance(value, frozenset | set):
         return "<" + ",".join(sorted(map(_canonical, value))) + ">"
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         fields = zip(value._fields, value, strict=True)
-        return f"{type(value).__name__}(" + ",".join(f"{name}={_canonical(of)}" for name, of in fields) + ")"
+        return (
+            f"{type(value).__name__}("
+            + ",".join(f"{name}={_canonical(field)}" for name, field in fields)
+            + ")"
+        )
     if isinstance(value, tuple | list):
         return "[" + ",".join(map(_canonical, value)) + "]"
     return repr(value)

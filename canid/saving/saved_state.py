@@ -6,16 +6,17 @@ import base64
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from canid import __version__, pipeline, restart_time
-from canid.errors import OutputError
+from canid import __version__
 from canid.monitor import change_monitor
+from canid.pipeline import pipeline, restart_time
 from canid.saving import validity
 from canid.saving.checksum import Refused, seal, unseal
 from canid.saving.fingerprint import fingerprint
 from canid.saving.state_codec import MAX_MESSAGE_LENGTH, Codec, MismatchError, codec
 from canid.signal_checks import blocks as signal_blocks
 from canid.signal_checks import signal_checks, standing
-from canid.types import Event
+from canid.values.errors import OutputError
+from canid.values.types import Event
 from canid.vehicle import Vehicle
 
 # s; a working day of one driver, with its breaks: after a night it is another drive, perhaps another person
@@ -130,11 +131,11 @@ def resume(
     Returns:
         the pipeline's state, and an event for the user.
     """
-    found = saving.restore(saved, utc)
-    if isinstance(found, Refused):
-        return running.init(), Event(t, "state_refused", f"{found.says}; the estimators start fresh")
-    says = f"the estimators continue from the state saved {max(found.age, 0.0):.0f} s ago"
-    return running.resume(running.init(), found.known), Event(t, "state_restored", says)
+    restored = saving.restore(saved, utc)
+    if isinstance(restored, Refused):
+        return running.init(), Event(t, "state_refused", f"{restored.says}; the estimators start fresh")
+    says = f"the estimators continue from the state saved {max(restored.age, 0.0):.0f} s ago"
+    return running.resume(running.init(), restored.known), Event(t, "state_restored", says)
 
 
 def _known_codec(state: pipeline.State) -> Codec:
@@ -151,8 +152,9 @@ def _configuration(vehicle: Vehicle, dt: float, known_codec: Codec) -> dict[str,
     """Fingerprints of everything that changes the meaning of the numbers, part by part."""
     shared = {k: v for k, v in vehicle._asdict().items() if k not in (*_DESCRIPTIVE, _BY_ESTIMATOR)}
     parts: dict[str, Any] = shared | dict(vehicle.estimators)
-    parts |= {"grid": dt, "state": known_codec.structure}
-    return {name: fingerprint(of) for name, of in parts.items()}
+    # what a pedal's scale rests on is a remark; the scale itself is the role's
+    parts |= {"driver": vehicle.driver._replace(full_scale=None), "grid": dt, "state": known_codec.structure}
+    return {name: fingerprint(settings) for name, settings in parts.items()}
 
 
 def _brief(text: object, length: int = 80) -> str:
@@ -169,7 +171,7 @@ def _mismatch(fields: dict[str, Any], vehicle: str, configuration: dict[str, str
         return f'is of the vehicle "{_brief(fields.get("vehicle"))}", not of "{vehicle}"'
     theirs = fields.get("configuration")
     theirs = theirs if isinstance(theirs, dict) else {}
-    theirs = {name: of for name, of in theirs.items() if len(name) < 40}
+    theirs = {name: digest for name, digest in theirs.items() if len(name) < 40}
     differ = [name for name in {**configuration, **theirs} if configuration.get(name) != theirs.get(name)]
     if differ:
         shown = ", ".join(_PART_NAMES.get(name, f"[{_brief(name)}]") for name in differ[:10])

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from canid import pipeline, restart_time
 from canid.estimators import agreement
 from canid.identification.identifiability import QUOTABLE
 from canid.monitor import change_monitor
+from canid.pipeline import pipeline, restart_time
 from canid.signal_checks import signal_checks
-from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE, TIME, Constraint
-from canid.types import TASK_INPUTS, Estimate, Identifiable, LearnGate, Sample, Status
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE, TIME, Constraint
+from canid.values.types import TASK_INPUTS, Estimate, Identifiable, LearnGate, Sample, Status
 from canid.vehicle import Vehicle
 
 # s; three years of driving. Beyond, the step of the grid is lost in the time's own rounding
@@ -67,13 +67,13 @@ def check(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
 def _constraints(kind: type) -> dict[str, frozenset[Constraint]]:
     """The constraints in the annotations of a NamedTuple, field by field."""
 
-    def found(hint: Any) -> Iterator[Constraint]:
+    def in_hint(hint: Any) -> Iterator[Constraint]:
         yield from (x for x in getattr(hint, "__metadata__", ()) if isinstance(x, Constraint))
         for part in typing.get_args(hint):  # X | None
-            yield from found(part)
+            yield from in_hint(part)
 
     hints = typing.get_type_hints(kind, include_extras=True)
-    return {name: frozenset(found(hint)) for name, hint in hints.items()}
+    return {name: frozenset(in_hint(hint)) for name, hint in hints.items()}
 
 
 def _number_errors(
@@ -81,10 +81,10 @@ def _number_errors(
 ) -> Iterator[str]:
     """Sentences about numbers that cannot be, with their places."""
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        own = _constraints(type(value))
+        by_field = _constraints(type(value))
         for name, part in zip(value._fields, value, strict=True):
             # a nested state inherits what holds for all of it
-            yield from _number_errors(part, f"{place}.{name}", now, constraints | own[name])
+            yield from _number_errors(part, f"{place}.{name}", now, constraints | by_field[name])
     elif isinstance(value, tuple):
         for k, part in enumerate(value):
             yield from _number_errors(part, f"{place}[{k}]", now, constraints)
@@ -132,15 +132,18 @@ def _trial_error(known: pipeline.Known, vehicle: Vehicle, dt: float) -> str:
     for problem in monitor.check_state(known.monitor):
         return problem
     _, pause = restart_time.resume(known.time, dt, len(names))
-    states = [one.step(of, pause)[0] for one, of in zip(estimators, known.estimators, strict=True)]
+    states = [
+        estimator.step(known_state, pause)[0]
+        for estimator, known_state in zip(estimators, known.estimators, strict=True)
+    ]
     monitored, _ = monitor.step(known.monitor, pause)
     signals, _ = signal_checks.step(known.signals, pause, vehicle.driver, dt)
     agreed = known.agreement
     for k in range(1, TRIAL_SAMPLES + 1):
         sample = _sample(pause.t + k * dt, pause.segment, k, len(names))
         said = []
-        for place, one in enumerate(estimators):
-            states[place], estimate = one.step(states[place], sample)
+        for place, estimator in enumerate(estimators):
+            states[place], estimate = estimator.step(states[place], sample)
             said += [estimate] if estimate is not None else []
         agreed, estimates = agreement.step(agreed, said)
         monitored, _ = monitor.step(monitored, sample)

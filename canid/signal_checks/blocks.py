@@ -7,9 +7,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from canid.samples.out_of_range import OutOfRange, added
 from canid.samples.stamps import StampIntervals
-from canid.state_constraints import TIME
-from canid.types import NAN, Array, Sample
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN, Array, Sample
 
 # s; long against a radar's report, short against a driver's manoeuvre
 BLOCK_S = 1.0
@@ -48,6 +49,7 @@ class Block(NamedTuple):
     joined: bool  # the block before it ends one sample earlier
     follows: bool  # one lead is measured throughout, by a vehicle that moves
     stamps: tuple[StampIntervals, ...] = ()  # that have come with it
+    out_of_range: tuple[OutOfRange, ...] = ()
 
 
 class State(NamedTuple):
@@ -58,6 +60,7 @@ class State(NamedTuple):
     joined: bool = False
     gap: float = NAN  # m, of the last sample of the block before
     stamps: tuple[StampIntervals, ...] = ()
+    out_of_range: tuple[OutOfRange, ...] = ()
 
 
 def init() -> State:
@@ -65,8 +68,10 @@ def init() -> State:
     return State()
 
 
-def put(state: State, came: StampIntervals) -> State:
-    """Add the intervals of a message's stamps; the next block has them."""
+def put(state: State, came: StampIntervals | OutOfRange) -> State:
+    """Add the intervals of a message's stamps, or a reading out of its range; the next block has them."""
+    if isinstance(came, OutOfRange):
+        return state._replace(out_of_range=added(state.out_of_range, came))
     return state._replace(stamps=(*state.stamps, came))
 
 
@@ -79,7 +84,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
         dt: the grid's step, s.
 
     Example:
-        >>> from canid.types import LearnGate
+        >>> from canid.values.types import LearnGate
         >>> state = init()
         >>> for k in range(10):
         ...     sample = Sample(0.1 * k, 0.0, (), LearnGate.OPEN, True, 0, {"speed": 20.0 + k})
@@ -89,10 +94,10 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     """
     t = sample.t
     if not t - state.t <= 1.5 * dt:
-        state = State(stamps=state.stamps)
+        state = State(stamps=state.stamps, out_of_range=state.out_of_range)
     rows = (*state.rows, sample.signals)
     if len(rows) < round(BLOCK_S / dt):
-        return State(t, rows, state.joined, state.gap, state.stamps), None
+        return state._replace(t=t, rows=rows), None
     values = _values(rows)
     lowest = np.minimum.reduce(values)
     mean = (np.add.reduce(values) / len(rows)).tolist()
@@ -111,6 +116,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
         and mean[RANGE_RATE] == mean[RANGE_RATE]
         and _same_lead(values[:, GAP], state.gap, dt),
         state.stamps,
+        state.out_of_range,
     )
     return State(t, (), True, float(values[-1, GAP])), block
 

@@ -14,7 +14,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array, DriveTime, LearnGate, SignalFinding, Trace
+from canid.estimators import speed_difference
+from canid.values.types import Array, DriveTime, LearnGate, SignalFinding, Trace
+
+# s; the estimators start with a batch of 15 s, of which 5 s may be what came before and behind the samples: less decides
+# nothing, and does not show whether signals fit
+FIRST_ESTIMATE_S = 10.0
 
 Flags = npt.NDArray[np.bool_]
 
@@ -42,20 +47,35 @@ def trusted(t: Array, findings: Iterable[SignalFinding]) -> Flags:
         findings: of the drive.
 
     Example:
-        >>> one = SignalFinding("speed_unit", ("speed",), 1.0, 20.0, "", "", True, until=3.0)
-        >>> trusted(np.arange(5.0), [one])
+        >>> finding = SignalFinding("speed_unit", ("speed",), 1.0, 20.0, "", "", True, until=3.0)
+        >>> trusted(np.arange(5.0), [finding])
         array([ True, False, False,  True,  True])
     """
     sound = np.ones(len(t), dtype=bool)
-    for one in findings:
-        if one.withholds:
-            sound &= ~((t >= one.since) & ~(t >= one.until))
+    for finding in findings:
+        if finding.withholds:
+            sound &= ~((t >= finding.since) & ~(t >= finding.until))
     return sound
 
 
 def usable(trace: Trace) -> Flags:
     """Which samples may be learned from, (n,)."""
     return trace.learn & trusted(trace.t, trace.findings)
+
+
+def fitted_trace(trace: Trace) -> Trace:
+    """Return the drive as its driver is fitted.
+
+    What a wrong signal has touched teaches nothing, and samples are as far apart as the output spans as a difference of the
+    recorded speed.
+
+    Args:
+        trace: of the drive, with its findings.
+    """
+    used = usable(trace)
+    if trace.findings and not used.all():
+        trace = trace._replace(learn=used, bound=None)
+    return speed_difference.without_common_noise(trace, used)[0]
 
 
 def drive_time(
@@ -87,6 +107,19 @@ def drive_time(
     counted = (behind | alone, behind, learn & trusted(t, findings))
     driving, following, used = (round(float(flags.sum()) * dt, 6) for flags in counted)
     return DriveTime(round(len(t) * dt, 6), driving, following if follows else math.nan, used)
+
+
+def too_short(time: DriveTime) -> str:
+    """Why no estimate can come of a log or a part of it that ends before the first one; "": it is long enough.
+
+    Example:
+        >>> too_short(DriveTime(2.0, 2.0, 2.0, 0.0))
+        'the log, or the part of it that was read, is too short: an estimate takes 10 s or more'
+    """
+    if time.total >= FIRST_ESTIMATE_S:
+        return ""
+    # without its length: the first second and the last one have no samples
+    return f"the log, or the part of it that was read, is too short: an estimate takes {FIRST_ESTIMATE_S:.0f} s or more"
 
 
 def of_trace(trace: Trace) -> DriveTime:

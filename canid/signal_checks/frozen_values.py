@@ -13,8 +13,8 @@ import numpy as np
 
 from canid.signal_checks.blocks import ACCEL, GAP, PEDAL, RANGE_RATE, SPEED, Block
 from canid.signal_checks.check import Check, Found
-from canid.state_constraints import TIME
-from canid.types import NAN
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN
 
 # column -> role
 WATCHED = {GAP: "gap", RANGE_RATE: "range_rate", SPEED: "speed"}
@@ -72,37 +72,37 @@ def init() -> State:
 
 def step(state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block."""
-    watched, found = dict(state.watched), None
+    watched, verdict = dict(state.watched), None
     pedal = state.pedal
     for column, role in WATCHED.items():
-        of = watched.get(role, Watch())
+        watch = watched.get(role, Watch())
         still = block.spread[column] == 0.0 and _may_move(column, block)
-        if still and of.run == 0:
-            of = of._replace(
+        if still and watch.run == 0:
+            watch = watch._replace(
                 begin=max(block.t - 1.0, 0.0), value=block.mean[column], way=0.0, low=0.0, high=0.0
             )
             pedal = (block.mean[PEDAL], block.mean[PEDAL]) if column == SPEED else pedal
-        if still and abs(block.mean[column] - of.value) < 1e-9:
-            of = _still(of, column, block)
+        if still and abs(block.mean[column] - watch.value) < 1e-9:
+            watch = _still(watch, column, block)
             if column == SPEED:
                 pedal = min(pedal[0], block.mean[PEDAL]), max(pedal[1], block.mean[PEDAL])
         else:
-            usual = of.usual if _says(of, role, pedal) else max(of.usual, of.run)
-            of = of._replace(run=0, usual=usual, moving=of.moving + (block.spread[column] > 0.0))
-            of = _held(of, column, block)
-        watched[role] = of
-        says = _says(of, role, pedal)
-        if says and found is None:
+            usual = watch.usual if _says(watch, role, pedal) else max(watch.usual, watch.run)
+            watch = watch._replace(run=0, usual=usual, moving=watch.moving + (block.spread[column] > 0.0))
+            watch = _held(watch, column, block)
+        watched[role] = watch
+        says = _says(watch, role, pedal)
+        if says and verdict is None:
             remedy = f"its sender repeats itself: leave this part out, and check the source of {role}"
-            found = Found(f"{role}_frozen", (role,), of.begin, says, remedy)
-        elif found is None and _is_held(of):
+            verdict = Found(f"{role}_frozen", (role,), watch.begin, says, remedy)
+        elif verdict is None and _is_held(watch):
             says = (
-                f"{role} repeats values and jumps: {len(of.steps)} steps between values that are held for {HELD_SAMPLES} "
-                f"samples or more, {max(of.steps):.2g} the largest"
+                f"{role} repeats values and jumps: {len(watch.steps)} steps between values that are held for {HELD_SAMPLES} "
+                f"samples or more, {max(watch.steps):.2g} the largest"
             )
             remedy = f"its source is slower than its message, so dead times are off: map another {role}"
-            found = Found(f"{role}_repeated", (role,), of.first, says, remedy)
-    return State(watched, pedal), found
+            verdict = Found(f"{role}_repeated", (role,), watch.first, says, remedy)
+    return State(watched, pedal), verdict
 
 
 def _may_move(column: int, block: Block) -> bool:
@@ -110,49 +110,51 @@ def _may_move(column: int, block: Block) -> bool:
     return block.mean[SPEED] > 2.0 if column == SPEED else block.follows
 
 
-def _still(of: Watch, column: int, block: Block) -> Watch:
+def _still(watch: Watch, column: int, block: Block) -> Watch:
     """One more block without a movement: follow what another signal says meanwhile."""
     n = block.dt * len(block.values)
     other = {GAP: RANGE_RATE, SPEED: ACCEL}.get(column)
     if other is not None:
         change = block.mean[other] * n
-        way = of.way + (change if change == change else 0.0)
+        way = watch.way + (change if change == change else 0.0)
     else:
         # the gap, less what this range rate means
         gap = block.mean[GAP]
-        way = gap - of.value * (of.run + 0.5) * n
-        if of.run == 0:
-            return of._replace(run=1, way=way, low=way, high=way)
-    return of._replace(run=of.run + 1, way=way, low=min(of.low, way), high=max(of.high, way))
+        way = gap - watch.value * (watch.run + 0.5) * n
+        if watch.run == 0:
+            return watch._replace(run=1, way=way, low=way, high=way)
+    return watch._replace(run=watch.run + 1, way=way, low=min(watch.low, way), high=max(watch.high, way))
 
 
-def _says(of: Watch, role: str, pedal: tuple[float, float]) -> str:
+def _says(watch: Watch, role: str, pedal: tuple[float, float]) -> str:
     """What speaks against a constant value; "": nothing."""
-    if of.run < MIN_FREEZE_S:
+    if watch.run < MIN_FREEZE_S:
         return ""
-    span, unit = of.high - of.low, "m" if role == "gap" else "m/s"
-    begins = f"{role} has been {of.value:.4g} {unit} for {of.run} s"
-    if role == "gap" and span > MIN_GAP_CHANGE_M + HALF_STEP * of.run:
+    span, unit = watch.high - watch.low, "m" if role == "gap" else "m/s"
+    begins = f"{role} has been {watch.value:.4g} {unit} for {watch.run} s"
+    if role == "gap" and span > MIN_GAP_CHANGE_M + HALF_STEP * watch.run:
         return f"{begins} although range rate changes it by {span:.1f} m"
-    if role == "range_rate" and span > MIN_GAP_CHANGE_M + HALF_STEP * of.run:
+    if role == "range_rate" and span > MIN_GAP_CHANGE_M + HALF_STEP * watch.run:
         return f"{begins} although the gap departs from it by {span:.1f} m"
-    if role == "speed" and span > MIN_SPEED_CHANGE + ACCEL_OFFSET * of.run:
+    if role == "speed" and span > MIN_SPEED_CHANGE + ACCEL_OFFSET * watch.run:
         return f"{begins} although accel changes it by {span:.1f} m/s"
-    if role == "speed" and of.run >= PEDAL_FREEZE_S and pedal[1] - pedal[0] > MIN_PEDAL_CHANGE:
+    if role == "speed" and watch.run >= PEDAL_FREEZE_S and pedal[1] - pedal[0] > MIN_PEDAL_CHANGE:
         return f"{begins} although the pedal moves by {pedal[1] - pedal[0]:.0f} %"
-    unusual = of.moving >= KNOWN_BLOCKS and of.run >= max(MIN_UNUSUAL_S, UNUSUAL_FACTOR * (of.usual + 1))
-    return f"{begins}, never more than {of.usual} s before" if unusual else ""
+    unusual = watch.moving >= KNOWN_BLOCKS and watch.run >= max(
+        MIN_UNUSUAL_S, UNUSUAL_FACTOR * (watch.usual + 1)
+    )
+    return f"{begins}, never more than {watch.usual} s before" if unusual else ""
 
 
-def _held(of: Watch, column: int, block: Block) -> Watch:
+def _held(watch: Watch, column: int, block: Block) -> Watch:
     """Note the steps between values that are held; a second in which most values are new ends the count."""
     if not _may_move(column, block):
-        return of
+        return watch
     x = block.values[:, column]
     same = x[1:] == x[:-1]
     if np.count_nonzero(same) < REPEAT_SHARE * len(same):
-        return of if not of.steps else of._replace(steps=of.steps[1:])
-    held, steps, first, count = of.held, of.steps, of.first, 1
+        return watch if not watch.steps else watch._replace(steps=watch.steps[1:])
+    held, steps, first, count = watch.held, watch.steps, watch.first, 1
     for value, repeats in zip(x[1:].tolist(), same.tolist(), strict=True):
         count = count + 1 if repeats else 1
         if count == HELD_SAMPLES:
@@ -160,15 +162,15 @@ def _held(of: Watch, column: int, block: Block) -> Watch:
                 first = first if steps else block.t
                 steps = (*steps, abs(value - held))[-KEPT_STEPS:]
             held = value
-    return of._replace(held=held, steps=steps, first=first)
+    return watch._replace(held=held, steps=steps, first=first)
 
 
-def _is_held(of: Watch) -> bool:
+def _is_held(watch: Watch) -> bool:
     """Whether the steps are jumps over values between them."""
-    if len(of.steps) < NEEDED_STEPS:
+    if len(watch.steps) < NEEDED_STEPS:
         return False
-    limit = JUMP_FACTOR * min(of.steps)
-    return sum(step > limit for step in of.steps) >= JUMP_SHARE * len(of.steps)
+    limit = JUMP_FACTOR * min(watch.steps)
+    return sum(step > limit for step in watch.steps) >= JUMP_SHARE * len(watch.steps)
 
 
 CHECK = Check("frozen_values", init, step)

@@ -14,8 +14,8 @@ import numpy as np
 
 from canid.signal_checks.blocks import BLOCK_S, GAP, RANGE_RATE, Block
 from canid.signal_checks.check import Check, Found, unit_of
-from canid.state_constraints import TIME
-from canid.types import NAN, Array
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN, Array
 
 # blocks of one window: 5 s, in which a gap changes by metres
 WINDOW_BLOCKS = 5
@@ -130,10 +130,10 @@ def _judge(windows: tuple[Window, ...]) -> Found | None:
         x, y, noise = (np.array(column) for column in list(zip(*part, strict=True))[1:])
         if not _contradict(x, y, noise):
             continue
-        found = _named(part, x, y, noise)
-        if found.name != CONTRADICTION:
-            return found
-        unnamed = unnamed or found
+        verdict = _named(part, x, y, noise)
+        if verdict.name != CONTRADICTION:
+            return verdict
+        unnamed = unnamed or verdict
     if unnamed is None and len(windows) >= MIN_SCALE_WINDOWS:
         x, y, noise = (np.array(column) for column in list(zip(*windows, strict=True))[1:])
         return _named(windows, x, y, noise) if _scaled(x, y, noise) is not None else None
@@ -183,11 +183,11 @@ def _scaled(x: Array, y: Array, noise: Array) -> _Scale | None:
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
     if n < MIN_SCALE_WINDOWS or not xx * yy > 0.0 or not min(xx, yy) / n > 25.0 * _median(noise):
         return None
-    found = _ratio(xx, yy, xy, n)
+    scale = _ratio(xx, yy, xy, n)
     rest = 1.0 - xy * xy / (xx * yy)
-    if rest > MAX_SCALED_REST**2 or (RIGHT_SCALE[0] <= found.high and found.low <= RIGHT_SCALE[1]):
+    if rest > MAX_SCALED_REST**2 or (RIGHT_SCALE[0] <= scale.high and scale.low <= RIGHT_SCALE[1]):
         return None
-    return found
+    return scale
 
 
 def _ratio(xx: float, yy: float, xy: float, n: int) -> _Scale:
@@ -217,13 +217,13 @@ def _named(windows: tuple[Window, ...], x: Array, y: Array, noise: Array) -> Fou
         return Found("gap_dead", ("gap",), since, says, "check which signal gap maps")
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
     if len(windows) >= MIN_NAMED_WINDOWS and abs(xy) > ONE_QUANTITY * math.sqrt(xx * yy):
-        found = _ratio(xx, yy, xy, len(x))
-        numbers = f"{found.ratio:.2f} [{found.low:.2f}, {found.high:.2f}]"
+        scale = _ratio(xx, yy, xy, len(x))
+        numbers = f"{scale.ratio:.2f} [{scale.low:.2f}, {scale.high:.2f}]"
         if xy < 0.0:
             says = f"range rate falls while the gap grows: it is {numbers} times the gap's change"
             remedy = "positive must be opening: set scale = -1 (rate_sign = -1 for radar tracks)"
             return Found("range_rate_sign", ("range_rate",), since, says, remedy)
-        unit = unit_of(found.ratio, found.low, found.high)
+        unit = unit_of(scale.ratio, scale.low, scale.high)
         says = f"range rate is {numbers} times the gap's change"
         meaning = f": range_rate as if {unit}, or gap the reverse" if unit else ""
         remedy = f"check the units of gap and range_rate{meaning}"

@@ -13,8 +13,8 @@ import numpy as np
 
 from canid.signal_checks.blocks import ACCEL, SPEED, Block
 from canid.signal_checks.check import Check, Found, unit_of
-from canid.state_constraints import TIME
-from canid.types import NAN
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN
 
 # pairs of seconds that are kept, and needed
 KEPT, NEEDED = 60, 30

@@ -24,8 +24,8 @@ import numpy.typing as npt
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.signal_checks.blocks import GAP, RANGE_RATE, SPEED, Block
 from canid.signal_checks.check import Check, Found, unit_of
-from canid.state_constraints import TIME
-from canid.types import NAN, Array
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN, Array
 
 # s; the own motion holds little above 2 Hz
 STEP_S = 0.2
@@ -72,6 +72,8 @@ class State(NamedTuple):
     begin: Annotated[float, TIME] = NAN  # s, of the first row
     headways: tuple[float, ...] = ()  # s
     speeds: tuple[float, ...] = ()  # m/s, with them
+    # all headways since the first row, those shorter than SHORT_HEADWAY_S, and those longer than LONG_HEADWAY_S
+    counted: tuple[int, int, int] = (0, 0, 0)
     age: tuple[float, float] = (NAN, NAN)  # s, δ and its standard deviation; NaN: not known
     late: float = NAN  # log likelihood of δ over that of no delay
     factor: tuple[float, float, float] = (NAN, NAN, NAN)  # 1/c and its interval
@@ -87,7 +89,10 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block."""
     if not block.follows:
         return (state._replace(history=np.zeros((0, 2))) if len(state.history) else state), state.found
-    headways = (*state.headways, block.mean[GAP] / block.mean[SPEED])[-KEPT_HEADWAYS:]
+    headway = block.mean[GAP] / block.mean[SPEED]
+    headways = (*state.headways, headway)[-KEPT_HEADWAYS:]
+    every, short, long = state.counted
+    counted = (every + 1, short + (headway < SHORT_HEADWAY_S), long + (headway > LONG_HEADWAY_S))
     per_step = max(round(STEP_S / block.dt), 1)
     values = block.values[:, RANGE_RATE : SPEED + 1]
     n = len(values) // per_step
@@ -96,7 +101,12 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     begin = state.begin if state.begin == state.begin else max(block.t - 1.0, 0.0)
     speeds = (*state.speeds, block.mean[SPEED])[-KEPT_HEADWAYS:]
     state = state._replace(
-        speeds=speeds, history=history, headways=headways, begin=begin, blocks=state.blocks + 1
+        speeds=speeds,
+        history=history,
+        headways=headways,
+        counted=counted,
+        begin=begin,
+        blocks=state.blocks + 1,
     )
     fresh = len(history) - 1 - _REACH - YOUNGEST
     if fresh >= FRESH_ROWS:
@@ -179,10 +189,22 @@ def _median(x: tuple[float, ...]) -> float:
     return sorted(x)[len(x) // 2] if len(x) >= NEEDED_HEADWAYS else NAN
 
 
+def _mostly(state: State) -> tuple[bool, bool]:
+    """Whether headways are short, and long, over all that a finding speaks of.
+
+    A unit is that of the whole drive: a minute behind a lead that cut in says nothing against the quarter of an hour before.
+
+    >>> _mostly(init()._replace(counted=(900, 60, 0))), _mostly(init()._replace(counted=(90, 60, 0)))
+    ((False, False), (True, False))
+    """
+    every, short, long = state.counted
+    return 2 * short > every, 2 * long > every
+
+
 def _implausible(state: State) -> Found | None:
     headway, speed = _median(state.headways), _median(state.speeds)
     fast = speed > FASTEST or (speed > FAST and headway < SHORT_IF_FAST_S)
-    if not (headway < SHORTEST_HEADWAY_S or fast):
+    if not ((headway < SHORTEST_HEADWAY_S and _mostly(state)[0]) or fast):
         return None
     says = (
         f"headways are implausible: medians of {headway:.2f} s and {speed:.0f} m/s ({3.6 * speed:.0f} km/h) over "
@@ -195,8 +217,9 @@ def _implausible(state: State) -> Found | None:
 def _wrong_unit(state: State) -> Found | None:
     value, low, high = state.factor
     headway = _median(state.headways)
-    short = high < LOW_FACTOR and headway < SHORT_HEADWAY_S
-    if not (short or (low > HIGH_FACTOR and headway > LONG_HEADWAY_S)):
+    mostly_short, mostly_long = _mostly(state)
+    short = high < LOW_FACTOR and headway < SHORT_HEADWAY_S and mostly_short
+    if not (short or (low > HIGH_FACTOR and headway > LONG_HEADWAY_S and mostly_long)):
         return None
     ratio, a, b = 1 / value, 1 / high, 1 / low
     unit = unit_of(ratio, a, b)

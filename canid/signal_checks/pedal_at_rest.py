@@ -9,8 +9,8 @@ from typing import Annotated, NamedTuple
 
 from canid.signal_checks.blocks import BRAKE, CRUISE, PEDAL, SPEED, Block
 from canid.signal_checks.check import Check, Found
-from canid.state_constraints import TIME
-from canid.types import NAN
+from canid.values.state_constraints import TIME
+from canid.values.types import NAN
 
 # seconds at rest that are kept, and needed
 KEPT, NEEDED = 60, 10

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 from canid.signal_checks.blocks import GNSS_SPEED, SPEED, WHEEL_SPEED, Block
 from canid.signal_checks.check import Check, Found, unit_of
-from canid.state_constraints import TIME
+from canid.values.state_constraints import TIME
 
 # ratios that are kept, one a second, and needed
 KEPT, NEEDED = 60, 20
@@ -44,10 +44,10 @@ def init() -> State:
 
 def step(column: int, role: str, state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block."""
-    own, other = block.mean[SPEED], block.mean[column]
-    if own == own and other > 0.0 and max(own, other) > MIN_SPEED:
+    own_speed, other = block.mean[SPEED], block.mean[column]
+    if own_speed == own_speed and other > 0.0 and max(own_speed, other) > MIN_SPEED:
         # a speed of 0 while the other one runs is a ratio as well
-        ratios = (*state.ratios, math.log(max(own, 0.01) / other))[-KEPT:]
+        ratios = (*state.ratios, math.log(max(own_speed, 0.01) / other))[-KEPT:]
         state = State(ratios, (*state.times, block.t)[-KEPT:], state.fresh + 1, state.found)
         if state.fresh >= JUDGED_EVERY:
             state = state._replace(fresh=0, found=_judge(state, role))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from canid.samples.out_of_range import OutOfRange
 from canid.samples.stamps import StampIntervals
 from canid.signal_checks import (
     blocks,
@@ -17,12 +18,13 @@ from canid.signal_checks import (
     integrated_acceleration,
     own_motion,
     pedal_at_rest,
+    pedal_scale,
     reference_speed,
     stamp_jitter,
     standing,
 )
 from canid.signal_checks.check import Check
-from canid.types import NAN, Channel, Driver, Estimate, Sample, SignalFinding, SignalReport, Status
+from canid.values.types import NAN, Channel, Driver, Estimate, Sample, SignalFinding, SignalReport, Status
 
 # the list is the registry: a check is a file and a line
 CHECKS: tuple[Check, ...] = (
@@ -32,6 +34,7 @@ CHECKS: tuple[Check, ...] = (
     integrated_acceleration.CHECK,
     own_motion.CHECK,
     pedal_at_rest.CHECK,
+    pedal_scale.CHECK,
     stamp_jitter.CHECK,
 )
 
@@ -57,8 +60,8 @@ def init() -> State:
     return State(blocks.init(), {}, tuple(check.init() for check in CHECKS))
 
 
-def put(state: State, came: StampIntervals) -> State:
-    """Add the intervals of a message's stamps."""
+def put(state: State, came: StampIntervals | OutOfRange) -> State:
+    """Add the intervals of a message's stamps, or a reading out of its range."""
     return state._replace(blocks=blocks.put(state.blocks, came))
 
 
@@ -75,7 +78,7 @@ def step(state: State, sample: Sample, driver: Driver, dt: float) -> tuple[State
         The state, and a report where a finding begins or ends.
 
     Example:
-        >>> from canid.types import LearnGate
+        >>> from canid.values.types import LearnGate
         >>> state = init()
         >>> for k in range(400):
         ...     signals = {"speed": 72.0 + 0.1 * (k % 7), "gnss_speed": 20.0}
@@ -88,12 +91,12 @@ def step(state: State, sample: Sample, driver: Driver, dt: float) -> tuple[State
     filling, block = blocks.step(state.blocks, sample, dt)
     if block is None:
         return State(filling, state.standing, state.checks), None
-    inner, found = [], {}
-    for check, of in zip(CHECKS, state.checks, strict=True):
-        of, found[check.name] = check.step(of, block)
-        inner.append(of)
+    inner, verdicts = [], {}
+    for check, check_state in zip(CHECKS, state.checks, strict=True):
+        check_state, verdicts[check.name] = check.step(check_state, block)
+        inner.append(check_state)
     watched = frozenset((*_INPUT_ROLES[driver.task], driver.output))
-    stands, news = standing.step(state.standing, found, block.t, watched, HOLD_S)
+    stands, news = standing.step(state.standing, verdicts, block.t, watched, HOLD_S)
     after = State(filling, stands, tuple(inner))
     if not news:
         return after, None
@@ -109,8 +112,8 @@ def findings(state: State) -> tuple[SignalFinding, ...]:
 def remarks(state: State) -> tuple[str, ...]:
     """What the checks have measured without finding a fault, as sentences."""
     age = next(
-        own_motion.measured(of)
-        for check, of in zip(CHECKS, state.checks, strict=True)
+        own_motion.measured(check_state)
+        for check, check_state in zip(CHECKS, state.checks, strict=True)
         if check is own_motion.CHECK
     )
     return (age,) if age else ()
@@ -120,11 +123,11 @@ def at(several: Iterable[SignalFinding], t: float) -> tuple[SignalFinding, ...]:
     """Select the findings that were known and stood at time t [s].
 
     Example:
-        >>> one = SignalFinding("speed_unit", ("speed",), 0.0, 20.0, "", "", True, until=90.0)
-        >>> len(at([one], 10.0)), len(at([one], 20.0)), len(at([one], 90.0))
+        >>> finding = SignalFinding("speed_unit", ("speed",), 0.0, 20.0, "", "", True, until=90.0)
+        >>> len(at([finding], 10.0)), len(at([finding], 20.0)), len(at([finding], 90.0))
         (0, 1, 0)
     """
-    return tuple(one for one in several if one.raised <= t and not one.until <= t)
+    return tuple(finding for finding in several if finding.raised <= t and not finding.until <= t)
 
 
 def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
@@ -134,7 +137,7 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
         The estimate without numbers, `stale` where a value is frozen, else `inconsistent`, with the finding's sentence;
         or as it is, where nothing stands, or nobody drives behind a lead.
     """
-    why = next((one for one in stand if one.withholds), None)
+    why = next((finding for finding in stand if finding.withholds), None)
     if why is None or estimate.status not in _FROM_DATA:
         return estimate
     status = Status.STALE if why.name.endswith(("_frozen", "_dead")) else Status.INCONSISTENT
@@ -158,18 +161,7 @@ def sentence(finding: SignalFinding) -> str:
     return f"{finding.says} (since {since}): {finding.remedy}"
 
 
-def moved(report: SignalReport, by: float) -> SignalReport:
-    """Move a report in time by so many seconds."""
-    if not by:
-        return report
-    shifted = tuple(
-        one._replace(since=one.since + by, raised=one.raised + by, until=one.until + by)
-        for one in report.findings
-    )
-    return SignalReport(report.t + by, shifted)
-
-
 def episodes(reports: Iterable[SignalReport]) -> tuple[SignalFinding, ...]:
     """Collect the findings of a drive's reports, by the time at which each was raised."""
-    last = {(one.name, one.raised): one for report in reports for one in report.findings}
-    return tuple(sorted(last.values(), key=lambda one: (one.raised, one.name)))
+    last = {(finding.name, finding.raised): finding for report in reports for finding in report.findings}
+    return tuple(sorted(last.values(), key=lambda finding: (finding.raised, finding.name)))

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 from canid.samples.stamps import SPAN_S
 from canid.signal_checks.blocks import Block
 from canid.signal_checks.check import Check, Found
-from canid.state_constraints import TIME
+from canid.values.state_constraints import TIME
 
 # standard deviation of the intervals over their mean: a message that is lost now and then (one in five) has 0.5, a Poisson
 # process 1; a burst of five 2
@@ -55,17 +55,17 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
             # the stamps' own time, and the estimators' where they differ after a restart
             irregular[role] = Irregular(min(since, block.t), block.t, spans + 1, mean, sd)
         state = State(irregular)
-    standing = {role: of for role, of in state.irregular.items() if of.spans >= NEEDED_SPANS}
+    standing = {role: jitter for role, jitter in state.irregular.items() if jitter.spans >= NEEDED_SPANS}
     if not standing:
         return state, None
-    role, of = next(iter(standing.items()))
+    role, jitter = next(iter(standing.items()))
     roles = tuple(standing)
     says = (
-        f"the stamps of {', '.join(roles)} jitter: every {of.mean:.3g} s on average, with a standard deviation of "
-        f"{of.sd:.2f} s"
+        f"the stamps of {', '.join(roles)} jitter: every {jitter.mean:.3g} s on average, with a standard deviation of "
+        f"{jitter.sd:.2f} s"
     )
     remedy = "use stamps of the interface's hardware, or of its driver; dead times are off by as much"
-    return state, Found("stamps_jitter", roles, of.since, says, remedy)
+    return state, Found("stamps_jitter", roles, jitter.since, says, remedy)
 
 
 CHECK = Check("stamp_jitter", init, step)

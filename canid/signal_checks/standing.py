@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 from canid.signal_checks.check import Found
-from canid.state_constraints import TIME
-from canid.types import SignalFinding
+from canid.values.state_constraints import TIME
+from canid.values.types import SignalFinding
 
 
 class Entry(NamedTuple):
@@ -21,13 +21,13 @@ State = Mapping[str, Entry]
 
 
 def step(
-    state: State, found: Mapping[str, Found | None], t: float, watched: frozenset[str], hold: float
+    state: State, verdicts: Mapping[str, Found | None], t: float, watched: frozenset[str], hold: float
 ) -> tuple[State, tuple[SignalFinding, ...]]:
     """Take the verdicts of one block.
 
     Args:
         state: by check, what stands.
-        found: by check, its verdict.
+        verdicts: by check, its verdict.
         t: s, of the block.
         watched: roles of the model's inputs and output.
         hold: s for which a finding stands after its check last said so.
@@ -45,7 +45,7 @@ def step(
     """
     after: dict[str, Entry] = {}
     news: list[SignalFinding] = []
-    for check, now in found.items():
+    for check, now in verdicts.items():
         before = state.get(check)
         if now is None:
             if before is None:

@@ -11,8 +11,9 @@ import numpy as np
 
 from canid.samples import lead, report_noise
 from canid.simulation.following import Simulation
-from canid.types import NAN, Array, Frame
+from canid.values.types import NAN, Array, Frame
 from canid.vehicle import Vehicle, encoder
+from canid.vehicle.mapping import carried
 
 # s since the epoch; Monday, 5 January 2026, 08:00 UTC: any fixed time, so that a seed gives the same bytes
 START_UTC = 1767600000.0
@@ -21,7 +22,7 @@ _RADAR_PERIOD, _PERIOD = 0.05, 0.02
 # Share of a period by which a frame is late: it waits for others on the bus, some 0.2 ms at 500 kbit/s
 _JITTER = 0.01
 _SWITCHES = {"brake", "cruise_active", "clutch", "lead_valid", "gear"}
-_LEAD = {"gap", "range_rate", "lead_speed"}
+_LEAD = {"gap", "range_rate", "lead_speed", "headway"}
 
 
 def frames(simulation: Simulation, vehicle: Vehicle, *, radar_noise: bool = True) -> list[Frame]:
@@ -48,13 +49,17 @@ def frames(simulation: Simulation, vehicle: Vehicle, *, radar_noise: bool = True
     streams, prepared = [], {}
     for index, message in enumerate(vehicle.messages):
         tracked = any(track.message == message.name for track in vehicle.lead.tracks or ())
-        roles = [r.role for r in vehicle.roles.values() if (r.message, r.bus) == (message.name, message.bus)]
+        roles = [
+            r.role
+            for r in carried(vehicle.roles.values())
+            if (r.message, r.bus) == (message.name, message.bus)
+        ]
         roles += ["gap", "range_rate", "lead_valid"] if tracked else []
-        usual = _RADAR_PERIOD if "gap" in roles else _PERIOD
+        usual = _RADAR_PERIOD if {"gap", "gap.headway"} & {*roles} else _PERIOD
         period = usual if math.isnan(message.period) else message.period
         rng = np.random.default_rng([simulation.seed, 100 + index])
         t = _times(period, duration, index, rng)
-        values = {role: _sensed(role, t, simulation) for role in roles if role in columns}
+        values = {role: _sensed(role, t, simulation) for role in roles if _column(role) in columns}
         if radar_noise:
             for role, sd in zip(("gap", "range_rate"), radar_noise_of(vehicle), strict=True):
                 if role in values:
@@ -101,8 +106,15 @@ def _times(period: float, duration: float, index: int, rng: np.random.Generator)
     return times
 
 
+def _column(role: str) -> str:
+    """The column of a role, or of a part of one: "speed.1" is a speed, "gap.headway" a headway."""
+    whole, _, part = role.partition(".")
+    return part if part and not part.isdigit() else whole
+
+
 def _sensed(role: str, t: Array, simulation: Simulation) -> Array:
     """Sample a role at the times (n,) of its message; NaN where the radar has no target."""
+    role = _column(role)
     column = simulation.measured.get(role, simulation.columns[role])
     grid = simulation.columns["t"]
     latest = np.minimum((t / simulation.dt + 1e-6).astype(int), len(grid) - 1)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Car(NamedTuple):

@@ -16,7 +16,7 @@ from canid.simulation.driver import DriverTruth, answer, draw_driver
 from canid.simulation.leads import LEADS, speed_profile
 from canid.simulation.noise import unit_noise
 from canid.simulation.planted_effects import Planted, Strength
-from canid.types import Array
+from canid.values.types import Array
 
 # s; 100 Hz: ten times finer than the estimators' grid, so that no result rests on the simulator's own steps
 DT = 0.01
@@ -67,11 +67,15 @@ def follow(
         after = np.arange(n) * DT - cut_in
         # The vehicle that cuts in comes from a slower lane: 1.5 m/s slower, and has the lead's speed some 5 s later.
         lead = np.where(after >= 0, lead - 1.5 * np.exp(-np.maximum(after, 0) / 5.0), lead)
-    own, mean = np.random.default_rng([seed, 9]), float(lead.mean())
-    planted = planted_effects.plant(hide, n * DT, mean, car.hold(mean), own, catalogue)
+    planting_rng, mean = np.random.default_rng([seed, 9]), float(lead.mean())
+    planted = planted_effects.plant(hide, n * DT, mean, car.hold(mean), planting_rng, catalogue)
     slope_sd = planted_effects.slope_sd(planted.of("vehicle"), grade_sd)
     grade = slope_profile(n, DT, profile_lead, slope_sd, rng["road"])
-    bursts = [(one.effect.remnant, one.params) for one in planted.of("remnant") if one.effect.remnant]
+    bursts = [
+        (placement.effect.remnant, placement.params)
+        for placement in planted.of("remnant")
+        if placement.effect.remnant
+    ]
     stepwise = remnant.stepper(noise, n, DT, np.random.default_rng([seed, 8]), bursts) if bursts else None
     columns = close_loop(
         lead, pedal_noise, grade, truth, car, planted, stepwise, grows=noise == "state", cut_in=cut_in
@@ -185,8 +189,8 @@ def close_loop(
         y1, y2 = first.step(y1, errors, then), second.step(y2, rate, then)
         answered = truth.K1 * y1 + truth.K2 * y2 + y3
         # State-dependent noise: a pedal that moves more has more noise; of the same size at an answer of 6 %.
-        own = e[k] if stepwise is None else truth.noise_sd * stepwise(a, lead_accel[k])
-        n_k = own * (0.25 + abs(answered) / 8.0) if grows else own
+        unscaled = e[k] if stepwise is None else truth.noise_sd * stepwise(a, lead_accel[k])
+        n_k = unscaled * (0.25 + abs(answered) / 8.0) if grows else unscaled
         u = truth.offset + answered + n_k
         if in_driver:
             u = move(u)

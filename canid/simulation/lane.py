@@ -13,7 +13,7 @@ from canid.simulation import lane_effects, planted_effects
 from canid.simulation.car import Car, gearbox, slope_profile
 from canid.simulation.following import DT, Simulation
 from canid.simulation.planted_effects import Strength
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Steering(NamedTuple):
@@ -78,8 +78,8 @@ def keep_lane(
         True
     """
     n = round(minutes * 60 / DT)
-    own = np.random.default_rng([seed, 9])
-    planted = planted_effects.plant(hide, n * DT, _SPEED, car.hold(_SPEED), own, catalogue)
+    planting_rng = np.random.default_rng([seed, 9])
+    planted = planted_effects.plant(hide, n * DT, _SPEED, car.hold(_SPEED), planting_rng, catalogue)
     see = lane_effects.sight(planted.placed, n * DT, _STEPS * DT, DT)
     move = planted_effects.pedal_dynamics(planted.placed, _STEPS * DT)
     sd = curvature_sd or (_CURVES if lane_effects.in_curves(planted.placed) else 0.0)
@@ -137,7 +137,7 @@ def keep_lane(
         y += (_SPEED * heading + drift) * DT
     facts = _truth(minutes, seed, steering) | {"hidden": planted.truth or None}
     if schedule:
-        facts["schedule"] = [one._asdict() for one in drivers]
+        facts["schedule"] = [entry._asdict() for entry in drivers]
     columns = _columns(n, np.array(offset), angle, yaw_rate, car) | {"curvature": curvature}
     return Simulation(DT, columns, facts, seed)
 

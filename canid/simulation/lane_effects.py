@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from canid.effects.effect import Seen
 from canid.simulation.planted_effects import Placed
-from canid.types import NAN
+from canid.values.types import NAN
 
 
 class Sight(NamedTuple):
@@ -19,7 +19,10 @@ class Sight(NamedTuple):
 
 def in_curves(placed: Sequence[Placed]) -> bool:
     """Does an effect need a road with curves?"""
-    return any(one.effect.lane is not None and one.effect.lane.curvature is not None for one in placed)
+    return any(
+        placement.effect.lane is not None and placement.effect.lane.curvature is not None
+        for placement in placed
+    )
 
 
 def sight(

@@ -9,17 +9,17 @@ import numpy as np
 from canid.effects import CATALOGUE, wanted_gap
 from canid.effects.effect import Effect, Seen
 from canid.effects.wanted_gap import Form
-from canid.errors import ConfigError
 from canid.identification.closed_loop_stability import unstable_roots
-from canid.identified_model import IdentifiedModel, NoiseLaw, to_json
-from canid.runs import runs
 from canid.signal_checks.drive_time import behind_a_lead
 from canid.simulation import planted_effects, remnant
 from canid.simulation.car import Car
 from canid.simulation.driver import DriverTruth
 from canid.simulation.following import DT, Simulation, close_loop, further_signals
 from canid.simulation.leads import LEADS, speed_profile
-from canid.types import NAN, Array, Trace
+from canid.values.errors import ConfigError
+from canid.values.identified_model import IdentifiedModel, NoiseLaw, to_json
+from canid.values.runs import runs
+from canid.values.types import NAN, Array, Trace
 
 # s; in a shorter stretch gap and speed hardly leave their initial values
 MIN_STRETCH_S = 12.0
@@ -84,11 +84,11 @@ def stretches(trace: Trace) -> list[tuple[int, int]]:
     known = behind_a_lead(trace.gate)
     for role in ("gap", "range_rate", "speed"):
         known = known & np.isfinite(trace.signals.get(role, np.full(trace.t.size, NAN)))
-    found = []
+    pieces = []
     for start, stop in runs(known):
         cuts = 1 + start + np.flatnonzero(np.diff(trace.segment[start:stop]))
-        found += list(zip([start, *cuts.tolist()], [*cuts.tolist(), stop], strict=True))
-    return [(start, stop) for start, stop in found if (stop - start) * trace.dt >= MIN_STRETCH_S]
+        pieces += list(zip([start, *cuts.tolist()], [*cuts.tolist(), stop], strict=True))
+    return [(start, stop) for start, stop in pieces if (stop - start) * trace.dt >= MIN_STRETCH_S]
 
 
 def longest_lead(trace: Trace) -> Lead:
@@ -97,18 +97,18 @@ def longest_lead(trace: Trace) -> Lead:
     Raises:
         ConfigError: none for MIN_STRETCH_S.
     """
-    found = stretches(trace)
-    if not found:
+    pieces = stretches(trace)
+    if not pieces:
         raise ConfigError(f"no vehicle ahead for {MIN_STRETCH_S:g} s without a break: choose another log")
-    return lead_of(trace, *max(found, key=lambda one: one[1] - one[0]))
+    return lead_of(trace, *max(pieces, key=lambda piece: piece[1] - piece[0]))
 
 
 def lead_of(trace: Trace, start: int, stop: int) -> Lead:
     """Return the lead of the samples [start, stop)."""
-    own, rate, gap = (trace.signals[role][start:stop] for role in ("speed", "range_rate", "gap"))
+    speed, rate, gap = (trace.signals[role][start:stop] for role in ("speed", "range_rate", "gap"))
     t = trace.t[start:stop] - trace.t[start]
     fine = np.arange(round(t[-1] / DT) + 1) * DT
-    return Lead(np.maximum(np.interp(fine, t, own + rate), 0.0), float(gap[0]), float(own[0]))
+    return Lead(np.maximum(np.interp(fine, t, speed + rate), 0.0), float(gap[0]), float(speed[0]))
 
 
 def unstable(model: IdentifiedModel) -> bool:
@@ -117,19 +117,19 @@ def unstable(model: IdentifiedModel) -> bool:
     The car's lag counts as dead time: a little pessimistic.
 
     Example:
-        >>> from canid.identified_model import DRIVER
-        >>> from canid.types import Interval
+        >>> from canid.values.identified_model import DRIVER
+        >>> from canid.values.types import Interval
         >>> person = dict(zip(DRIVER, (0.1, -0.05, 0.4, 0.5, 0.5, 0.8, 0.6, 1.9, 0.0, 0.0)))
         >>> driven = {"speed": Interval(20.0), "headway": Interval(1.9)}
         >>> noise = NoiseLaw(0.1, (), 0.1)
         >>> unstable(IdentifiedModel("accel", "time_headway", person, np.zeros((10, 10)), (), {}, noise, None, driven))
         True
     """
-    of, car = model.driver, model.car
+    driver, car = model.driver, model.car
     strength, lag = (1.0, 0.0) if car is None else (car.strength, car.lag)
-    gains = strength * np.array([[of["K1"], of["K2"]]])
-    delays = np.array([[of["dead_time1"] + lag, of["dead_time2"] + lag]])
-    lags = np.array([[of["tau1"], of["tau2"]]])
+    gains = strength * np.array([[driver["K1"], driver["K2"]]])
+    delays = np.array([[driver["dead_time1"] + lag, driver["dead_time2"] + lag]])
+    lags = np.array([[driver["tau1"], driver["tau2"]]])
     speed, headway = (model.driven[role].value for role in ("speed", "headway"))
     return bool(unstable_roots(gains, lags, delays, speed, headway)[0] > 0)
 
@@ -175,12 +175,16 @@ def drive(
         np.random.default_rng([seed, 9]),
         catalogue,
     )
-    bursts = [(one.effect.remnant, one.params) for one in planted.of("remnant") if one.effect.remnant]
+    bursts = [
+        (placement.effect.remnant, placement.params)
+        for placement in planted.of("remnant")
+        if placement.effect.remnant
+    ]
     law = model.noise if noise else NoiseLaw(model.noise.step, (), 0.0)
-    of = model.driver
+    driver = model.driver
     truth = DriverTruth(
-        of["K1"], of["tau1"], of["dead_time1"], of["K2"], of["tau2"], of["dead_time2"],
-        of["headway_desired"], of["offset"], law.sd,
+        driver["K1"], driver["tau1"], driver["dead_time1"], driver["K2"], driver["tau2"], driver["dead_time2"],
+        driver["headway_desired"], driver["offset"], law.sd,
     )  # fmt: skip
     stepwise = remnant.stepper(law, n, DT, np.random.default_rng([seed, 8]), bursts)
     level = np.zeros(n)
@@ -188,7 +192,11 @@ def drive(
     form = Form(model.form)
 
     def away(seen: Seen) -> float:
-        return float(wanted_gap.error(form, of["headway_desired"], of["standstill"], of["free_speed"], seen))
+        return float(
+            wanted_gap.error(
+                form, driver["headway_desired"], driver["standstill"], driver["free_speed"], seen
+            )
+        )
 
     error = None if form is Form.TIME_HEADWAY else away
     columns = close_loop(lead.speed, level, level, truth, car, planted, stepwise, begin=begin, error=error)
@@ -202,11 +210,11 @@ def drive(
     truths = {
         "task": "car_following",
         "channels": {
-            "headway_error": {"K": of["K1"], "tau": of["tau1"], "dead_time": of["dead_time1"]},
-            "range_rate": {"K": of["K2"], "tau": of["tau2"], "dead_time": of["dead_time2"]},
+            "headway_error": {"K": driver["K1"], "tau": driver["tau1"], "dead_time": driver["dead_time1"]},
+            "range_rate": {"K": driver["K2"], "tau": driver["tau2"], "dead_time": driver["dead_time2"]},
         },
-        "headway_desired": of["headway_desired"],
-        "offset": of["offset"],
+        "headway_desired": driver["headway_desired"],
+        "offset": driver["offset"],
         "noise": law._asdict() | {"coefficients": list(law.coefficients)},
         "seed": seed,
         "minutes": n * DT / 60,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 NOISES = ("white", "ar1", "ar4", "resonant", "state", "mix", "none")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from canid.effects import CATALOGUE, LANE_CATALOGUE
 from canid.effects.effect import Effect, Kind, Seen, SensorValues, Share, VehicleState
-from canid.types import Array
+from canid.values.types import Array
 
 # effects that can be planted by name alone: at one of their strengths `found_at`
 PLANTABLE = tuple(dict.fromkeys(e.id for e in (*CATALOGUE, *LANE_CATALOGUE) if e.found_at))
@@ -91,8 +91,8 @@ def plant(
         if name not in by_id or not (given or by_id[name].found_at):
             able = ", ".join(effect.id for effect in catalogue if effect.found_at)
             raise ValueError(f"{name!r} cannot be hidden; choose from {able}")
-        one, truth[name] = _placed(by_id[name], given, scale, rng)
-        placed.append(one)
+        placement, truth[name] = _placed(by_id[name], given, scale, rng)
+        placed.append(placement)
     return Planted(tuple(placed), truth)
 
 
@@ -172,9 +172,9 @@ def perceive(driver: tuple[Placed, ...], e: float, w: float, seen: Seen) -> Perc
 def pedal_dynamics(driver: tuple[Placed, ...], dt: float) -> Callable[[float], float]:
     """Return the dynamics from demand to pedal; episodes come last, as they override everything."""
     chain: list[tuple[Any, tuple[float, ...], list[Any]]] = [
-        (one.effect.pedal, one.params, [])
-        for one in sorted(driver, key=lambda one: bool(one.episodes))
-        if one.effect.pedal is not None
+        (placement.effect.pedal, placement.params, [])
+        for placement in sorted(driver, key=lambda placement: bool(placement.episodes))
+        if placement.effect.pedal is not None
     ]
 
     def move(demand: float) -> float:
@@ -206,14 +206,16 @@ def engine(
         lag_decay: of the engine's own lag over one step.
         dt: s.
     """
-    hooks = [(one.effect.vehicle, one) for one in vehicle if one.effect.vehicle is not None]
-    lags = [(hook.lag, one.params) for hook, one in hooks if hook.lag is not None]
+    hooks = [
+        (placement.effect.vehicle, placement) for placement in vehicle if placement.effect.vehicle is not None
+    ]
+    lags = [(hook.lag, placement.params) for hook, placement in hooks if hook.lag is not None]
     lagged = [first] * (1 + len(lags))
 
     def step(pressed: float, state: VehicleState) -> Engine:
-        for hook, one in hooks:
+        for hook, placement in hooks:
             if hook.pedal is not None:
-                pressed = float(hook.pedal(one.params, pressed))
+                pressed = float(hook.pedal(placement.params, pressed))
         lagged[0] = x = lag_decay * lagged[0] + (1 - lag_decay) * pressed
         state = state._replace(lagged_pedal=x, strength=strength)
         for k, (lag, p) in enumerate(lags, start=1):
@@ -221,11 +223,11 @@ def engine(
             lagged[k] = x = decay * lagged[k] + (1 - decay) * x
         state = state._replace(lagged_pedal=x)
         push = 0.0
-        for hook, one in hooks:
+        for hook, placement in hooks:
             if hook.thrust is not None:
-                x = float(hook.thrust(one.params, x, state))
-            if hook.push is not None and one.effect.slope_sd is None:
-                push += float(hook.push(one.params, state))
+                x = float(hook.thrust(placement.params, x, state))
+            if hook.push is not None and placement.effect.slope_sd is None:
+                push += float(hook.push(placement.params, state))
         return Engine(x, push)
 
     return step
@@ -233,8 +235,12 @@ def engine(
 
 def slope_sd(vehicle: tuple[Placed, ...], usual: float) -> float:
     """Standard deviation of the road's slope, %: an effect's own, or the usual one."""
-    own = [one.effect.slope_sd(one.params) for one in vehicle if one.effect.slope_sd is not None]
-    return own[-1] if own else usual
+    slopes = [
+        placement.effect.slope_sd(placement.params)
+        for placement in vehicle
+        if placement.effect.slope_sd is not None
+    ]
+    return slopes[-1] if slopes else usual
 
 
 def measured(planted: Planted, columns: Mapping[str, Array]) -> dict[str, Array]:
@@ -245,21 +251,21 @@ def measured(planted: Planted, columns: Mapping[str, Array]) -> dict[str, Array]
         columns: "t" and role -> (n,), as they truly were.
     """
     sensing = planted.of("sensing")
-    masks = [one for one in planted.placed if one.effect.kind is Kind.MASK]
+    masks = [placement for placement in planted.placed if placement.effect.kind is Kind.MASK]
     if not sensing and not masks:
         return {}
     t = columns["t"]
     sensors = SensorValues(
         t, float(t[-1]), columns["gap"], columns["range_rate"], columns["speed"], np.zeros(t.size)
     )
-    for one in sensing:
-        if one.effect.sense is not None:
-            sensors = one.effect.sense(one.params, sensors)
+    for placement in sensing:
+        if placement.effect.sense is not None:
+            sensors = placement.effect.sense(placement.params, sensors)
     reported = {role: np.interp(t - sensors.age, t, getattr(sensors, role)) for role in ("gap", "range_rate")}
     out = {role: x.copy() for role, x in columns.items()} | reported | {"speed": sensors.speed + 0.0 * t}
-    for one in masks:
-        for start, stop in one.episodes:
+    for placement in masks:
+        for start, stop in placement.episodes:
             at = slice(int(np.searchsorted(t, start)), int(np.searchsorted(t, stop)))
-            if one.effect.imitate is not None:
-                one.effect.imitate(out, at, one.params)
+            if placement.effect.imitate is not None:
+                placement.effect.imitate(out, at, placement.params)
     return {role: x for role, x in out.items() if not np.array_equal(x, columns[role], equal_nan=True)}

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from canid.effects.effect import Remnant, ScaleFeature
-from canid.identified_model import NoiseLaw
 from canid.simulation.noise import DAMPING, RESONANCE_HZ, WHITE_SHARE, first_order
+from canid.values.identified_model import NoiseLaw
 
 # s for which one draw of Student's precision lasts: a push of the pedal, and a step of the estimators' grid. Drawn for
 # each of the simulator's steps, the sum of ten would be Gaussian again
@@ -67,14 +67,16 @@ def stepper(
     filtered = _filter(kind, dt) if isinstance(kind, str) else _autoregressive(kind, dt)
     k = -1
 
-    def step(own: float, lead: float) -> float:
+    def step(own_accel: float, lead: float) -> float:
         nonlocal k
         k += 1
         seen = {
-            ScaleFeature.OWN_ACCELERATION: (abs(own) - ORDINARY_ACCEL[0]) / ORDINARY_ACCEL[1],
+            ScaleFeature.OWN_ACCELERATION: (abs(own_accel) - ORDINARY_ACCEL[0]) / ORDINARY_ACCEL[1],
             ScaleFeature.LEAD_ACCELERATION: (abs(lead) - ORDINARY_ACCEL[0]) / ORDINARY_ACCEL[1],
         }
-        log = sum(slope * max(min(seen[of], MAX_FEATURE), -MAX_FEATURE) for of, slope in slopes.items())
+        log = sum(
+            slope * max(min(seen[feature], MAX_FEATURE), -MAX_FEATURE) for feature, slope in slopes.items()
+        )
         size = math.exp(max(min(log, MAX_LOG_SCALE), -MAX_LOG_SCALE)) * spreads[k]
         return filtered(size * shocks[k], size * whites[k])
 

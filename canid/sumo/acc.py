@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis.rivals.rival_model import RivalModel, RivalParameter
-from canid.types import Array
+from canid.values.types import Array
 
 # m/s; SUMO 1.28: below the first the margin is 2 m, above the second it is 0, between them 75 m²/s / speed - 5 m
 MARGIN_BELOW, MARGIN_ABOVE = 10.8, 15.0

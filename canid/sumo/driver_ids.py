@@ -25,11 +25,11 @@ def driver_ids(names: Sequence[str]) -> list[str]:
     for name in names:
         plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
         kept = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain)[:LONGEST].strip("_.-") or "unnamed"
-        one, k = f"driver_{kept}", 1
+        id_, k = f"driver_{kept}", 1
         # SUMO on Windows writes files named by ids, where case does not count
-        while one.lower() in taken:
+        while id_.lower() in taken:
             k += 1
-            one = f"driver_{kept}_{k}"
-        taken.add(one.lower())
-        out.append(one)
+            id_ = f"driver_{kept}_{k}"
+        taken.add(id_.lower())
+        out.append(id_)
     return out

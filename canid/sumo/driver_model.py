@@ -15,13 +15,13 @@ from canid.diagnosis.rivals.comparison import MIN_STRETCHES
 from canid.diagnosis.rivals.recommendation import MARGIN
 from canid.diagnosis.rivals.rival_model import RivalModel
 from canid.diagnosis.rivals.rival_simulation import Leads, leads, simulate
-from canid.findings import ClosedLoopError, nrmse
 from canid.sumo import driver_noise
 from canid.sumo.driver_noise import DriverNoise
 from canid.sumo.following import Following, distributions, following, in_stretches, quantiles
 from canid.sumo.krauss import STEP_S
 from canid.sumo.sumo_models import MODELS, SumoModel, sensitivity
-from canid.types import NAN, Array, Interval, Trace
+from canid.values.findings import ClosedLoopError, nrmse
+from canid.values.types import NAN, Array, Interval, Trace
 
 # grows when a name of the JSON goes or changes its meaning
 VERSION = 1
@@ -62,7 +62,7 @@ class DriverModel(NamedTuple):
     @property
     def chosen(self) -> Candidate:
         """The candidate that was chosen."""
-        return next(one for one in self.candidates if one.model == self.model)
+        return next(candidate for candidate in self.candidates if candidate.model == self.model)
 
 
 class NoModel(NamedTuple):
@@ -84,8 +84,8 @@ def fit(trace: Trace, output: str = "") -> DriverModel | NoModel:
 
     Example:
         >>> import canid
-        >>> found = fit(canid.read_trace("replay_logs/following_urban.blf", "generic"), "pedal")
-        >>> found.model, found.chosen.error.gap < 0.5
+        >>> model = fit(canid.read_trace("replay_logs/following_urban.blf", "generic"), "pedal")
+        >>> model.model, model.chosen.error.gap < 0.5
         ('ACC', True)
     """
     if output == "steering_angle":
@@ -101,19 +101,19 @@ def fit(trace: Trace, output: str = "") -> DriverModel | NoModel:
             f"the lead's speed hardly changes (standard deviation below {LEAST_LEAD_SD} m/s): drive with varying speed"
         )
     side = leads(columns.gap, columns.speed, columns.lead, where, columns.dt, STEP_S)
-    fold = np.array([one.block % FOLDS for one in where])
+    fold = np.array([stretch.block % FOLDS for stretch in where])
     driven = quantiles(distributions(columns.gap, columns.speed, columns.shown, columns.dt))
     top_speed = driven["speed"][-1]
-    found = tuple(_candidate(one, top_speed, side, fold) for one in MODELS)
-    best = _best(found)
+    candidates = tuple(_candidate(model, top_speed, side, fold) for model in MODELS)
+    best = _best(candidates)
     if best is None:
         return NoModel("no model follows the lead of this drive in closed loop")
-    return DriverModel(*best, found, float(columns.shown.sum()) * columns.dt, top_speed, driven)
+    return DriverModel(*best, candidates, float(columns.shown.sum()) * columns.dt, top_speed, driven)
 
 
-def _moves(of: Following) -> bool:
+def _moves(columns: Following) -> bool:
     """Does the lead's speed change by more than a sensor's noise?"""
-    return float(np.std(of.lead[of.shown])) >= LEAST_LEAD_SD
+    return float(np.std(columns.lead[columns.shown])) >= LEAST_LEAD_SD
 
 
 def _above(rival: RivalModel, top_speed: float) -> RivalModel:
@@ -121,16 +121,18 @@ def _above(rival: RivalModel, top_speed: float) -> RivalModel:
     least = FASTER * top_speed
     return rival._replace(
         parameters=tuple(
-            one._replace(low=min(max(one.low, least), 0.5 * one.high)) if one.name == "v0" else one
-            for one in rival.parameters
+            parameter._replace(low=min(max(parameter.low, least), 0.5 * parameter.high))
+            if parameter.name == "v0"
+            else parameter
+            for parameter in rival.parameters
         )
     )
 
 
-def _on_cube(own: RivalModel, rival: RivalModel, x: Array) -> tuple[Array, Array]:
+def _on_cube(calibrated: RivalModel, rival: RivalModel, x: Array) -> tuple[Array, Array]:
     """Parameters on the cube of the listed ranges, and how many of its units are one of the own."""
     scale, out = np.ones_like(x), x.copy()
-    for k, (a, b) in enumerate(zip(own.parameters, rival.parameters, strict=True)):
+    for k, (a, b) in enumerate(zip(calibrated.parameters, rival.parameters, strict=True)):
         if a.low != b.low:
             span = math.log(b.high / b.low)
             scale[k] = math.log(a.high / a.low) / span
@@ -138,51 +140,54 @@ def _on_cube(own: RivalModel, rival: RivalModel, x: Array) -> tuple[Array, Array
     return out, scale
 
 
-def _candidate(model: SumoModel, top_speed: float, of: Leads, fold: Array) -> Candidate:
+def _candidate(model: SumoModel, top_speed: float, stretches: Leads, fold: Array) -> Candidate:
     rival = _above(model.rival, top_speed)
-    whole = calibrate(rival, of)
+    whole = calibrate(rival, stretches)
     q = rival.physical(whole.x)
     # a model that sets the speed drives it within one step
-    sd, time = driver_noise.noise(rival, q, of, 1.0 / STEP_S if model.noise_of == "speed" else 1.0)
+    sd, time = driver_noise.noise(rival, q, stretches, 1.0 / STEP_S if model.noise_of == "speed" else 1.0)
     x, scale = _on_cube(rival, model.rival, whole.x)
     return Candidate(
         rival.name,
         rival.source,
         intervals(rival, whole),
-        {one.name: one.unit for one in rival.parameters},
+        {parameter.name: parameter.unit for parameter in rival.parameters},
         tuple(x.tolist()),
         tuple(tuple(row) for row in (covariance(whole) * np.outer(scale, scale)).tolist()),
-        *_held_out(rival, whole, of, fold),
-        DriverNoise(sd, time, sensitivity(model, q, of)),
+        *_held_out(rival, whole, stretches, fold),
+        DriverNoise(sd, time, sensitivity(model, q, stretches)),
     )
 
 
-def _held_out(rival: RivalModel, whole: Calibrated, of: Leads, fold: Array) -> tuple[ClosedLoopError, bool]:
+def _held_out(
+    rival: RivalModel, whole: Calibrated, stretches: Leads, fold: Array
+) -> tuple[ClosedLoopError, bool]:
     """Errors of stretches that did not calibrate, and whether the model collides there."""
     q = np.empty((whole.x.size, 1, fold.size))
     for k in np.unique(fold):
         others = fold != k
-        fitted = calibrate(rival, of.take(others), (whole.x,)) if others.any() else whole
+        fitted = calibrate(rival, stretches.take(others), (whole.x,)) if others.any() else whole
         q[:, 0, ~others] = rival.physical(fitted.x)[:, None]
-    gap, speed = (x[:, 0][of.inside] for x in simulate(rival, q, of))
-    measured = of.gap[of.inside]
-    error = ClosedLoopError(nrmse(gap, measured), nrmse(speed, of.speed[of.inside]))
+    gap, speed = (x[:, 0][stretches.inside] for x in simulate(rival, q, stretches))
+    measured = stretches.gap[stretches.inside]
+    error = ClosedLoopError(nrmse(gap, measured), nrmse(speed, stretches.speed[stretches.inside]))
     return error, bool(np.any((gap <= MIN_GAP_M) & (measured > 2 * MIN_GAP_M)))
 
 
-def _best(found: tuple[Candidate, ...]) -> tuple[str, str] | None:
+def _best(candidates: tuple[Candidate, ...]) -> tuple[str, str] | None:
     """The model and why; None: no one follows the lead."""
-    known = [one for one in found if one.error.gap <= WORST_ERROR]
+    known = [candidate for candidate in candidates if candidate.error.gap <= WORST_ERROR]
     # whoever collides is no driver, however small his error
-    safe = [one for one in known if not one.collides] or known
+    safe = [candidate for candidate in known if not candidate.collides] or known
     if not safe:
         return None
-    least = min(safe, key=lambda one: one.error.gap)
+    least = min(safe, key=lambda candidate: candidate.error.gap)
     says = "held-out error of the gap: " + ", ".join(
-        f"{one.model} {one.error.gap:.3f}{' (collides)' if one.collides else ''}" for one in found
+        f"{candidate.model} {candidate.error.gap:.3f}{' (collides)' if candidate.collides else ''}"
+        for candidate in candidates
     )
     # errors on the same stretches differ by chance
-    first = next(one for one in safe if one.error.gap * (1.0 - MARGIN) <= least.error.gap)
+    first = next(candidate for candidate in safe if candidate.error.gap * (1.0 - MARGIN) <= least.error.gap)
     if first is least:
         return least.model, says
     return first.model, f"{says}; {least.model} is not better by {100 * MARGIN:.0f} %"
@@ -207,22 +212,23 @@ def to_json(model: DriverModel | NoModel) -> dict[str, Any]:
         "quantiles": {name: list(x) for name, x in model.quantiles.items()},
         "candidates": [
             {
-                "model": one.model,
-                "source": one.source,
+                "model": candidate.model,
+                "source": candidate.source,
                 "parameters": {
-                    name: {**_interval(x), "unit": one.units[name]} for name, x in one.parameters.items()
+                    name: {**_interval(x), "unit": candidate.units[name]}
+                    for name, x in candidate.parameters.items()
                 },
-                "x": list(one.x),
-                "covariance": [[_number(c) for c in row] for row in one.covariance],
-                "nrmse": {"gap": _number(one.error.gap), "speed": _number(one.error.speed)},
-                "collides": one.collides,
+                "x": list(candidate.x),
+                "covariance": [[_number(c) for c in row] for row in candidate.covariance],
+                "nrmse": {"gap": _number(candidate.error.gap), "speed": _number(candidate.error.speed)},
+                "collides": candidate.collides,
                 "noise": {
-                    "sd": _interval(one.noise.sd),
-                    "time": _interval(one.noise.time),
-                    "sensitivity": _number(one.noise.sensitivity),
+                    "sd": _interval(candidate.noise.sd),
+                    "time": _interval(candidate.noise.time),
+                    "sensitivity": _number(candidate.noise.sensitivity),
                 },
             }
-            for one in model.candidates
+            for candidate in model.candidates
         ],
     }
 
@@ -243,7 +249,7 @@ def from_json(made: Mapping[str, Any]) -> DriverModel | NoModel:
         return DriverModel(
             str(made["model"]),
             str(made["why"]),
-            tuple(_read(one) for one in made["candidates"]),
+            tuple(_read(entry) for entry in made["candidates"]),
             float(made["seconds"]),
             float(made["top_speed"]),
             {str(name): tuple(float(v) for v in x) for name, x in made["quantiles"].items()},

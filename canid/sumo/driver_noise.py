@@ -15,7 +15,7 @@ import numpy as np
 from canid.diagnosis.rivals.rival_model import RivalModel
 from canid.diagnosis.rivals.rival_simulation import Leads, simulate
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.types import NAN, Array, Interval
+from canid.values.types import NAN, Array, Interval
 
 # s; correlation times that are tried, and replicates of each: the mean squares are then known to some per cent
 TIMES = np.geomspace(0.3, 12.0, 8)
@@ -37,36 +37,36 @@ class DriverNoise(NamedTuple):
     sensitivity: float = NAN
 
 
-def noise(model: RivalModel, q: Array, of: Leads, scale: float = 1.0) -> tuple[Interval, Interval]:
+def noise(model: RivalModel, q: Array, stretches: Leads, scale: float = 1.0) -> tuple[Interval, Interval]:
     """Standard deviation and correlation time.
 
     Args:
         model: which one.
         q: (k,) its parameters.
-        of: the stretches.
+        stretches: the stretches.
         scale: m/s² of acceleration per unit of the process.
 
     Returns:
         intervals of 95 % by the jackknife over the stretches, of the logarithms; sd 0: the drive does not deviate.
     """
-    gap, speed = (x[:, 0] for x in simulate(model, q[:, None], of))
-    measured = _squares(of.gap[:, None] - gap[:, None], of.speed[:, None] - speed[:, None], of)[
-        :, 0
-    ]  # (3, m)
-    if not np.all(measured.sum(axis=1) / of.inside.sum() > SMALLEST):
+    gap, speed = (x[:, 0] for x in simulate(model, q[:, None], stretches))
+    measured = _squares(
+        stretches.gap[:, None] - gap[:, None], stretches.speed[:, None] - speed[:, None], stretches
+    )[:, 0]  # (3, m)
+    if not np.all(measured.sum(axis=1) / stretches.inside.sum() > SMALLEST):
         return Interval(0.0, 0.0, NAN), Interval()
-    m = of.inside.shape[1]
+    m = stretches.inside.shape[1]
     # all stretches, then each left out
     weight = np.concatenate([np.ones((m, 1)), 1.0 - np.eye(m)], axis=1)
     wanted = np.log(np.maximum(measured @ weight, np.finfo(float).tiny))  # (3, 1 + m)
     sd = np.full(TIMES.size, FIRST_SD / scale)
     for _ in range(PASSES):
-        drawn = _process(sd, of)
-        moved = simulate(model, np.repeat(q[:, None], drawn.shape[1], axis=1), of, scale * drawn)
-        squares = _squares(moved[0] - gap[:, None], moved[1] - speed[:, None], of)
+        drawn = _process(sd, stretches)
+        moved = simulate(model, np.repeat(q[:, None], drawn.shape[1], axis=1), stretches, scale * drawn)
+        squares = _squares(moved[0] - gap[:, None], moved[1] - speed[:, None], stretches)
         squares = squares.reshape(3, TIMES.size, REPLICATES, m).mean(axis=2)
-        found = np.log(np.maximum(squares @ weight, np.finfo(float).tiny))  # (3, times, 1 + m)
-        left = wanted[:, None] - found
+        simulated = np.log(np.maximum(squares @ weight, np.finfo(float).tiny))  # (3, times, 1 + m)
+        left = wanted[:, None] - simulated
         log_sd = np.log(sd)[:, None] + 0.5 * left.mean(axis=0)  # (times, 1 + m)
         sd = np.exp(log_sd[:, 0])
     place = _lowest(left.var(axis=0))
@@ -89,12 +89,12 @@ def _lowest(error: Array) -> Array:
     return out
 
 
-def _process(sd: Array, of: Leads) -> Array:
+def _process(sd: Array, stretches: Leads) -> Array:
     """Draw, (steps - 1, times * replicates, m); the same drive gives the same numbers."""
     rng = np.random.default_rng(0)
-    steps, m = of.inside.shape
+    steps, m = stretches.inside.shape
     white = rng.standard_normal((steps - 1, REPLICATES, m))
-    keep = np.exp(-of.dt / TIMES)[:, None, None]
+    keep = np.exp(-stretches.dt / TIMES)[:, None, None]
     out = np.empty((steps - 1, TIMES.size, REPLICATES, m))
     out[0] = white[0]
     for k in range(1, steps - 1):
@@ -102,11 +102,11 @@ def _process(sd: Array, of: Leads) -> Array:
     return (out * sd[:, None, None]).reshape(steps - 1, -1, m)
 
 
-def _squares(gap: Array, speed: Array, of: Leads) -> Array:
+def _squares(gap: Array, speed: Array, stretches: Leads) -> Array:
     """Sums of squares of deviations of gap, speed and acceleration, (3, p, m); arguments (steps, p, m)."""
-    k = max(round(ACCEL_S / of.dt), 1)
-    inside = of.inside[:, None]
-    accel = np.where(inside[k:], (speed[k:] - speed[:-k]) / (k * of.dt), 0.0)
+    k = max(round(ACCEL_S / stretches.dt), 1)
+    inside = stretches.inside[:, None]
+    accel = np.where(inside[k:], (speed[k:] - speed[:-k]) / (k * stretches.dt), 0.0)
     return np.array(
         [np.sum(np.where(inside, x, 0.0) ** 2, axis=0) for x in (gap, speed)] + [np.sum(accel**2, axis=0)]
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis.rivals.rival_model import RivalModel, RivalParameter
-from canid.types import Array
+from canid.values.types import Array
 
 # m; SUMO 1.28: what EIDM takes off the gap, and adds to the gap at rest
 GAP_OFF, REST_ADDED = 0.25, 0.05

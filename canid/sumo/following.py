@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from canid.diagnosis.driver.closed_loop import Stretch, stretches
 from canid.diagnosis.driver.held_out import FOLD_BLOCK_S
-from canid.findings import Flags
-from canid.types import Array, LearnGate, Trace
+from canid.values.findings import Flags
+from canid.values.types import Array, LearnGate, Trace
 
 # what a traffic simulator needs as well: gap and speed are measured, and the driver drives
 SHOWN = (LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.STANDSTILL)
@@ -42,23 +42,23 @@ def following(trace: Trace) -> Following | None:
     if any(name not in trace.signals for name in names) or not trace.t.size:
         return None
     gap, speed, rate = (trace.signals[name] for name in names)
-    gate = np.array([one in SHOWN for one in trace.gate])
+    gate = np.array([state in SHOWN for state in trace.gate])
     shown = gate & np.isfinite(gap) & np.isfinite(speed) & np.isfinite(rate) & (gap > 0.0)
     return Following(
         gap, np.maximum(speed, 0.0), np.maximum(speed + rate, 0.0), shown, trace.segment, trace.dt
     )
 
 
-def in_stretches(of: Following) -> tuple[Stretch, ...]:
+def in_stretches(columns: Following) -> tuple[Stretch, ...]:
     """Stretches behind one lead: a tenth of the drive each, half a minute at least and two at most.
 
     In half a minute a model hardly leaves the measured state it began with: one that collides after a minute, or loses the
     lead, has the smallest error.
     """
     # a sample of another segment ends a run
-    same = np.r_[True, np.diff(of.segment) == 0] if of.segment.size else np.zeros(0, dtype=bool)
-    block = float(np.clip(of.shown.sum() * of.dt / STRETCHES, FOLD_BLOCK_S, LONGEST_S))
-    return stretches(of.shown & same, of.dt, block)
+    same = np.r_[True, np.diff(columns.segment) == 0] if columns.segment.size else np.zeros(0, dtype=bool)
+    block = float(np.clip(columns.shown.sum() * columns.dt / STRETCHES, FOLD_BLOCK_S, LONGEST_S))
+    return stretches(columns.shown & same, columns.dt, block)
 
 
 def acceleration(speed: Array, shown: Flags, dt: float) -> tuple[Array, Flags]:
@@ -75,8 +75,8 @@ def distributions(gap: Array, speed: Array, shown: Flags, dt: float) -> dict[str
     """Values of gap m, time gap s, speed m/s and acceleration m/s² while following.
 
     Example:
-        >>> found = distributions(np.full(30, 20.0), np.full(30, 10.0), np.ones(30, dtype=bool), 0.1)
-        >>> {name: float(x[0]) for name, x in found.items()}
+        >>> shares = distributions(np.full(30, 20.0), np.full(30, 10.0), np.ones(30, dtype=bool), 0.1)
+        >>> {name: float(x[0]) for name, x in shares.items()}
         {'gap': 20.0, 'time_gap': 2.0, 'speed': 10.0, 'accel': 0.0}
     """
     moving = shown & (speed > MIN_SPEED)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis.rivals.rival_model import RivalModel, RivalParameter
-from canid.types import Array
+from canid.values.types import Array
 
 # s; of the calibration of all of SUMO's models: half the work of 0.2 s, errors on measured drives the same to 5 %
 STEP_S = 0.4

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.diagnosis.rivals.recommendation import MARGIN
-from canid.findings import ClosedLoopError
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.sumo.driver_model import Candidate, DriverModel
 from canid.sumo.driver_noise import DriverNoise
 from canid.sumo.sumo_models import BY_NAME, MODELS
-from canid.types import NAN, Array, Interval
+from canid.values.findings import ClosedLoopError
+from canid.values.types import NAN, Array, Interval
 
 # variance of a parameter on the unit cube from which on a drive does not show it: that of the cube itself
 KNOWN_VARIANCE = 1.0 / 12.0
@@ -64,49 +64,49 @@ def pooled(name: str, drives: Sequence[Drive]) -> PooledDriver:
     """
     if not drives:
         raise ValueError(f"driver {name}: no drive to pool")
-    seconds = np.array([one.model.seconds for one in drives])
+    seconds = np.array([drive.model.seconds for drive in drives])
     share = seconds / seconds.sum()
-    errors = {one.name: _error(one.name, drives, share) for one in MODELS}
+    errors = {sumo_model.name: _error(sumo_model.name, drives, share) for sumo_model in MODELS}
     model, why = (drives[0].model.model, drives[0].model.why) if len(drives) == 1 else _chosen(errors, drives)
-    found = [candidate(one.model, model) for one in drives]
-    mean, covariance, between = _mean(found)
+    candidates = [candidate(drive.model, model) for drive in drives]
+    mean, covariance, between = _mean(candidates)
     rival = BY_NAME[model].rival
     wide = NORMAL_QUANTILE * np.sqrt(np.diagonal(covariance))
     value, low, high = (
         rival.physical(np.clip(x, 0.0, 1.0)[:, None])[:, 0] for x in (mean, mean - wide, mean + wide)
     )
-    names = [one.name for one in rival.parameters]
+    names = [parameter.name for parameter in rival.parameters]
     parameters = {n: Interval(*(float(x[k]) for x in (value, low, high))) for k, n in enumerate(names)}
-    tails = [one.model.quantiles["accel"] for one in drives if one.model.quantiles.get("accel")]
+    tails = [drive.model.quantiles["accel"] for drive in drives if drive.model.quantiles.get("accel")]
     return PooledDriver(
         name,
         tuple(drives),
         model,
         why,
-        found[0].parameters if len(drives) == 1 else parameters,
-        found[0].units,
+        candidates[0].parameters if len(drives) == 1 else parameters,
+        candidates[0].units,
         {} if len(drives) == 1 else dict(zip(names, np.sqrt(between).tolist(), strict=True)),
-        _noise([one.noise for one in found], share),
+        _noise([calibrated.noise for calibrated in candidates], share),
         errors[model],
         (min(x[0] for x in tails), max(x[-1] for x in tails)) if tails else (NAN, NAN),
-        max(one.model.top_speed for one in drives),
+        max(drive.model.top_speed for drive in drives),
         float(seconds.sum()),
     )
 
 
-def candidate(of: DriverModel, model: str) -> Candidate:
+def candidate(driver: DriverModel, model: str) -> Candidate:
     """A drive's calibration of one model."""
-    return next(one for one in of.candidates if one.model == model)
+    return next(calibrated for calibrated in driver.candidates if calibrated.model == model)
 
 
 def _error(model: str, drives: Sequence[Drive], share: Array) -> ClosedLoopError:
-    errors = np.array([candidate(one.model, model).error for one in drives])
+    errors = np.array([candidate(drive.model, model).error for drive in drives])
     return ClosedLoopError(*(share @ errors).tolist())
 
 
 def _chosen(errors: Mapping[str, ClosedLoopError], drives: Sequence[Drive]) -> tuple[str, str]:
-    known = {name: one.gap for name, one in errors.items() if math.isfinite(one.gap)}
-    collides = {name for name in known if any(candidate(one.model, name).collides for one in drives)}
+    known = {name: error.gap for name, error in errors.items() if math.isfinite(error.gap)}
+    collides = {name for name in known if any(candidate(drive.model, name).collides for drive in drives)}
     safe = [name for name in known if name not in collides] or list(known)
     least = min(safe, key=lambda name: known[name])
     first = next(name for name in safe if known[name] * (1.0 - MARGIN) <= known[least])
@@ -116,20 +116,22 @@ def _chosen(errors: Mapping[str, ClosedLoopError], drives: Sequence[Drive]) -> t
     return first, f"held-out error of the gap, mean over the drives: {says}"
 
 
-def _mean(found: Sequence[Candidate]) -> tuple[Array, Array, Array]:
+def _mean(candidates: Sequence[Candidate]) -> tuple[Array, Array, Array]:
     """Mean, its covariance and the variances between drives, on the unit cube."""
-    x = np.array([one.x for one in found])  # (drives, k)
-    covariances = [np.array(one.covariance) for one in found]
-    for one in covariances:
-        known = np.diagonal(one) <= KNOWN_VARIANCE
+    x = np.array([calibrated.x for calibrated in candidates])  # (drives, k)
+    covariances = [np.array(calibrated.covariance) for calibrated in candidates]
+    for covariance in covariances:
+        known = np.diagonal(covariance) <= KNOWN_VARIANCE
         # the covariances of what is not known go with it
-        one[~known], one[:, ~known] = 0.0, 0.0
-        np.fill_diagonal(one, np.where(known, np.maximum(np.diagonal(one), LEAST_VARIANCE), UNKNOWN_VARIANCE))
-    variances = np.array([np.diagonal(one) for one in covariances])
+        covariance[~known], covariance[:, ~known] = 0.0, 0.0
+        np.fill_diagonal(
+            covariance, np.where(known, np.maximum(np.diagonal(covariance), LEAST_VARIANCE), UNKNOWN_VARIANCE)
+        )
+    variances = np.array([np.diagonal(covariance) for covariance in covariances])
     between = _between(x, variances)
-    weights = [np.linalg.inv(_positive(one) + np.diag(between)) for one in covariances]
+    weights = [np.linalg.inv(_positive(covariance) + np.diag(between)) for covariance in covariances]
     total = np.linalg.inv(np.sum(weights, axis=0))
-    mean = total @ np.sum([w @ one for w, one in zip(weights, x, strict=True)], axis=0)
+    mean = total @ np.sum([w @ point for w, point in zip(weights, x, strict=True)], axis=0)
     return mean, total, between
 
 
@@ -151,25 +153,25 @@ def _between(x: Array, variances: Array) -> Array:
     return np.where(n > 1, np.maximum((q - (n - 1)) / np.where(n > 1, size, 1.0), 0.0), 0.0)
 
 
-def _noise(found: Sequence[DriverNoise], share: Array) -> DriverNoise:
-    if len(found) == 1:
-        return found[0]
-    sensitivity = np.array([one.sensitivity for one in found])
+def _noise(noises: Sequence[DriverNoise], share: Array) -> DriverNoise:
+    if len(noises) == 1:
+        return noises[0]
+    sensitivity = np.array([noise.sensitivity for noise in noises])
     known = np.isfinite(sensitivity)
     return DriverNoise(
-        _geometric([one.sd for one in found], share),
-        _geometric([one.time for one in found], share),
+        _geometric([noise.sd for noise in noises], share),
+        _geometric([noise.time for noise in noises], share),
         float(np.average(sensitivity[known], weights=share[known])) if known.any() else NAN,
     )
 
 
-def _geometric(of: Sequence[Interval], share: Array) -> Interval:
+def _geometric(intervals: Sequence[Interval], share: Array) -> Interval:
     """Geometric mean over drives, with the interval of independent errors."""
-    known = [k for k, one in enumerate(of) if one.value > 0.0]
+    known = [k for k, interval in enumerate(intervals) if interval.value > 0.0]
     if not known:
-        return Interval(0.0, 0.0, NAN) if any(one.value == 0.0 for one in of) else Interval()
+        return Interval(0.0, 0.0, NAN) if any(interval.value == 0.0 for interval in intervals) else Interval()
     weight = share[known] / share[known].sum()
-    log = np.log([of[k] for k in known])
+    log = np.log([intervals[k] for k in known])
     value = float(weight @ log[:, 0])
     half = float(np.sqrt(np.sum((weight * 0.5 * (log[:, 2] - log[:, 1])) ** 2)))
     return Interval(*(math.exp(value + k * half) for k in (0.0, -1.0, 1.0)))

@@ -17,7 +17,7 @@ from canid.diagnosis.rivals.rival_simulation import Leads
 from canid.sumo.acc import ACC
 from canid.sumo.eidm import EIDM, PARAMETERS
 from canid.sumo.krauss import KRAUSS, STEP_S
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 IDM = idm.IDM._replace(parameters=PARAMETERS)
 # relative step of the derivatives
@@ -37,29 +37,29 @@ class SumoModel(NamedTuple):
         return self.rival.name
 
 
-# first the one whose noise SUMO reproduces best (docs/sumo.md): it is taken where others are not better
+# first the one whose noise SUMO reproduces best (docs/evidence/sumo.md): it is taken where others are not better
 MODELS = (
     SumoModel(IDM, "gap", "accel"),
     SumoModel(EIDM, "accel", "accel"),
     SumoModel(ACC, "range_rate", "accel"),
     SumoModel(KRAUSS, "gap", "speed"),
 )
-BY_NAME = {one.name: one for one in MODELS}
+BY_NAME = {model.name: model for model in MODELS}
 
 
-def sensitivity(model: SumoModel, q: Array, of: Leads) -> float:
+def sensitivity(model: SumoModel, q: Array, stretches: Leads) -> float:
     """What the error's process does to acceleration or speed, rms over the drive; 1 where it is added to them as it is.
 
     Args:
         model: which one.
         q: (k,) its parameters.
-        of: the stretches.
+        stretches: the stretches.
     """
     if model.error_of == "accel":
         return 1.0
     rival = model.rival
-    at = [x[of.inside] for x in (of.gap, of.speed, of.lead)]
-    rest = float(q[[one.name for one in rival.parameters].index("s0")])
+    at = [x[stretches.inside] for x in (stretches.gap, stretches.speed, stretches.lead)]
+    rest = float(q[[parameter.name for parameter in rival.parameters].index("s0")])
     # SUMO's error is relative to the gap without the one at rest
     seen = DERIVATIVE_STEP * np.maximum(at[0] - rest, 0.0)
     wrong = [at[0] + seen, at[1], at[2]] if model.error_of == "gap" else [at[0], at[1], at[2] + seen]

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from canid.interval_text import interval_text
 from canid.sumo.driver_ids import driver_ids
 from canid.sumo.krauss import LEAD_DECEL
 from canid.sumo.pooled_driver import PooledDriver
 from canid.sumo.sumo_models import BY_NAME
+from canid.values.interval_text import interval_text
 
 # by which canid recognises its own file
 MARK = "<!-- canid export: drivers as SUMO vehicle types -->"
@@ -44,19 +44,19 @@ class VehicleType(NamedTuple):
     seconds: float  # of following: its weight
 
 
-def vehicle_type(name: str, of: PooledDriver) -> VehicleType:
+def vehicle_type(name: str, driver: PooledDriver) -> VehicleType:
     """Write a driver as a vehicle type.
 
     Args:
         name: its id, see `driver_ids`.
-        of: the driver.
+        driver: the drives of one driver, pooled.
     """
-    q = {key: one.value for key, one in of.parameters.items()}
+    q = {key: interval.value for key, interval in driver.parameters.items()}
     attributes = {
-        "carFollowModel": of.model,
+        "carFollowModel": driver.model,
         "minGap": _text(q["s0"]),
         "tau": _text(q["T"]),
-        **_own(of, q),
+        **_own(driver, q),
         "emergencyDecel": _text(EMERGENCY_DECEL),
         # what Krauss's model assumes of a lead: the same in calibration and simulation
         "apparentDecel": _text(LEAD_DECEL),
@@ -64,13 +64,13 @@ def vehicle_type(name: str, of: PooledDriver) -> VehicleType:
         "speedFactor": "1",
         "speedDev": "0",
     }
-    params = {"canid.driver": of.name, **_error_params(of)}
-    return VehicleType(name, attributes, params, _comments(of), of.seconds)
+    params = {"canid.driver": driver.name, **_error_params(driver)}
+    return VehicleType(name, attributes, params, _comments(driver), driver.seconds)
 
 
-def _own(of: PooledDriver, q: dict[str, float]) -> dict[str, str]:
-    if of.model == "ACC":
-        slowest, fastest = of.accel
+def _own(driver: PooledDriver, q: dict[str, float]) -> dict[str, str]:
+    if driver.model == "ACC":
+        slowest, fastest = driver.accel
         gains: dict[str, str] = {}
         for mode in ("gapControl", "gapClosingControl", "collisionAvoidance"):
             gains |= {f"{mode}GainSpeed": _text(q["k2"]), f"{mode}GainSpace": _text(q["k1"])}
@@ -82,10 +82,10 @@ def _own(of: PooledDriver, q: dict[str, float]) -> dict[str, str]:
             "applyDriverState": "1",
         }
     out = {"accel": _text(q["a"]), "decel": _text(q["b"]), "maxSpeed": _text(q["v0"])}
-    if of.model == "Krauss":
+    if driver.model == "Krauss":
         out["sigma"] = "0"
-    if of.model == "EIDM":
-        sd, time = of.noise.sd.value, of.noise.time.value
+    if driver.model == "EIDM":
+        sd, time = driver.noise.sd.value, driver.noise.time.value
         noisy = sd > 0.0 and math.isfinite(time)
         out |= {
             # EIDM's error of the acceleration is sigmaerror times accel
@@ -100,9 +100,9 @@ def _own(of: PooledDriver, q: dict[str, float]) -> dict[str, str]:
     return out
 
 
-def _error_params(of: PooledDriver) -> dict[str, str]:
+def _error_params(driver: PooledDriver) -> dict[str, str]:
     """Settings of SUMO's driver state device; {}: the model needs none."""
-    error_of, noise = BY_NAME[of.model].error_of, of.noise
+    error_of, noise = BY_NAME[driver.model].error_of, driver.noise
     known = noise.sd.value > 0.0 and math.isfinite(noise.time.value) and noise.sensitivity > 0.0
     if error_of == "accel" or not known:
         return {}
@@ -121,29 +121,30 @@ def _error_params(of: PooledDriver) -> dict[str, str]:
     return out | {f"device.driverstate.{key}": _text(x) for key, x in device.items()}
 
 
-def _comments(of: PooledDriver) -> tuple[str, ...]:
-    drives = ", ".join(one.name for one in of.drives)
+def _comments(driver: PooledDriver) -> tuple[str, ...]:
+    drives = ", ".join(drive.name for drive in driver.drives)
     parameters = ", ".join(
-        f"{key} {interval_text(*one)}{_unit(of.units[key])}" for key, one in of.parameters.items()
+        f"{key} {interval_text(*interval)}{_unit(driver.units[key])}"
+        for key, interval in driver.parameters.items()
     )
     out = [
-        f"driver {of.name}; drives: {drives}; {of.seconds:.0f} s of following",
-        f"{of.model}: {parameters}",
-        f"{of.why}; error of {of.model} in closed loop on held-out data, rms over rms: gap {of.error.gap:.3f}, "
-        f"speed {of.error.speed:.3f}",
+        f"driver {driver.name}; drives: {drives}; {driver.seconds:.0f} s of following",
+        f"{driver.model}: {parameters}",
+        f"{driver.why}; error of {driver.model} in closed loop on held-out data, rms over rms: gap {driver.error.gap:.3f}, "
+        f"speed {driver.error.speed:.3f}",
     ]
-    if of.spread:
-        between = ", ".join(f"{key} {x:.2f}" for key, x in of.spread.items())
+    if driver.spread:
+        between = ", ".join(f"{key} {x:.2f}" for key, x in driver.spread.items())
         out.append(f"standard deviation between drives, of the calibrated range: {between}")
-    noise = BY_NAME[of.model].noise_of
-    if of.noise.sd.value > 0.0:
+    noise = BY_NAME[driver.model].noise_of
+    if driver.noise.sd.value > 0.0:
         unit = "m/s" if noise == "speed" else "m/s²"
         what = {"accel": noise, "gap": f"{noise}, by errors of the perceived gap"}.get(
-            BY_NAME[of.model].error_of, f"{noise}, by errors of the perceived range rate"
+            BY_NAME[driver.model].error_of, f"{noise}, by errors of the perceived range rate"
         )
         out.append(
-            f"noise of the {what}: {interval_text(*of.noise.sd)} {unit}, correlation time "
-            f"{interval_text(*of.noise.time)} s"
+            f"noise of the {what}: {interval_text(*driver.noise.sd)} {unit}, correlation time "
+            f"{interval_text(*driver.noise.time)} s"
         )
     return tuple(out)
 
@@ -162,8 +163,8 @@ def additional(drivers: Sequence[PooledDriver], source: str, version: str) -> st
     if not drivers:
         raise ValueError("no driver to export")
     types = [
-        vehicle_type(name, one)
-        for name, one in zip(driver_ids([one.name for one in drivers]), drivers, strict=True)
+        vehicle_type(name, driver)
+        for name, driver in zip(driver_ids([driver.name for driver in drivers]), drivers, strict=True)
     ]
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', MARK]
     lines += [
@@ -175,11 +176,11 @@ def additional(drivers: Sequence[PooledDriver], source: str, version: str) -> st
         ),
         "<additional>",
     ]
-    for one in types:
-        lines += element(one)
-    total = sum(one.seconds for one in types)
-    names = " ".join(one.id for one in types)
-    shares = " ".join(_text(one.seconds / total) for one in types)
+    for type_ in types:
+        lines += element(type_)
+    total = sum(type_.seconds for type_ in types)
+    names = " ".join(type_.id for type_ in types)
+    shares = " ".join(_text(type_.seconds / total) for type_ in types)
     lines += [
         f"    {_comment('all drivers, weighted by their time of following')}",
         f'    <vTypeDistribution id="{DISTRIBUTION}" vTypes="{names}" probabilities="{shares}"/>',
@@ -188,15 +189,16 @@ def additional(drivers: Sequence[PooledDriver], source: str, version: str) -> st
     return "\n".join(lines) + "\n"
 
 
-def element(of: VehicleType) -> list[str]:
+def element(type_: VehicleType) -> list[str]:
     """The lines of a `vType` with its comments."""
-    attributes = " ".join(f"{key}={quoteattr(_clean(x))}" for key, x in of.attributes.items())
+    attributes = " ".join(f"{key}={quoteattr(_clean(x))}" for key, x in type_.attributes.items())
     params = [
-        f"        <param key={quoteattr(key)} value={quoteattr(_clean(x))}/>" for key, x in of.params.items()
+        f"        <param key={quoteattr(key)} value={quoteattr(_clean(x))}/>"
+        for key, x in type_.params.items()
     ]
     return [
-        *(f"    {_comment(one)}" for one in of.comments),
-        f'    <vType id="{of.id}" {attributes}>',
+        *(f"    {_comment(comment)}" for comment in type_.comments),
+        f'    <vType id="{type_.id}" {attributes}>',
         *params,
         "    </vType>",
     ]

@@ -1,1 +1,1 @@
-"""Transfer functions of driver and vehicle: poles, margins, reduction and string stability, by python-control."""
+"""The car-following loop of driver and car: the car's response, stability margins and string stability, with intervals."""

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from canid.identification import autoregression
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.identification.first_order import scan
-from canid.types import Array, Interval, Trace
+from canid.values.types import Array, Interval, Trace
 
 # s of usable driving below which no car is fitted: strength and lag were off by more than their intervals on a minute
 MIN_USABLE_S = 60.0
@@ -78,10 +78,10 @@ def car_response(trace: Trace) -> CarResponse | str:
     extra = [np.nan_to_num(grade)] if measured else []
     mean = float(speed[rows].mean())
     fixed = [np.where(np.isfinite(speed), mean - speed, 0.0), np.ones(len(speed)), *extra]
-    found = _fit(_held(pedal), np.array(fixed), np.where(rows, accel, 0.0), rows, trace.dt)
-    if found is None:
+    fit = _fit(_held(pedal), np.array(fixed), np.where(rows, accel, 0.0), rows, trace.dt)
+    if fit is None:
         return "its response is not known: the pedal hardly moved"
-    value, of_noise = found
+    value, of_noise = fit
     covariance = of_noise + np.diag([STRENGTH_ERROR * value[0], LAG_ERROR_S, DAMPING_ERROR]) ** 2
     half = NORMAL_QUANTILE * np.sqrt(np.diag(covariance))
     if not value[0] > 0.0 or half[0] > MAX_HALF_WIDTH * value[0]:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from canid.identification import closed_loop_stability
 from canid.identification.closed_loop_stability import VehicleLoop
-from canid.types import Array
+from canid.values.types import Array
 
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.int64]
@@ -137,8 +137,8 @@ def margins(loop: FollowingLoop) -> LoopMargins:
 
     Example:
         >>> slow = FollowingLoop(np.array([[0.3, 0.6]]), np.full((1, 2), 0.4), np.full((1, 2), 0.5), 20.0, 1.5)
-        >>> found = margins(slow)  # of an acceleration
-        >>> round(float(found.delay_margin_s[0]), 2), round(float(found.string_peak[0]), 3)
+        >>> stable = margins(slow)  # of an acceleration
+        >>> round(float(stable.delay_margin_s[0]), 2), round(float(stable.string_peak[0]), 3)
         (1.64, 1.021)
     """
     k = len(loop.K)
@@ -148,23 +148,25 @@ def margins(loop: FollowingLoop) -> LoopMargins:
     crossover = np.full(k, np.nan)
 
     # |L| = 1: phase and delay margin
-    of, at = _roots(loop, omega, np.log(np.abs(L)), lambda x: np.log(np.abs(x)))
-    angle = np.angle(-_each(loop, of, at))  # from the negative real axis
-    for i, w, a in zip(of.tolist(), at.tolist(), angle.tolist(), strict=True):
+    numbers, at = _roots(loop, omega, np.log(np.abs(L)), lambda x: np.log(np.abs(x)))
+    angle = np.angle(-_each(loop, numbers, at))  # from the negative real axis
+    for i, w, a in zip(numbers.tolist(), at.tolist(), angle.tolist(), strict=True):
         if abs(a) < abs(np.deg2rad(phase[i])):
             phase[i], crossover[i] = np.rad2deg(a), w
         delay[i] = min(delay[i], a % (2.0 * np.pi) / w)
 
     # L on the negative real axis: gain margin
-    of, at = _roots(loop, omega, L.imag, lambda x: x.imag)
-    on_axis = _each(loop, of, at).real
-    for i, x in zip(of.tolist(), on_axis.tolist(), strict=True):
+    numbers, at = _roots(loop, omega, L.imag, lambda x: x.imag)
+    on_axis = _each(loop, numbers, at).real
+    for i, x in zip(numbers.tolist(), on_axis.tolist(), strict=True):
         if x < 0.0 and abs(np.log(-x)) < abs(np.log(gain[i])):
             gain[i] = -1.0 / x
 
-    modulus = -_largest(loop, omega, -np.abs(1.0 + L), lambda one, w: -np.abs(1.0 + loop_transfer(one, w)))[0]
+    modulus = -_largest(
+        loop, omega, -np.abs(1.0 + L), lambda loops, w: -np.abs(1.0 + loop_transfer(loops, w))
+    )[0]
     peak, peak_at = _largest(
-        loop, omega, np.abs(string_transfer(loop, omega)), lambda one, w: np.abs(string_transfer(one, w))
+        loop, omega, np.abs(string_transfer(loop, omega)), lambda loops, w: np.abs(string_transfer(loops, w))
     )
     amplifies = peak > 1.0 + AMPLIFIES
     bad = unstable(loop)
@@ -180,21 +182,23 @@ def margins(loop: FollowingLoop) -> LoopMargins:
     )
 
 
-def _each(loop: FollowingLoop, of: Index, at: Array) -> Complex:
-    """L of driver of[i] at frequency at[i], (r,)."""
-    return loop_transfer(chosen(loop, of), at[:, None])[:, 0]
+def _each(loop: FollowingLoop, numbers: Index, at: Array) -> Complex:
+    """L of driver numbers[i] at frequency at[i], (r,)."""
+    return loop_transfer(chosen(loop, numbers), at[:, None])[:, 0]
 
 
-def chosen(loop: FollowingLoop, of: Index) -> FollowingLoop:
+def chosen(loop: FollowingLoop, numbers: Index) -> FollowingLoop:
     """The loops with the given numbers.
 
     Args:
         loop: k drivers.
-        of: (r,) each below k.
+        numbers: (r,) each below k.
     """
     k = len(loop.K)
-    cars = [np.broadcast_to(x, (k,))[of] for x in (loop.strength, loop.lag, loop.damping)]
-    return FollowingLoop(loop.K[of], loop.tau[of], loop.dead_time[of], loop.speed, loop.headway, *cars)
+    cars = [np.broadcast_to(x, (k,))[numbers] for x in (loop.strength, loop.lag, loop.damping)]
+    return FollowingLoop(
+        loop.K[numbers], loop.tau[numbers], loop.dead_time[numbers], loop.speed, loop.headway, *cars
+    )
 
 
 def _roots(
@@ -211,15 +215,15 @@ def _roots(
     Returns:
         (r,) numbers of drivers and (r,) rad/s.
     """
-    of, left = np.nonzero(np.signbit(values[:, :-1]) != np.signbit(values[:, 1:]))
+    numbers, left = np.nonzero(np.signbit(values[:, :-1]) != np.signbit(values[:, 1:]))
     low, high = omega[left], omega[left + 1]
-    sign = np.signbit(values[of, left])
-    few = chosen(loop, of)
+    sign = np.signbit(values[numbers, left])
+    few = chosen(loop, numbers)
     for _ in range(BISECTIONS):
         middle = np.sqrt(low * high)
         before = np.signbit(function(loop_transfer(few, middle[:, None])[:, 0])) == sign
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return of, np.sqrt(low * high)
+    return numbers, np.sqrt(low * high)
 
 
 def _largest(

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.identification.confidence import QUANTILES
-from canid.identification.fopdt.fopdt_fit import ProcessFit
+from canid.identification.fopdt.grid_search import ProcessFit
 from canid.identification.output_filter import is_unknown
 from canid.systems import following_loop
 from canid.systems.car_response import CarResponse, car_response
 from canid.systems.following_loop import FollowingLoop, LoopMargins
 from canid.systems.posterior_draws import car_draws, driver_draws
-from canid.types import NAN, TASK_INPUTS, Array, Channel, Identifiable, Interval, Trace
+from canid.values.types import NAN, TASK_INPUTS, Array, Channel, Identifiable, Interval, Trace
 
 # draws; the ends of an interval are then known to a tenth of its width
 DRAWS = 200
@@ -86,17 +86,17 @@ def identified_loop(
         point = point._replace(strength=strength, lag=lag, damping=damping)
         strength, lag, damping = car_draws(car, DRAWS)
         many = many._replace(strength=strength, lag=lag, damping=damping)
-    found = _intervals(following_loop.margins(point), following_loop.margins(many), speed, headway, car)
+    identified = _intervals(following_loop.margins(point), following_loop.margins(many), speed, headway, car)
     # the gain margin lies at 2 rad/s and more, where lag and dead time differ: of accelerations behind a Savitzky-Golay
-    # filter of 1.1 s its interval held the truth in half of the drives (table `margins` of docs/identification.md)
+    # filter of 1.1 s its interval held the truth in half of the drives (table `margins` of docs/evidence/identification.md)
     smoothed = trace.output_filter is not None and trace.output_filter.kind != "none"
-    return found._replace(gain_margin=Interval()) if role in ACCELERATIONS and smoothed else found
+    return identified._replace(gain_margin=Interval()) if role in ACCELERATIONS and smoothed else identified
 
 
 def _intervals(
-    at: LoopMargins, of: LoopMargins, speed: float, headway: float, car: CarResponse | None
+    at: LoopMargins, drawn: LoopMargins, speed: float, headway: float, car: CarResponse | None
 ) -> IdentifiedLoop:
-    bad = float(of.unstable.mean())
+    bad = float(drawn.unstable.mean())
     if bool(at.unstable[0]) or bad > 0.5:
         return IdentifiedLoop(
             "the identified gains and delays give an unstable loop: a longer drive is needed",
@@ -108,7 +108,7 @@ def _intervals(
 
     def interval(name: str) -> Interval:
         value = float(getattr(at, name)[0])
-        draws: Array = getattr(of, name)
+        draws: Array = getattr(drawn, name)
         low, high = np.quantile(draws, QUANTILES, method="nearest")
         # the estimate itself is in its interval
         return Interval(value, min(float(low), value), max(float(high), value))
@@ -124,7 +124,7 @@ def _intervals(
         crossover=interval("crossover"),
         string_peak=interval("string_peak"),
         string_peak_frequency=interval("string_peak_hz"),
-        amplifying=float(np.mean(of.string_peak > 1.0)),
+        amplifying=float(np.mean(drawn.string_peak > 1.0)),
         unstable=bad,
         car=car,
     )

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.identification.confidence import QUANTILES
+from canid.identification.fopdt import posterior_cells
 from canid.identification.fopdt.fopdt_posterior import Grid
 from canid.systems.car_response import CarResponse
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 
 class Drawn(NamedTuple):
@@ -37,18 +38,20 @@ def driver_draws(posterior: Grid, gains: tuple[Interval, Interval], count: int) 
     # systematic sampling of the pairs of cells (Kitagawa 1996): less scatter than independent draws
     weight = posterior.weight.ravel()
     at = np.searchsorted(np.cumsum(weight) / weight.sum(), (np.arange(count) + rng.uniform()) / count)
-    of = np.unravel_index(np.minimum(at, len(weight) - 1), posterior.weight.shape)
+    chosen = np.unravel_index(np.minimum(at, len(weight) - 1), posterior.weight.shape)
     tau, dead_time = np.empty((count, 2)), np.empty((count, 2))
-    for i, (cells, k) in enumerate(zip(posterior.cells, of, strict=True)):
-        tau[:, i] = cells.tau[k] + cells.tau_width[k] * rng.uniform(-0.5, 0.5, count)
-        dead_time[:, i] = cells.dead_time[k] + cells.dead_time_width[k] * rng.uniform(-0.5, 0.5, count)
+    for i, (cells, k) in enumerate(zip(posterior.cells, chosen, strict=True)):
+        along = cells.tau_width[k] * rng.uniform(-0.5, 0.5, count)
+        tau[:, i] = cells.tau[k] + along
+        across = cells.dead_time_width[k] * rng.uniform(-0.5, 0.5, count)
+        dead_time[:, i] = cells.dead_time[k] + posterior_cells.lean(cells)[k] * along + across
     z, other = rng.standard_normal((2, count))
     # estimates of two gains scatter against each other as far as their answers are alike
-    r = posterior.K_correlation[of]
+    r = posterior.K_correlation[chosen]
     scatter = (z, r * z + np.sqrt(np.maximum(1.0 - r * r, 0.0)) * other)
     K = np.column_stack(
         [
-            stretched(mean[of] + sd[of] * e, gain)
+            stretched(mean[chosen] + sd[chosen] * e, gain)
             for mean, sd, e, gain in zip(posterior.K, posterior.K_sd, scatter, gains, strict=True)
         ]
     )

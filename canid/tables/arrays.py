@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any, Literal
 
-from canid import pipeline
-from canid.errors import CanidError
-from canid.tables.array_source import ArraySource
+import numpy as np
+
+from canid.pipeline import pipeline
 from canid.tables.column_map import ColumnMap
 from canid.tables.headings import EXTRA, TIME, heading, role_of
+from canid.tables.remedies import ARRAYS, FRAME
+from canid.tables.sources.array_source import ArraySource
 from canid.tables.table import Selection, table_of, trace_of
-from canid.types import Driver, OutputFilter, Trace
-from canid.vehicle.roles import OUTPUTS, ROLES
+from canid.values.errors import CanidError
+from canid.values.roles import OUTPUTS, ROLES
+from canid.values.types import Driver, OutputFilter, Trace
 from canid.vehicle.schema import did_you_mean
 
 _TASKS = ("car_following", "lane_keeping")
@@ -43,7 +48,8 @@ def from_arrays(
         **columns: by role: pedal, speed, gap (or headway), range_rate (or lead_speed), lead_valid, cruise_active, brake, ...
 
     Returns:
-        a `Trace`, for `canid.identify` and `canid.diagnose`.
+        a `Trace`, for `canid.identify` and `canid.diagnose`. Rows that are not in the order of time are sorted (stable),
+        with a UserWarning.
 
     Raises:
         ValueError: names the argument, and the remedy.
@@ -97,6 +103,10 @@ def from_frame(
         >>> round(float(from_frame(frame).signals["headway"][100]), 6)
         1.5
     """
+    if columns is not None and not isinstance(columns, Mapping):
+        raise ValueError(
+            f'from_frame: columns={columns!r:.60} is no mapping; give role -> column, as {{"speed": "v_ego"}}'
+        )
     names = list(frame.keys() if isinstance(frame, Mapping) else getattr(frame, "columns", ()))
     if not names:
         raise ValueError(
@@ -136,6 +146,12 @@ def _trace(
 ) -> Trace:
     """Check the arguments and make the trace; `named`: the keys are roles, not any columns."""
     known = (*ROLES, *EXTRA)
+    if not isinstance(units, Mapping):
+        raise ValueError(
+            f'{verb}: units={units!r:.60} is no mapping; give column -> unit, as {{"speed": "km/h"}}'
+        )
+    if output_filter is not None and not isinstance(output_filter, OutputFilter):
+        raise ValueError(f"{verb}: output_filter={output_filter!r:.60} is no OutputFilter, nor None")
     if named:
         wrong = [name for name in given if name not in known]
         if wrong:
@@ -151,25 +167,52 @@ def _trace(
         raise ValueError(f"{verb}: task={task!r} is not one of {', '.join(_TASKS)}")
     if output is not None and output not in OUTPUTS:
         raise ValueError(f"{verb}: output={output!r} is not one of {', '.join(OUTPUTS)}")
-    if not 0.01 <= headway_desired <= 60.0:
+    if not _within(headway_desired, 0.01, 60.0):
         raise ValueError(
             f"{verb}: headway_desired={headway_desired!r} is no headway in s; give one such as 2.0"
         )
-    if not 0.01 <= dt <= 1.0:
+    if not _within(dt, 0.01, 1.0):
         raise ValueError(f"{verb}: dt={dt!r} is no step of the grid in s; give one of 0.01 to 1, such as 0.1")
     headings = {_with_unit(name, units, named): x for name, x in given.items()}
+    says = ARRAYS if verb == "from_arrays" else FRAME
     driver = _driver(given, task, output, headway_desired, output_filter, named)
     try:
-        table = table_of(ArraySource(headings, verb), ColumnMap(driver=driver), Selection())
+        table = table_of(ArraySource(headings, verb), ColumnMap(driver=driver), Selection(), says=says)
         if driver is None:
             table = table._replace(
                 vehicle=table.vehicle._replace(
                     driver=table.vehicle.driver._replace(headway_desired=headway_desired)
                 )
             )
-        return trace_of(table, dt)
+        trace = trace_of(table, dt)
     except CanidError as error:
         raise ValueError(str(error)) from None
+    if len(trace.t) < 2:
+        first, last = table.log.span
+        lasts = f"the times span {last - first:.3g} s, too short for two samples"
+        same = "all rows have the same time: nothing can be identified"
+        raise ValueError(
+            f"{verb}: {lasts if last > first else same}; give each row its own, in s since any start, or as dates"
+        )
+    if table.sorted:
+        warnings.warn(table.sorted, stacklevel=3)
+    if _of_1970(given, named):
+        warnings.warn(f"{verb}: dates of 1970 are taken as the time of the drive in s", stacklevel=3)
+    return trace
+
+
+def _within(value: object, low: float, high: float) -> bool:
+    return isinstance(value, Real) and low <= float(value) <= high
+
+
+def _of_1970(given: Mapping[str, Any], named: bool) -> bool:
+    """Whether the times are seconds that were made dates."""
+    for name, column in given.items():
+        if (name if named else role_of(heading(name))) == TIME:
+            stamps = np.asarray(column)
+            if stamps.dtype.kind == "M" and (stamps < np.datetime64("1971")).any():
+                return True
+    return False
 
 
 def _index(frame: Any, names: Sequence[Any]) -> dict[str, Any]:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, model_validator
 
-from canid.errors import ConfigError
+from canid.dbc_text.parsing import ParseError, Parser
 from canid.estimators import ESTIMATORS
-from canid.parsing import ParseError, Parser
 from canid.tables.headings import EXTRA, TIME
-from canid.types import Driver, OutputFilter
+from canid.values.errors import ConfigError
+from canid.values.roles import OUTPUTS, ROLES
+from canid.values.types import Driver, OutputFilter
 from canid.vehicle import Vehicle, file_bytes
 from canid.vehicle.quoting import brief, shown
-from canid.vehicle.roles import OUTPUTS, ROLES
 from canid.vehicle.schema import (
     MAX_KEYS,
     Age,
@@ -122,12 +123,7 @@ def toml_of(path: str | Path) -> dict[str, Any] | None:
 def locate(path: str | Path) -> Path | None:
     """The file of a path, or of the name of a shipped map."""
     given = Path(path)
-    try:
-        if given.is_file():
-            return given
-    except (OSError, ValueError):
-        return None
-    return shipped().get(str(path).lower())
+    return given if os.path.isfile(given) else shipped().get(str(path).lower())
 
 
 def read_map(path: str | Path) -> ColumnMap:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from canid.vehicle.roles import ROLES
+from canid.values.roles import ROLES
 
 
 class Heading(NamedTuple):
@@ -52,6 +52,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
     "brake": ("brake_pressed", "brake_pedal", "brake_switch", "braking", "brake_active"),
+    "steering_assist": ("lka_active", "lkas_active", "lane_assist", "lane_assist_active", "steer_assist"),
     "cruise_active": ("acc_active", "cruise", "cruise_control", "acc", "acc_on", "cruise_enabled", "cruise_on"),
     "clutch": ("clutch_pressed", "clutch_pedal"),
     "accel": ("a", "ax", "acceleration", "a_ego", "ego_accel", "ego_acceleration", "long_accel", "aego",
@@ -102,11 +103,11 @@ def heading(text: str) -> Heading:
         (Heading(text='gap [m]', name='gap', unit='m'), 'km/h', 'vehicle_speed')
     """
     plain = text.strip().strip("\"'").strip()[:MAX_HEADING]
-    found = _BRACKETS.fullmatch(plain)
+    match = _BRACKETS.fullmatch(plain)
     unit: str | None = None
-    if found is not None and found["name"]:
-        unit = (found["square"] if found["square"] is not None else found["round"]).strip()
-        plain = found["name"]
+    if match is not None and match["name"]:
+        unit = (match["square"] if match["square"] is not None else match["round"]).strip()
+        plain = match["name"]
     name = re.sub(r"[^0-9a-zA-Z%²°]+", "_", _CAMEL.sub("_", plain)).strip("_").lower()
     if unit is None and name not in _NAMED:
         for ending in sorted(_ENDINGS, key=len, reverse=True):
@@ -115,21 +116,21 @@ def heading(text: str) -> Heading:
     return Heading(text, name, unit)
 
 
-def role_of(of: Heading) -> str | None:
+def role_of(heading: Heading) -> str | None:
     """The role, or the other column of `EXTRA`, that a heading names; None: nothing that is known.
 
     Example:
         >>> role_of(heading("v_ego [m/s]")), role_of(heading("gate"))
         ('speed', None)
     """
-    return _NAMED.get(of.name)
+    return _NAMED.get(heading.name)
 
 
-def closing(of: Heading) -> bool:
+def closing(heading: Heading) -> bool:
     """Whether a heading names the range rate with the other sign.
 
     Example:
         >>> closing(heading("closing_speed"))
         True
     """
-    return of.name in CLOSING
+    return heading.name in CLOSING

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
+import mmap
+import os
 from pathlib import Path
 
-from canid.errors import ConfigError, LogError
-from canid.logs import formats
+from canid.logs import content, formats
+from canid.values.errors import LogError
 
-TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
-SUFFIXES = (*TEXT_SUFFIXES, ".parquet", ".vbo")
-# of the formats that are read as CAN logs
-CAN_HEADER = "timestamp,arbitration_id,extended,remote,error,dlc,data"
-# words of a header, in lower case and without blanks, by which other programs' lists of CAN frames are known
-_IDS = {"id", "canid", "can_id", "arbitration_id", "arbitrationid", "identifier", "messageid", "id(hex)"}
-_DATA = {"data", "databytes", "data_bytes", "d1", "d0", "b0", "b1", "payload", "data(hex)"}
-_BEGIN_BYTES = 65_536
+TEXT_SUFFIXES = (*formats.TABLE_SUFFIXES, *(f"{suffix}.gz" for suffix in formats.TABLE_SUFFIXES))
+SUFFIXES = (*TEXT_SUFFIXES, *formats.TABLES_ALONE)
+# of an .mf4 that was closed, and the structures of bus logging (ASAM MDF 4)
+_MDF = b"MDF     4"
+_BUS_EVENTS = (b"CAN_DataFrame", b"CAN_ErrorFrame", b"CAN_RemoteFrame", b"CAN_OverloadFrame", b"LIN_Frame")
 
 
 def suffix(path: Path) -> str:
@@ -36,36 +33,32 @@ def is_table(path: str | Path) -> bool:
     """
     file = Path(path)
     kind = suffix(file)
-    if kind in (".parquet", ".vbo", ".tsv", ".tsv.gz", ".txt", ".txt.gz"):
+    if kind == ".mf4":
+        return _is_measurement(file)
+    if kind in formats.TABLES_ALONE:
         return True
-    if kind not in (".csv", ".csv.gz") or not file.is_file():
-        return False
-    lines = _first_lines(file)
-    if not lines:
-        return False
-    cells = [
-        cell.strip(' "\ufeff').lower().replace(" ", "") for cell in lines[0].replace(";", ",").split(",")
-    ]
-    if ",".join(cells) == CAN_HEADER or _is_frame(lines[0]):
-        return False
-    if _IDS & {*cells} and _DATA & {*cells}:
-        raise ConfigError(
-            f"{path}: lists CAN frames ({lines[0][:60].strip()} ...), as other programs write them; save the log as "
-            f"candump .log, .asc, .blf or .trc there, or as the .csv of python-can"
-        )
-    return True
-
-
-def _is_frame(line: str) -> bool:
-    """Whether a line is a frame of python-can's .csv: its header may be lost."""
-    cells = line.strip().split(",")
-    return len(cells) == 7 and cells[1].lower().startswith("0x")
-
-
-def _first_lines(file: Path) -> list[str]:
+    if kind not in TEXT_SUFFIXES or not os.path.isfile(file):
+        return kind in TEXT_SUFFIXES and not kind.startswith(".csv")
     try:
-        with gzip.open(file, "rb") if file.suffix.lower() == ".gz" else file.open("rb") as opened:
-            begin = opened.read(_BEGIN_BYTES)
-    except (OSError, EOFError, zlib.error) as error:
-        raise LogError(f"cannot read {file}: {getattr(error, 'strerror', None) or error}") from None
-    return [line for line in begin.decode("utf-8", errors="replace").splitlines() if line.strip()]
+        form, lines = content.head_of(file)
+    except OSError as error:
+        raise LogError(f"cannot read {file}: {error.strerror or error}") from None
+    if form is None:
+        return bool(lines) or not kind.startswith(".csv")
+    if form.format is None:
+        raise content.refuse(file, form)
+    return False
+
+
+def _is_measurement(file: Path) -> bool:
+    """Whether an .mf4 holds signals and no events of a bus: names of channels are never compressed."""
+    if not os.path.isfile(file):  # a pipe would be waited for
+        return False
+    try:
+        with file.open("rb") as opened:
+            if opened.read(len(_MDF)) != _MDF:
+                return False
+            with mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                return all(data.find(name) < 0 for name in _BUS_EVENTS)
+    except (OSError, ValueError):
+        return False

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Others(NamedTuple):
@@ -32,7 +32,7 @@ def by_id(t: Array, lead: Array, others: Others, names: Sequence[str]) -> dict[s
         >>> by_id(np.array([1.0, 2.0]), np.array([7.0, 7.0]), rows, ["speed"])["speed"]
         array([21., nan])
     """
-    times, own = np.unique(t, return_inverse=True)
+    times, time_index = np.unique(t, return_inverse=True)
     at = np.searchsorted(times, others.t)
     at = np.minimum(at, len(times) - 1)
     ids, codes = np.unique(others.id, return_inverse=True)
@@ -42,7 +42,7 @@ def by_id(t: Array, lead: Array, others: Others, names: Sequence[str]) -> dict[s
     code = np.searchsorted(ids, lead)
     known = (code < len(ids)) & np.isfinite(lead)
     known &= ids[np.minimum(code, len(ids) - 1)] == lead if len(ids) else False
-    wanted = code * len(times) + own
+    wanted = code * len(times) + time_index
     place = np.searchsorted(key[order], wanted)
     hit = known & (place < len(key))
     hit[hit] = key[order][place[hit]] == wanted[hit]
@@ -73,12 +73,12 @@ def by_lane(t: Array, lane: Array, position: Array, others: Others) -> Array:
     keys = np.rec.fromarrays(
         [others.t[order], others.columns["lane"][order], others.columns["position"][order]]
     )
-    own = np.rec.fromarrays([t, lane, position])
-    place = np.searchsorted(keys, own, side="right")
+    own_keys = np.rec.fromarrays([t, lane, position])
+    place = np.searchsorted(keys, own_keys, side="right")
     out = np.full(len(t), np.nan)
     inside = place < len(keys)
     at = order[place[inside]]
     same = (others.t[at] == t[inside]) & (others.columns["lane"][at] == lane[inside])
-    found = np.where(same, others.id[at], np.nan)
-    out[inside] = found
+    ahead = np.where(same, others.id[at], np.nan)
+    out[inside] = ahead
     return out

@@ -6,12 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from canid.errors import ConfigError
 from canid.tables import column_map
 from canid.tables.column_map import ColumnEntry, ColumnMap
 from canid.tables.headings import DATED, EXTRA, HEADWAY, TIME, Heading, closing, heading, role_of
+from canid.tables.remedies import COMMAND_LINE, Remedies
+from canid.values.errors import ConfigError
+from canid.values.roles import ROLES
 from canid.vehicle.quoting import brief, several
-from canid.vehicle.roles import ROLES
 from canid.vehicle.schema import did_you_mean
 
 # columns that are needed to follow a vehicle, apart from own speed and output: one of each line
@@ -41,7 +42,13 @@ class Resolved(NamedTuple):
     numbers: tuple[int, ...] = ()  # of the vehicles, where columns are numbered by them
 
 
-def resolve(headings: Sequence[str], by: ColumnMap, name: str, number: int | None = None) -> Resolved:
+def resolve(
+    headings: Sequence[str],
+    by: ColumnMap,
+    name: str,
+    number: int | None = None,
+    says: Remedies = COMMAND_LINE,
+) -> Resolved:
     """Find the columns.
 
     Args:
@@ -49,19 +56,20 @@ def resolve(headings: Sequence[str], by: ColumnMap, name: str, number: int | Non
         by: the column map; an empty one: by the headings.
         name: of the table, for messages.
         number: of the vehicle, where columns are numbered.
+        says: what the user can do, for messages.
 
     Raises:
         ConfigError: two columns could be the same role, or a column of the map is not there.
 
     Example:
-        >>> found = resolve(["t", "v_ego [km/h]", "gap"], ColumnMap(), "x.csv").found
-        >>> {role: (one.place, one.unit) for role, one in found.items()}
+        >>> columns = resolve(["t", "v_ego [km/h]", "gap"], ColumnMap(), "x.csv").found
+        >>> {role: (column.place, column.unit) for role, column in columns.items()}
         {'time': (0, None), 'speed': (1, 'km/h'), 'gap': (2, None)}
     """
     parsed = [heading(text) for text in headings]
     if by.entries:
-        return _by_map(parsed, by, name, number)
-    made = Resolved(_by_heading(parsed, name), by)
+        return _by_map(parsed, by, name, number, says)
+    made = Resolved(_by_heading(parsed, name, says), by)
     if _follows(made.found) or by.driver is not None:
         return made
     for title in column_map.shipped():
@@ -72,23 +80,23 @@ def resolve(headings: Sequence[str], by: ColumnMap, name: str, number: int | Non
         other = _entries(parsed, candidate, number or (numbers[0] if numbers else None))
         timed = TIME in other or (candidate.entries[TIME].rate is not None and not candidate.header)
         if timed and _follows(other) and len(other) > len(made.found) - (TIME in made.found):
-            found = _by_map(parsed, candidate, name, number)
-            return found._replace(note=f"{name}: read as {candidate.name} (--columns {title})")
+            resolved = _by_map(parsed, candidate, name, number, says)
+            return resolved._replace(note=f"{name}: read as {candidate.name} (--columns {title})")
     return made
 
 
-def _follows(found: Mapping[str, Found]) -> bool:
-    own = "speed" in found or "position" in found
-    return own and any(x in found for x in LEAD_DISTANCE) and any(x in found for x in LEAD_MOTION)
+def _follows(by_role: Mapping[str, Found]) -> bool:
+    own_motion = "speed" in by_role or "position" in by_role
+    return own_motion and any(x in by_role for x in LEAD_DISTANCE) and any(x in by_role for x in LEAD_MOTION)
 
 
-def _by_heading(parsed: Sequence[Heading], name: str) -> dict[str, Found]:
+def _by_heading(parsed: Sequence[Heading], name: str, says: Remedies) -> dict[str, Found]:
     candidates: dict[str, list[int]] = {}
-    for place, one in enumerate(parsed):
-        role = role_of(one)
+    for place, column in enumerate(parsed):
+        role = role_of(column)
         if role is not None:
             candidates.setdefault(role, []).append(place)
-    found = {}
+    by_role = {}
     for role, places in candidates.items():
         if role == TIME:
             places = [place for place in places if parsed[place].name not in DATED] or places
@@ -96,13 +104,13 @@ def _by_heading(parsed: Sequence[Heading], name: str) -> dict[str, Found]:
         if len(exact) > 1 or (len(places) > 1 and not exact):
             same = [parsed[place].text for place in exact or places]
             raise ConfigError(
-                f"{name}: {role} could be {several(same)}; name the one that is meant: --columns MAP.toml with "
-                f'[columns] {role} = "{brief(same[0])}"'
+                f"{name}: {role} could be {several(same)}; name the one that is meant: "
+                f"{says.column(role, brief(same[0]))}"
             )
         place = (exact or places)[0]
         entry = ColumnEntry.model_validate(parsed[place].text)
-        found[role] = Found(place, entry, parsed[place].unit, closing=closing(parsed[place]))
-    return found
+        by_role[role] = Found(place, entry, parsed[place].unit, closing=closing(parsed[place]))
+    return by_role
 
 
 def place_of(wanted: str, parsed: Sequence[Heading]) -> int:
@@ -113,7 +121,7 @@ def place_of(wanted: str, parsed: Sequence[Heading]) -> int:
         1
     """
     plain = wanted.strip()
-    texts = [one.text.strip() for one in parsed]
+    texts = [column.text.strip() for column in parsed]
     lower = [text.lower() for text in texts]
     bare = [re.split(r"\s*[\[(]", text)[0] for text in lower]
     for names, name in ((texts, plain), (lower, plain.lower()), (bare, plain.lower())):
@@ -132,20 +140,20 @@ def _filled(name: str, number: int | None) -> str:
 
 
 def _entries(parsed: Sequence[Heading], by: ColumnMap, number: int | None) -> dict[str, Found]:
-    found = {}
+    by_role = {}
     for role, entry in by.entries.items():
         places = [place for name in entry.names if (place := place_of(_filled(name, number), parsed)) >= 0]
         if places:
             sign = place_of(_filled(entry.sign_of, number), parsed) if entry.sign_of else -1
             unit = entry.unit if entry.unit is not None else parsed[places[0]].unit
-            found[role] = Found(places[0], entry, unit, sign)
-    return found
+            by_role[role] = Found(places[0], entry, unit, sign)
+    return by_role
 
 
 def _numbers(parsed: Sequence[Heading], by: ColumnMap) -> tuple[int, ...]:
     """Numbers of the vehicles whose own speed and gap are there."""
     needed = [entry for role, entry in by.entries.items() if role in ("speed", "gap", "lead_speed")]
-    texts = " ".join(one.text for one in parsed)
+    texts = " ".join(column.text for column in parsed)
     candidates = sorted({int(digits) for digits in re.findall(r"(\d{1,3})\b", texts)})
     return tuple(
         n
@@ -154,13 +162,15 @@ def _numbers(parsed: Sequence[Heading], by: ColumnMap) -> tuple[int, ...]:
     )
 
 
-def _by_map(parsed: Sequence[Heading], by: ColumnMap, name: str, number: int | None) -> Resolved:
+def _by_map(
+    parsed: Sequence[Heading], by: ColumnMap, name: str, number: int | None, says: Remedies
+) -> Resolved:
     numbers = _numbers(parsed, by) if by.numbered else ()
     if by.numbered and number is None:
         if len(numbers) > 1:
             listed = ", ".join(map(str, numbers))
             raise ConfigError(
-                f"{name}: holds several vehicles that follow: choose one with --vehicle-id: {listed}"
+                f"{name}: holds several vehicles that follow: {says.vehicle.removesuffix(' ID')}: {listed}"
             )
         number = numbers[0] if numbers else 2
     if by.numbered and number not in numbers:
@@ -168,29 +178,29 @@ def _by_map(parsed: Sequence[Heading], by: ColumnMap, name: str, number: int | N
         raise ConfigError(
             f"{name}: no vehicle {number} follows in it (with own speed, gap and lead speed): {listed}"
         )
-    found = _entries(parsed, by, number)
+    by_role = _entries(parsed, by, number)
     for role, entry in by.entries.items():
-        if entry.sign_of and role in found and found[role].sign_place < 0:
+        if entry.sign_of and role in by_role and by_role[role].sign_place < 0:
             raise ConfigError(f"{name}: no column {brief(entry.sign_of)}, of which {role} has the sign")
     if not by.path.startswith(str(column_map.SETS)):
-        texts = [one.text.strip() for one in parsed]
+        texts = [column.text.strip() for column in parsed]
         for role, entry in by.entries.items():
-            if role not in found and not (role == TIME and entry.rate is not None):
+            if role not in by_role and not (role == TIME and entry.rate is not None):
                 wanted = _filled(entry.names[0], number)
                 raise ConfigError(
                     f"{name}: no column {brief(wanted)} for {role}{did_you_mean(wanted, texts)}; it has {several(texts, 12)}"
                 )
-    return Resolved(found, by, numbers=numbers)
+    return Resolved(by_role, by, numbers=numbers)
 
 
-def described(found: Mapping[str, Found], headings: Sequence[str]) -> str:
+def described(by_role: Mapping[str, Found], headings: Sequence[str]) -> str:
     """The columns that were found, in words.
 
     Example:
         >>> described(resolve(["t", "gap"], ColumnMap(), "x").found, ["t", "gap"])
         'time = t, gap = gap'
     """
-    known = list(dict.fromkeys(role for role in (TIME, *ROLES, *EXTRA) if role in found))
-    shown = [f"{role} = {brief(headings[found[role].place].strip())}" for role in known[:MAX_DESCRIBED]]
+    known = list(dict.fromkeys(role for role in (TIME, *ROLES, *EXTRA) if role in by_role))
+    shown = [f"{role} = {brief(headings[by_role[role].place].strip())}" for role in known[:MAX_DESCRIBED]]
     more = [f"and {len(known) - MAX_DESCRIBED} more"] if len(known) > MAX_DESCRIBED else []
     return ", ".join([*shown, *more])

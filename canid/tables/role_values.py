@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.errors import ConfigError
 from canid.tables.column_map import ColumnEntry
 from canid.tables.headings import EXTRA, HEADWAY
 from canid.tables.resolution import Found
 from canid.tables.slopes import ACCEL_WIDTH_S, SPEED_WIDTH_S, slope
 from canid.tables.source import EMPTY, NO_NUMBER, clean
-from canid.types import Array, Driver, OutputFilter
+from canid.values.errors import ConfigError
+from canid.values.roles import ROLES
+from canid.values.types import Array, Driver, OutputFilter
 from canid.vehicle.quoting import brief
-from canid.vehicle.roles import ROLES
 from canid.vehicle.units import examples, factor_to
 
 # %; a pedal that never exceeds this, without a unit, is a fraction of 1
@@ -39,13 +39,13 @@ def unit_of_role(role: str) -> str:
 
 
 def in_si(
-    role: str, one: Found, column: Array | list[str], sign: Array | None, name: str, notes: list[str]
+    role: str, origin: Found, column: Array | list[str], sign: Array | None, name: str, notes: list[str]
 ) -> Array:
     """One column in its role's unit.
 
     Args:
         role: or another column of `EXTRA`.
-        one: where it comes from.
+        origin: where it comes from.
         column: its cells.
         sign: of the column whose sign it takes.
         name: of the table, for messages.
@@ -54,7 +54,7 @@ def in_si(
     Raises:
         ConfigError: the unit is not one of the role, or the column holds texts.
     """
-    entry = one.entry
+    entry = origin.entry
     boolean = role in ROLES and ROLES[role].kind == "bool"
     if isinstance(column, list):
         if not boolean:
@@ -69,7 +69,7 @@ def in_si(
             np.isin(column, [float(x) for x in entry.true if _is_number(x)]) if entry.true else column != 0.0
         )
         return np.where(special, np.where(np.isfinite(column), column, np.nan), true.astype(float))
-    factor = _factor(role, one, clean(column), name, notes)
+    factor = _factor(role, origin, clean(column), name, notes)
     with np.errstate(all="ignore"):
         value = (
             (column * entry.scale + entry.offset) * factor
@@ -79,7 +79,7 @@ def in_si(
     value = np.abs(value) if entry.absolute else value
     if sign is not None:
         value = value * np.sign(clean(sign))
-    value = -value if one.closing else value
+    value = -value if origin.closing else value
     for none in entry.none:
         value[column == none] = np.nan
     if entry.valid is not None:
@@ -113,31 +113,31 @@ def _switch(column: list[str], entry: ColumnEntry) -> Array:
     return out
 
 
-def _factor(role: str, one: Found, known: Array, name: str, notes: list[str]) -> float:
+def _factor(role: str, origin: Found, known: Array, name: str, notes: list[str]) -> float:
     """From the column's unit to the role's. Raises ConfigError."""
     wanted = unit_of_role(role)
-    if not wanted or not one.unit:
-        return _judged(role, known, name, notes) if one.unit is None else 1.0
-    unit = "m/s" if one.unit == "ms" and wanted == "m/s" else one.unit
+    if not wanted or not origin.unit:
+        return _judged(role, known, name, notes) if origin.unit is None else 1.0
+    unit = "m/s" if origin.unit == "ms" and wanted == "m/s" else origin.unit
     factor = factor_to(unit, wanted)
     if factor is None:
         raise ConfigError(
-            f'{name}: {role}: "{brief(one.unit)}" is no unit of it; write one of {examples(wanted)}'
+            f'{name}: {role}: "{brief(origin.unit)}" is no unit of it; write one of {examples(wanted)}'
         )
     return factor
 
 
 def _judged(role: str, known: Array, name: str, notes: list[str]) -> float:
     """The factor of a column without a unit: its role's own unit, if the numbers may be that."""
-    found = known[np.isfinite(known)]
-    if not found.size:
+    finite = known[np.isfinite(known)]
+    if not finite.size:
         return 1.0
-    if role == "pedal" and 0.0 < found.max() <= FRACTION and found.min() >= 0.0:
+    if role == "pedal" and 0.0 < finite.max() <= FRACTION and finite.min() >= 0.0:
         notes.append(f"{name}: pedal: no value is above 1: taken as a fraction of the full travel")
         return 100.0
-    if role in ("speed", "lead_speed") and np.median(np.abs(found)) > MAX_USUAL_SPEED:
+    if role in ("speed", "lead_speed") and np.median(np.abs(finite)) > MAX_USUAL_SPEED:
         raise ConfigError(
-            f"{name}: {role}: its median of {np.median(np.abs(found)):.4g} is no speed in m/s; state the unit in the "
+            f"{name}: {role}: its median of {np.median(np.abs(finite)):.4g} is no speed in m/s; state the unit in the "
             f"header, such as {role} [km/h]"
         )
     return 1.0

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.errors import ConfigError
 from canid.tables.headings import heading
 from canid.tables.resolution import place_of
 from canid.tables.source import EMPTY, MAX_KEPT, NO_NUMBER, Source, number
-from canid.types import Array
+from canid.values.errors import ConfigError
+from canid.values.types import Array
 from canid.vehicle.quoting import brief, several
 from canid.vehicle.schema import did_you_mean
 
@@ -36,7 +36,7 @@ class Rows(NamedTuple):
     numbers: Mapping[int, Array]
     texts: Mapping[int, list[str]]
     n: int
-    read: int  # rows of the table
+    lines: npt.NDArray[np.int64]  # (n,) of the file
 
 
 def wheres(given: Sequence[str], headings: Sequence[str], name: str) -> list[Where]:
@@ -57,7 +57,7 @@ def wheres(given: Sequence[str], headings: Sequence[str], name: str) -> list[Whe
         if not equals:
             raise ConfigError(f'--where "{brief(text)}": write NAME=VALUE, such as ID=12')
         if place < 0:
-            texts = [one.text.strip() for one in parsed]
+            texts = [title.text.strip() for title in parsed]
             raise ConfigError(
                 f"{name}: --where: no column {brief(column)}{did_you_mean(column, texts)}; it has {several(texts, 12)}"
             )
@@ -87,8 +87,8 @@ def same(values: Array | list[str], value: str) -> Bools:
         wanted = value.strip().lower()
         return np.array([cell.strip().lower() == wanted for cell in values], bool)
     wanted_number = number(value)
-    found: Bools = values == wanted_number if wanted_number != NO_NUMBER else np.zeros(len(values), bool)
-    return found
+    equal: Bools = values == wanted_number if wanted_number != NO_NUMBER else np.zeros(len(values), bool)
+    return equal
 
 
 def read(
@@ -112,14 +112,17 @@ def read(
     """
     parts: list[Array] = []
     kept_texts: list[list[str]] = [[] for _ in texts]
-    kept = total = 0
+    lines: list[npt.NDArray[np.int64]] = []
+    kept = 0
+    if keep is None and source.rows * len(numbers) > MAX_KEPT:
+        raise _too_many(source)
     for block in source.blocks(numbers, texts):
         rows = block.numbers if numbers else np.zeros((len(block.texts[0]) if texts else 0, 0))
-        total += len(rows)
+        line_numbers = block.lines
         if keep is not None:
             named = {place: rows[:, j] for j, place in enumerate(numbers)}
             mask = keep(named, dict(zip(texts, block.texts, strict=True)))
-            rows = rows[mask]
+            rows, line_numbers = rows[mask], line_numbers[mask]
             chosen = np.flatnonzero(mask).tolist()
             for have, column in zip(kept_texts, block.texts, strict=True):
                 have += [column[k] for k in chosen]
@@ -127,11 +130,10 @@ def read(
             for have, column in zip(kept_texts, block.texts, strict=True):
                 have += column
         parts.append(rows)
+        lines.append(line_numbers)
         kept += rows.size
         if kept > MAX_KEPT:
-            raise ConfigError(
-                f"{source.name}: holds more than {MAX_KEPT:,} numbers; select a part with --where, or split it"
-            )
+            raise _too_many(source)
         if progress is not None:
             progress(source.progress)
     joined = np.concatenate(parts) if parts else np.zeros((0, len(numbers)))
@@ -139,7 +141,13 @@ def read(
         {place: np.ascontiguousarray(joined[:, j]) for j, place in enumerate(numbers)},
         dict(zip(texts, kept_texts, strict=True)),
         len(joined),
-        total,
+        np.concatenate(lines) if lines else np.zeros(0, np.int64),
+    )
+
+
+def _too_many(source: Source) -> ConfigError:
+    return ConfigError(
+        f"{source.name}: holds more than {MAX_KEPT:,} numbers; select a part of the rows, or split it"
     )
 
 
@@ -165,14 +173,17 @@ def vehicles(
         ConfigError: too many to be vehicles.
     """
     counts: dict[str, tuple[int, int]] = {}
-    wanted = {id_place, *(one.place for one in selection), *([] if lead is None else [lead])}
+    wanted = {id_place, *(condition.place for condition in selection), *([] if lead is None else [lead])}
     numbers = sorted(wanted - set(texts))
     as_text = sorted(wanted & set(texts))
     for values, words in _blocks(source, numbers, as_text):
         column: Array | list[str] = words[id_place] if text else values[id_place]
         mask = np.ones(len(column), bool)
-        for one in selection:
-            mask &= same(words[one.place] if one.place in words else values[one.place], one.value)
+        for condition in selection:
+            mask &= same(
+                words[condition.place] if condition.place in words else values[condition.place],
+                condition.value,
+            )
         behind = mask.copy()
         if lead is not None and lead in values:
             x = values[lead]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # s; as the accelerations of the OpenACC logs were made: noise of 0.05 m/s in the speed leaves 0.02 m/s² at 10 Hz
 ACCEL_WIDTH_S = 1.1
@@ -41,13 +41,13 @@ def slope(t: Array, x: Array, width: float) -> Array:
     for part in np.split(np.arange(len(times)), cuts):
         if len(part) < 2 * half + 1:
             continue
-        own = times[part]
-        n = round((own[-1] - own[0]) / step)
-        grid = own[0] + step * np.arange(n + 1)
-        regular = len(grid) == len(own) and np.allclose(grid, own, atol=0.05 * step)
-        even = values[part] if regular else np.interp(grid, own, values[part])
-        found = np.full(len(grid), NAN)
+        part_times = times[part]
+        n = round((part_times[-1] - part_times[0]) / step)
+        grid = part_times[0] + step * np.arange(n + 1)
+        regular = len(grid) == len(part_times) and np.allclose(grid, part_times, atol=0.05 * step)
+        even = values[part] if regular else np.interp(grid, part_times, values[part])
+        slopes = np.full(len(grid), NAN)
         if len(even) >= len(weights):
-            found[half : len(even) - half] = np.convolve(even, weights, mode="valid")
-        out[known[part]] = found if regular else np.interp(own, grid, found)
+            slopes[half : len(even) - half] = np.convolve(even, weights, mode="valid")
+        out[known[part]] = slopes if regular else np.interp(part_times, grid, slopes)
     return out

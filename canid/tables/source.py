@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from canid.types import Array
+from canid.logs.text_lines import LineCount
+from canid.values.types import Array
 
 # cells that hold no number, in a column of numbers. Whole powers of two: exact in a double, and no measured value
 EMPTY, NO_NUMBER = -(2**62), -(2**61)
@@ -30,6 +32,7 @@ class Block(NamedTuple):
         Array  # (n, k) of the columns asked for as numbers; a cell that holds none: EMPTY, NO_NUMBER or NaN
     )
     texts: list[list[str]]  # one list of n texts for each column asked for as texts
+    lines: npt.NDArray[np.int64]  # (n,) of the file; where it has none, the rows counted from 1
 
 
 class Source(Protocol):
@@ -37,7 +40,8 @@ class Source(Protocol):
 
     name: str  # for messages
     headings: Sequence[str]
-    damaged: int  # rows that could not be read, of the latest reading
+    rows: int  # as far as known before they are read; else 0
+    count: LineCount  # the rows, and the lines that are none, of the latest reading
     progress: float  # 0..1, of the latest reading
 
     def sample(self) -> list[list[str]]:

@@ -8,6 +8,7 @@ several rates) it says nothing.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,16 +16,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from canid import timestamps
 from canid.estimators import ESTIMATORS
-from canid.frame_columns import WantedIds, frames_of
+from canid.logs.formats import Format
 from canid.logs.log import Log
 from canid.logs.reader_state import ReadState
+from canid.logs.text_lines import LineCount
 from canid.tables.source import EMPTY, NO_NUMBER
-from canid.types import Array, Columns, Damage, Driver, Flag, Frame
+from canid.values import timestamps
+from canid.values.frame_columns import WantedIds, frames_of
+from canid.values.roles import NEEDS, ROLES
+from canid.values.types import Array, Columns, Driver, Flag, Frame
 from canid.vehicle.bits import Bits
 from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, Vehicle
-from canid.vehicle.roles import NEEDS, ROLES
 
 # in the frames, a reading that says that there is none; its cell was empty, held a text, or said so
 NO_VALUE = -(2**60)
@@ -46,6 +49,10 @@ LIMITS = {
 WIDEST = (-1e12, 1e12)
 
 
+# what a table is among the formats of logs
+TABLE = Format("", "", "table")
+
+
 class TableLog(Log):
     """The rows of a table as frames; see `Log`."""
 
@@ -61,8 +68,11 @@ class TableLog(Log):
             start_ns: epoch of t = 0.
         """
         self.path = path
+        self.format = TABLE
+        self.buses = {}  # a table has no interfaces
+        self._first_remarks = ()
         self._t, self._messages = t, messages
-        self.spoilt: Damage | None = None  # rows that could not be read
+        self.count = LineCount(read=len(t))  # the lines of the table
         self._read = self._frames
         self._read_columns = self._columns
         self._state = self._new_state()
@@ -70,6 +80,11 @@ class TableLog(Log):
             None if start_ns is None else start_ns + round(1e9 * float(t[0])) if t.size else start_ns
         )
         self.start_utc = timestamps.epoch_seconds(self.start_ns)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The times of the first and of the last row, s."""
+        return float(self._t[0]), float(self._t[-1])
 
     def _new_state(self, notes: Any = None) -> ReadState:
         return ReadState(size=max(len(self._t), 1), notes=notes)
@@ -92,20 +107,22 @@ class TableLog(Log):
             chunk = _joined(self._t, parts)
             state.frames += len(chunk.t)
             yield chunk
-        state.damage = self.spoilt
+        state.damage = self.count.damage("rows")
+        state.damaged = self.count.bad + self.count.cut
+        state.other_kinds = Counter(self.count.others)
 
 
 def _joined(t: Array, parts: list[tuple[npt.NDArray[np.int64], int, Array]]) -> Columns:
-    rows = np.concatenate([of for of, _, _ in parts])
+    rows = np.concatenate([part_rows for part_rows, _, _ in parts])
     n = len(rows)
-    ids = np.concatenate([np.full(len(of), number) for of, number, _ in parts])
+    ids = np.concatenate([np.full(len(part_rows), number) for part_rows, number, _ in parts])
     data = np.zeros((n, PER_FRAME))
     length = np.zeros(n, np.uint8)
     begin = 0
-    for of, _, values in parts:
-        data[begin : begin + len(of), : values.shape[1]] = values
-        length[begin : begin + len(of)] = 8 * values.shape[1]
-        begin += len(of)
+    for part_rows, _, values in parts:
+        data[begin : begin + len(part_rows), : values.shape[1]] = values
+        length[begin : begin + len(part_rows)] = 8 * values.shape[1]
+        begin += len(part_rows)
     order = np.argsort(rows, kind="stable")
     return Columns(
         t=t[rows[order]],
@@ -153,10 +170,10 @@ def table_log(
         filled[key] = np.flatnonzero(there)
     messages: list[tuple[npt.NDArray[np.int64], Array]] = []
     maps: list[MessageMap] = []
-    found: dict[str, RoleMap] = {}
-    for key, of in groups.items():
-        for first in range(0, len(of), PER_FRAME):
-            names = of[first : first + PER_FRAME]
+    role_maps: dict[str, RoleMap] = {}
+    for key, group in groups.items():
+        for first in range(0, len(group), PER_FRAME):
+            names = group[first : first + PER_FRAME]
             rows = filled[key]
             number = len(messages) + 1
             message = MessageMap("table", number, False, None, 8 * len(names), math.nan, None, ())
@@ -164,7 +181,7 @@ def table_log(
             maps.append(message)
             messages.append((rows, np.column_stack([_marked(roles[role][rows]) for role in names])))
             for k, role in enumerate(names):
-                found[role] = _role(role, k, message, stale.get(role, ROLES[role].stale))
+                role_maps[role] = _role(role, k, message, stale.get(role, ROLES[role].stale))
     settings = {}
     for estimator in ESTIMATORS:
         given = estimators.get(estimator.name) or estimator.settings()
@@ -174,7 +191,7 @@ def table_log(
         name=title,
         path=map_path,
         dbc=(),
-        roles={role: found[role] for role in ROLES if role in found},
+        roles={role: role_maps[role] for role in ROLES if role in role_maps},
         lead=LeadConfig(),
         messages=tuple(maps),
         driver=driver,

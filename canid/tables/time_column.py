@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.errors import ConfigError
 from canid.tables.source import EMPTY, NO_NUMBER
-from canid.types import NAN, Array
+from canid.values.errors import ConfigError
+from canid.values.types import NAN, Array
 
 # s of one unit
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
@@ -26,6 +26,7 @@ _LONG_STEP = 5.0
 _LATE_START_S = 1.0
 _CLOCK = re.compile(r"(?P<h>\d{1,3}):(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,]\d+)?)")
 _INTEGER = re.compile(r"-?\d{1,19}")
+_DAY_S = 86_400.0
 # doubles hold whole numbers exactly up to here
 EXACT = 2.0**53
 
@@ -102,6 +103,28 @@ def _since(t: Array, first: float, factor: float, epoch: int | None, note: str) 
     return Times(np.round((t - zero) * (factor * 1e9)) * 1e-9, epoch, note)
 
 
+def judged_unit(values: Array) -> str:
+    """The unit that numbers in any order show.
+
+    Example:
+        >>> judged_unit(np.array([1533224087200.0, 1533224087100.0]))
+        'ms'
+    """
+    return _judged(np.sort(values), "")[0]
+
+
+def later(times: Times, rows: npt.NDArray[np.int64]) -> Times:
+    """Times of some of the rows, in order, which begin where the first of them does.
+
+    Example:
+        >>> later(Times(np.array([0.0, 1.0, 2.0]), 10**18, ""), np.array([1, 2]))
+        Times(t=array([0., 1.]), start_ns=1000000001000000000, note='')
+    """
+    t = times.t[rows]
+    start = None if times.start_ns is None else times.start_ns + round(1e9 * float(t[0]))
+    return Times(np.round((t - t[0]) * 1e9) * 1e-9, start, times.note)
+
+
 def _judged(t: Array, name: str) -> tuple[str, str]:
     """The unit that the numbers show, and a note where that was judged."""
     known = t[np.isfinite(t)]
@@ -133,32 +156,35 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
     """
     first = next((text.strip() for text in texts if text.strip()), "")
     ns = _large(texts, unit) if _INTEGER.fullmatch(first) else [_ns(text.strip()) for text in texts]
-    known: npt.NDArray[np.bool_] = np.array([one is not None for one in ns], bool)
+    known: npt.NDArray[np.bool_] = np.array([stamp is not None for stamp in ns], bool)
     if not known.any():
         raise ConfigError(
             f'{name}: "{first[:40]}" is no time; write seconds, or dates as 2018-08-02T15:34:47.123Z (ISO 8601)'
         )
-    zero = next(one for one in ns if one is not None)
+    zero = next(stamp for stamp in ns if stamp is not None)
     clock = zero < 1e18 and bool(_CLOCK.fullmatch(first))
-    t = np.array([NAN if one is None else (one - zero) * 1e-9 for one in ns])
+    t = np.array([NAN if stamp is None else (stamp - zero) * 1e-9 for stamp in ns])
+    if clock:
+        # behind 23:59:59 comes the next day
+        t[known] = np.round(np.unwrap(t[known], period=_DAY_S) * 1e9) * 1e-9
     return Times(t, None if clock or zero < 1e18 else zero, "")
 
 
 def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:
     values = [int(text) if _INTEGER.fullmatch(text := raw.strip()) else None for raw in texts]
-    size = abs(next(one for one in values if one is not None))
+    size = abs(next(value for value in values if value is not None))
     if unit is None:
         unit = next((u for u in ("s", "ms", "us", "ns") if size * UNITS[u] < 1e11), "ns")
     factor = round(UNITS[unit] * 1e9)
-    return [None if one is None else one * factor for one in values]
+    return [None if value is None else value * factor for value in values]
 
 
 def _ns(text: str) -> int | None:
     """Nanoseconds since 1970, or of a clock time since midnight."""
-    found = _CLOCK.fullmatch(text)
-    if found is not None:
-        seconds = float(found["s"].replace(",", "."))
-        return round((int(found["h"]) * 3600 + int(found["m"]) * 60 + seconds) * 1e9)
+    match = _CLOCK.fullmatch(text)
+    if match is not None:
+        seconds = float(match["s"].replace(",", "."))
+        return round((int(match["h"]) * 3600 + int(match["m"]) * 60 + seconds) * 1e9)
     try:
         stamp = datetime.fromisoformat(text.replace(" UTC", "Z").replace("/", "-"))
     except ValueError:

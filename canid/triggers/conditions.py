@@ -12,14 +12,13 @@ import re
 from difflib import get_close_matches
 from typing import NamedTuple
 
-from canid.errors import ConfigError
+from canid.values.errors import ConfigError
 
 # characters of a condition, and brackets within brackets: more is no text that a person wrote
 MAX_LENGTH, MAX_DEPTH = 500, 20
 # characters of it in a sentence
 _MAX_QUOTED = 80
 
-OPERATORS = ("<=", ">=", "==", "!=", "<", ">")
 _WORDS = ("and", "or", "not", "misfit", "mark", "event")
 # `=` alone is a token too, for its own sentence
 _TOKEN = re.compile(
@@ -95,19 +94,19 @@ def parse(text: str) -> Condition:
         Not(of=Happened(event='mark'))
         >>> parse("brake > ")
         Traceback (most recent call last):
-        canid.errors.ConfigError: --trigger "brake > ", column 9: a number is missing
+        canid.values.errors.ConfigError: --trigger "brake > ", column 9: a number is missing
     """
     if len(text) > MAX_LENGTH:
         raise ConfigError(f"--trigger: a condition of {len(text):,} characters; {MAX_LENGTH} is the most")
     parser = _Parser(text)
-    found = parser.any_of(0)
+    condition = parser.any_of(0)
     if parser.kind:
         close = get_close_matches(parser.word.lower(), ("and", "or"), n=1)
         hint = f' (did you mean "{close[0]}"?)' if close else ""
         if parser.kind == "op":
             hint = "; join comparisons by and: 1 < x < 3 is x > 1 and x < 3"
         raise parser.wrong(f'"{brief(parser.word)}" is not expected here{hint}')
-    return found
+    return condition
 
 
 def mistake(text: str, column: int, says: str) -> ConfigError:
@@ -132,11 +131,11 @@ class _Parser:
         """Take the next token; `kind` is "" at the end."""
         rest = self._text[self._next :]
         self.column = self._next + len(rest) - len(rest.lstrip()) + 1
-        found = _TOKEN.match(self._text, self._next)
-        if found is not None:
-            self.kind = found.lastgroup or ""
-            self.word = found[self.kind]
-            self._next = found.end()
+        token = _TOKEN.match(self._text, self._next)
+        if token is not None:
+            self.kind = token.lastgroup or ""
+            self.word = token[self.kind]
+            self._next = token.end()
         elif rest.strip():
             raise self.wrong(f'"{brief(rest.strip()[0])}" is not part of a condition')
         else:
@@ -213,23 +212,11 @@ class _Parser:
 
     def _unit(self) -> str:
         """The unit behind a number, if there is one: it may hold signs that are no tokens."""
-        found = _UNIT.match(self._text, self._next)
-        if found is None or found["unit"] in _WORDS:
+        match = _UNIT.match(self._text, self._next)
+        if match is None or match["unit"] in _WORDS:
             return ""
-        self._next = found.end()
-        return found["unit"]
-
-
-def compared(condition: Condition) -> list[Compared]:
-    """All comparisons of a condition, in the order of the text.
-
-    Example:
-        >>> [one.name for one in compared(parse("not a > 1 or (b and misfit)"))]
-        ['a', 'b']
-    """
-    if isinstance(condition, Compared):
-        return [condition]
-    return [one for part in _parts(condition) for one in compared(part)]
+        self._next = match.end()
+        return match["unit"]
 
 
 def events(condition: Condition) -> set[str]:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from canid.triggers.conditions import And, Compared, Condition, Happened, Misfit, Not
 from canid.triggers.resolution import Names, resolve
 from canid.triggers.trigger import Trigger
-from canid.types import NAN, Array, Columns, Event, MonitorReport, Sample
+from canid.values.types import NAN, Array, Columns, Event, MonitorReport, Sample
 from canid.vehicle import Decoding, Vehicle, decoder, missing
 from canid.vehicle.decoding import Step as DecodingStep
 
@@ -67,9 +67,9 @@ def evaluator(names: Names) -> tuple[Init, Step]:
         However the frames are divided into chunks, the same frames are true.
 
     Example:
-        >>> from canid.frame_columns import columns_of
+        >>> from canid.values.frame_columns import columns_of
         >>> from canid.triggers.trigger import Trigger
-        >>> from canid.types import Frame
+        >>> from canid.values.types import Frame
         >>> from canid.vehicle import read_vehicle
         >>> init, step = evaluator(resolve(Trigger(("brake",)), read_vehicle("generic")))
         >>> pressed = [Frame(0.1 * k, 0, 0x140, bytes([k == 2, 0])) for k in range(4)]
@@ -134,7 +134,7 @@ def _step(
     for row, wrong in misfits:
         values.misfit[row:] = 1 if wrong else -1
     after = State(decoding, held, misfits[-1][1])
-    return after, _runs(names.texts, [_truth(one, values) for one in names.conditions])
+    return after, _runs(names.texts, [_truth(condition, values) for condition in names.conditions])
 
 
 def _filled(

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from canid.errors import ConfigError
 from canid.samples.sampler import sampled_roles
 from canid.triggers.conditions import And, Compared, Condition, Happened, Not, Or, events, mistake
 from canid.triggers.trigger import PIPELINE_EVENTS, RECORDER_EVENTS, Trigger
-from canid.types import Driver
+from canid.values.errors import ConfigError
+from canid.values.roles import ROLES
+from canid.values.types import Driver
 from canid.vehicle import LeadConfig, RoleMap, Vehicle
 from canid.vehicle.database import Dbc
-from canid.vehicle.mapping import MessageMap
+from canid.vehicle.mapping import MessageMap, carried
 from canid.vehicle.named_signals import named_signal, names_of
 from canid.vehicle.quoting import brief, several
-from canid.vehicle.roles import ROLES
 from canid.vehicle.schema import did_you_mean
 from canid.vehicle.units import examples, factor_to
 from canid.vehicle.vehicle_file import read_databases
@@ -47,38 +47,30 @@ def resolve(trigger: Trigger, vehicle: Vehicle) -> Names:
 
     Example:
         >>> from canid.vehicle import read_vehicle
-        >>> found = resolve(Trigger(("speed > 36 km/h and EGO_SPEED.LongAccel < -2",)), read_vehicle("generic"))
-        >>> sorted(found.stale), found.conditions[0].parts[0].value
+        >>> names = resolve(Trigger(("speed > 36 km/h and EGO_SPEED.LongAccel < -2",)), read_vehicle("generic"))
+        >>> sorted(names.stale), names.conditions[0].parts[0].value
         (['EGO_SPEED.LongAccel', 'speed'], 10.0)
     """
-    found = _Found(vehicle)
+    signals = _Found(vehicle)
     wrong: list[str] = []
     conditions = []
     for text, condition in zip(trigger.conditions, trigger.parsed, strict=True):
         unknown = sorted(events(condition) - set(PIPELINE_EVENTS) - set(RECORDER_EVENTS))
         wrong += [f'--trigger "{brief(text)}": {_no_event(name)}' for name in unknown]
-        conditions.append(_converted(condition, text, found, wrong))
+        conditions.append(_converted(condition, text, signals, wrong))
     if wrong:
         raise ConfigError(*dict.fromkeys(wrong))
-    named = set().union(*(events(one) for one in trigger.parsed)) & set(PIPELINE_EVENTS)
+    named = set().union(*(events(parsed) for parsed in trigger.parsed)) & set(PIPELINE_EVENTS)
     return Names(
         trigger.conditions,
         tuple(conditions),
         vehicle._replace(
-            roles=found.roles, messages=tuple(found.messages), lead=LeadConfig(), driver=Driver()
+            roles=signals.roles, messages=tuple(signals.messages), lead=LeadConfig(), driver=Driver()
         ),
-        {name: role.stale for name, role in found.roles.items()},
-        frozenset(found.sampled),
-        bool(found.sampled or named or any(map(_asks_monitor, conditions))),
+        {name: role.stale for name, role in signals.roles.items()},
+        frozenset(signals.sampled),
+        bool(signals.sampled or named or any(map(_asks_monitor, conditions))),
     )
-
-
-def check_events(trigger: Trigger) -> None:
-    """Check the events' names alone, where no vehicle is given. Raises ConfigError."""
-    known = {*PIPELINE_EVENTS, *RECORDER_EVENTS}
-    for text, condition in zip(trigger.conditions, trigger.parsed, strict=True):
-        for name in sorted(events(condition) - known):
-            raise ConfigError(f'--trigger "{brief(text)}": {_no_event(name)}')
 
 
 def _no_event(name: str) -> str:
@@ -114,8 +106,9 @@ class _Found:
         mapped = self.roles.get(name)
         if mapped is None and name in self.vehicle.roles:
             mapped = self.vehicle.roles[name]
-            key = (mapped.message, mapped.bus)
-            self._add(name, mapped, next(m for m in self.vehicle.messages if (m.name, m.bus) == key))
+            for part in carried((mapped,)):
+                key = (part.message, part.bus)
+                self._add(name, mapped, next(m for m in self.vehicle.messages if (m.name, m.bus) == key))
         elif mapped is None and name in self._made:
             self.sampled.add(name)
             return MADE[name]
@@ -131,7 +124,9 @@ class _Found:
     def _add(self, name: str, role: RoleMap, message: MessageMap) -> None:
         self.roles[name] = role._replace(role=name)
         same = [
-            k for k, other in enumerate(self.messages) if (other.name, other.bus) == (role.message, role.bus)
+            k
+            for k, other in enumerate(self.messages)
+            if (other.name, other.bus) == (message.name, message.bus)
         ]
         if same:
             other = self.messages[same[0]]
@@ -157,19 +152,19 @@ class _Found:
         return f"{what}{close}; {maps}; and MESSAGE.SIGNAL of its DBC, such as {several(more, 2)}"
 
 
-def _converted(condition: Condition, text: str, found: _Found, wrong: list[str]) -> Condition:
+def _converted(condition: Condition, text: str, signals: _Found, wrong: list[str]) -> Condition:
     """The same condition with numbers in the unit of their signal; what is wrong is noted."""
     if isinstance(condition, Not):
-        return Not(_converted(condition.of, text, found, wrong))
+        return Not(_converted(condition.of, text, signals, wrong))
     if isinstance(condition, And | Or):
-        return type(condition)(tuple(_converted(part, text, found, wrong) for part in condition.parts))
+        return type(condition)(tuple(_converted(part, text, signals, wrong) for part in condition.parts))
     if not isinstance(condition, Compared):
         return condition
-    unit = found.unit(condition.name)
+    unit = signals.unit(condition.name)
     if unit is None:
-        wrong.append(str(mistake(text, condition.column, found.why)))
+        wrong.append(str(mistake(text, condition.column, signals.why)))
         return condition
-    if not condition.operator and not _is_switch(condition.name, found):
+    if not condition.operator and not _is_switch(condition.name, signals):
         says = f'"{condition.name}" is a number, not yes or no; compare it: {condition.name} > 0'
         wrong.append(str(mistake(text, condition.column, says)))
     if not condition.unit:
@@ -184,6 +179,6 @@ def _converted(condition: Condition, text: str, found: _Found, wrong: list[str])
     return condition._replace(value=condition.value * factor, unit=unit)
 
 
-def _is_switch(name: str, found: _Found) -> bool:
-    how = found.vehicle.roles.get(name)
+def _is_switch(name: str, signals: _Found) -> bool:
+    how = signals.vehicle.roles.get(name)
     return name == "lead_valid" or (how is not None and how.kind == "bool")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from canid.errors import ConfigError
-from canid.triggers.conditions import Condition, Happened, compared, events, has_misfit, parse
+from canid.triggers.conditions import Condition, Happened, events, has_misfit, parse
+from canid.values.errors import ConfigError
 
 # s before a trigger that can be asked for: what a full 1 Mbit/s bus (8,000 frames/s) brings in it fits into the buffer
 # (`recording.pre_trigger_buffer`) together with 30 s of frames that the conditions were not evaluated for yet
@@ -34,12 +34,15 @@ class Trigger(NamedTuple):
     @property
     def decodes(self) -> bool:
         """Whether frames must be decoded: not where marks and the recorder's own events are all."""
-        return any(not isinstance(one, Happened) or one.event not in RECORDER_EVENTS for one in self.parsed)
+        return any(
+            not isinstance(comparison, Happened) or comparison.event not in RECORDER_EVENTS
+            for comparison in self.parsed
+        )
 
     @property
     def own_events(self) -> frozenset[str]:
         """Events of the recorder that trigger."""
-        alone = {one.event for one in self.parsed if isinstance(one, Happened)}
+        alone = {comparison.event for comparison in self.parsed if isinstance(comparison, Happened)}
         return frozenset(alone & set(RECORDER_EVENTS) - {"mark"})
 
 
@@ -107,13 +110,4 @@ def needs_estimators(trigger: Trigger) -> bool:
     >>> needs_estimators(Trigger(("misfit or speed > 3",))), needs_estimators(Trigger(("speed > 3",)))
     (True, False)
     """
-    return any(has_misfit(one) or "gain_step" in events(one) for one in trigger.parsed)
-
-
-def signals_of(trigger: Trigger) -> list[str]:
-    """Names of the signals in the conditions, each once.
-
-    >>> signals_of(Trigger(("brake > 0 or speed > 3", "brake < 1")))
-    ['brake', 'speed']
-    """
-    return list(dict.fromkeys(c.name for one in trigger.parsed for c in compared(one)))
+    return any(has_misfit(condition) or "gain_step" in events(condition) for condition in trigger.parsed)

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+Rows = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 # IEEE 754 half, single and double; a DBC knows the last two (SIG_VALTYPE_), AUTOSAR files all three.
 _FLOAT_CODES = {16: "e", 32: "f", 64: "d"}
 # the same in numpy, behind the unsigned integer of that size
 _FLOAT_TYPES = {16: ("<u2", "<f2"), 32: ("<u4", "<f4"), 64: ("<u8", "<f8")}
 _WORD_BYTES = 8
+# whole numbers of so many bits are exact in a double
+EXACT_BITS = 53
 
 
 class Bits(NamedTuple):
@@ -120,6 +127,36 @@ def _one_by_one(bits: Bits, frames: Payloads) -> npt.NDArray[Any]:
     """Numbers of more than 64 bits."""
     rows = zip(frames.data, frames.length.tolist(), strict=True)
     return np.array([raw_of(bits, row[:length].tobytes()) or 0 for row, length in rows], dtype=object)
+
+
+def scaled(bits: Bits, raw: npt.NDArray[Any], factor: float, offset: float) -> npt.NDArray[np.float64]:
+    """Raw · factor + offset as doubles; of raw numbers that no double holds exactly, the double next to the true value.
+
+    Args:
+        bits: where the raw numbers lie.
+        raw: (n,) of `raws_of`.
+        factor: of the signal.
+        offset: of the signal.
+
+    Example:
+        >>> scaled(Bits(0, 64), np.array([2**60 + 1], np.uint64), 1.0, -(2.0**60)).tolist()
+        [1.0]
+    """
+    with np.errstate(all="ignore"):
+        value = (raw * factor).astype(np.float64, copy=False)
+        value += offset
+    if bits.floating or bits.length <= EXACT_BITS or not (np.isfinite(factor) and np.isfinite(offset)):
+        return value
+    rows = np.flatnonzero((raw > 1 << EXACT_BITS) | (raw < -(1 << EXACT_BITS)))
+    # whole numbers stay whole until they are scaled; else in fractions
+    number: Callable[[float], Any] = int if factor.is_integer() and offset.is_integer() else Fraction
+    times, more = number(factor), number(offset)
+    for row, exact in zip(rows.tolist(), raw[rows].tolist(), strict=True):
+        try:
+            value[row] = float(exact * times + more)
+        except OverflowError:
+            value[row] = np.inf if exact * times + more > 0 else -np.inf
+    return value
 
 
 def raw_of(bits: Bits, data: bytes) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from canid.parsing import Container
+from canid.dbc_text.parsing import Container
 
 # bytes of id and of length
 _SHORT, _LONG = (3, 1), (4, 4)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.errors import ConfigError
-from canid.parsing import Message, ParseError, Parser, Signal
+from canid.dbc_text.parsing import Message, ParseError, Parser, Signal
+from canid.values.errors import ConfigError
 from canid.vehicle.bits import Bits
 from canid.vehicle.dbc_repair import by_name, repair_report
 from canid.vehicle.file_bytes import read
@@ -97,7 +98,7 @@ def _imported(
     size = 0
     for name in list(dict.fromkeys(_IMPORT.findall(data)))[:_MAX_IMPORTS]:
         other = path.with_name(name.decode("ascii"))
-        if other.name == path.name or not other.is_file():
+        if other.name == path.name or not os.path.isfile(other):
             warnings.append(
                 f"{path.name}: imports {other.name}, which is not in its folder; its messages are missing"
             )
@@ -113,7 +114,8 @@ def with_protocol(dbc: Dbc, protocol: str) -> Dbc:
     """The same file, whose messages with 29-bit ids are "j1939", or "can" where the file declares that wrongly."""
     protocol = protocol if protocol == PROTOCOL else ""
     messages = {
-        name: of._replace(protocol=protocol if of.extended else "") for name, of in dbc.messages.items()
+        name: message._replace(protocol=protocol if message.extended else "")
+        for name, message in dbc.messages.items()
     }
     return dbc._replace(messages=messages)
 
@@ -155,23 +157,24 @@ def condition_of(message: Message, signal: Signal) -> Condition | None:
     Returns:
         None where no frame can carry the selectors: they lie outside it, or select each other.
     """
-    known = {of.name: of for of in message.signals}
-    found: list[tuple[Bits, frozenset[int]]] = []
+    known = {other.name: other for other in message.signals}
+    selectors: list[tuple[Bits, frozenset[int]]] = []
     while signal.multiplexer is not None and signal.pages:
         parent = known.get(signal.multiplexer)
-        if parent is None or not carried(parent) or len(found) == _MAX_SELECTOR_DEPTH:
+        if parent is None or not carried(parent) or len(selectors) == _MAX_SELECTOR_DEPTH:
             return None
-        found.append((bits_of(parent), frozenset(signal.pages)))
+        selectors.append((bits_of(parent), frozenset(signal.pages)))
         signal = parent
-    return tuple(found)
+    return tuple(selectors)
 
 
 def message_map(message: Message, bus: int | None, source: int | None = None) -> MessageMap:
     """Describe what decoding and encoding need of a message, apart from its mapped signals."""
     pages: dict[str, set[int]] = {}
     for signal in message.signals:
-        if signal.multiplexer is not None:
-            pages.setdefault(signal.multiplexer, set()).update(signal.pages)
+        for each in (signal, *signal.elsewhere):
+            if each.multiplexer is not None:
+                pages.setdefault(each.multiplexer, set()).update(each.pages)
     carriers = [signal for signal in message.signals if carried(signal)]
     selectors = tuple(
         (signal.name, bits_of(signal), frozenset(pages.get(signal.name, ())))

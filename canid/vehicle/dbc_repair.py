@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from canid.dbc_text.content import REPAIRS
-from canid.parsing import Content, Message, Signal
+from canid.dbc_text.parsing import Content, Message, Signal
 from canid.vehicle.quoting import brief
 
 # line numbers that a summary gives, and lines on what was left out or renamed
@@ -18,14 +18,14 @@ def repair_report(content: Content) -> list[str]:
     Repairs that change no value share one line; what is left out has a line each, with its text and the reason.
 
     Example:
-        >>> from canid.parsing import Repair
+        >>> from canid.dbc_text.parsing import Repair
         >>> one = Repair(12, "flag", "BO_ 201326642 RADAR: 8 X", "29-bit id 0xC000032")
         >>> repair_report(Content((), (), (), (one,), (Repair(3, "", "BO_ x", "no message"),)))[0]
         ': ids above 0x7FF without the flag of 29-bit ids, read as such: line 12'
     """
     by_kind: dict[str, list[int]] = {}
-    for one in content.repairs:
-        by_kind.setdefault(one.kind, []).append(one.line)
+    for repair in content.repairs:
+        by_kind.setdefault(repair.kind, []).append(repair.line)
     notable: list[str] = []
     cosmetic: list[str] = []
     for kind, numbers in by_kind.items():
@@ -34,7 +34,9 @@ def repair_report(content: Content) -> list[str]:
     lines = [f": {text}" for text in notable]
     if cosmetic:
         lines.append(f": repaired without a change of any value: {'; '.join(cosmetic)}")
-    lines += [f", line {one.line}, {brief(one.was)}: {one.now}" for one in content.left_out[:_MAX_LINES]]
+    lines += [
+        f", line {repair.line}, {brief(repair.was)}: {repair.now}" for repair in content.left_out[:_MAX_LINES]
+    ]
     more = len(content.left_out) - _MAX_LINES
     return [*lines, f": {more:,} more lines are left out"] if more > 0 else lines
 
@@ -67,23 +69,23 @@ def by_name(messages: Iterable[Message]) -> tuple[dict[str, Message], list[str]]
                 f"{brief(', '.join(doubled))}"
             )
         same.setdefault(message.name, []).append(message._replace(signals=signals))
-    found: dict[str, Message] = {}
+    named: dict[str, Message] = {}
     taken = set(same)
-    for name, of in same.items():
+    for name, alike in same.items():
         others = []
-        for message in of[:-1]:
+        for message in alike[:-1]:
             # NaN is no equal period
-            if message._replace(period=0.0) != of[-1]._replace(period=0.0):
+            if message._replace(period=0.0) != alike[-1]._replace(period=0.0):
                 others.append(_free(f"{name}_0x{message.id:X}", taken))
-                found[others[-1]] = message._replace(name=others[-1])
-        found[name] = of[-1]
+                named[others[-1]] = message._replace(name=others[-1])
+        named[name] = alike[-1]
         if others:
             lines.append(
-                f": {brief(name)} is the name of {len(others) + 1} messages; 0x{of[-1].id:X} keeps it, the others are "
+                f": {brief(name)} is the name of {len(others) + 1} messages; 0x{alike[-1].id:X} keeps it, the others are "
                 f"{brief(', '.join(others))}"
             )
     shown, more = lines[:_MAX_LINES], len(lines) - _MAX_LINES
-    return found, [*shown, f": {more:,} more names are given twice"] if more > 0 else shown
+    return named, [*shown, f": {more:,} more names are given twice"] if more > 0 else shown
 
 
 def _free(name: str, taken: set[str]) -> str:
@@ -96,7 +98,7 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _distinct(signals: tuple[Signal, ...]) -> tuple[tuple[Signal, ...], list[str]]:
-    """Signals with names that differ, and the new names; the same signal twice is one."""
+    """Signals with names that differ, and the new names; the same signal twice, or on several pages, is one."""
     counts: dict[str, list[Signal]] = {}
     for signal in signals:
         counts.setdefault(signal.name, []).append(signal)
@@ -105,14 +107,43 @@ def _distinct(signals: tuple[Signal, ...]) -> tuple[tuple[Signal, ...], list[str
     out: list[Signal] = []
     renamed: list[str] = []
     taken = set(counts)
-    for name, of in counts.items():
+    for name, alike in counts.items():
         # cantools gives the value table to the first of them
-        texts = next((one.choices for one in of if one.choices), {})
-        last = of[-1]._replace(choices=texts)
-        for one in of[:-1]:
-            if one._replace(choices=texts) != last:
-                new = _free(f"{name}_bit{one.start}", taken)
+        texts = next((signal.choices for signal in alike if signal.choices), {})
+        alike = [signal if signal.choices else signal._replace(choices=texts) for signal in alike]
+        last = alike[-1]
+        if _exclusive(alike):
+            out.append(_on_all_pages(alike))
+            continue
+        for earlier in alike[:-1]:
+            if earlier != last:
+                new = _free(f"{name}_bit{earlier.start}", taken)
                 renamed.append(new)
-                out.append(one._replace(name=new))
+                out.append(earlier._replace(name=new))
         out.append(last)
     return tuple(out), renamed
+
+
+def _exclusive(signals: Sequence[Signal]) -> bool:
+    """Whether a frame carries one of these at most: they are on different pages of one selector."""
+    pages = [page for signal in signals for page in signal.pages]
+    selectors = {signal.multiplexer for signal in signals}
+    return (
+        len(signals) > 1
+        and len(selectors) == 1
+        and None not in selectors
+        and all(signal.pages and not signal.is_multiplexer for signal in signals)
+        and len(pages) == len(set(pages))
+    )
+
+
+def _on_all_pages(signals: Sequence[Signal]) -> Signal:
+    """One signal of several pages."""
+    places: list[Signal] = []
+    for signal in signals:
+        k = next((k for k, other in enumerate(places) if other._replace(pages=signal.pages) == signal), None)
+        if k is None:
+            places.append(signal)
+        else:
+            places[k] = places[k]._replace(pages=tuple(sorted((*places[k].pages, *signal.pages))))
+    return places[0]._replace(elsewhere=tuple(places[1:]))

@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from canid.types import NAN, Flag, Frame
+from canid.values.bus_names import on_log
+from canid.values.types import NAN, Flag, Frame
 from canid.vehicle.bits import Bits, put
 from canid.vehicle.containers import wrapped
 from canid.vehicle.j1939 import with_source
-from canid.vehicle.mapping import MessageMap, SignalMap, TrackMap, Vehicle
+from canid.vehicle.mapping import MessageMap, SignalMap, TrackMap, Vehicle, carried
 
 Encode = Callable[..., list[Frame]]
 
@@ -69,7 +70,7 @@ def encoder(vehicle: Vehicle) -> Encode:
 def _plan(vehicle: Vehicle, message: MessageMap) -> _Plan:
     slots = [
         _slot(role.role, role.how, message.length)
-        for role in vehicle.roles.values()
+        for role in carried(vehicle.roles.values())
         if (role.message, role.bus, role.source) == (message.name, message.bus, message.source)
     ]
     for track in vehicle.lead.tracks or ():
@@ -95,14 +96,15 @@ def _page(
 
 def _track_slots(track: TrackMap, length: int) -> list[_Slot]:
     first = track.track == 0
-    parts = {
-        "gap": track.distance,
-        "range_rate": track.rate,
-        "lead_valid": track.valid,
-        "zero": track.lateral,
-    }
+    parts = (
+        ("gap", track.distance),
+        ("range_rate", track.rate),
+        ("lead_valid", track.valid),
+        ("zero", track.lateral),
+        ("zero", track.angle),
+    )
     # "none" is never in the values: it is written as "no value", 0 for a yes/no signal.
-    return [_slot(role if first else "none", how, length) for role, how in parts.items() if how is not None]
+    return [_slot(role if first else "none", how, length) for role, how in parts if how is not None]
 
 
 def _frame(t: float, plan: _Plan, values: Mapping[str, float], tick: int) -> Frame:
@@ -126,7 +128,7 @@ def _frame(t: float, plan: _Plan, values: Mapping[str, float], tick: int) -> Fra
     flags = int(Flag.EXTENDED) if message.extended else 0
     if len(data) > 8:
         flags |= int(Flag.FD)  # classic CAN carries 8 bytes at most
-    return Frame(t, message.bus or 0, with_source(message.id, message.source), data, flags)
+    return Frame(t, on_log(message.bus, {}) or 0, with_source(message.id, message.source), data, flags)
 
 
 def _raw(slot: _Slot, value: float) -> float:

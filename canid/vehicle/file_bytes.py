@@ -6,7 +6,7 @@ import os
 import stat
 from pathlib import Path
 
-from canid.errors import ConfigError
+from canid.values.errors import ConfigError
 from canid.vehicle.quoting import brief
 
 
@@ -24,7 +24,7 @@ def read(path: Path, largest: int, what: str) -> bytes:
     Example:
         >>> read(Path("/dev/zero"), 1000, "vehicle file")
         Traceback (most recent call last):
-        canid.errors.ConfigError: vehicle file /dev/zero is not a regular file
+        canid.values.errors.ConfigError: vehicle file /dev/zero is not a regular file
     """
     # a path is quoted in full, unless it is not readable text
     name = str(path) if str(path).isprintable() and len(str(path)) <= 300 else brief(str(path))
@@ -34,17 +34,17 @@ def read(path: Path, largest: int, what: str) -> bytes:
     except FileNotFoundError:
         raise ConfigError(f"{what} {name} does not exist") from None
     except (OSError, ValueError) as error:  # ValueError: a name with a NUL, or that has no bytes
-        if isinstance(error, IsADirectoryError | PermissionError) and path.is_dir():
+        if isinstance(error, IsADirectoryError | PermissionError) and os.path.isdir(path):
             raise ConfigError(f"{name} is a folder: name a {what} in it") from None
         why = error.strerror if isinstance(error, OSError) else str(error)
         raise ConfigError(f"{what} {name} cannot be read: {why}") from None
     try:
-        found = os.fstat(handle)
-        if stat.S_ISDIR(found.st_mode):
+        status = os.fstat(handle)
+        if stat.S_ISDIR(status.st_mode):
             raise ConfigError(f"{name} is a folder: name a {what} in it")
-        if not stat.S_ISREG(found.st_mode):
+        if not stat.S_ISREG(status.st_mode):
             raise ConfigError(f"{what} {name} is not a regular file")
-        size = found.st_size
+        size = status.st_size
         if size <= largest:
             with os.fdopen(os.dup(handle), "rb") as file:
                 data = file.read(largest + 1)

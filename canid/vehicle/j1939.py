@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from canid.parsing import Message, Signal
+from canid.dbc_text.parsing import Message, Signal
 from canid.vehicle.mapping import MessageMap
 
 PROTOCOL = "j1939"
@@ -14,7 +14,7 @@ _FIRST_PDU2_FORMAT = 240
 _GROUP_BITS = 0x3FFFF
 # parameters are 2 to 32 bits long; what is longer is text or a bit field
 _MIN_PARAMETER_BITS, _MAX_PARAMETER_BITS = 2, 32
-# lengths whose error indicators are the numbers that begin with 0xFE, and "not available" those with 0xFF
+# lengths whose numbers that are no measurement are known by their first byte
 _BYTE_WISE_LENGTHS = (8, 12, 16, 20, 24, 28, 32)
 
 
@@ -73,21 +73,24 @@ def own_source(message: Message, messages: Iterable[Message]) -> int | None:
         (None, 0)
     """
     group = pgn_of(message.id)
-    sources = {source_of(of.id) for of in messages if of.protocol == PROTOCOL and pgn_of(of.id) == group}
+    sources = {
+        source_of(other.id) for other in messages if other.protocol == PROTOCOL and pgn_of(other.id) == group
+    }
     return source_of(message.id) if len(sources) > 1 else None
 
 
-def first_no_value(message: Message, signal: Signal) -> tuple[int, int] | None:
-    """The smallest raw numbers that mean an error, and "not available"; None: every number of this signal is a value.
+def first_no_value(message: Message, signal: Signal) -> tuple[int, int, int] | None:
+    """The smallest raw numbers that are no measurement, that mean an error, and "not available"; None: all are values.
 
-    J1939-71 reserves the top of the range of each parameter: 0xFE and 0xFF in the first byte, 0b10 and 0b11 of two bits.
+    J1939-71 reserves the top of the range of each parameter: first bytes of 0xFB (an indicator of the parameter's own),
+    0xFC and 0xFD (for later use), 0xFE (error) and 0xFF (not available); 0b10 and 0b11 of two bits.
     Where the file numbers the suspect parameters of a message (SPN), only these follow the rule.
 
     Example:
         >>> speed = Signal("S", 8, 16, False, False, False, 1 / 256, 0.0, None, None, "", {}, False, None, ())
         >>> one = Message("CCVS", 0x18FEF1FE, True, 8, 0.1, (speed,), PROTOCOL)
         >>> [hex(raw) for raw in first_no_value(one, speed)], first_no_value(one._replace(protocol=""), speed)
-        (['0xfe00', '0xff00'], None)
+        (['0xfb00', '0xfe00', '0xff00'], None)
     """
     if message.protocol != PROTOCOL or signal.floating or signal.signed or signal.is_multiplexer:
         return None
@@ -96,6 +99,8 @@ def first_no_value(message: Message, signal: Signal) -> tuple[int, int] | None:
     if not signal.spn and any(other.spn for other in message.signals):
         return None
     if signal.length in _BYTE_WISE_LENGTHS:
-        return 0xFE << (signal.length - 8), 0xFF << (signal.length - 8)
+        first, error, absent = (byte << (signal.length - 8) for byte in (0xFB, 0xFE, 0xFF))
+        # an indicator that the file names is a value of the parameter, as "park" of a gear
+        return (error if any(first <= raw < error for raw in signal.choices) else first), error, absent
     last = (1 << signal.length) - 1
-    return last - 1, last
+    return last - 1, last - 1, last

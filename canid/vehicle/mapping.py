@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, NamedTuple
 
-from canid.parsing import Container
-from canid.types import Driver
+from canid.dbc_text.parsing import Container
+from canid.values.roles import Kind
+from canid.values.types import Driver, FullScale
 from canid.vehicle.bits import Bits
-from canid.vehicle.roles import Kind
 
 # A multiplexed signal is in the frame only where each of these selectors holds one of these raw numbers.
 Condition = tuple[tuple[Bits, frozenset[int]], ...]
@@ -28,13 +28,17 @@ class SignalMap(NamedTuple):
     no_value: Mapping[int, str] = {}  # raw number -> text of the value table that says "no value"
     on: frozenset[float] | None = None  # bool: these DBC values mean true; None: everything but 0
     invert: bool = False  # bool: true and false change places
-    reserved: tuple[int, int] | None = (
-        None  # J1939: raw numbers from which on it is an error, and not available
-    )
+    # J1939: raw numbers from which on it is reserved, an error, and not available
+    reserved: tuple[int, int, int] | None = None
+    elsewhere: tuple[SignalMap, ...] = ()  # the same signal on other pages
+
+
+# how a role is made of others: the mean of several signals; headway times own speed; lead speed minus own speed
+Made = Literal["", "mean_of", "headway", "lead_speed"]
 
 
 class RoleMap(NamedTuple):
-    """One role and where it comes from."""
+    """One role and where it comes from; of one that is made of others, the first of them."""
 
     role: str
     message: str
@@ -45,6 +49,19 @@ class RoleMap(NamedTuple):
     stale: float  # s; older than this is not measured any more
     how: SignalMap
     source: int | None = None  # J1939: address of the sender; None: the first that is seen
+    made: Made = ""
+    parts: tuple[RoleMap, ...] = ()  # of which it is made, each under a name of its own, "speed.1"
+
+    @property
+    def where(self) -> str:
+        """The signals, with their messages' ids and the bus."""
+        if self.parts:
+            first, *others = (part.where for part in self.parts)
+            says = {"mean_of": "mean of ", "headway": "", "lead_speed": "", "": ""}[self.made]
+            joined = {"mean_of": ", ", "headway": " x ", "lead_speed": " - ", "": ""}[self.made]
+            return says + joined.join([first, *others])
+        bus = "" if self.bus is None else f", bus {self.bus}"
+        return f"{self.message}.{self.signal} (0x{self.id:X}{bus})"
 
     @property
     def signal(self) -> str:
@@ -56,6 +73,8 @@ class RoleMap(NamedTuple):
         """Number, bool or state."""
         return self.how.kind
 
+    full_scale: FullScale | None = None  # of a pedal
+
     @property
     def switch(self) -> bool:
         """Whether it jumps (yes/no, gear): held between readings, never interpolated."""
@@ -65,6 +84,15 @@ class RoleMap(NamedTuple):
     def valid(self) -> tuple[float, float]:
         """Range in the role's unit; infinite where nothing limits it."""
         return self.how.low, self.how.high
+
+
+def carried(roles: Iterable[RoleMap]) -> tuple[RoleMap, ...]:
+    """What is read from frames: the roles, and the parts of those that are made, each once."""
+    by_name: dict[str, RoleMap] = {}
+    for role in roles:
+        for part in carried(role.parts) if role.parts else (role,):
+            by_name.setdefault(part.role, part)
+    return tuple(by_name.values())
 
 
 class TrackMap(NamedTuple):
@@ -81,6 +109,15 @@ class TrackMap(NamedTuple):
     valid: SignalMap | None
     new: SignalMap | None
     source: int | None = None
+    angle: SignalMap | None = None  # rad, from the own axis; `distance` is then along the beam
+    number: SignalMap | None = (
+        None  # of a list of objects: which of them a report describes; else it is `track`
+    )
+
+    @property
+    def has_side(self) -> bool:
+        """Whether it says where the object is to the side."""
+        return self.lateral is not None or self.angle is not None
 
 
 class LeadConfig(NamedTuple):
@@ -93,6 +130,7 @@ class LeadConfig(NamedTuple):
     gap_noise: float | None = None  # m, standard deviation of one report; None: estimated from the reports
     range_rate_noise: float | None = None  # m/s
     stale: float | None = None  # s; a track's report that is older is not measured; None: the usual
+    rate_from_gap: bool = False  # no range rate is sent: it is the derivative of the gap
 
 
 class MessageMap(NamedTuple):

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from canid.values.roles import SWITCH_MAX_AGE_S, Role
 from canid.vehicle.database import Dbc, message_map
 from canid.vehicle.mapping import MessageMap, RoleMap
-from canid.vehicle.roles import SWITCH_MAX_AGE_S, Role
 from canid.vehicle.schema import SignalEntry
 from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, find_source, signal_map
 
@@ -38,10 +38,10 @@ def named_signal(name: str, files: Sequence[Dbc]) -> NamedSignal | str:
         'EGO_SPEED.Speed: no signal "Speed" in message EGO_SPEED (did you mean "VehicleSpeed"?)'
     """
     message_name, _, signal_name = name.partition(".")
-    found = find_message(message_name, None, files, name)
-    if isinstance(found, str):
-        return found
-    dbc, message = found
+    match = find_message(message_name, None, files, name)
+    if isinstance(match, str):
+        return match
+    dbc, message = match
     signal = find_signal(signal_name, message, name)
     if isinstance(signal, str):
         return signal

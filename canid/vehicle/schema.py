@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -14,13 +15,16 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     create_model,
     field_validator,
     model_validator,
 )
 
 from canid.estimators import ESTIMATORS
-from canid.types import Driver
+from canid.values.bus_names import NamedBus
+from canid.values.types import Driver
 from canid.vehicle.mapping import LeadConfig
 from canid.vehicle.quoting import brief, shown
 
@@ -40,8 +44,16 @@ def _between(low: float, high: float) -> Any:
     return Field(ge=low, le=high, allow_inf_nan=False)
 
 
-# the number of a bus, as a log's columns hold it
-Bus = Annotated[int, Field(ge=0, le=65535)]
+# the name of an interface, as Linux and candump have it
+_BUS_NAME = re.compile(r"[A-Za-z][!-~]{0,254}")
+
+
+def _named_bus(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
+    return NamedBus(value) if isinstance(value, str) and _BUS_NAME.fullmatch(value) else number(value)
+
+
+# the number of a bus, as a log's columns hold it, or its name
+Bus = Annotated[int, Field(ge=0, le=65535), WrapValidator(_named_bus)]
 # of a J1939 sender: 0xFE is the address of none, 0xFF that of all
 Source = Annotated[int, Field(ge=0, le=0xFD)]
 # the longest path that Linux opens
@@ -75,10 +87,9 @@ class DbcFile(Section):
     protocol: Literal["j1939", "can"] | None = None
 
 
-class SignalEntry(Section):
-    """Where one value comes from: `"MESSAGE.SIGNAL"`, or a table where the DBC is silent or wrong."""
+class Options(Section):
+    """What is said of a signal where the DBC is silent or wrong."""
 
-    signal: Name
     unit: Name | None = None
     scale: Number = 1.0
     offset: Number = 0.0
@@ -87,14 +98,6 @@ class SignalEntry(Section):
     # Low and high limit, in the unit of the signal.
     valid: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
     stale: Age | None = None
-    invert: bool = False
-    # A state has 256 values at most: what is wider is a number.
-    on: Annotated[list[Number], Field(min_length=1, max_length=256)] | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _short_form(cls, value: Any) -> Any:
-        return {"signal": value} if isinstance(value, str) else value
 
     @field_validator("scale")
     @classmethod
@@ -111,6 +114,90 @@ class SignalEntry(Section):
         return value
 
 
+class SignalEntry(Options):
+    """Where one value comes from: `"MESSAGE.SIGNAL"`, or a table."""
+
+    signal: Name
+    invert: bool = False
+    # A state has 256 values at most: what is wider is a number.
+    on: Annotated[list[Number], Field(min_length=1, max_length=256)] | None = None
+    # of a pedal: what says that 100 % is its full travel, in words
+    full_scale: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_form(cls, value: Any) -> Any:
+        return {"signal": value} if isinstance(value, str) else value
+
+
+class MeanEntry(Options):
+    """The mean of several signals of one unit, such as four wheel speeds: of those that agree."""
+
+    # the wheels of a lorry with its trailer
+    mean_of: Annotated[list[Name], Field(min_length=2, max_length=32)]
+
+
+class HeadwayEntry(Options):
+    """A gap that is sent as time headway: headway times own speed."""
+
+    headway: Name
+
+
+class LeadSpeedEntry(Options):
+    """A range rate that is sent as the speed of the vehicle ahead: lead speed minus own speed."""
+
+    lead_speed: Name
+
+
+class DerivativeEntry(Section):
+    """A range rate that nobody sends: the derivative of the gap."""
+
+    derivative_of: Literal["gap"]
+
+
+Entry = SignalEntry | MeanEntry | HeadwayEntry | LeadSpeedEntry | DerivativeEntry
+# key of an entry -> what it is, and the roles that can be made so
+MADE_ENTRIES: Mapping[str, tuple[type[Section], tuple[str, ...]]] = {
+    "mean_of": (MeanEntry, ("speed", "wheel_speed")),
+    "headway": (HeadwayEntry, ("gap",)),
+    "lead_speed": (LeadSpeedEntry, ("range_rate",)),
+    "derivative_of": (DerivativeEntry, ("range_rate",)),
+}
+
+
+def parse_entry(role: str, value: object, key: str) -> tuple[Entry | None, list[str]]:
+    """Check an entry of [signals].
+
+    Args:
+        role: that it gives.
+        value: what the TOML holds.
+        key: where it stands in the file.
+
+    Example:
+        >>> parse_entry("gap", {"mean_of": ["A.B", "A.C"]}, "signals.gap")
+        (None, ['signals.gap.mean_of: makes speed or wheel_speed, not gap'])
+    """
+    named = [name for name in MADE_ENTRIES if isinstance(value, dict) and name in value]
+    if not named:
+        return parse(SignalEntry, value, key)
+    if len(named) > 1:
+        return None, [f"{key}: {' and '.join(named)} exclude each other"]
+    model, roles = MADE_ENTRIES[named[0]]
+    if role not in roles:
+        return None, [f"{key}.{named[0]}: makes {' or '.join(roles)}, not {brief(role)}"]
+    entry, mistakes = parse(model, value, key)
+    assert entry is None or isinstance(entry, Entry)
+    return entry, mistakes
+
+
+class LatencySection(Section):
+    """How long after what it shows a radar's report comes."""
+
+    # s; a report that is older than this is of another situation
+    value: Annotated[float, Field(ge=0.0, le=2.0, allow_inf_nan=False)]
+    sd: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 0.0
+
+
 class LeadSection(Section):
     """Radar tracks from which the lead is chosen, and the radar's noise."""
 
@@ -118,14 +205,17 @@ class LeadSection(Section):
     distance: SignalEntry | None = None
     rate: SignalEntry | None = None
     lateral: SignalEntry | None = None
+    angle: SignalEntry | None = None
     valid: SignalEntry | None = None
     new: SignalEntry | None = None
+    id: SignalEntry | None = None
     bus: Bus | None = None
     source: Source | None = None
     rate_sign: Literal[1, -1] = 1
     in_path: Width = _LEAD.in_path
     gap_noise: Deviation | None = _LEAD.gap_noise
     range_rate_noise: Deviation | None = _LEAD.range_rate_noise
+    latency: LatencySection | None = None
 
 
 class FilterSection(Section):
@@ -158,7 +248,7 @@ def settings_section(kind: Any) -> type[Section]:
     fields: dict[str, Any] = {
         name: (_nested(hints[name]), kind._field_defaults[name])
         for name in kind._fields
-        if name not in DriverSection.model_fields  # [driver] states these
+        if name not in (*DriverSection.model_fields, "latency")  # [driver] and [lead] state these
     }
     return create_model(kind.__name__, __base__=Section, __doc__=kind.__doc__, **fields)
 

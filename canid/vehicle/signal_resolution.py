@@ -7,12 +7,13 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from canid.parsing import Message, Signal
+from canid.dbc_text.parsing import Message, Signal
+from canid.values.roles import ROLES, Role
+from canid.values.types import FullScale
 from canid.vehicle.database import Dbc, bits_of, carried, condition_of
 from canid.vehicle.j1939 import PROTOCOL, first_no_value, own_source
 from canid.vehicle.mapping import SignalMap
 from canid.vehicle.quoting import brief, several, shown
-from canid.vehicle.roles import Role
 from canid.vehicle.schema import SignalEntry, did_you_mean
 from canid.vehicle.units import examples, factor_to, unit_of
 
@@ -82,6 +83,9 @@ def signal_map(
     if entry.on is not None and role.kind != "bool":
         mistakes.errors.append(f"{key}.on: is for yes/no roles only")
         return None
+    if entry.full_scale is not None and role is not ROLES["pedal"]:
+        mistakes.errors.append(f"{key}.full_scale: is for the pedal only")
+        return None
     when = condition_of(message, signal)
     if not carried(signal) or when is None or not 0 < message.length <= _FRAME_BYTES:
         mistakes.errors.append(
@@ -112,7 +116,43 @@ def signal_map(
         on=None if entry.on is None else frozenset(entry.on),
         invert=entry.invert,
         reserved=first_no_value(message, signal),
+        elsewhere=_elsewhere(entry, message, signal, role, key, mistakes),
     )
+
+
+# %; where a pedal's range ends whose 100 % is full travel: 102 are 255 steps of 0.4, 102.3 are 1023 of 0.1
+_FULL_SCALE_PERCENT = (99.0, 103.0)
+
+
+def full_scale(entry: SignalEntry, signal: Signal, how: SignalMap) -> FullScale:
+    """What says of a pedal that 100 % is its full travel: the vehicle file, or the range in the database.
+
+    Args:
+        entry: of the vehicle file. A scale in it is a claim that needs a reason of its own.
+        signal: of the database.
+        how: what the two come to.
+    """
+    high = max(raw * how.factor + how.offset for raw in how.bits.reach)
+    if entry.full_scale is not None:
+        return FullScale(f"the vehicle file states it: {brief(entry.full_scale)}", high)
+    if entry.scale != 1.0 or entry.offset != 0.0:
+        return FullScale("", high)
+    least, most = _FULL_SCALE_PERCENT
+    to_role = how.factor / signal.scale
+    if signal.maximum is not None and least <= signal.maximum * to_role <= most:
+        return FullScale(f"its range in the database ends at {signal.maximum * to_role:.4g} %", high)
+    stated = signal.minimum is not None and signal.maximum is not None and signal.minimum < signal.maximum
+    if not stated and signal.scale != 1.0 and least <= high <= most:
+        return FullScale(f"its bits end at {high:.4g} % by the factor in the database", high)
+    return FullScale("", high)
+
+
+def _elsewhere(
+    entry: SignalEntry, message: Message, signal: Signal, role: Role, key: str, mistakes: Mistakes
+) -> tuple[SignalMap, ...]:
+    """The same for the other pages of a signal that lies or is scaled differently there."""
+    maps = (signal_map(entry, message, each, role, key, mistakes) for each in signal.elsewhere)
+    return tuple(how for how in maps if how is not None)
 
 
 def _is_no_value(text: str, role: Role) -> bool:

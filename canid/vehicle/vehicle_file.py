@@ -8,29 +8,52 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from canid.errors import ConfigError
+from canid.dbc_text.parsing import ParseError, Parser
 from canid.estimators import ESTIMATORS
 from canid.identification.fopdt.prior import CHANNELS
-from canid.parsing import ParseError, Parser
-from canid.types import TASK_INPUTS, Driver, OutputFilter
+from canid.values.errors import ConfigError
+from canid.values.roles import DERIVED, NEEDS, OUTPUTS, ROLES, Role
+from canid.values.shipped_files import SHIPPED, shipped
+from canid.values.types import TASK_INPUTS, Driver, Latency, OutputFilter
 from canid.vehicle import file_bytes
 from canid.vehicle.database import MAX_DBC_BYTES, Dbc, brief_sentence, load, message_map, with_protocol
-from canid.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, TrackMap, Vehicle
+from canid.vehicle.mapping import (
+    LeadConfig,
+    Made,
+    MessageMap,
+    RoleMap,
+    SignalMap,
+    TrackMap,
+    Vehicle,
+    carried,
+)
 from canid.vehicle.quoting import brief, shown
-from canid.vehicle.roles import DERIVED, NEEDS, OUTPUTS, ROLES
 from canid.vehicle.schema import (
     MAX_KEYS,
     MAX_NAME_LENGTH,
     SECTIONS,
     DbcFile,
+    DerivativeEntry,
     DriverSection,
+    Entry,
+    HeadwayEntry,
     LeadSection,
+    MeanEntry,
+    Options,
     SignalEntry,
     did_you_mean,
     parse,
+    parse_entry,
     parse_settings,
 )
-from canid.vehicle.signal_resolution import Mistakes, find_message, find_signal, find_source, signal_map
+from canid.vehicle.signal_resolution import (
+    Mistakes,
+    find_message,
+    find_signal,
+    find_source,
+    full_scale,
+    signal_map,
+)
 from canid.vehicle.tracks import resolve_tracks, track_age
 
 # fifty times the largest known vehicle file, with its comments
@@ -58,6 +81,17 @@ def read_vehicle(path: str | Path) -> Vehicle:
         >>> vehicle.roles["speed"].message, vehicle.roles["speed"].unit
         ('EGO_SPEED', 'm/s')
     """
+    return with_databases(path)[0]
+
+
+def with_databases(path: str | Path) -> tuple[Vehicle, list[Dbc]]:
+    """The same, and the DBC files as they were read for it.
+
+    Example:
+        >>> vehicle, files = with_databases("generic")
+        >>> vehicle.name, [file.file for file in files]
+        ('Generic car-following vehicle', ['generic.dbc'])
+    """
     file = locate(path)
     data = file_bytes.read(file, MAX_TOML_BYTES, "vehicle file")
     mistakes = Mistakes([], [])
@@ -69,14 +103,14 @@ def read_vehicle(path: str | Path) -> Vehicle:
             raise ConfigError(f"{file} cannot be read: {error}") from None
         except ParseError as error:
             raise ConfigError(f"{file} is not valid TOML: {brief_sentence(str(error))}") from None
-        vehicle = _vehicle(file, table, mistakes, parser)
+        vehicle, files = _vehicle(file, table, mistakes, parser)
     if mistakes.errors or vehicle is None:
         lines = mistakes.errors[:_MAX_MISTAKES]
         if len(mistakes.errors) > _MAX_MISTAKES:
             lines.append(f"and {len(mistakes.errors) - _MAX_MISTAKES:,} more mistakes")
         name = brief(file.name)
         raise ConfigError(*(f"{name}: {line}" for line in lines))
-    return vehicle
+    return vehicle, files
 
 
 def read_databases(path: str | Path) -> list[Dbc]:
@@ -102,13 +136,6 @@ def read_databases(path: str | Path) -> list[Dbc]:
     return files
 
 
-def shipped() -> Path:
-    """Find the folder of the vehicles that are shipped with canid: in an installed wheel, or in a checkout."""
-    package = Path(__file__).resolve().parents[1]
-    installed = package / "_data" / "dbc"
-    return installed if installed.is_dir() else package.parent / "dbc"
-
-
 def locate(path: str | Path) -> Path:
     """Find the vehicle file of a path or a bare name.
 
@@ -116,28 +143,26 @@ def locate(path: str | Path) -> Path:
         ConfigError: there is none; lists the vehicles that are shipped with canid.
     """
     given = Path(path)
-    try:
-        if given.is_file():
-            return given
-        there = given.exists()
-    except (OSError, ValueError):  # a name that no file can have
-        raise ConfigError(f"vehicle file {brief(str(path))} does not exist") from None
-    if there:
-        return given  # a folder, a pipe: reading it gives the error
+    if os.path.exists(given):
+        return given  # of a folder, a pipe reading it gives the error
     known = {file.stem: file for file in sorted(shipped().glob("*.toml"))}
     if given.name == str(path) and given.suffix in ("", ".toml") and given.stem in known:
         return known[given.stem]
-    folder = given.parent if given.parent.is_dir() else Path()
+    folder = given.parent if os.path.isdir(given.parent) else Path()
     near = difflib.get_close_matches(given.name, [p.name for p in folder.glob("*.toml")] + list(known), n=1)
     hint = f' (did you mean "{near[0]}"?)' if near else ""
-    raise ConfigError(f"vehicle file {given} does not exist{hint}; shipped with canid: {', '.join(known)}")
+    raise ConfigError(
+        f"vehicle file {brief(str(given))} does not exist{hint}; shipped with canid: {', '.join(known)}"
+    )
 
 
-def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: Parser) -> Vehicle | None:
+def _vehicle(
+    file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: Parser
+) -> tuple[Vehicle | None, list[Dbc]]:
     errors = mistakes.errors
     if len(table) > MAX_KEYS:
         errors.append(f"{len(table):,} keys and sections; the sections are {', '.join(SECTIONS)}")
-        return None
+        return None, []
     errors += [
         f"{brief(key)}: unknown section{did_you_mean(key, SECTIONS)}" for key in table if key not in SECTIONS
     ]
@@ -162,26 +187,37 @@ def _vehicle(file: Path, table: Mapping[str, Any], mistakes: Mistakes, parser: P
     roles: dict[str, RoleMap] = {}
     tracks: tuple[TrackMap, ...] | None = None
     if any(file.messages for file in files):
-        resolved = {role: _role(role, entry, files, mistakes) for role, entry in entries.items()}
-        roles = {role: found for role, found in resolved.items() if found is not None}
+        roles = _roles(entries, files, mistakes)
         tracks = resolve_tracks(lead, files, mistakes) if lead is not None else None
     if driver is not None and lead is not None:
         errors += _missing(driver, lead, table.get("signals", {}))
         errors += _foreign_priors(driver, estimators)
     if errors or driver is None or lead is None:
-        return None
-    of_driver = _driver(driver)
-    return Vehicle(
+        return None, files
+    stated = lead.latency
+    of_driver = _driver(driver)._replace(
+        latency=None if stated is None else Latency(stated.value, stated.sd),
+        full_scale=roles[driver.output].full_scale,
+    )
+    vehicle = Vehicle(
         name=str(name),
         path=str(file),
         dbc=tuple(str(_relative_to(file.parent, dbc.file)) for dbc in _dbc_entries(table.get("dbc"), [])),
         roles=roles,
-        lead=LeadConfig(tracks, lead.in_path, lead.gap_noise, lead.range_rate_noise, track_age(lead)),
-        messages=_messages(files, [*roles.values(), *(tracks or ())]),
+        lead=LeadConfig(
+            tracks,
+            lead.in_path,
+            lead.gap_noise,
+            lead.range_rate_noise,
+            track_age(lead),
+            isinstance(entries.get("range_rate"), DerivativeEntry),
+        ),
+        messages=_messages(files, [*carried(roles.values()), *(tracks or ())]),
         driver=of_driver,
         estimators={name: _of_driver(settings, of_driver) for name, settings in estimators.items()},
         warnings=tuple(mistakes.warnings),
     )
+    return vehicle, files
 
 
 def _driver(section: DriverSection) -> Driver:
@@ -200,14 +236,14 @@ def _of_driver(settings: Any, driver: Driver) -> Any:
     )
 
 
-def _entries(section: object, errors: list[str]) -> dict[str, SignalEntry]:
+def _entries(section: object, errors: list[str]) -> dict[str, Entry]:
     if not isinstance(section, dict):
         errors.append(f"signals: must be a section, not {shown(section)}")
         return {}
     if len(section) > MAX_KEYS:
         errors.append(f"signals: {len(section):,} entries; there are {len(ROLES)} roles")
         return {}
-    entries: dict[str, SignalEntry] = {}
+    entries: dict[str, Entry] = {}
     for role, value in section.items():
         key = f"signals.{brief(role)}"
         if role in DERIVED:
@@ -215,7 +251,7 @@ def _entries(section: object, errors: list[str]) -> dict[str, SignalEntry]:
             continue
         if role not in ROLES:
             errors.append(f"{key}: unknown role{did_you_mean(role, ROLES)}")
-        entry, wrong = parse(SignalEntry, value, key)
+        entry, wrong = parse_entry(role, value, key)
         errors += wrong
         if entry is not None and role in ROLES:
             entries[role] = entry
@@ -239,17 +275,29 @@ def _dbc_entries(section: object, errors: list[str]) -> list[DbcFile]:
 
 
 def _relative_to(folder: Path, file: str) -> Path:
-    """Resolve a path relative to the vehicle file; "a/../b" is shown to the user as "b"."""
+    """Resolve a path relative to the vehicle file; "a/../b" is shown to the user as "b". "shipped:x.dbc" is canid's own."""
+    shipped_name = file.removeprefix(SHIPPED)
+    if shipped_name != file and Path(shipped_name).name == shipped_name:
+        return shipped() / shipped_name
     return Path(os.path.normpath(folder / file))
+
+
+def _shipped_hint(file: str) -> str:
+    """What to write where a file is missing and canid has one of that name: another file is never read in its place."""
+    if Path(file).name != file or not os.path.isfile(shipped() / file):
+        return ""
+    return f'; canid\'s own file of that name is "{SHIPPED}{file}"'
 
 
 def _files(folder: Path, section: object, mistakes: Mistakes, parser: Parser) -> list[Dbc]:
     files, bytes_left = [], MAX_DBC_BYTES
     for entry in _dbc_entries(section, mistakes.errors):
         try:
-            dbc, warnings, size = load(_relative_to(folder, entry.file), entry.bus, parser, bytes_left)
+            path = _relative_to(folder, entry.file)
+            dbc, warnings, size = load(path, entry.bus, parser, bytes_left)
         except ConfigError as error:
-            mistakes.errors.append(f"dbc: {error}")
+            hint = "" if os.path.lexists(path) else _shipped_hint(entry.file)
+            mistakes.errors.append(f"dbc: {error}{hint}")
             # Its place is kept, so that "no message X in ..." names the files that could not be searched.
             files.append(Dbc(f"{brief(Path(entry.file).name)} (not read)", entry.bus, {}))
             continue
@@ -259,32 +307,91 @@ def _files(folder: Path, section: object, mistakes: Mistakes, parser: Parser) ->
     return files
 
 
-def _role(role: str, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistakes) -> RoleMap | None:
-    key = f"signals.{role}"
+# of a gap that is sent as a time
+_HEADWAY = Role("s", "number", "time headway")
+
+
+def _roles(entries: Mapping[str, Entry], files: Sequence[Dbc], mistakes: Mistakes) -> dict[str, RoleMap]:
+    """Resolve the entries; those that are made of the own speed after it."""
+    roles: dict[str, RoleMap] = {}
+    for role, entry in entries.items():
+        if isinstance(entry, SignalEntry):
+            mapped = _role(role, ROLES[role], entry, files, mistakes)
+        elif isinstance(entry, MeanEntry):
+            mapped = _mean(role, entry, files, mistakes)
+        else:
+            continue
+        if mapped is not None:
+            roles[role] = mapped
+    for role, entry in entries.items():
+        if isinstance(entry, SignalEntry | MeanEntry | DerivativeEntry):
+            continue
+        headway = isinstance(entry, HeadwayEntry)
+        kind: Made = "headway" if headway else "lead_speed"
+        definition = _HEADWAY if headway else ROLES["lead_speed"]
+        signal = _single(entry, getattr(entry, kind))
+        first = _role(f"{role}.{kind}", definition, signal, files, mistakes, f"signals.{role}.{kind}")
+        if first is not None and (own_speed := roles.get("speed")) is not None:
+            speed = own_speed._replace(role=f"{role}.speed")
+            roles[role] = first._replace(role=role, unit=ROLES[role].unit, made=kind, parts=(first, speed))
+    if isinstance(entries.get("range_rate"), DerivativeEntry):
+        mistakes.warnings.append(
+            "range_rate: none is sent; it is the derivative of the gap, whose noise widens the intervals: say so where you "
+            "quote K"
+        )
+    # in the order of the file
+    return {role: roles[role] for role in entries if role in roles}
+
+
+def _single(entry: Entry, signal: str) -> SignalEntry:
+    """The options of a made entry, for one of its signals."""
+    return SignalEntry(signal=signal, **{name: getattr(entry, name) for name in Options.model_fields})
+
+
+def _mean(role: str, entry: MeanEntry, files: Sequence[Dbc], mistakes: Mistakes) -> RoleMap | None:
+    key = f"signals.{role}.mean_of"
+    if len(set(entry.mean_of)) < len(entry.mean_of):
+        mistakes.errors.append(f"{key}: names a signal twice")
+    parts = [
+        _role(f"{role}.{number}", ROLES[role], _single(entry, signal), files, mistakes, key)
+        for number, signal in enumerate(entry.mean_of, 1)
+    ]
+    known = tuple(part for part in parts if part is not None)
+    mistakes.warnings.append(
+        f"{role}: the mean of {len(known)} signals; the tyres' scale, 2 % or so, is in it until another speed confirms it"
+    )
+    return known[0]._replace(role=role, made="mean_of", parts=known) if known else None
+
+
+def _role(
+    role: str, definition: Role, entry: SignalEntry, files: Sequence[Dbc], mistakes: Mistakes, key: str = ""
+) -> RoleMap | None:
+    key = key or f"signals.{role}"
     message_name, dot, signal_name = entry.signal.partition(".")
     if not dot or not message_name or not signal_name:
         mistakes.errors.append(f'{key}: must be "MESSAGE.SIGNAL", not "{brief(entry.signal)}"')
         return None
-    found = find_message(message_name, entry.bus, files, key)
-    if isinstance(found, str):
-        mistakes.errors.append(found)
+    match = find_message(message_name, entry.bus, files, key)
+    if isinstance(match, str):
+        mistakes.errors.append(match)
         return None
-    dbc, message = found
+    dbc, message = match
     signal = find_signal(signal_name, message, key)
     if isinstance(signal, str):
         mistakes.errors.append(signal)
         return None
-    how = signal_map(entry, message, signal, ROLES[role], key, mistakes)
+    how = signal_map(entry, message, signal, definition, key, mistakes)
     if how is None:
         return None
     return RoleMap(
+        full_scale=full_scale(entry, signal, how) if definition is ROLES["pedal"] else None,
         role=role,
         message=message.name,
         id=message.id,
         extended=message.extended,
         bus=entry.bus if entry.bus is not None else dbc.bus,
-        unit=ROLES[role].unit,
-        stale=entry.stale if entry.stale is not None else ROLES[role].stale,
+        unit=definition.unit,
+        stale=entry.stale if entry.stale is not None else definition.stale,
         how=how,
         source=find_source(entry.source, message, dbc, key, mistakes),
     )
@@ -323,21 +430,21 @@ def _foreign_priors(driver: DriverSection, estimators: Mapping[str, Any]) -> lis
 
 def _messages(files: Sequence[Dbc], mapped: Sequence[RoleMap | TrackMap]) -> tuple[MessageMap, ...]:
     """List each message that carries something mapped, once per bus, in the order of the vehicle file."""
-    found: dict[tuple[str, int | None, int | None], MessageMap] = {}
+    by_key: dict[tuple[str, int | None, int | None], MessageMap] = {}
     for item in mapped:
         key = (item.message, item.bus, item.source)
-        if key not in found:
+        if key not in by_key:
             dbc_and_message = find_message(item.message, item.bus, files, "")
             assert not isinstance(dbc_and_message, str), "resolved before"
-            found[key] = message_map(dbc_and_message[1], item.bus, item.source)
+            by_key[key] = message_map(dbc_and_message[1], item.bus, item.source)
         # a signal that ends behind its message, as some DBC files have them
         needed = -(-max(how.bits.end for how in _signal_maps(item)) // 8)
-        found[key] = found[key]._replace(length=max(found[key].length, needed))
-    return tuple(found.values())
+        by_key[key] = by_key[key]._replace(length=max(by_key[key].length, needed))
+    return tuple(by_key.values())
 
 
 def _signal_maps(item: RoleMap | TrackMap) -> list[SignalMap]:
     if isinstance(item, RoleMap):
         return [item.how]
-    parts = (item.distance, item.rate, item.lateral, item.valid, item.new)
+    parts = (item.distance, item.rate, item.lateral, item.valid, item.new, item.angle, item.number)
     return [part for part in parts if part is not None]

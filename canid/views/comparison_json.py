@@ -2,69 +2,69 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 from canid.comparison.comparison import Comparison, Row
-from canid.comparison.conditions import Condition
 from canid.comparison.drive import Side
-from canid.views import comparison_text, json_values
-from canid.views.json_values import interval, number
+from canid.views import comparison_document
 
 
-def to_json(of: Comparison) -> dict[str, Any]:
-    """The JSON object of `canid compare`; null where nothing is known."""
-    return {
-        "verdict": of.verdict,
-        "says": comparison_text.sentence(of),
-        "a": _side(of.a),
-        "b": _side(of.b),
-        "parameters": [_row(row) for row in of.rows],
-        "causes": [json_values.plain(cause) for cause in of.causes],
-        "conditions": [_condition(row) for row in of.conditions],
-        "remarks": list(of.remarks),
-        "critical": number(of.critical),
-        "margins_at": None if of.point is None else {"speed": of.point.speed, "headway": of.point.headway},
-    }
+class ComparedDrive(NamedTuple):
+    """One drive of a side."""
+
+    name: str
+    method: str
+    vehicle: str
+    output: str
+    used: float  # s
 
 
-def _side(side: Side) -> dict[str, Any]:
-    drives = [
-        {
-            "name": drive.name,
-            "method": drive.method,
-            "vehicle": drive.vehicle,
-            "output": drive.output or None,
-            "used": number(drive.used),
-        }
-        for drive in side.drives
-    ]
-    return {"label": side.label, "drives": drives}
+class ComparedSide(NamedTuple):
+    """One driver."""
+
+    label: str
+    drives: tuple[ComparedDrive, ...]
 
 
-def _row(row: Row) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        "unit": row.unit,
-        "a": interval(row.a),
-        "b": interval(row.b),
-        "why_not": row.why or None,
-        "difference": interval(row.difference),
-        "together": interval(row.together),
-        "ratio": interval(row.ratio),
-        "p": number(row.p),
-        "p_adjusted": number(row.p_adjusted),
-        "differs": row.differs if row.compared else None,
-        "detectable": number(row.detectable),
-        "spread": number(row.spread),
-        "drives": list(row.drives),
-    }
+class ComparedRow(NamedTuple):
+    """One parameter."""
+
+    row: Row
+    differs: bool | None  # None: not compared
 
 
-def _condition(row: Condition) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        "unit": row.unit,
-        "a": interval(row.a),
-        "b": interval(row.b),
-        "overlap": number(row.overlap),
-    }
+class OperatingPoint(NamedTuple):
+    """Where margins are computed."""
+
+    speed: float  # m/s
+    headway: float  # s
+
+
+class Compared(NamedTuple):
+    """The object of `canid compare --json`."""
+
+    comparison: Comparison
+    says: str
+    a: ComparedSide
+    b: ComparedSide
+    parameters: tuple[ComparedRow, ...]
+    margins_at: OperatingPoint | None
+    command: str
+
+
+def document(made: Comparison, command: str) -> Compared:
+    """What `canid compare` writes."""
+    return Compared(
+        made,
+        comparison_document.sentence(made),
+        _side(made.a),
+        _side(made.b),
+        tuple(ComparedRow(row, row.differs if row.compared else None) for row in made.rows),
+        None if made.point is None else OperatingPoint(made.point.speed, made.point.headway),
+        command,
+    )
+
+
+def _side(side: Side) -> ComparedSide:
+    drives = (ComparedDrive(d.name, d.method, d.vehicle, d.output, d.used) for d in side.drives)
+    return ComparedSide(side.label, tuple(drives))

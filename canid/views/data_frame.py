@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from canid.drive_parameters import Identified
-from canid.errors import ConfigError
-from canid.types import QUOTED, Trace
-from canid.views.numbers import gain_unit, role_unit
+from canid.drive.drive_parameters import Identified
+from canid.values.errors import ConfigError
+from canid.values.numbers import gain_unit, role_unit
+from canid.values.types import QUOTED, Trace
 
 LIBRARIES = ("pandas", "polars")
 # fields of a channel that are rows of a table
@@ -75,9 +75,11 @@ def data_frame(columns: dict[str, Any], units: dict[str, str], library: str = ""
         raise ConfigError(f"to_frame needs {' or '.join(wanted)}: pip install {wanted[0]}")
     module = import_module(there[0])
     if there[0] == "polars":
-        labelled = {f"{name} [{units[name]}]" if name in units else name: of for name, of in columns.items()}
+        labelled = {
+            f"{name} [{units[name]}]" if name in units else name: column for name, column in columns.items()
+        }
         return module.DataFrame(
-            {name: of.tolist() if of.dtype == object else of for name, of in labelled.items()}
+            {name: column.tolist() if column.dtype == object else column for name, column in labelled.items()}
         )
     frame = module.DataFrame(columns)
     if units:

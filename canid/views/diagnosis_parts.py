@@ -7,12 +7,12 @@ import re
 from typing import NamedTuple
 
 from canid.diagnosis.rivals.recommendation import CANID
-from canid.findings import Blocked, ClosedLoopError, Finding, NullGain, Report, nrmse
 from canid.identification import identifiability
-from canid.types import Interval
+from canid.values.findings import Blocked, ClosedLoopError, Finding, NullGain, Report, nrmse, step
+from canid.values.names import SYMBOLS, parameter, readable
+from canid.values.numbers import decimals, gain_unit, interval, number, percent, role_unit
+from canid.values.types import Interval
 from canid.views import closed_loop, search_bounds
-from canid.views.names import SYMBOLS, parameter, readable
-from canid.views.numbers import gain_unit, interval, number, percent, role_unit
 
 
 def says(report: Report) -> str:
@@ -21,9 +21,9 @@ def says(report: Report) -> str:
 
 
 def remarks(report: Report) -> list[str]:
-    """What stands in the verdict as well: a closed loop that gets worse, and parameters of causes at a bound."""
+    """What stands in the verdict as well: contradictions, a closed loop that gets worse, parameters of causes at a bound."""
     lost = closed_loop.warning(report)
-    return [*([lost] if lost else []), *search_bounds.remarks(report)]
+    return [*report.contradictions, *([lost] if lost else []), *search_bounds.remarks(report)]
 
 
 def sentence(report: Report) -> str:
@@ -42,6 +42,16 @@ def block_says(block: Blocked, report: Report) -> str:
     return without_verdict(search_bounds.without_intervals(block.says, report))
 
 
+def block_state(block: Blocked) -> str:
+    """The state of a block in words; a law of the noise that is not Gaussian is nothing wrong with the driver.
+
+    Example:
+        >>> block_state(Blocked("remnant", "wrong", "")), block_state(Blocked("vehicle", "not_testable", ""))
+        ('not Gaussian', 'not testable')
+    """
+    return "not Gaussian" if (block.where, block.state) == ("remnant", "wrong") else readable(block.state)
+
+
 def without_verdict(line: str) -> str:
     """A sentence without the verdict in capitals that it may begin with.
 
@@ -54,14 +64,15 @@ def without_verdict(line: str) -> str:
 
 def form(report: Report) -> list[str]:
     """Which gap the extended model wants at a speed, with its parameters; [] where nothing was fitted."""
-    of = report.extended.form
-    if of is None:
+    wanted_gap = report.extended.form
+    if wanted_gap is None:
         return []
     at = search_bounds.of_fit(report.extended)
     values = [
-        f"{name} {search_bounds.text(iv, of.units[name], at.get(name))}" for name, iv in of.parameters.items()
+        f"{name} {search_bounds.text(iv, wanted_gap.units[name], at.get(name))}"
+        for name, iv in wanted_gap.parameters.items()
     ]
-    return [f"baseline: {of.says}{': ' if values else ''}{', '.join(values)}"]
+    return [f"baseline: {wanted_gap.says}{': ' if values else ''}{', '.join(values)}"]
 
 
 def finding_parameters(finding: Finding) -> list[str]:
@@ -83,8 +94,8 @@ def model_bounds(report: Report) -> list[str]:
     """Sentence on the parameters of the final model that are at a bound of what is searched; [] where none is."""
     if report.model is None:
         return []
-    found = search_bounds.of_model(report.model.driver, report.model.form)
-    names = [f"{name} ({at.side} bound, {number(at.end, at.unit)})" for name, at in found.items()]
+    bounds = search_bounds.of_model(report.model.driver, report.model.form)
+    names = [f"{name} ({at.side} bound, {number(at.end, at.unit)})" for name, at in bounds.items()]
     return [f"not estimated, at a bound of what is searched: {', '.join(names)}"] if names else []
 
 
@@ -96,31 +107,34 @@ def model_units(report: Report) -> str:
 
 def not_quoted(report: Report) -> list[str]:
     """Why no parameter may be quoted, input by input."""
-    return [f"{readable(name)}: {readable(of.status.value)}" for name, of in report.extended.channels.items()]
+    return [
+        f"{readable(name)}: {readable(channel.status.value)}"
+        for name, channel in report.extended.channels.items()
+    ]
 
 
-def gain(of: Finding | Report) -> str:
+def gain(judged: Finding | Report) -> str:
     """What a finding, or all of the driver's together, gain on held-out data: of the simulation and of the log score.
 
     Example:
-        >>> from canid.findings import NullGain
+        >>> from canid.values.findings import NullGain
         >>> from types import SimpleNamespace
         >>> found = SimpleNamespace(gain=Interval(0.3, 0.2, 0.4), log_score_gain=Interval(1.2, 0.5, 1.9))
-        >>> found.null_gain = NullGain(0.1, 0.25, 39)
+        >>> found.null_gain = NullGain(0.1, 0.25, 19)
         >>> gain(found)
         '30 [20, 40] % (null 10 %, 95 % point 25 %), 1.2 [0.5, 1.9] nats/min of log score'
     """
-    return ", ".join(gains(of)).replace(", (", " (")
+    return ", ".join(gains(judged)).replace(", (", " (")
 
 
-def gains(of: Finding | Report) -> list[str]:
+def gains(judged: Finding | Report) -> list[str]:
     """The same, piece by piece: of the simulation, the null's in brackets, of the log score; at least one."""
-    parts = [percent(of.gain)] if math.isfinite(of.gain.value) else []
-    if parts and of.null_gain.replicates:
-        parts.append(f"({null_gain(of.null_gain)})")
-    if math.isfinite(of.log_score_gain.value):
-        parts.append(f"{interval(of.log_score_gain, 'nats/min')} of log score")
-    return parts or [percent(of.gain)]
+    parts = [percent(judged.gain)] if math.isfinite(judged.gain.value) else []
+    if parts and judged.null_gain.replicates:
+        parts.append(f"({null_gain(judged.null_gain)})")
+    if math.isfinite(judged.log_score_gain.value):
+        parts.append(f"{interval(judged.log_score_gain, 'nats/min')} of log score")
+    return parts or [percent(judged.gain)]
 
 
 def null_gain(null: NullGain) -> str:
@@ -142,7 +156,7 @@ def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:
 
 def advice(report: Report) -> list[str]:
     """What to drive, without what the reasons of `not_testable` contain already."""
-    reasons = " ".join(of.why for of in report.not_testable)
+    reasons = " ".join(entry.why for entry in report.not_testable)
     return [line for line in report.advice if line.partition(": ")[2] not in reasons or ": " not in line]
 
 
@@ -156,24 +170,24 @@ class ModelError(NamedTuple):
 
 def closed_loop_models(report: Report) -> list[ModelError]:
     """Both models of canid and the published ones that were calibrated, the smallest error of the gap first."""
-    roles = {of.role: of for of in report.closed_loop}
-    found = []
+    roles = {trajectory.role: trajectory for trajectory in report.closed_loop}
+    errors = []
     if {"gap", "speed"} <= roles.keys():
         gap, speed = roles["gap"], roles["speed"]
         before = ClosedLoopError(nrmse(gap.before, gap.measured), nrmse(speed.before, speed.measured))
-        found.append(ModelError("canid, baseline", before, ""))
+        errors.append(ModelError("canid, baseline", before, ""))
         if closed_loop.has_extended(gap) or closed_loop.has_extended(speed):
             after = ClosedLoopError(nrmse(gap.after, gap.measured), nrmse(speed.after, speed.measured))
-            found.append(ModelError("canid, extended", after, ""))
-    for one in report.rivals:
-        if one.status == "ok":
-            at = search_bounds.of_rival(one)
+            errors.append(ModelError("canid, extended", after, ""))
+    for rival in report.rivals:
+        if rival.status == "ok":
+            at = search_bounds.of_rival(rival)
             said = (
-                f"{name} {search_bounds.text(iv, one.units[name], at.get(name))}"
-                for name, iv in one.parameters.items()
+                f"{name} {search_bounds.text(iv, rival.units[name], at.get(name))}"
+                for name, iv in rival.parameters.items()
             )
-            found.append(ModelError(one.model, one.nrmse, ", ".join(said)))
-    return sorted(found, key=lambda one: one.error.gap)
+            errors.append(ModelError(rival.model, rival.nrmse, ", ".join(said)))
+    return sorted(errors, key=lambda entry: entry.error.gap)
 
 
 def recommendation(report: Report) -> str:
@@ -183,23 +197,20 @@ def recommendation(report: Report) -> str:
     return f"For a simulation behind another lead take {report.recommended}: it has the smallest error of the gap."
 
 
-def duration(report: Report) -> float:
-    """Length of the drive, s."""
-    return float(report.t[-1] - report.t[0]) + step(report) if len(report.t) else 0.0
-
-
-def used_time(report: Report) -> float:
-    """Time that the fit uses, s."""
-    return float(report.used.sum()) * step(report)
-
-
-def step(report: Report) -> float:
-    """Step of the grid, s; 0 for less than two samples.
+def shift(before: Interval, after: Interval) -> str:
+    """How far the extended model moves a parameter, and whether out of the baseline's interval.
 
     Example:
-        >>> import numpy as np
-        >>> from types import SimpleNamespace
-        >>> step(SimpleNamespace(t=np.array([5.0, 5.1, 5.2])))
-        0.1
+        >>> shift(Interval(4.42, 3.58, 5.21), Interval(7.71, 6.6, 8.8))
+        '+3.3 (+74 %), outside the baseline interval'
+        >>> shift(Interval(), Interval(7.71, 6.6, 8.8))
+        '–'
     """
-    return round(float(report.t[-1] - report.t[0]) / (len(report.t) - 1), 9) if len(report.t) > 1 else 0.0
+    if not (math.isfinite(before.value) and math.isfinite(after.value)):
+        return "–"
+    digits = max(decimals(before), decimals(after))
+    by = after.value - before.value
+    moved = round(by, digits) + 0.0  # no "-0.0"
+    share = f" ({100 * by / abs(before.value):+.0f} %)" if moved and before.value else ""
+    inside = before.low <= after.value <= before.high
+    return f"{moved:+.{digits}f}{share}, {'within' if inside else 'outside'} the baseline interval"

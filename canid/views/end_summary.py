@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from canid.types import Damage, Estimate, SignalReport, Status
-from canid.views import estimate_text
-from canid.views.names import HEADLINE_MARK
+from canid.values import estimate_text
+from canid.values.names import HEADLINE_MARK
+from canid.values.response_sentence import response
+from canid.values.types import Damage, Estimate, Event, MonitorReport, Sample, SignalReport, Status
+from canid.views.document.document_text import wrapped
 
 
 class EstimateTally:
@@ -19,28 +21,29 @@ class EstimateTally:
         self.last_ok: dict[str, Estimate] = {}
         self.headline = ""  # estimator of the last headline estimate
 
-    def put(self, e: Estimate) -> None:
-        """Count one estimate."""
-        counts = self.statuses.setdefault(e.estimator, {})
-        counts[e.status] = counts.get(e.status, 0) + 1
-        self.last[e.estimator] = e
-        if e.status is Status.OK:
-            self.last_ok[e.estimator] = e
-        if e.headline:
-            self.headline = e.estimator
-
-    def distrust(self, report: SignalReport) -> None:
-        """Drop good estimates from the time in which a signal was wrong and nobody knew it yet."""
-        for one in report.findings:
-            if one.withholds:
-                self.last_ok = {
-                    name: e for name, e in self.last_ok.items() if not one.since <= e.t <= one.raised
-                }
+    def put(self, item: Sample | Estimate | MonitorReport | SignalReport | Event) -> None:
+        """Count an estimate; drop good ones from the time in which a signal was wrong and nobody knew it yet."""
+        if isinstance(item, Estimate):
+            counts = self.statuses.setdefault(item.estimator, {})
+            counts[item.status] = counts.get(item.status, 0) + 1
+            self.last[item.estimator] = item
+            if item.status is Status.OK:
+                self.last_ok[item.estimator] = item
+            if item.headline:
+                self.headline = item.estimator
+        elif isinstance(item, SignalReport):
+            for finding in item.findings:
+                if finding.withholds:
+                    self.last_ok = {
+                        name: e
+                        for name, e in self.last_ok.items()
+                        if not finding.since <= e.t <= finding.raised
+                    }
 
 
 def estimates(tally: EstimateTally, output: str = "") -> list[str]:
     """The last good estimate of each estimator, with the share of each status; `output`: its role, for the unit of K."""
-    lines = []
+    lines = _answer(tally, output)
     for name in sorted(tally.statuses):
         total = sum(tally.statuses[name].values())
         shares = ", ".join(
@@ -59,6 +62,17 @@ def estimates(tally: EstimateTally, output: str = "") -> list[str]:
         fit = f", fit {e.fit_percent:.0f} %" if e.fit_percent == e.fit_percent else ""
         lines.append(f"  at {e.t:.1f} s, from {e.used:.0f} s of driving{fit}")
     return lines
+
+
+def _answer(tally: EstimateTally, output: str) -> list[str]:
+    """The response of the last headline estimate, in a sentence; it is of the last minute, not of the whole drive."""
+    last = tally.last_ok.get(tally.headline)
+    says = response(last.channels, output) if last is not None else ""
+    return (
+        wrapped(f"{says[:-1]} (of the window that ends at {last.t:.0f} s).")
+        if last is not None and says
+        else []
+    )
 
 
 def health(

@@ -1,56 +1,52 @@
-"""The result of `canid look` as JSON."""
+"""The result of `canid look` as JSON: all that the text shows, and more; no row is left out."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import NamedTuple
 
-from canid.log_contents import LogContents, MessageContents, SignalContents
-from canid.views.json_values import array, number
+from canid.values.log_contents import LogContents, MessageContents
 from canid.views.look_text import Head
 
 
-def values(found: LogContents, head: Head) -> dict[str, Any]:
-    """All that the text shows, and more; no row is left out."""
-    return {
-        "log": head.path,
-        "format": head.format,
-        "start_utc": number(head.start_utc),
-        "duration": number(found.duration),
-        "frames": found.frames,
-        "damage": head.damage or None,
-        "buses": [
-            {name: number(x) if isinstance(x, float) else x for name, x in bus._asdict().items()}
-            for bus in found.buses
-        ],
-        "dbc": [one._asdict() | {"buses": list(one.buses)} for one in found.databases],
-        "messages": [_message(one) for one in found.messages],
-        "signals": [_signal(one) for one in found.signals],
-        "frames_left_out": found.frames_left_out,
-        "signals_left_out": found.signals_left_out,
-    }
+class LookedAt(NamedTuple):
+    """The frames of one id on one bus."""
+
+    message: MessageContents
+    bytes: tuple[int, int]  # the shortest, the longest
+    changed_bits: str  # hexadecimal
 
 
-def _message(one: MessageContents) -> dict[str, Any]:
-    return {
-        "bus": one.bus,
-        "id": one.id,
-        "extended": one.extended,
-        "name": one.name or None,
-        "dbc": one.database or None,
-        "frames": one.frames,
-        "rate": number(one.rate),
-        "jitter": number(one.jitter),
-        "longest_gap": number(one.longest_gap),
-        "first": one.first,
-        "last": one.last,
-        "bytes": [one.shortest, one.longest],
-        "changes": one.changes,
-        "changed_bits": one.changed[: one.longest].tobytes().hex(),
-        "fields": [field._asdict() for field in one.fields],
-    }
+class Look(NamedTuple):
+    """The object of `canid look --json`."""
+
+    log: str
+    format: str
+    start_utc: float
+    duration: float
+    damage: str
+    remarks: tuple[str, ...]  # how the log was read, where the reader had to decide
+    interfaces: Mapping[str, int]  # name -> bus; empty where the format has no names
+    contents: LogContents
+    messages: tuple[LookedAt, ...]
+    next: str  # command
 
 
-def _signal(one: SignalContents) -> dict[str, Any]:
-    numbers = ("low", "high", "mean", "last")
-    out = {name: number(x) if name in numbers else x for name, x in one._asdict().items()}
-    return out | {"entries": dict(one.entries), "course": array(one.course)}
+def document(contents: LogContents, head: Head, remarks: tuple[str, ...], command: str) -> Look:
+    """What `canid look` writes."""
+    messages = tuple(
+        LookedAt(row, (row.shortest, row.longest), row.changed[: row.longest].tobytes().hex())
+        for row in contents.messages
+    )
+    return Look(
+        head.path,
+        head.format,
+        head.start_utc,
+        contents.duration,
+        head.damage,
+        remarks,
+        head.interfaces,
+        contents,
+        messages,
+        command,
+    )

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from canid.log_contents import BusContents, LogContents, MessageContents, SignalContents
-from canid.types import Array
-from canid.views.numbers import DASH, number
-from canid.views.terminal_text import terminal_text
+from canid.values.bus_names import bus_text
+from canid.values.log_contents import BusContents, LogContents, MessageContents, SignalContents
+from canid.values.numbers import DASH, number
+from canid.values.terminal_text import terminal_text
+from canid.values.types import Array
 
 # characters of a line: where the output is no terminal, and what a terminal is taken for at least and at most
 PLAIN_WIDTH, MIN_WIDTH, MAX_WIDTH = 100, 60, 200
@@ -43,25 +45,26 @@ class Head(NamedTuple):
     format: str
     start_utc: float  # s since the epoch; NaN: the log does not state it
     damage: str  # a sentence, or ""
+    interfaces: Mapping[str, int] = MappingProxyType({})  # by name, where the format has names -> bus
 
 
 def lines(
-    found: LogContents, head: Head, *, width: int = PLAIN_WIDTH, sort: str = "id", everything: bool = False
+    contents: LogContents, head: Head, *, width: int = PLAIN_WIDTH, sort: str = "id", everything: bool = False
 ) -> list[str]:
     """All lines.
 
     Args:
-        found: what the log contains.
+        contents: what the log contains.
         head: of the log.
         width: characters of a line.
         sort: order of both tables, of `SORTS`.
         everything: no row is left out.
     """
     width = min(max(width, MIN_WIDTH), MAX_WIDTH)
-    out = [*_head(found, head), ""]
-    out += _messages(found, width, sort, everything)
-    if found.signals or found.databases:
-        out += ["", *_signals(found, width, sort, everything)]
+    out = [*_head(contents, head), ""]
+    out += _messages(contents, width, sort, everything)
+    if contents.signals or contents.databases:
+        out += ["", *_signals(contents, width, sort, everything)]
     return out
 
 
@@ -79,30 +82,35 @@ def format_start(start_utc: float) -> str:
     return f"{at:%Y-%m-%d %H:%M:%S} UTC"
 
 
-def _head(found: LogContents, head: Head) -> list[str]:
-    ids = found.ids
+def _head(contents: LogContents, head: Head) -> list[str]:
+    ids = contents.ids
     out = [
-        f"{head.path}: {head.format}, {format_start(head.start_utc)}, {number(found.duration, 's')}, "
-        f"{found.frames:,} frames, {ids:,} id{'s' * (ids != 1)}"
+        f"{head.path}: {head.format}, {format_start(head.start_utc)}, {number(contents.duration, 's')}, "
+        f"{contents.frames:,} frames, {ids:,} id{'s' * (ids != 1)}"
     ]
-    out += [_bus(bus) for bus in found.buses]
+    if head.interfaces:
+        out.append(bus_text(head.interfaces))
+    out += [_bus(bus) for bus in contents.buses]
     if head.damage:
         out.append(f"damaged: {head.damage}")
-    for one in found.databases:
-        on = " and ".join(str(bus) for bus in one.buses)
+    for database in contents.databases:
+        on = " and ".join(str(bus) for bus in database.buses)
         where = f"bus {on}" if on else "no bus"
-        why = "as given" if one.bound else "by its ids"
-        out.append(f"{one.file}: {where} ({why}), {one.found} of {one.messages} messages found")
-    if found.frames_left_out:
-        out.append(f"{found.frames_left_out:,} frames have further ids, more than are kept")
-    if found.signals_left_out:
-        out.append(f"{found.signals_left_out:,} further signals are left out: choose some by --signals")
+        why = "as given" if database.bound else "by its ids"
+        out.append(
+            f"{database.file}: {where} ({why}), {database.found} of {database.messages} messages found"
+        )
+    if contents.frames_left_out:
+        out.append(f"{contents.frames_left_out:,} frames have further ids, more than are kept")
+    if contents.signals_left_out:
+        out.append(f"{contents.signals_left_out:,} further signals are left out: choose some by --signals")
     return out
 
 
 def _bus(bus: BusContents) -> str:
     load = f"{number(bus.bits_per_s / 1000.0, 'kbit/s')} without stuff bits"
-    if not bus.fd and math.isfinite(bus.bits_per_s):
+    # a few frames in an instant, or a faster bus: of another rate
+    if not bus.fd and bus.bits_per_s <= USUAL_BIT_RATE:
         load += f" ({number(100.0 * bus.bits_per_s / USUAL_BIT_RATE, '%')} of 500 kbit/s)"
     kinds = [
         f"{n:,} {what}" for n, what in ((bus.errors, "error"), (bus.remote, "remote"), (bus.fd, "FD")) if n
@@ -114,17 +122,17 @@ def _bus(bus: BusContents) -> str:
 # --- messages ---------------------------------------------------------------------------------------------
 
 
-def _messages(found: LogContents, width: int, sort: str, everything: bool) -> list[str]:
+def _messages(contents: LogContents, width: int, sort: str, everything: bool) -> list[str]:
     order = {
-        "id": lambda one: (one.bus, one.id, one.extended),
-        "rate": lambda one: -one.rate if math.isfinite(one.rate) else math.inf,
-        "changes": lambda one: -one.changes,
+        "id": lambda message: (message.bus, message.id, message.extended),
+        "rate": lambda message: -message.rate if math.isfinite(message.rate) else math.inf,
+        "changes": lambda message: -message.changes,
     }[sort]
-    messages = sorted(found.messages, key=order)
+    messages = sorted(contents.messages, key=order)
     shown = messages if everything else messages[:MAX_ROWS]
-    named = any(one.name for one in found.messages)
+    named = any(message.name for message in contents.messages)
     head = ["bus", "id", *(["message"] if named else []), "frames", "1/s", "jitter", "bytes", "bits", "notes"]
-    rows = [_message(one, found, named) for one in shown]
+    rows = [_message(message, contents, named) for message in shown]
     out = _table(head, rows, width, left={1, 2} if named else {1}, last_left=2)
     if len(shown) < len(messages):
         out.append(f"… {len(messages) - len(shown):,} more (--all)")
@@ -133,27 +141,31 @@ def _messages(found: LogContents, width: int, sort: str, everything: bool) -> li
     return out
 
 
-def _message(one: MessageContents, found: LogContents, named: bool) -> list[str]:
-    size = str(one.longest) if one.shortest == one.longest else f"{one.shortest}-{one.longest}"
-    notes = [f"{field.kind} {_place(field.start, field.length)}" for field in one.fields]
+def _message(message: MessageContents, contents: LogContents, named: bool) -> list[str]:
+    size = (
+        str(message.longest)
+        if message.shortest == message.longest
+        else f"{message.shortest}-{message.longest}"
+    )
+    notes = [f"{field.kind} {_place(field.start, field.length)}" for field in message.fields]
     # a slow message cannot come at once
-    late = max(LATE_S, 1.5 / one.rate) if math.isfinite(one.rate) else LATE_S
-    begins, ends = one.first > found.start + late, one.last < found.stop - late
-    if one.frames == 1:
-        notes.append(f"once, at {one.first:.1f} s")
+    late = max(LATE_S, 1.5 / message.rate) if math.isfinite(message.rate) else LATE_S
+    begins, ends = message.first > contents.start + late, message.last < contents.stop - late
+    if message.frames == 1:
+        notes.append(f"once, at {message.first:.1f} s")
     elif begins or ends:
-        notes.append(f"{one.first:.1f}–{one.last:.1f} s")
-    elif not one.changes:
+        notes.append(f"{message.first:.1f}–{message.last:.1f} s")
+    elif not message.changes:
         notes.append("constant")
     return [
-        str(one.bus),
-        f"0x{one.id:08X}" if one.extended else f"0x{one.id:03X}",
-        *([_cut(one.name, NAME_CHARS)] if named else []),
-        f"{one.frames:,}",
-        number(one.rate),
-        number(1000.0 * one.jitter, "ms", 2),
+        str(message.bus),
+        f"0x{message.id:08X}" if message.extended else f"0x{message.id:03X}",
+        *([_cut(message.name, NAME_CHARS)] if named else []),
+        f"{message.frames:,}",
+        number(message.rate),
+        number(1000.0 * message.jitter, "ms", 2),
         size,
-        picture(one),
+        picture(message),
         ", ".join(notes),
     ]
 
@@ -171,7 +183,7 @@ def _place(start: int, length: int) -> str:
     return f"byte {byte}" if length == 8 else f"byte {byte} bits {bit}-{bit + length - 1}"
 
 
-def picture(one: MessageContents) -> str:
+def picture(message: MessageContents) -> str:
     """One character for each byte: how many of its bits have changed, c for a counter, x for a checksum.
 
     Example:
@@ -180,10 +192,10 @@ def picture(one: MessageContents) -> str:
         >>> picture(MessageContents(0, 1, False, "", "", 9, 1.0, 0.0, 1.0, 0.0, 9.0, 4, 4, 8, changed, ()))
         '·▁█·'
     """
-    each = max(1, -(-one.longest // MAX_DRAWN_BYTES))
-    bits = [int(byte).bit_count() for byte in one.changed[: one.longest]]
+    each = max(1, -(-message.longest // MAX_DRAWN_BYTES))
+    bits = [int(byte).bit_count() for byte in message.changed[: message.longest]]
     cells = ["·" if not n else BLOCKS[n - 1] for n in bits]
-    for field in one.fields:
+    for field in message.fields:
         for byte in range(field.start // 8, (field.start + field.length - 1) // 8 + 1):
             # half a byte that counts next to half a byte of a quantity: the quantity is what matters
             if field.length >= 8 or bits[byte] <= field.length:
@@ -191,34 +203,37 @@ def picture(one: MessageContents) -> str:
     if each == 1:
         return "".join(cells)
     groups = [bits[k : k + each] for k in range(0, len(bits), each)]
-    return "".join("·" if not any(of) else BLOCKS[max(of) - 1] for of in groups)
+    return "".join("·" if not any(group) else BLOCKS[max(group) - 1] for group in groups)
 
 
 # --- signals ----------------------------------------------------------------------------------------------
 
 
-def _signals(found: LogContents, width: int, sort: str, everything: bool) -> list[str]:
-    rates = {(one.bus, one.id): one.rate for one in found.messages}
+def _signals(contents: LogContents, width: int, sort: str, everything: bool) -> list[str]:
+    rates = {(message.bus, message.id): message.rate for message in contents.messages}
     order = {
-        "id": lambda one: (one.bus, one.id),
-        "rate": lambda one: -rates.get((one.bus, one.id), 0.0),
-        "changes": lambda one: -one.changes,
+        "id": lambda signal: (signal.bus, signal.id),
+        "rate": lambda signal: -rates.get((signal.bus, signal.id), 0.0),
+        "changes": lambda signal: -signal.changes,
     }[sort]
-    ordered = sorted(found.signals, key=order)
-    constant = [one for one in ordered if not one.changes]
-    protecting = [one for one in ordered if one.changes and one.protects]
-    moving = ordered if everything else [one for one in ordered if one.changes and not one.protects]
+    ordered = sorted(contents.signals, key=order)
+    constant = [signal for signal in ordered if not signal.changes]
+    protecting = [signal for signal in ordered if signal.changes and signal.protects]
+    moving = (
+        ordered if everything else [signal for signal in ordered if signal.changes and not signal.protects]
+    )
     shown = moving if everything else moving[:MAX_ROWS]
-    two_buses = len({one.bus for one in found.signals}) > 1
+    two_buses = len({signal.bus for signal in contents.signals}) > 1
     chars = TEXT_CHARS if width >= WIDE_CHARS else NARROW_TEXT_CHARS
-    rows = [_signal(one, chars) for one in shown]
+    rows = [_signal(signal, chars) for signal in shown]
     head = ["unit", "low", "high", "last", "changes"]
     used = sum(max(len(row[k]) for row in (head, *rows)) + 2 for k in range(len(head)))
     # half of what is left is for the course, and more of it where names are short
-    names = [_name(one, two_buses, max(width - used - 2, MIN_SPARK_CHARS) // 2) for one in shown]
+    names = [_name(signal, two_buses, max(width - used - 2, MIN_SPARK_CHARS) // 2) for signal in shown]
     spark = max(width - used - 2 - max(map(len, names), default=0), MIN_SPARK_CHARS)
     rows = [
-        [name, *row, sparkline(one.course, spark)] for name, row, one in zip(names, rows, shown, strict=True)
+        [name, *row, sparkline(signal.course, spark)]
+        for name, row, signal in zip(names, rows, shown, strict=True)
     ]
     out = _table(["signal", *head, "over time"], rows, width, left={0, 1}, last_left=1)
     left = [
@@ -228,27 +243,33 @@ def _signals(found: LogContents, width: int, sort: str, everything: bool) -> lis
     ]
     if any(n for n, _ in left):
         out.append("… " + ", ".join(f"{n:,} {what}" for n, what in left if n) + " (--all)")
-    if not found.signals:
+    if not contents.signals:
         out = ["signals: none of these files' messages came"]
     return out
 
 
-def _signal(one: SignalContents, chars: int) -> list[str]:
+def _signal(signal: SignalContents, chars: int) -> list[str]:
     # a position hardly moves: as many digits as show that it does
-    same = one.low != one.high and number(one.low, digits=DIGITS) == number(one.high, digits=DIGITS)
+    same = signal.low != signal.high and number(signal.low, digits=DIGITS) == number(
+        signal.high, digits=DIGITS
+    )
     digits = FINE_DIGITS if same else DIGITS
     texts = [
         _cut(text, chars) or number(value, digits=digits)
-        for text, value in ((one.low_text, one.low), (one.high_text, one.high), (one.last_text, one.last))
+        for text, value in (
+            (signal.low_text, signal.low),
+            (signal.high_text, signal.high),
+            (signal.last_text, signal.last),
+        )
     ]
-    return [_cut(one.unit, chars), *texts, f"{one.changes:,}"]
+    return [_cut(signal.unit, chars), *texts, f"{signal.changes:,}"]
 
 
-def _name(one: SignalContents, with_bus: bool, chars: int) -> str:
+def _name(item: SignalContents, with_bus: bool, chars: int) -> str:
     """MESSAGE.SIGNAL in so many characters: the message is cut first, the signal is what is read."""
-    bus = f"{one.bus}:" if with_bus else ""
-    signal = _cut(one.signal, max(chars - len(bus) - MIN_MESSAGE_CHARS - 1, MIN_MESSAGE_CHARS))
-    message = _cut(one.message, max(chars - len(bus) - len(signal) - 1, MIN_MESSAGE_CHARS))
+    bus = f"{item.bus}:" if with_bus else ""
+    signal = _cut(item.signal, max(chars - len(bus) - MIN_MESSAGE_CHARS - 1, MIN_MESSAGE_CHARS))
+    message = _cut(item.message, max(chars - len(bus) - len(signal) - 1, MIN_MESSAGE_CHARS))
     return f"{bus}{message}.{signal}"
 
 

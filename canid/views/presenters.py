@@ -1,38 +1,58 @@
-"""The list of results that have a text, a fragment of HTML, a plot and a table; `canid.presentation` asks for it."""
+"""The list of results that have a text, a fragment of HTML, a plot and a table; `canid.values.presentation` asks for it."""
 
 from __future__ import annotations
 
 from canid.comparison.comparison import Comparison
-from canid.drive_parameters import Identified
-from canid.findings import Report
-from canid.presentation import Presenter
-from canid.types import Channel, Estimate, Interval, Trace
-from canid.views import comparison_text, data_frame, estimate_text, numbers, plots
-from canid.views.notebook import estimate_fragment, result_fragments, trace_fragment
+from canid.drive.drive_parameters import Identified
+from canid.drive.drive_reader import Drive
+from canid.values import estimate_text, numbers
+from canid.values.findings import Report
+from canid.values.presentation import Presenter
+from canid.values.types import Channel, Estimate, Interval, Trace
+from canid.views import (
+    comparison_document,
+    data_frame,
+    diagnosis_document,
+    diagnosis_text,
+    identification_document,
+    identification_text,
+    plots,
+)
+from canid.views.notebook import channel_rows, drive_fragment, trace_fragment
 
 PRESENTERS: dict[type, Presenter] = {
     Interval: Presenter(
-        lambda of: [numbers.interval(of)], estimate_fragment.interval_html, plots.interval_plot
+        lambda interval: [numbers.interval(interval)], channel_rows.interval_html, plots.interval_plot
     ),
     Channel: Presenter(
-        lambda of: [estimate_text.channel("", of, places=None).removeprefix(": ")],
-        estimate_fragment.channel_html,
+        lambda channel: [estimate_text.channel("", channel, places=None).removeprefix(": ")],
+        channel_rows.channel_html,
         plots.channel_plot,
     ),
     Estimate: Presenter(
-        estimate_fragment.estimate_lines, estimate_fragment.estimate_html, plots.estimate_plot
+        lambda estimate: [estimate_text.estimate(estimate)], channel_rows.estimate_html, plots.estimate_plot
     ),
     Trace: Presenter(
-        trace_fragment.trace_lines, trace_fragment.trace_html, plots.trace_plot, data_frame.trace_frame
+        trace_fragment.trace_text,
+        trace_fragment.trace_html,
+        plots.trace_plot,
+        frame=data_frame.trace_frame,
+    ),
+    Drive: Presenter(
+        drive_fragment.drive_text,
+        drive_fragment.drive_html,
+        plots.drive_plot,
+        frame=lambda drive, library: data_frame.trace_frame(drive.trace, library),
     ),
     Identified: Presenter(
-        result_fragments.identified_lines,
-        result_fragments.identified_html,
+        identification_text.summary,
+        identification_document.notebook,
         plots.identified_plot,
+        {"step": plots.step_plot, "frequency": plots.frequency_plot},
         data_frame.parameters_frame,
     ),
-    Report: Presenter(result_fragments.report_lines, result_fragments.report_html, plots.report_plot),
-    Comparison: Presenter(comparison_text.text, result_fragments.comparison_html, plots.comparison_plot),
+    Report: Presenter(diagnosis_text.text, diagnosis_document.notebook, plots.report_plot),
+    Comparison: Presenter(comparison_document.text, comparison_document.notebook, plots.comparison_plot),
 }
 
 

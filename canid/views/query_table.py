@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from canid.interval_text import DASH, interval_text
-from canid.views.numbers import number
-from canid.views.terminal_text import terminal_text
+from canid.values.interval_text import DASH, interval_text
+from canid.values.numbers import number
+from canid.values.terminal_text import terminal_text
 from canid.views.terminal_view.spans import cells
 
 # significant digits: an estimate has no more that mean something; --format csv gives all

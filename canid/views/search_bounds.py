@@ -13,11 +13,11 @@ from canid.diagnosis.driver import driver_model
 from canid.diagnosis.lane import lane_model
 from canid.diagnosis.rivals.rival_models import MODELS
 from canid.effects import CATALOGUE
-from canid.findings import Finding, Fit, Report, Rival
-from canid.identified_model import DRIVER
-from canid.types import Interval
-from canid.views.names import SYMBOLS, readable
-from canid.views.numbers import interval, number
+from canid.values.findings import Finding, Fit, Report, Rival
+from canid.values.identified_model import DRIVER
+from canid.values.names import SYMBOLS, readable
+from canid.values.numbers import interval, number
+from canid.values.types import Interval
 
 # of a parameter's range (of its logarithm where it is searched by that); nearer than this it stands at an end, as the
 # searches themselves have it (`baseline_check`, `calibration`)
@@ -64,7 +64,7 @@ def at_bound(value: float, low: float, high: float, unit: str = "", *, log: bool
     return AtBound("lower" if place < 0.5 else "upper", low, high, unit)
 
 
-def text(iv: Interval, unit: str, of: AtBound | None) -> str:
+def text(iv: Interval, unit: str, bound: AtBound | None) -> str:
     """An estimate as text: at an end of its range that end and what the interval leaves, else value and interval.
 
     Example:
@@ -75,12 +75,12 @@ def text(iv: Interval, unit: str, of: AtBound | None) -> str:
         >>> text(Interval(1.0, 0.8, 1.2), "s", None)
         '1.00 [0.80, 1.20] s'
     """
-    if of is None:
+    if bound is None:
         return interval(iv, unit)
-    word, end = ("below", iv.high) if of.side == "lower" else ("above", iv.low)
+    word, end = ("below", iv.high) if bound.side == "lower" else ("above", iv.low)
     # an interval as wide as the range says nothing
-    rest = f" (95 %: {word} {number(end, unit)})" if of.low < end < of.high else ""
-    return f"at its {of.side} bound, {number(of.end, unit or of.unit)}{rest}"
+    rest = f" (95 %: {word} {number(end, unit)})" if bound.low < end < bound.high else ""
+    return f"at its {bound.side} bound, {number(bound.end, unit or bound.unit)}{rest}"
 
 
 def of_parameter(key: str, iv: Interval, half_step: float = 0.0) -> AtBound | None:
@@ -101,22 +101,22 @@ def of_parameter(key: str, iv: Interval, half_step: float = 0.0) -> AtBound | No
     if places is None or what not in SYMBOLS:
         return None
     low, high = (lane_model.LOW, lane_model.HIGH) if lane else (driver_model.LOW, driver_model.HIGH)
-    of = (*places["tau"], *places["dead_time"]) if what == "tau_plus_dead_time" else places[what]
+    indices = (*places["tau"], *places["dead_time"]) if what == "tau_plus_dead_time" else places[what]
     late = half_step if lane and what in ("dead_time", "tau_plus_dead_time") else 0.0
-    found = at_bound(iv.value, sum(low[k] for k in of) + late, sum(high[k] for k in of) + late)
-    return found if found is None or what == "K" else found._replace(unit="s")
+    bound = at_bound(iv.value, sum(low[k] for k in indices) + late, sum(high[k] for k in indices) + late)
+    return bound if bound is None or what == "K" else bound._replace(unit="s")
 
 
 def of_fit(fit: Fit, half_step: float = 0.0) -> dict[str, AtBound]:
     """Of all parameters of a model: the channels' by their keys in `Report.shifts`, those of the form by their names."""
-    found = {
+    bounds = {
         f"{name} {what}": of_parameter(f"{name} {what}", getattr(channel, what), half_step)
         for name, channel in fit.channels.items()
         for what in SYMBOLS
     }
     if fit.form is not None:
-        found |= {name: of_form(fit.form.name, name, iv) for name, iv in fit.form.parameters.items()}
-    return {key: one for key, one in found.items() if one is not None}
+        bounds |= {name: of_form(fit.form.name, name, iv) for name, iv in fit.form.parameters.items()}
+    return {key: bound for key, bound in bounds.items() if bound is not None}
 
 
 def of_form(form: str, name: str, iv: Interval) -> AtBound | None:
@@ -132,38 +132,47 @@ def of_finding(finding: Finding) -> dict[str, AtBound]:
     """Of a finding's parameters."""
     by = {effect.id: effect for effect in CATALOGUE}
     parameters = by[finding.effect].parameters if finding.effect in by else ()
-    found = {
-        one.name: at_bound(
-            finding.parameters[one.name].value, one.low, one.high, finding.units.get(one.name, "")
+    bounds = {
+        parameter.name: at_bound(
+            finding.parameters[parameter.name].value,
+            parameter.low,
+            parameter.high,
+            finding.units.get(parameter.name, ""),
         )
-        for one in parameters
-        if one.name in finding.parameters and not one.change_point
+        for parameter in parameters
+        if parameter.name in finding.parameters and not parameter.change_point
     }
-    return {name: one for name, one in found.items() if one is not None}
+    return {name: bound for name, bound in bounds.items() if bound is not None}
 
 
 def of_rival(rival: Rival) -> dict[str, AtBound]:
     """Of the parameters of a published model."""
-    by = {one.name: one for one in MODELS}
+    by = {model.name: model for model in MODELS}
     parameters = by[rival.model].parameters if rival.model in by else ()
-    found = {
-        one.name: at_bound(rival.parameters[one.name].value, one.low, one.high, one.unit, log=one.low > 0)
-        for one in parameters
-        if one.name in rival.parameters
+    bounds = {
+        parameter.name: at_bound(
+            rival.parameters[parameter.name].value,
+            parameter.low,
+            parameter.high,
+            parameter.unit,
+            log=parameter.low > 0,
+        )
+        for parameter in parameters
+        if parameter.name in rival.parameters
     }
-    return {name: one for name, one in found.items() if one is not None}
+    return {name: bound for name, bound in bounds.items() if bound is not None}
 
 
 def of_model(driver: Mapping[str, float], form: str) -> dict[str, AtBound]:
     """Of the final model's parameters that a fit moved."""
     moved = {"gap": ("headway_desired",), "free_speed": tuple(FORM)}.get(form, ())
     units = {"tau1": "s", "tau2": "s", "dead_time1": "s", "dead_time2": "s"} | FORM
-    found: dict[str, AtBound] = {}
+    bounds: dict[str, AtBound] = {}
     for k, name in enumerate(DRIVER):
         if name in driver and (name in moved or name not in FORM) and name != "offset":
             at = at_bound(driver[name], driver_model.LOW[k], driver_model.HIGH[k], units.get(name, ""))
-            found |= {name: at} if at is not None else {}
-    return found
+            bounds |= {name: at} if at is not None else {}
+    return bounds
 
 
 def without_intervals(says: str, report: Report) -> str:
@@ -171,7 +180,7 @@ def without_intervals(says: str, report: Report) -> str:
     for finding in report.findings:
         for name, at in of_finding(finding).items():
             iv = finding.parameters[name]
-            shown = f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]"
+            shown = f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]"
             says = says.replace(shown, f"{number(at.end)} (the {at.side} bound of what is searched)")
     return says
 
@@ -184,13 +193,3 @@ def remarks(report: Report) -> list[str]:
         for finding in report.findings
         for name, at in of_finding(finding).items()
     ]
-
-
-def as_json(found: Mapping[str, AtBound]) -> dict[str, dict[str, object]]:
-    """Parameter -> side, range and unit.
-
-    Example:
-        >>> as_json({"tau": AtBound("upper", 0.0, 3.0, "s")})
-        {'tau': {'side': 'upper', 'range': [0.0, 3.0], 'unit': 's'}}
-    """
-    return {key: {"side": at.side, "range": [at.low, at.high], "unit": at.unit} for key, at in found.items()}

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from canid.signal_checks.signal_checks import sentence
-from canid.types import DriveTime, SignalFinding, SignalReport
+from canid.values.types import DriveTime, SignalFinding, SignalReport
 
 
-def time(of: DriveTime) -> str:
+def time(drive: DriveTime) -> str:
     """What a drive holds.
 
     Example:
         >>> time(DriveTime(60.0, 55.0, 50.0, 43.0))
         '60 s, driving 55 s, behind a lead 50 s, usable for identification 43 s'
     """
-    behind = f"behind a lead {of.behind_lead:.0f} s, " if of.behind_lead == of.behind_lead else ""
-    return (
-        f"{of.total:.0f} s, driving {of.driving:.0f} s, {behind}usable for identification {of.usable:.0f} s"
-    )
+    behind = f"behind a lead {drive.behind_lead:.0f} s, " if drive.behind_lead == drive.behind_lead else ""
+    return f"{drive.total:.0f} s, driving {drive.driving:.0f} s, {behind}usable for identification {drive.usable:.0f} s"
 
 
 def findings(several: Iterable[SignalFinding]) -> list[str]:
@@ -30,8 +28,8 @@ def findings(several: Iterable[SignalFinding]) -> list[str]:
         '✗ speed is 3.6 times gnss_speed (since 3 s): check it; until 90 s'
     """
     return [
-        f"✗ {sentence(one)}{f'; until {one.until:.0f} s' if one.until == one.until else ''}"
-        for one in several
+        f"✗ {sentence(finding)}{f'; until {finding.until:.0f} s' if finding.until == finding.until else ''}"
+        for finding in several
     ]
 
 
@@ -43,8 +41,8 @@ def report(r: SignalReport) -> list[str]:
         >>> report(SignalReport(20.0, (one,)))
         ['     20.0 s  signals wrong         speed is 3.6 times gnss_speed (since 3 s): check it']
     """
-    new = [one for one in r.findings if r.t in (one.raised, one.until)]
+    new = [finding for finding in r.findings if r.t in (finding.raised, finding.until)]
     return [
-        f" {r.t:8.1f} s  {'signals':7} {'wrong' if one.until != one.until else 'no longer':12}  {sentence(one)}"
-        for one in new
+        f" {r.t:8.1f} s  {'signals':7} {'wrong' if finding.until != finding.until else 'no longer':12}  {sentence(finding)}"
+        for finding in new
     ]

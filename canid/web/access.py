@@ -1,8 +1,9 @@
-"""Who may see the page: Host, Origin and token of each request and each websocket, and the headers of each answer.
+"""Who may see the page: Host and Origin of each request, the token of each websocket, and the headers of each answer.
 
-The token is in the address that canid prints; the page's answer sets it as a cookie (SameSite=Strict, HttpOnly), so that
-scripts, plots and the websocket need no secret in their addresses and no script can read it. It is required on loopback
-too: other users of the machine, and every page in the browser, can reach a loopback port.
+The page's files are the same for everyone; all that is of a session comes over the websocket, which needs the token, on
+loopback too: other users of the machine, and every page in the browser, can reach a loopback port. The token is behind
+the "#" of the address that canid prints. The page keeps it in its tab's sessionStorage, which belongs to one port, and
+sends it as a subprotocol of its websocket and nowhere else. There is no cookie: cookies belong to all ports of a host.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ import secrets
 import socket
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
-from urllib.parse import parse_qs
 
 if TYPE_CHECKING:  # the parent's side imports `Access`, and nothing of the server
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 # listening on all addresses: any of them may be asked for, but by number, or by this machine's name
 WILDCARDS = ("0.0.0.0", "::", "")
-FORBIDDEN = "403: open the address that canid has printed, with its token\n"
+FORBIDDEN = "403: open the address that canid has printed\n"
+# the websocket's subprotocol, which a client offers with the token as a second one
+PROTOCOL = "canid"
 
 
 class Access(NamedTuple):
@@ -35,7 +37,7 @@ class Access(NamedTuple):
 def refusal(access: Access, scope: Scope) -> str:
     """Why a request is refused; "": it is not.
 
-    Each of Host, Origin and token alone refuses. Host: DNS rebinding. Origin: websockets and requests of other pages.
+    Each alone refuses. Host: DNS rebinding. Origin: websockets and requests of other pages. Token: of websockets.
     """
     headers: list[tuple[bytes, bytes]] = scope["headers"]
     hosts, origins = _values(headers, b"host"), _values(headers, b"origin")
@@ -44,11 +46,14 @@ def refusal(access: Access, scope: Scope) -> str:
     # a browser sends an Origin with every websocket, and with no plain GET
     if origins != [f"http://{hosts[0]}"] and (origins or scope["type"] == "websocket"):
         return "origin"
-    query = parse_qs(scope.get("query_string", b"").decode("ascii", "replace"))
-    given = [*query.get("token", []), *_cookies(_values(headers, b"cookie"), cookie_name(access))]
+    if scope["type"] != "websocket":
+        return ""
+    given: list[str] = scope["subprotocols"]
     # all are compared, each in constant time
-    known = [hmac.compare_digest(one.encode("utf-8", "replace"), access.token.encode()) for one in given]
-    return "" if any(known) else "token"
+    known = [
+        hmac.compare_digest(protocol.encode("utf-8", "replace"), access.token.encode()) for protocol in given
+    ]
+    return "" if any(known) and PROTOCOL in given else "token"
 
 
 def host_allowed(access: Access, header: str) -> bool:
@@ -83,18 +88,8 @@ def host_allowed(access: Access, header: str) -> bool:
     return ip == listens or (listens.is_loopback and name == "localhost")
 
 
-def cookie_name(access: Access) -> str:
-    """The name of the cookie; cookies are shared by all ports of a host."""
-    return f"canid_{access.port}"
-
-
 def _values(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in headers if key == name]
-
-
-def _cookies(lines: Iterable[str], name: str) -> list[str]:
-    pairs = [pair.strip().partition("=") for line in lines for pair in line.split(";")]
-    return [value for key, _, value in pairs if key == name]
 
 
 class Guard:
@@ -114,19 +109,21 @@ class Guard:
         nonce = secrets.token_urlsafe(16)
         host = "" if refused else _values(scope["headers"], b"host")[0]
         extra = _headers(nonce, host)
-        if not refused and parse_qs(scope["query_string"]).get(b"token"):
-            cookie = f"{cookie_name(self._access)}={self._access.token}; Path=/; HttpOnly; SameSite=Strict"
-            extra.append((b"set-cookie", cookie.encode()))
 
         async def answer(message: Message) -> None:
             if message["type"] == "http.response.start":
-                own = [(key, value) for key, value in message.get("headers", [])]
-                named = {key for key, _ in own}
-                message = {**message, "headers": own + [one for one in extra if one[0] not in named]}
+                headers = [(key, value) for key, value in message.get("headers", [])]
+                named = {key for key, _ in headers}
+                message = {
+                    **message,
+                    "headers": headers + [header for header in extra if header[0] not in named],
+                }
             await send(message)
 
         if not refused:
             scope["canid.nonce"] = nonce
+            if scope["type"] == "websocket":
+                scope["canid.known"]()
             await self._app(scope, receive, answer)
         elif scope["type"] == "websocket":
             await receive()
@@ -154,4 +151,5 @@ def _headers(nonce: str, host: str) -> list[tuple[bytes, bytes]]:
         (b"cross-origin-opener-policy", b"same-origin"),
         (b"cross-origin-resource-policy", b"same-origin"),
         (b"cache-control", b"no-store"),
+        (b"connection", b"close"),  # a request a connection: see canid.web.connections
     ]

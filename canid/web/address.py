@@ -9,7 +9,7 @@ import re
 import socket
 from typing import NamedTuple
 
-from canid.errors import ConfigError
+from canid.values.errors import ConfigError
 
 DEFAULT_HOST = "127.0.0.1"
 # 8080 is taken on many machines
@@ -39,8 +39,8 @@ def parse(text: str) -> Address:
     host, port = text, ""
     if text.isdecimal():
         host, port = "", text
-    elif found := re.fullmatch(r"\[([0-9a-fA-F:.]+)\](?::(\d+))?", text):
-        host, port = found[1], found[2] or ""
+    elif match := re.fullmatch(r"\[([0-9a-fA-F:.]+)\](?::(\d+))?", text):
+        host, port = match[1], match[2] or ""
     elif text.count(":") == 1:
         host, _, port = text.partition(":")
     number = int(port) if re.fullmatch(r"[0-9]{1,5}", port) else DEFAULT_PORT if not port else 0
@@ -93,14 +93,14 @@ def listening(address: Address) -> tuple[socket.socket, Address]:
 
 
 def url(address: Address, token: str) -> str:
-    """The address of the page, with its token.
+    """The address of the page, with its token behind the "#", which no browser sends to a server.
 
     Example:
         >>> url(Address("::1", 8090), "abc")
-        'http://[::1]:8090/?token=abc'
+        'http://[::1]:8090/#token=abc'
     """
     host = f"[{address.host}]" if ":" in address.host else address.host
-    return f"http://{host}:{address.port}/?token={token}"
+    return f"http://{host}:{address.port}/#token={token}"
 
 
 def _why(error: OSError | UnicodeError) -> str:

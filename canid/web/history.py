@@ -49,9 +49,9 @@ class Thinned:
             spacing = (self._older[-1][0] - self._older[0][0]) / (len(self._older) - 1)
             self._interval = 2.0 * max(self._interval, spacing, 1e-9)
             kept: list[tuple[float, Any]] = []
-            for one in self._older:
-                if not kept or self._bucket(one[0]) != self._bucket(kept[-1][0]):
-                    kept.append(one)
+            for old_row in self._older:
+                if not kept or self._bucket(old_row[0]) != self._bucket(kept[-1][0]):
+                    kept.append(old_row)
             self._older = kept
 
     def _bucket(self, t: float) -> float:

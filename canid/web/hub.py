@@ -2,6 +2,7 @@
 
 A client has no queue of its own but a position in one bounded queue. It is sent what is new since then, when it has taken
 what was sent before; one that falls behind the queue is given the history anew, and one that takes nothing is dropped.
+Of the tables of all signals only the newest is kept, and sent to those alone who ask for it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from canid.recording.controls import SIGNALS_HOLD_S
+from canid.web.access import PROTOCOL
+from canid.web.connections import POLICY_VIOLATION
 from canid.web.history import History
 from canid.web.requests import parsed
 
@@ -27,12 +31,17 @@ SEND_INTERVAL_S = 0.05
 SNAPSHOT_INTERVAL_S = 1.0
 # s that a client may take nothing before it is dropped
 STALLED_S = 10.0
-# requests of a client: a person with a key held down makes 30 a second, half of which are of no use
-REQUESTS_PER_S = 20.0
 MAX_CLIENTS = 64
-# codes of a closing websocket (RFC 6455)
-POLICY_VIOLATION = 1008
-TRY_LATER = 1013
+TRY_LATER = 1013  # RFC 6455
+
+
+class _Client:
+    """What a client has."""
+
+    def __init__(self) -> None:
+        self.position = -1  # in the messages; -1: it has nothing
+        self.shows_until = 0.0  # monotonic clock, s; the table of signals
+        self.table = 0  # number of the table that it has
 
 
 class Hub:
@@ -52,17 +61,22 @@ class Hub:
             "",
         )  # the last batch: several clients want the same
         self._snapshot: tuple[int, float, str] = (-1, 0.0, "")
+        self._table: tuple[int, str] = (0, "")  # how many there were, and the last one
 
     def take(self, lines: list[bytes]) -> None:
         """Take messages from the session."""
         for line in lines:
             text = line.decode("utf-8", "replace")
-            self._history.take(json.loads(text))
+            message = json.loads(text)
+            if message["kind"] == "table":
+                self._table = self._table[0] + 1, text
+                continue
+            self._history.take(message)
             self._queue.append(text)
             self._count += 1
-        for one in self._waiting:
-            if not one.done():
-                one.set_result(None)
+        for future in self._waiting:
+            if not future.done():
+                future.set_result(None)
         self._waiting.clear()
 
     def _behind(self, position: int) -> bool:
@@ -101,9 +115,10 @@ class Hub:
         self._clients += 1
         writer: asyncio.Task[None] | None = None
         try:
-            await socket.accept()
-            writer = asyncio.create_task(self._write(socket))
-            reader = asyncio.create_task(self._read(socket))
+            await socket.accept(PROTOCOL)
+            client = _Client()
+            writer = asyncio.create_task(self._write(socket, client))
+            reader = asyncio.create_task(self._read(socket, client))
             done, left = await asyncio.wait((writer, reader), return_when=asyncio.FIRST_COMPLETED)
             for task in left:
                 task.cancel()
@@ -111,19 +126,21 @@ class Hub:
         finally:
             self._clients -= 1
 
-    async def _write(self, socket: WebSocket) -> None:
-        position, due = -1, 0.0
+    async def _write(self, socket: WebSocket, client: _Client) -> None:
+        due = 0.0
         try:
             while True:
-                if position < 0 or self._behind(position):
+                if client.position < 0 or self._behind(client.position):
                     await asyncio.sleep(due - time.monotonic())
                     due = time.monotonic() + SNAPSHOT_INTERVAL_S
-                    position, text = self._whole()
-                elif position == self._count:
+                    client.position, text = self._whole()
+                elif client.table < self._table[0] and time.monotonic() < client.shows_until:
+                    client.table, text = self._table
+                elif client.position == self._count:
                     await self._news()
                     continue
                 else:
-                    text, position = self._batch(position), self._count
+                    text, client.position = self._batch(client.position), self._count
                 async with asyncio.timeout(STALLED_S):
                     await socket.send_text(text)
                 await asyncio.sleep(SEND_INTERVAL_S)
@@ -131,17 +148,16 @@ class Hub:
             # not a closing handshake: nobody would read it
             socket.scope["canid.abort"]()
 
-    async def _read(self, socket: WebSocket) -> None:
-        tokens, last = REQUESTS_PER_S, time.monotonic()
+    async def _read(self, socket: WebSocket, client: _Client) -> None:
         with suppress(WebSocketDisconnect):
             while True:
                 message = await socket.receive()
                 if message["type"] == "websocket.disconnect":
                     return
-                now = time.monotonic()
-                tokens, last = min(tokens + (now - last) * REQUESTS_PER_S, REQUESTS_PER_S) - 1.0, now
                 request = parsed(message.get("text") or "", self._allowed)
-                if tokens < 0.0 or request is None:
+                if request is None:
                     socket.scope["canid.close"](POLICY_VIOLATION)
                     return
+                if request["do"] == "signals":
+                    client.shows_until = time.monotonic() + SIGNALS_HOLD_S
                 self._request(request)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import subprocess
 import threading
 import time
 from collections import deque
@@ -17,8 +16,10 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
-from canid.child_process import command
-from canid.controls import Controls
+from canid.processes.child import EXIT_S, Child
+from canid.processes.child_process import command
+from canid.recording.controls import Controls
+from canid.values.signal_table import SignalTable
 from canid.views.terminal_view.state import HealthLine
 from canid.web import messages
 from canid.web.access import Access
@@ -76,14 +77,8 @@ class LivePage:
         inherited = os.name == "posix"
         if not inherited:
             sock.close()
-        self._child = subprocess.Popen(
-            command("canid.web.server", *([str(sock.fileno())] if inherited else [])),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-            pass_fds=(sock.fileno(),) if inherited else (),
-        )
+        descriptors = (sock.fileno(),) if inherited else ()
+        self._child = Child(command("canid.web.server", *map(str, descriptors)), inherited=descriptors)
         if inherited:
             sock.close()
         self._waiting.append(("", {**access._asdict(), "allowed": allowed}))
@@ -113,6 +108,10 @@ class LivePage:
             self._offer("", {"kind": "reset"})
         self._offer("status", values)
 
+    def table(self, table: SignalTable) -> None:
+        """Show all signals, to those who have asked for them."""
+        self._offer("table", table)
+
     def close(self) -> None:
         """Give the clients the last messages, and end the server. A second call does nothing."""
         with self._changed:
@@ -123,11 +122,10 @@ class LivePage:
             self._changed.notify_all()
         end = time.monotonic() + CLOSE_TIMEOUT_S
         self._writer.join(CLOSE_TIMEOUT_S)
-        with suppress(subprocess.TimeoutExpired):
-            self._child.wait(max(end - time.monotonic(), 0.0))
+        self._child.wait(max(end - time.monotonic(), 0.0))
         self._child.kill()
-        self._child.wait()
         self._reader.join(CLOSE_TIMEOUT_S)
+        self._child.end()
 
     def _offer(self, kind: str, what: Any) -> None:
         with self._changed:
@@ -151,18 +149,19 @@ class LivePage:
             return messages.of_lines(what[0], self._output)
         if kind == "status":
             return {**messages.of_status(what), "lost": self.lost}
+        if kind == "table":
+            return messages.of_table(what)
         return dict(what)
 
-    def _encoded(self, one: tuple[str, Any]) -> bytes:
+    def _encoded(self, item: tuple[str, Any]) -> bytes:
         try:
-            return messages.encode(self._message(*one))
+            return messages.encode(self._message(*item))
         except Exception:  # of any kind: one message is lost, not the page
             self.lost += 1
             return b""
 
     def _write(self) -> None:
         stream = self._child.stdin
-        assert stream is not None
         with suppress(OSError, ValueError):  # it has died, or is being closed
             while True:
                 with self._changed:
@@ -178,9 +177,7 @@ class LivePage:
             stream.close()
 
     def _read(self) -> None:
-        stream = self._child.stdout
-        assert stream is not None
-        for line in stream:
+        for line in self._child.stdout:
             # the child faces the network: it is not believed either
             request = parsed(line, self._allowed)
             if request is None:
@@ -191,12 +188,11 @@ class LivePage:
                     continue
                 self._marked = now
             obey(request, self._controls)
-        stream.close()
-        code = self._child.wait()
+        code = self._child.end(EXIT_S)
         with self._changed:
             self._dead = True
             closing = self._closing
             self._changed.notify_all()
         if not closing:
-            why = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+            why = f"exit code {code}" if code is None or code >= 0 else signal.Signals(-code).name
             self._say(f"the live page has ended ({why}); the session goes on without it")

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from canid.types import TASK_INPUTS, Estimate, Event, MonitorReport, Sample, SignalReport
-from canid.views import estimate_text, json_values
-from canid.views.numbers import UNITS, gain_unit
+from canid.values import estimate_text, json_values
+from canid.values.numbers import UNITS, gain_unit
+from canid.values.signal_table import SignalTable
+from canid.values.types import TASK_INPUTS, Estimate, Event, MonitorReport, Sample, SignalReport
 from canid.views.terminal_view.state import HealthLine
 
 Item = Sample | Estimate | MonitorReport | SignalReport | Event
@@ -30,19 +31,19 @@ def of_item(item: Item, output: str) -> dict[str, Any]:
     if isinstance(item, Estimate):
         return {
             "kind": "estimate",
-            "value": json_values.estimate(item),
+            "value": json_values.plain(item),
             "missing": estimate_text.all_missing(item.channels),
             "units": {name: gain_unit(output, name) for name in item.channels},
         }
     if isinstance(item, MonitorReport):
         return {
             "kind": "monitor",
-            "value": json_values.monitor_report(item),
+            "value": json_values.plain(json_values.MonitorLine(item.t, item)),
             "says": estimate_text.misfit(item),
         }
     if isinstance(item, SignalReport):
-        return {"kind": "signals", "value": json_values.signal_report(item)}
-    return {"kind": "event", **json_values.event(item)}
+        return {"kind": "signals", "value": json_values.plain(item)}
+    return {"kind": "event", **json_values.plain(item)}
 
 
 def sample(s: Sample) -> dict[str, Any]:
@@ -63,6 +64,26 @@ def of_lines(lines: Iterable[HealthLine], output: str) -> dict[str, Any]:
     """The state of buses, recorder and estimators; the role of the driver's output and its unit."""
     shown = [{"text": line.text, "wrong": line.wrong} for line in lines]
     return {"kind": "health", "lines": shown, "output": output, "unit": UNITS.get(output, "")}
+
+
+def of_table(table: SignalTable) -> dict[str, Any]:
+    """The table of all signals: bus, name, text, rate and age of each.
+
+    Example:
+        >>> from canid.values.signal_table import Row
+        >>> of_table(SignalTable(1.5, [Row(0, "A.B", "10 m", 9.8765, 0.012)], 0.001))
+        {'kind': 'table', 't': 1.5, 'rows': [[0, 'A.B', '10 m', 9.88, 0.01]], 'failure': ''}
+    """
+    rows = [
+        [row.bus, row.name, row.text, json_values.number(float(f"{row.rate:.3g}")), round(row.age, 2)]
+        for row in table.rows
+    ]
+    return {
+        "kind": "table",
+        "t": json_values.number(round(table.t, 3)),
+        "rows": rows,
+        "failure": table.failure,
+    }
 
 
 def of_status(values: dict[str, Any]) -> dict[str, Any]:

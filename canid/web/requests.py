@@ -1,4 +1,4 @@
-"""Requests of a page: mark, pause, speed, seek. Everything that comes in is checked here, on both sides of the pipe."""
+"""Requests of a page: mark, diagnosis, signals, pause, speed, seek. All are checked here, on both sides of the pipe."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import json
 import math
 from typing import Any, TypeGuard
 
-from canid.controls import MAX_MARK_TEXT, Controls
+from canid.recording.controls import MAX_MARK_TEXT, Controls
 
 # bytes of a message; a mark's text of `MAX_MARK_TEXT` characters, escaped, has 2,400
 MAX_MESSAGE_BYTES = 4096
 # a replay's highest speed with a pace
 MAX_SPEED = 1000.0
 # what the page of a session, and that of a replay, may ask for
-OF_SESSION = ("mark",)
-OF_REPLAY = ("pause", "speed", "seek")
+OF_SESSION = ("mark", "diagnose", "signals")
+OF_REPLAY = ("diagnose", "signals", "pause", "speed", "seek")
 
 
 def parsed(text: str | bytes, allowed: tuple[str, ...]) -> dict[str, Any] | None:
@@ -40,6 +40,8 @@ def parsed(text: str | bytes, allowed: tuple[str, ...]) -> dict[str, Any] | None
                 if isinstance(words, str) and len(words) <= MAX_MARK_TEXT
                 else None
             )
+        case "diagnose" | "signals":
+            return {"do": value["do"]}
         case "pause":
             paused = value.get("paused")
             return {"do": "pause", "paused": paused} if isinstance(paused, bool) else None
@@ -63,6 +65,10 @@ def obey(request: dict[str, Any], controls: Controls) -> None:
     match request["do"]:
         case "mark":
             controls.mark(request["text"])
+        case "diagnose":
+            controls.diagnose()
+        case "signals":
+            controls.show_signals()
         case "pause":
             controls.pause(request["paused"])
         case "speed":

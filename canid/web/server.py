@@ -8,29 +8,25 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import signal
 import socket
 import sys
 import threading
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from canid.processes.serve import connect
 from canid.web.access import Access, Guard
 from canid.web.hub import Hub
-from canid.web.requests import MAX_MESSAGE_BYTES
+from canid.web.serving import TYPES, plots, server_of
 
 PAGE = Path(__file__).parent / "page"
-TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
 # below everything that records or estimates
 NICENESS = 5
 # handfuls of messages that wait for the event loop; then the pipe fills, and the parent drops
@@ -38,35 +34,14 @@ WAITING_READS = 8
 READ_BYTES = 1 << 16
 # s for the last message to leave
 LAST_WORDS_S = 0.1
-# connections, of clients and of those that send nothing
-MAX_CONNECTIONS = 256
-# s between two signs of life of a client
-PING_INTERVAL_S = 20.0
-
-
-class Protocol(WebSocketsSansIOProtocol):
-    """uvicorn's websocket, which an application may also end without waiting for the client."""
-
-    async def run_asgi(self) -> None:
-        """Serve one websocket."""
-        self.scope["canid.abort"] = self.transport.abort  # type: ignore[typeddict-unknown-key]
-        self.scope["canid.close"] = self._close_now  # type: ignore[typeddict-unknown-key]
-        await super().run_asgi()
-
-    def _close_now(self, code: int) -> None:
-        if not self.close_sent and not self.transport.is_closing():
-            self.conn.send_close(code)
-            self.transport.write(b"".join(self.conn.data_to_send()))
 
 
 def application(hub: Hub, access: Access) -> Guard:
     """The pages and the websocket."""
     files = {path.name: path.read_bytes() for path in sorted(PAGE.iterdir()) if path.suffix in TYPES}
     index = files.pop("index.html").decode()
-    plotly = plotly_path()
-    # a new version has another address: the old one may stay in the browser for good
-    version = f"{plotly.stat().st_size:x}-{int(plotly.stat().st_mtime):x}"
-    index = index.replace("{plotly}", f"/plotly.min.js?v={version}")
+    route, plotly = plots()
+    index = index.replace("{plotly}", plotly)
 
     async def page(request: Request) -> Response:
         text = index.replace("{nonce}", request.scope["canid.nonce"])
@@ -78,59 +53,30 @@ def application(hub: Hub, access: Access) -> Guard:
             return Response("404: no such file\n", 404, media_type="text/plain")
         return Response(files[name], media_type=TYPES[Path(name).suffix])
 
-    async def plots(_: Request) -> Response:
-        forever = {"Cache-Control": "private, max-age=31536000, immutable"}
-        return FileResponse(plotly, media_type=TYPES[".js"], headers=forever)
-
     async def live(websocket: WebSocket) -> None:
         await hub.serve(websocket)
 
     routes = [
         Route("/", page),
-        Route("/plotly.min.js", plots),
+        route,
         WebSocketRoute("/live", live),
         Route("/{name}", file),
     ]
     return Guard(Starlette(routes=routes), access)
 
 
-def plotly_path() -> Path:
-    """The plots' script in the installed plotly package, which is not imported."""
-    found = find_spec("plotly")
-    assert found is not None
-    assert found.origin is not None
-    return Path(found.origin).parent / "package_data" / "plotly.min.js"
-
-
-async def serve(config: dict[str, Any], sock: socket.socket) -> None:
-    """Serve until standard input ends."""
+async def serve(config: dict[str, Any], sock: socket.socket, answers: int) -> None:
+    """Serve until standard input ends; requests of the pages go to the descriptor `answers`."""
     loop = asyncio.get_running_loop()
-    os.set_blocking(1, False)
+    os.set_blocking(answers, False)
 
     def request(value: dict[str, Any]) -> None:
         with suppress(OSError):
-            os.write(1, json.dumps(value).encode() + b"\n")
+            os.write(answers, json.dumps(value).encode() + b"\n")
 
     hub = Hub(tuple(config["allowed"]), request)
     app = application(hub, Access(config["host"], config["port"], config["token"]))
-    # proxy_headers: nobody may say that he comes from elsewhere
-    server = uvicorn.Server(
-        uvicorn.Config(
-            app,
-            http="h11",
-            ws=Protocol,
-            loop="asyncio",
-            lifespan="off",
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            ws_max_size=MAX_MESSAGE_BYTES,
-            ws_per_message_deflate=False,
-            ws_ping_interval=PING_INTERVAL_S,
-            limit_concurrency=MAX_CONNECTIONS,
-        )
-    )
+    server = server_of(app)
     room = threading.Semaphore(WAITING_READS)
 
     def take(lines: list[bytes]) -> None:
@@ -153,9 +99,7 @@ async def serve(config: dict[str, Any], sock: socket.socket) -> None:
 
 def main() -> None:
     """Read the configuration, the first line, and serve."""
-    for ignored in ("SIGINT", "SIGHUP"):
-        if hasattr(signal, ignored):
-            signal.signal(getattr(signal, ignored), signal.SIG_IGN)  # for the parent to answer
+    parent = connect()
     with suppress(AttributeError, OSError):  # Windows has no such call
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     first = b""
@@ -170,7 +114,7 @@ def main() -> None:
     else:  # where a socket cannot be inherited
         family = socket.AF_INET6 if ":" in config["host"] else socket.AF_INET
         sock = socket.create_server((config["host"], config["port"]), family=family)
-    asyncio.run(serve(config, sock))
+    asyncio.run(serve(config, sock, parent.sink.fileno()))
 
 
 if __name__ == "__main__":

@@ -11,11 +11,11 @@ from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.tables import cuts, filters, poles
 from canid.estimators import armax_whole_drive
 from canid.identification.armax.armax_batch import Orders
-from canid.types import Identifiable
-from tests.seeds import two_of_three
+from canid.values.types import Identifiable
+from tests.seeds import mostly
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_cut_moves_nothing(seed: int) -> None:
     """Some tenths of a second less at either end move hardly any number by more than a quarter of its half width.
 

@@ -29,7 +29,7 @@ from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, UNEXP
 from benchmarks.hidden_effects.peers.library import fitted, library
 from benchmarks.hidden_effects.peers.methods import PEERS, ask_naive, ask_stlsq
 from canid.effects import CATALOGUE
-from canid.types import Channel, Identifiable, Interval
+from canid.values.types import Channel, Identifiable, Interval
 from tests.plants.measurement import trace
 from tests.plants.plant_one import plant
 from tests.plants.planted_drive import NOISES, OUTSIDE

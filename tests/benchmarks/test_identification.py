@@ -41,7 +41,7 @@ from benchmarks.identification.tables import (
     verdict,
     windup,
 )
-from canid.types import Driver
+from canid.values.types import Driver
 from tests import seeds
 from tests.plants.first_order_lag import answer
 
@@ -86,12 +86,13 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def drawn() -> list[Any]:
-    """A third of the tables in each run, all of them with CANID_ALL_STRENGTHS=1."""
-    some = seeds.part(TABLES, 3, "tables of identification")
-    return [pytest.param(name, table, id=name) for name, table in some]
+    """A third of the tables in each run, all of them with CANID_ALL_CASES=1."""
+    return seeds.in_turn(TABLES, 3, "tables of identification")
 
 
-@pytest.mark.parametrize(("name", "table"), drawn())
+@pytest.mark.parametrize(
+    ("name", "table"), drawn(), ids=lambda given: given if isinstance(given, str) else ""
+)
 def test_every_table_prints_numbers(name: str, table) -> None:  # type: ignore[no-untyped-def]
     """Each table says something finite of canid, in every part, without any peer."""
     parts = table(Settings(runs=2, first_seed=7, peers=False))

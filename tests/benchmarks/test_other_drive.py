@@ -7,10 +7,10 @@ import math
 from benchmarks.other_drive import BASELINE, CHOSEN, best_rival, carried, chosen, prepared, summary
 from canid.diagnosis.diagnose import diagnose
 from canid.diagnosis.rivals.rival_models import MODELS
-from canid.types import Trace
+from canid.values.types import Trace
 from tests.plants import plant_one
 from tests.plants.measurement import trace
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 
 def accelerating(seed: int, profile: str) -> Trace:
@@ -20,7 +20,7 @@ def accelerating(seed: int, profile: str) -> Trace:
     return seen._replace(output=seen.signals["accel"], signals=signals)
 
 
-@two_of_three
+@mostly(0.95)
 def test_models_are_carried_to_another_drive(seed: int) -> None:
     here, there = accelerating(seed, "motorway"), accelerating(seed + 1, "mixed")
     one, other = prepared(here), prepared(there)

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.fleet.pooling import measure
 from tests.plants.many_fleets import Layout
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 SMALL = (
     Layout("2 drivers", 2, 8, 2, 1.0, 0.4),
@@ -16,7 +16,7 @@ SMALL = (
 )
 
 
-@two_of_three
+@mostly(0.95)
 def test_intervals_cover(seed: int) -> None:
     """Errors differ by drive, a tenth of the estimates is hardly known, 15 % are missing, all are correlated."""
     rows = [measure(layout, 60, seed + k, 150, 300, compare=False) for k, layout in enumerate(SMALL)]
@@ -29,7 +29,7 @@ def test_intervals_cover(seed: int) -> None:
     assert np.mean([row.flagged for row in rows]) < 0.01
 
 
-@two_of_three
+@mostly(0.95)
 def test_gross_errors_move_nothing_and_are_flagged(seed: int) -> None:
     """Every tenth drive has a gross error: intervals still cover, nine of ten are called outliers, others hardly ever."""
     row = measure(

@@ -14,9 +14,9 @@ from benchmarks.sumo.lead_speeds import lead_speeds
 from benchmarks.sumo.sumo_drive import drive
 from benchmarks.sumo.sumo_drivers import MODELS, STEP_S, driver
 from canid.diagnosis.rivals.rival_models import MODELS as RIVALS
-from canid.types import NAN
+from canid.values.types import NAN
 from canid.vehicle import read_vehicle
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 NOWHERE = Path("/nowhere")
 
@@ -43,7 +43,7 @@ def test_an_idm_in_sumo_has_the_derivatives_of_its_formula(seed: int) -> None:
     np.testing.assert_allclose(np.diff(s), STEP_S * (u - v)[1:], atol=0.02)
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_recorded_drive_is_the_simulated_one_with_noise(seed: int) -> None:
     pytest.importorskip("libsumo", reason="pip install 'canid[bench]'")
     of = driver(seed)

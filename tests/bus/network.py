@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from canid.logs import open_log
-from canid.types import Flag
+from canid.values.types import Flag
 from tests.fixtures.markers import markers
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from canid.buses import devices
 from canid.logs import open_log
-from canid.types import Flag
+from canid.values.types import Flag
 from tests.bus.network import error_frame, events, ip, numbers, says, sending, shown
 from tests.bus.slcan_adapter import Adapter
 
@@ -199,7 +199,7 @@ def test_bus_off_is_reported_though_its_error_frame_was_dropped(
 ) -> None:
     """The kernel drops the error frame since the buffer is full: the state comes from the device's announcement."""
     recording = tmp_path / "heard.blf"
-    small = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 8192; "
+    small = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 8192; "
     words = ("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
     program = start(
         sys.executable, "-c", small + "from canid.cli import main; import sys; sys.exit(main())", *words

@@ -18,7 +18,7 @@ import pytest
 from canid.logs import open_log, write_log
 from canid.simulation import frames as frames_of
 from canid.simulation import simulate
-from canid.types import Flag, Frame
+from canid.values.types import Flag, Frame
 from tests import seeds
 from tests.hidden_effects.required_causes import PLANTS
 from tests.plants import measurement
@@ -40,7 +40,7 @@ CAUSES = {
 IN_VM = ("range_rate_scale", "speed_scale")
 # Without a bus in between 19 of 19 drives of these strengths were named, at least 85 % (Clopper & Pearson 1934): six
 # without a name in a row have a chance of 1e-5, in one of the five tests of a run 5e-5. Of 128 clean drives of 6 to 60 min
-# one had a name (docs/diagnosis.md, and 12 of these): at most 3.7 %, and four in a row 2e-6.
+# one had a name (docs/evidence/diagnosis.md, and 12 of these): at most 3.7 %, and four in a row 2e-6.
 DRIVES, CLEAN_DRIVES = 6, 4
 # Factor of real time on buses whose frames the recorder stamps as they arrive: 24 s a drive.
 SPEED = 10.0
@@ -187,18 +187,19 @@ def names(report: dict[str, Any]) -> set[str]:
 
 
 def cases() -> list[Any]:
-    """Every simulator on the virtual bus, and one drawn on each of the others; CANID_ALL_STRENGTHS=1: all on all."""
+    """Every simulator on the virtual bus, and one drawn on each of the others; CANID_ALL_CASES=1: all on all."""
     out = []
     for bus, marks in BUSES.items():
         parts = 1 if bus == "virtual" else len(SIMULATORS)
-        out += [
-            pytest.param(bus, one, marks=marks)
-            for one in seeds.part(SIMULATORS, parts, f"simulator on {bus}")
-        ]
+        every = [(bus, simulator) for simulator in SIMULATORS]
+        out += seeds.in_turn(every, parts, f"simulator on {bus}", marks)
     return out
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 @pytest.mark.parametrize(("bus", "simulator"), cases())
+# on nine of ten drives the cause is named
+@seeds.by_chance(0.1**DRIVES)
 def test_a_hidden_effect_is_named_from_a_recording(
     bus: str, simulator: str, seed: int, diagnosed: Diagnosed
 ) -> None:
@@ -214,7 +215,10 @@ def test_a_hidden_effect_is_named_from_a_recording(
 
 
 # one bus per run, as the kernel's is tested in a machine of its own
+@pytest.mark.slow("sessions on a bus in real time")
 @pytest.mark.parametrize("bus", [pytest.param(bus, marks=BUSES[bus]) for bus in ("virtual", "udp_multicast")])
+# one of 144 clean drives had a name: at most 3.3 % have
+@seeds.by_chance(0.033**CLEAN_DRIVES)
 def test_a_clean_drive_gets_no_name_from_a_recording(bus: str, seed: int, diagnosed: Diagnosed) -> None:
     """On the first drive, or on one of `CLEAN_DRIVES` at most."""
     instead = []

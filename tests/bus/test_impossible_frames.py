@@ -19,7 +19,7 @@ from canid.buses.bus_opener import open_bus
 from canid.buses.frame_check import FD_LENGTHS
 from canid.logs import open_log
 from canid.recording.recorder import Recorder
-from canid.types import Flag
+from canid.values.types import Flag
 
 pytestmark = pytest.mark.netns
 # of this process: its tests may run while those of another worker do
@@ -99,6 +99,7 @@ def sender() -> socket.socket:
     return out
 
 
+@pytest.mark.slow("many messages through real sockets")
 @settings(
     max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
@@ -138,6 +139,7 @@ def test_random_msgpack_costs_no_good_frame(
             assert f.id < (0x20000000 if f.flags & (Flag.EXTENDED | Flag.ERROR) else 0x800)
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize(
     "change",

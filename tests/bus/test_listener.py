@@ -14,14 +14,14 @@ import can
 import pytest
 
 import canid
-from canid.buses import listener as module
-from canid.buses.listener import Listener
 from canid.buses.messages import message_of
 from canid.buses.send import onto
-from canid.errors import CanidError, ConfigError
 from canid.logs import open_log
-from canid.types import Estimate, Event
-from canid.views import json_values
+from canid.session import listener as module
+from canid.session.listener import Listener
+from canid.values import json_values
+from canid.values.errors import CanidError, ConfigError
+from canid.values.types import Estimate, Event
 
 LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
 # s: both estimators are "ok" by then
@@ -36,9 +36,10 @@ def messages(stop: float = PART) -> list[can.Message]:
 
 
 def line(estimate: Estimate) -> str:
-    return json_values.line(json_values.estimate(estimate))
+    return json_values.line(json_values.plain(estimate))
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 def test_a_notifier_on_a_virtual_bus_gives_the_numbers_of_replay(tmp_path: Path) -> None:
     """Frames of the virtual bus, through a Notifier into a Listener and can.Logger: every number of replay is the same."""
     path, channel = tmp_path / "logged.log", str(tmp_path)  # candump: epoch times in µs
@@ -67,6 +68,7 @@ def test_a_notifier_on_a_virtual_bus_gives_the_numbers_of_replay(tmp_path: Path)
     assert list(map(line, estimates)) == list(map(line, replayed))
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 @pytest.mark.netns
 def test_a_queue_on_the_notifiers_own_loop_gets_estimates_from_udp() -> None:
     """With Notifier(loop=...) all of it runs on one event loop, and nothing of the listener blocks it."""
@@ -105,6 +107,7 @@ def broken_messages() -> list[Any]:
     return [*rows, long, contradictory]
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 def test_nothing_is_raised_into_the_bus_thread(caplog: pytest.LogCaptureFixture) -> None:
     """Bad messages, a callback and an on_error that raise: counted, reported once each, and estimates go on."""
     said: list[str] = []
@@ -140,6 +143,7 @@ def test_nothing_is_raised_into_the_bus_thread(caplog: pytest.LogCaptureFixture)
     assert len(caplog.records) == 3  # on_error itself failed three times, and that is logged
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 def test_a_slow_reader_and_a_closed_loop_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """A full asyncio queue, a loop that was closed and a full queue of messages drop, count, and say so once."""
     said: list[str] = []
@@ -173,6 +177,7 @@ def test_a_slow_reader_and_a_closed_loop_are_counted(monkeypatch: pytest.MonkeyP
     assert counts.dropped > 0
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 def test_stop_is_idempotent_from_anywhere_and_keeps_the_state(tmp_path: Path) -> None:
     """stop() twice, within the callback and after the end; what was learnt is in the state file and is gone on from."""
     state, events = tmp_path / "driver.json", []

@@ -15,7 +15,7 @@ import pytest
 
 from canid.buses.bus_opener import open_bus
 from canid.buses.bus_reader import Arrival, BusReader
-from canid.buses.received_columns import frames_of
+from canid.buses.receivers.received_columns import frames_of
 from canid.logs import open_log
 from canid.recording.recorder import Recorder
 
@@ -101,6 +101,7 @@ def test_a_stop_at_20000_frames_per_second(tmp_path: Path) -> None:
     assert took < PATIENCE
 
 
+@pytest.mark.slow("sessions on a bus in real time")
 @pytest.mark.parametrize(
     "filters", [None, [{"can_id": 0x123, "can_mask": 0x7FF}], [{"can_id": 0, "can_mask": 0x7FF}]]
 )

@@ -16,10 +16,10 @@ from typing import Any
 
 import pytest
 
-from canid.buses import socketcan
 from canid.buses.bus_opener import open_bus
+from canid.buses.receivers import socketcan
 from canid.logs import open_log, write_log
-from canid.types import Flag, Frame
+from canid.values.types import Flag, Frame
 from tests.bus.network import counted, error_frame, ip, numbers, sending
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]
@@ -160,7 +160,7 @@ def test_a_recorder_that_stood_still_tells_its_drops(
     """A process that stands loses what the kernel cannot keep, and says how many; the rest is in the file."""
     recording = tmp_path / "heard.blf"
     # the whole command, with a buffer that a few hundred frames fill instead of 77,000
-    small = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
+    small = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     record = start(
         sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
     )
@@ -272,7 +272,7 @@ def test_what_the_kernel_dropped_stands_in_the_journal(
 ) -> None:
     """A recorder that was stopped: the event reports as many drops as the last line."""
     recording = tmp_path / "heard.blf"
-    small = "from canid.buses import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
+    small = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     record = start(
         sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
     )

@@ -15,14 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses import devices, listen_only, python_can, socketcan
-from canid.buses.bus_opener import open_bus, open_buses, wrap
+from canid.buses import devices, listen_only, python_can
+from canid.buses.bus_opener import open_bus, open_buses
 from canid.buses.command_line import add_bus_arguments, configs_of, listen
+from canid.buses.receivers import socketcan
 from canid.buses.send import allowed, onto
-from canid.errors import BusError, ConfigError
-from canid.frame_columns import columns_of
 from canid.recording import bus_load
-from canid.types import Flag, Frame
+from canid.values.errors import BusError, ConfigError
+from canid.values.frame_columns import columns_of
+from canid.values.types import Flag, Frame
 
 BUSES = Path(__file__).parents[2] / "canid/buses"
 # s; bounds what hangs
@@ -82,7 +83,7 @@ def test_reading_a_blf_imports_neither_python_can_nor_asammdf(tmp_path: Path) ->
     code = (
         "import sys\n"
         "from canid.logs import open_log, write_log\n"
-        "from canid.types import Frame\n"
+        "from canid.values.types import Frame\n"
         f"write_log({str(tmp_path / 'x.blf')!r}, [Frame(0.0, 0, 1, b'')])\n"
         f"assert len(list(open_log({str(tmp_path / 'x.blf')!r}))) == 1\n"
         "assert 'can' not in sys.modules and 'cantools' not in sys.modules\n"
@@ -134,19 +135,6 @@ def test_if_one_bus_fails_the_others_are_closed(request: pytest.FixtureRequest) 
     with pytest.raises(BusError):
         open_buses([{"interface": "virtual", "channel": channel}, {"interface": "nonsense"}])
     assert channel not in can.interfaces.virtual.channels
-
-
-def test_wrapping_takes_a_bus_that_is_open(request: pytest.FixtureRequest) -> None:
-    """wrap() receives from a python-can bus; once lost it cannot be opened again."""
-    can = python_can.load()
-    inner = can.Bus(request.node.name, interface="virtual")
-    bus = wrap(inner, f"virtual {request.node.name}")
-    assert bus.recv(0.0) is None
-    inner.shutdown()
-    with pytest.raises(BusError, match="is lost"):
-        bus.recv(0.0)
-    with pytest.raises(BusError, match="cannot be opened again"):
-        bus.reopen()
 
 
 # --- arguments ---
@@ -466,7 +454,7 @@ def test_listen_gives_frames_for_its_time(request: pytest.FixtureRequest) -> Non
     can = python_can.load()
     channel = request.node.name
     said: list[str] = []
-    frames = listen(parse("-i", "virtual", "-c", channel), 0.3, said.append)
+    frames = listen(open_buses(configs_of(parse("-i", "virtual", "-c", channel))), 0.3, said.append)
 
     def send() -> None:
         sender = can.Bus(channel, interface="virtual")

@@ -17,11 +17,11 @@ from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_opener import open_bus
 from canid.buses.bus_reader import BusReader
 from canid.buses.frame_check import FD_LENGTHS, MAX_STAMP_NS, why_impossible
-from canid.buses.received_frame import Received
+from canid.buses.receivers.received_frame import Received
 from canid.logs import open_log
 from canid.logs.log_writer import open_writer
 from canid.recording.recorder import Recorder
-from canid.types import Flag, Frame
+from canid.values.types import Flag, Frame
 from tests.fixtures.back_end import registered
 
 NOW = 1_790_000_000 * 10**9
@@ -106,6 +106,7 @@ def possible(draw: st.DrawFn) -> Received:
     return frame
 
 
+@pytest.mark.slow("many messages through real sockets")
 @settings(max_examples=40, deadline=None)
 @given(frames=st.lists(possible(), min_size=1, max_size=30))
 def test_every_writer_takes_what_passes(
@@ -190,6 +191,7 @@ fields = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow("many messages through real sockets")
 @settings(max_examples=12, deadline=None)
 @given(strange=st.lists(fields, min_size=20, max_size=60))
 def test_nonsense_from_a_back_end_costs_no_other_frame(

@@ -24,7 +24,7 @@ from canid.buses.bus_opener import open_bus
 from canid.buses.bus_reader import BusReader
 from canid.buses.devices import Device
 from canid.buses.listen_only import Mode
-from canid.errors import BusError, CanidError, ConfigError
+from canid.values.errors import BusError, CanidError, ConfigError
 
 pytest.importorskip("serial")
 
@@ -187,6 +187,7 @@ def test_an_adapter_that_refuses_L_is_not_called_verified() -> None:
         adapter.close()
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.05, 0.1])
 @pytest.mark.parametrize("config", [{}, {"bitrate": 500000}])
 def test_a_late_answer_to_another_command_is_not_taken_for_that_to_l(
@@ -243,6 +244,7 @@ def test_a_line_that_is_no_text_costs_itself_only(adapter: Adapter) -> None:
     bus.shutdown()
 
 
+@pytest.mark.slow("many messages through real sockets")
 @pytest.mark.parametrize("verb", ["record", "live", "check"])
 @pytest.mark.parametrize("source", ["environment", "file", "command line"])
 def test_no_verb_opens_slcan_actively(adapter: Adapter, verb: str, source: str, tmp_path: Path) -> None:

@@ -17,21 +17,22 @@ import msgpack
 import numpy as np
 import pytest
 
-from canid.buses import many_messages, socketcan
 from canid.buses.bus import Opened, ReceiveOnlyBus
 from canid.buses.clock_watch import ClockWatch
-from canid.buses.datagram_layouts import MAX_LAYOUTS, DatagramReader
 from canid.buses.draining import Stop
 from canid.buses.frame_check import ImpossibleFrameError, why_impossible
 from canid.buses.listen_only import ListenOnly, Mode
-from canid.buses.many_messages import GATHER_S, ManyMessages, Pace, stamps
-from canid.buses.received_columns import Many, columns_of, frames_of, select
-from canid.buses.received_frame import Received
-from canid.buses.socketcan import SocketcanReceiver
-from canid.buses.socketcan_columns import SocketcanColumnsReceiver, parse_many
+from canid.buses.receivers import many_messages, socketcan
+from canid.buses.receivers.datagram_layouts import MAX_LAYOUTS, DatagramReader
+from canid.buses.receivers.many_messages import GATHER_S, ManyMessages, Pace, stamps
+from canid.buses.receivers.received_columns import Many, columns_of, frames_of, select
+from canid.buses.receivers.received_frame import Received
+from canid.buses.receivers.socketcan import SocketcanReceiver
+from canid.buses.receivers.socketcan_columns import SocketcanColumnsReceiver, parse_many
+from canid.buses.receivers.udp_multicast import parse as parse_datagram
 from canid.buses.timestamp_source import TimestampSource
-from canid.buses.udp_multicast import parse as parse_datagram
-from canid.types import Flag
+from canid.values.types import Flag
+from tests.buses.test_draining import is_before
 
 SECOND = 1_000_000_000
 KERNEL = 1_700_000_000 * SECOND
@@ -234,6 +235,7 @@ def one_by_one(each: bytes, ns: int) -> Received | str:
     return why_impossible(frame) or frame
 
 
+@pytest.mark.slow("many messages through real sockets")
 @pytest.mark.parametrize("trial", range(10))
 def test_datagrams_are_read_as_one_by_one(trial: int, seed: int) -> None:
     """Datagrams of python-can, strange and damaged ones, in calls of any size: the same frames, the same left out."""
@@ -401,7 +403,7 @@ def test_the_first_frame_after_the_stop_is_that_of_one_by_one(seed: int) -> None
             ns = np.array([zero + away - rng.randrange(1000) for _ in range(rng.choice((1, 4)))])
             if rng.random() < 0.2:
                 ns[0] = 0
-            answers = [stop.is_before(each) for each in ns.tolist()]
+            answers = [is_before(stop, each) for each in ns.tolist()]
             first, unknown = stop.first_after(ns)
             assert first == (answers.index(False) if False in answers else len(ns))
             assert unknown == (first > 0 and answers[first - 1] is None)

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from canid.buses import socketcan
-from canid.buses.socketcan import SocketcanReceiver, parse
+from canid.buses.receivers import socketcan
+from canid.buses.receivers.socketcan import SocketcanReceiver, parse
 from canid.buses.timestamp_source import TimestampSource
-from canid.types import Flag
+from canid.values.types import Flag
 
 SECOND = 1_000_000_000
 KERNEL = 1_700_000_000 * SECOND

@@ -15,11 +15,11 @@ import pytest
 
 from canid.buses.bus_opener import open_buses
 from canid.buses.send import onto
-from canid.errors import CHECK_FAILED, DAMAGED, DONE, NO_BUS, NOT_WRITTEN, USAGE
 from canid.logs import open_log, write_log
-from canid.session import World, session
-from canid.types import Frame
-from canid.vehicle.vehicle_file import shipped
+from canid.session.session import SessionSettings, World, session
+from canid.values.errors import CHECK_FAILED, DAMAGED, DONE, NO_BUS, NOT_WRITTEN, USAGE
+from canid.values.shipped_files import shipped
+from canid.values.types import Frame
 
 Canid = Callable[..., Any]
 READERS = ("replay", "identify", "check", "export")
@@ -64,20 +64,20 @@ def test_a_missing_log(canid: Canid, verb: str) -> None:
 def test_a_log_without_anything_in_it(
     canid: Canid, verb: str, name: str, content: bytes, says: str, tmp_path: Path
 ) -> None:
-    """Empty, zero-filled or foreign content: exit 4, the file is named, no result is left behind."""
+    """Empty, zero-filled or foreign content: exit 2 (nothing of it is used), the file is named, no result is left behind."""
     bad = tmp_path / name
     bad.write_bytes(content)
     result = tmp_path / "result.json"
     ran = canid(verb, bad, "--vehicle", "generic", "--json", result)
-    assert ran.code == DAMAGED
+    assert ran.code == USAGE
     assert says in ran.line
-    assert not result.exists() or result.stat().st_size > 0
+    assert not result.exists()
 
 
 def test_a_folder_instead_of_a_log(canid: Canid, tmp_path: Path) -> None:
     """A folder in place of a log is named as such."""
     ran = canid("replay", tmp_path, "--vehicle", "generic")
-    assert ran.code == DAMAGED
+    assert ran.code == USAGE
     assert "is a folder" in ran.line
 
 
@@ -109,6 +109,7 @@ def zeroed(content: bytes) -> bytes:
     return content[: len(content) * 3 // 4] + bytes(len(content) // 4)
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("damage", [truncated, flipped, zeroed])
 def test_a_damaged_blf_is_read_as_far_as_it_is_whole(
     canid: Canid, log: Path, tmp_path: Path, damage: Callable[[bytes], bytes]
@@ -133,6 +134,7 @@ def test_a_damaged_blf_is_read_as_far_as_it_is_whole(
         assert json.loads((tmp_path / f"{verb}.json").read_text())
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_an_asc_of_another_locale(canid: Canid, log: Path, tmp_path: Path) -> None:
     """German month and day names in the date line change nothing but the start."""
     asc = tmp_path / "drive.asc"
@@ -146,6 +148,7 @@ def test_an_asc_of_another_locale(canid: Canid, log: Path, tmp_path: Path) -> No
     assert len(german.out.splitlines()) > 100
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_time_that_goes_backwards(canid: Canid, tmp_path: Path, log: Path) -> None:
     """Frames with an earlier time are left out and reported with count and largest step; exit 4, the rest is estimated."""
     frames = list(open_log(log))
@@ -175,7 +178,7 @@ def test_a_log_without_any_mapped_id(canid: Canid, tmp_path: Path, verb: str) ->
     write_log(other, [Frame(0.01 * k, 0, 0x7A0, bytes(8)) for k in range(500)])
     ran = canid(verb, other, "--vehicle", "generic")
     assert ran.code == USAGE
-    assert "none of its 500 frames" in ran.line
+    assert "its 500 frames hold no value" in ran.line
     assert "canid check" in ran.line
     assert "0x7A0" in canid("check", other).out
 
@@ -366,6 +369,7 @@ def test_an_output_that_cannot_be_written(canid: Canid, log: Path, tmp_path: Pat
         assert len(ran.line) < 250
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_a_full_disk(canid: Canid, log: Path, shell: Callable[[str], Any]) -> None:
     """A file or standard output that is full: exit 5 with a message, no traceback. A closed pipe: a normal end."""
     part = ("--vehicle", "generic", "--stop", 2)
@@ -415,6 +419,7 @@ def test_nothing_that_exists_is_overwritten(canid: Canid, log: Path, tmp_path: P
 # --- live -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_live_goes_on_recording_while_a_signal_is_missing(log: Path, tmp_path: Path) -> None:
     """A mapped signal that never comes on the bus is named with its id; every frame is recorded all the same."""
     frames = [frame for frame in open_log(log) if frame.id != 0x170 and frame.t < 10.0]
@@ -424,7 +429,7 @@ def test_live_goes_on_recording_while_a_signal_is_missing(log: Path, tmp_path: P
     sender.start()
     ended = lambda: not sender.is_alive()  # noqa: E731
     # ten seconds are played at once: the estimators may finish
-    *_, last = session(buses, "generic", record=tmp_path / "live.blf", stopped=ended, finish=60.0)
+    *_, last = session(buses, SessionSettings("generic", tmp_path / "live.blf", finish=60.0), stopped=ended)
     assert isinstance(last, World)
     assert any("GNSS_DATA (0x170) never seen" in sentence for sentence in last.missing), last.missing
     recorded = open_log(tmp_path / "live.blf")

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from canid.cli import VERBS
 from canid.cli.completion import SHELLS, script
-from canid.errors import ConfigError
+from canid.cli.verbs import VERBS
+from canid.values.errors import ConfigError
 from tests.fixtures import terminal
 from tests.fixtures.terminal import Terminal
 
@@ -56,7 +56,7 @@ def test_tab_completes(bash: Terminal, typed: str, completed: str) -> None:
 @pytest.mark.parametrize("shell", SHELLS)
 def test_every_verb_is_in_every_script(shell: str) -> None:
     text = script(shell)
-    assert [verb for verb, _ in VERBS if verb not in text] == []
+    assert [verb.name for verb in VERBS if verb.name not in text] == []
     program = shutil.which(shell)
     if program is not None:
         checked = subprocess.run([program, "-n"], input=text, text=True, capture_output=True, check=False)

@@ -23,9 +23,9 @@ from scipy.io import loadmat
 from canid import read_trace
 from canid.cli import main
 from canid.logs import open_log, write_log
-from canid.tables.vbo import read_vbo
-from canid.types import Trace
-from canid.vehicle.vehicle_file import shipped
+from canid.tables.sources.vbo import read_vbo
+from canid.values.shipped_files import shipped
+from canid.values.types import Trace
 
 ROOT = Path(__file__).parents[2]
 # s since 1970: an instant that no simulated drive has
@@ -87,6 +87,7 @@ def utc(t: np.ndarray) -> np.ndarray:
     return stamps
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_csv_by_pandas(drive: Drive) -> None:
     """Samples are those of `read_trace`, signals those of cantools; header with units, NaN empty, UTC in ns."""
     table = pd.read_csv(drive.folder / "x.samples.csv", parse_dates=["utc"])
@@ -115,6 +116,7 @@ def test_csv_by_pandas(drive: Drive) -> None:
     assert raw.count(b"\r\n") == raw.count(b"\n") == len(trace.t) + 1
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_parquet_by_polars_and_duckdb(drive: Drive) -> None:
     """Plain column names, NULL for what was not measured; units and the UTC start in the file's metadata."""
     table = pl.read_parquet(drive.folder / "x.samples.parquet")
@@ -132,6 +134,7 @@ def test_parquet_by_polars_and_duckdb(drive: Drive) -> None:
     assert (metadata["start_utc"], metadata["start_ns"]) == ("2018-08-02T15:34:47.250000000Z", str(START_NS))
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_mat_by_scipy(drive: Drive) -> None:
     """A struct for each table with units, texts of value tables, and the start in `info`."""
     found = loadmat(drive.folder / "x.mat", simplify_cells=True)
@@ -149,6 +152,7 @@ def test_mat_by_scipy(drive: Drive) -> None:
     assert {"armax", "fopdt"} == set(found["estimates"]["estimator"])
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.filterwarnings("ignore")  # of asammdf
 def test_mf4_by_asammdf(drive: Drive) -> None:
     """A group for each table; every channel with unit and comment, the start to the nanosecond."""
@@ -172,6 +176,7 @@ def test_mf4_by_asammdf(drive: Drive) -> None:
         assert "estimates.fopdt.range_rate" in groups
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_mcap_by_its_reader(drive: Drive) -> None:
     """JSON messages that fit their schemas, in the order of time, with log times in ns UTC; nothing where NaN."""
     import jsonschema
@@ -222,6 +227,7 @@ def strict_vbo(raw: bytes) -> tuple[list[str], list[str], list[str], np.ndarray]
     return titles, units, names, np.array([[float(cell) for cell in line.split(" ")] for line in lines])
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_vbo_by_a_strict_reader_and_by_canid(drive: Drive) -> None:
     """Minutes, west positive, UTC since midnight, km/h; a unit for each other channel; read again as it was."""
     path = drive.folder / "x.vbo"
@@ -264,6 +270,7 @@ def test_a_vehicle_without_positions_has_no_vbo(
     assert not list(tmp_path.glob("*.vbo"))
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("data", ["csv", "parquet", "mcap"])
 def test_the_plotjuggler_layout_names_curves_of_its_data(drive: Drive, tmp_path: Path, data: str) -> None:
     """Well-formed; every curve is a column of the file that it opens, the time axis too; K and τ+θ have both ends."""

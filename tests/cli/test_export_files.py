@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from canid.errors import DAMAGED, DONE, NOT_WRITTEN, USAGE
+from canid.dbc_text.parsing import Message, Signal
+from canid.drive.signal_columns import MessageFrames, MessageKey
 from canid.export import csv_table, mcap_file, names, signal_tables
 from canid.export.table import Field, Origin, of_columns
 from canid.logs import write_log
-from canid.parsing import Message, Signal
-from canid.signal_columns import MessageFrames, MessageKey
-from canid.types import Frame
+from canid.values.errors import DAMAGED, DONE, NOT_WRITTEN, USAGE
+from canid.values.shipped_files import shipped
+from canid.values.types import Frame
 from canid.vehicle.database import Dbc
-from canid.vehicle.vehicle_file import shipped
 
 ROOT = Path(__file__).parents[2]
 # name of the file -> format
@@ -45,6 +45,7 @@ def words(log: Path, to: str, folder: Path) -> list[object]:
     return ["export", log, "--vehicle", "generic", "--to", to, "-o", folder / "x", *part, *signals]
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize(("name", "to"), (SINGLE | TABLES).items())
 def test_only_a_file_of_the_same_kind_is_replaced(
     canid: Callable[..., Any], log: Path, tmp_path: Path, name: str, to: str
@@ -69,6 +70,7 @@ def test_only_a_file_of_the_same_kind_is_replaced(
     assert path.stat().st_mode & 0o777 == 0o640
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("to", ["csv", "parquet", "mat", "mf4", "mcap"])
 def test_a_full_disk_leaves_no_file(log: Path, tmp_path: Path, to: str) -> None:
     """Files may not grow beyond 20 kB, as on a full disk: exit 5, a line that says it, nothing is left."""
@@ -96,6 +98,7 @@ def test_a_full_disk_leaves_no_file(log: Path, tmp_path: Path, to: str) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_an_interrupted_export_leaves_no_file(log: Path, tmp_path: Path) -> None:
     """SIGTERM while the files are written: exit 143, and not one of them is there."""
     script = (

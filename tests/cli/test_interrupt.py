@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from canid.cli.interrupt import Ended, ending
-from canid.errors import OutputError
+from canid.values.errors import OutputError
 
 
 def interrupted_import(number: int) -> None:

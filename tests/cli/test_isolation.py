@@ -10,18 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from canid import estimator_process
 from canid.buses.bus_opener import open_buses
 from canid.buses.send import onto
 from canid.cli import live_session
 from canid.cli.output import display
 from canid.logs import open_log
-from canid.session import Result, World, session
-from canid.types import Estimate, Event, Frame
-from canid.views import json_values
+from canid.session import estimator_process
+from canid.session.session import Result, SessionSettings, World, session
+from canid.values import json_values
+from canid.values.types import Estimate, Event, Frame
 from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.spans import plain
 from canid.views.terminal_view.state import View, update
+from tests.terminal import plain
 
 # frames, and s that they take: at 1,500/s the faulty children have time to fail, and be restarted
 FRAMES, SECONDS = 4500, 3.0
@@ -80,7 +80,7 @@ def played(tmp_path: Path) -> tuple[dict[str, str], list[Frame]]:
 NAN_CHILD = (
     START
     + """
-from canid.types import Channel, Estimate, Status
+from canid.values.types import Channel, Estimate, Status
 say("ready", "pedal")
 while True:
     try:
@@ -108,17 +108,15 @@ def test_an_estimator_that_says_nan_costs_no_frame_and_breaks_no_view(
     child = [sys.executable, "-c", NAN_CHILD]
     for item in session(
         buses,
-        "generic",
-        record=tmp_path / "x.blf",
+        SessionSettings("generic", tmp_path / "x.blf", command=child),
         stopped=lambda: not sender.is_alive(),
-        command=child,
     ):
         if isinstance(item, World):
             last = item
         elif isinstance(item.item, Estimate):
             estimates += 1
             view = update(view, item.item)
-            row = json.loads(json_values.line(json_values.estimate(item.item)))
+            row = json.loads(json_values.line(json_values.plain(item.item)))
             assert row["t"] is None
             assert row["channels"]["range_rate"]["K"]["value"] is None
             assert "fopdt" in plain(render(view, 80, 24))
@@ -129,6 +127,7 @@ def test_an_estimator_that_says_nan_costs_no_frame_and_breaks_no_view(
     assert [(f.id, f.data) for f in open_log(tmp_path / "x.blf")] == [(f.id, f.data) for f in frames]
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("fault", FAULTY)
 def test_a_faulty_estimator_costs_no_frame(
     fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -153,7 +152,7 @@ def test_a_faulty_estimator_costs_no_frame(
         return seen or time.monotonic() - began > PATIENCE_S
 
     began = time.monotonic()
-    for item in session(buses, "generic", record=recording, stopped=stopped, command=child):
+    for item in session(buses, SessionSettings("generic", recording, command=child), stopped=stopped):
         if not stopped():
             ended = time.monotonic()
         if isinstance(item, World):
@@ -211,11 +210,8 @@ def test_a_view_that_raises_does_not_end_the_recording(
     sender.start()
     code, _ = live_session.watch(
         buses,
-        None,
+        SessionSettings(record=tmp_path / "x.blf"),
         View("broken"),
-        record=str(tmp_path / "x.blf"),
-        duration=None,
-        json=None,
         stop=lambda: not sender.is_alive(),
     )
     assert code == 5

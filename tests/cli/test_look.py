@@ -16,10 +16,11 @@ import pytest
 from canid.contents import course, survey
 from canid.contents.log_survey import Wanted
 from canid.contents.protection import crc_table, fields
-from canid.errors import DAMAGED, DONE, USAGE
+from canid.drive.signal_columns import frames_by_message
 from canid.logs import open_log, write_log
-from canid.signal_columns import frames_by_message
-from canid.types import Flag, Frame
+from canid.values.errors import DAMAGED, DONE, USAGE
+from canid.values.types import Flag, Frame
+from tests.seeds import mostly
 
 Canid = Callable[..., Any]
 ROOT = Path(__file__).parents[2]
@@ -92,6 +93,17 @@ def test_files_find_their_buses(canid: Canid) -> None:
     assert "none of its messages came" in ran.err
 
 
+def test_how_a_log_was_read_stands_in_the_json_too(canid: Canid, tmp_path: Path) -> None:
+    """What the text says of a file in which decimal and hexadecimal numbers stand."""
+    fd = "   0.300000 CANFD   1 Rx  102  1 0 8  8 0a 0b 0c 0d 0e 0f 10 11   100000  132 3000 0 0 0 0 0\n"
+    (tmp_path / "x.asc").write_text("base dec  timestamps absolute\n   0.1 1  256  Rx   d 2 10 11\n" + fd)
+    ran = canid("look", tmp_path / "x.asc", "--json", "-")
+    remarks = json.loads(ran.out)["remarks"]
+    assert remarks
+    assert all(remark in ran.err for remark in remarks)
+
+
+@mostly(0.95)
 def test_counters_and_checksums_show_themselves(seed: int) -> None:
     """Planted ones are found with any constant in them, at either end; random bytes and quantities are none."""
     rng = np.random.default_rng(seed)
@@ -134,7 +146,7 @@ def test_text_fits_its_width_and_is_bounded(
     ran = canid("look", URBAN, "--dbc", GENERIC)
     assert ran.out.rstrip().endswith(f"next: canid init {GENERIC} --log {URBAN}")
     for columns in (60, 80, 200):
-        monkeypatch.setattr("canid.cli.look.width", lambda columns=columns: columns)
+        monkeypatch.setattr("canid.cli.commands.look.width", lambda columns=columns: columns)
         rows = canid("look", URBAN, "--dbc", GENERIC).out.splitlines()[4:-2]
         assert max(len(row) for row in rows if not row.startswith(("bits of", "…"))) <= columns
         assert columns < 80 or sum(bool(re.search("[▁-█]", row)) for row in rows) > 20
@@ -183,15 +195,15 @@ def test_hostile_names_and_logs_are_data(canid: Canid, tmp_path: Path) -> None:
     cut.write_bytes(gzip.compress(lines.encode())[:-20])
     assert canid("look", cut).code == DAMAGED
     (tmp_path / "none.asc").write_text("date Mon Jan 1 00:00:00 2024\nbase hex timestamps absolute\n")
-    assert "Traceback" not in canid("look", tmp_path / "none.asc").line
+    assert "Traceback" not in canid("look", tmp_path / "none.asc").err
 
 
 def test_a_log_in_many_rounds_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Memory is bounded by reading in rounds; however they are cut, the numbers are those of one, and so are the means."""
-    from canid import signal_columns
     from canid.contents import log_survey as module
     from canid.contents.binding import DbcFile
-    from canid.parsing import Parser
+    from canid.dbc_text.parsing import Parser
+    from canid.drive import signal_columns
     from canid.vehicle.database import load
 
     with Parser() as parser:
@@ -242,3 +254,28 @@ def test_j1939_matches_by_group(canid: Canid, tmp_path: Path) -> None:
     (speed,) = found["signals"]
     assert (speed["message"], speed["id"], speed["low"], speed["high"]) == ("CCVS", 0x0CFEF117, 20.0, 30.0)
     assert (speed["readings"], speed["no_values"], speed["last"]) == (4, 2, 30.0)
+
+
+LONG = """VERSION ""
+BO_ 256 M: 8 A
+ SG_ S : 0|64@1+ (1,{}) [0|0] "" B
+VAL_ 256 S 18446744073709551615 "SNA" ;
+"""
+
+
+@pytest.mark.parametrize("offset", [0, -(1 << 60)])
+def test_raw_numbers_of_64_bits_are_counted_exactly(offset: int, canid: Canid, tmp_path: Path) -> None:
+    """Numbers that are one double are changes; an entry of the table is that number and not its neighbour."""
+    raws = [(1 << 60) + k for k in range(10)] + [(1 << 64) - 2, (1 << 64) - 1, (1 << 64) - 1]
+    write_log(
+        tmp_path / "x.blf",
+        [Frame(k * 0.1, 0, 256, raw.to_bytes(8, "little")) for k, raw in enumerate(raws)],
+        UTC,
+    )
+    (tmp_path / "x.dbc").write_text(LONG.format(offset))
+    (row,) = values(canid, tmp_path / "x.blf", "--dbc", tmp_path / "x.dbc")["signals"]
+    assert (row["readings"], row["changes"], row["no_values"]) == (13, 11, 2)
+    assert (row["low"], row["last_text"]) == ((1 << 60) + offset, "SNA")
+    assert row["high"] == float((1 << 64) - 2 + offset)
+    lines = canid("decode", tmp_path / "x.blf", "--dbc", tmp_path / "x.dbc").out.splitlines()
+    assert sum("SNA" in line for line in lines) == 2

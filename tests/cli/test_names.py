@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.vehicle.vehicle_file import shipped
+from canid.values.shipped_files import shipped
 
 ROOT = Path(__file__).parents[2]
 # clear the screen, set the title, a directional override, C1's CSI, a forged line, rich's own markup
@@ -54,6 +54,7 @@ def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[bytes]:
     )
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize(
     "verb", ["identify", "replay", "check", "diagnose", "recover", "export", "init", "wrong"]
 )
@@ -76,6 +77,7 @@ def test_no_name_of_a_file_acts_on_the_terminal(
     assert b"Traceback" not in ran.stderr
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_json_keeps_names_as_they_are(hostile: tuple[Path, Path], tmp_path: Path) -> None:
     """What is escaped for a terminal is not for a program."""
     vehicle, drive = hostile
@@ -84,6 +86,7 @@ def test_json_keeps_names_as_they_are(hostile: tuple[Path, Path], tmp_path: Path
     assert (result["log"], result["vehicle"]) == (str(drive), "Car" + EVIL)
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_a_name_that_is_no_text_can_be_said(log: Path, tmp_path: Path) -> None:
     """A file name whose bytes are no UTF-8: shown as an escape, in JSON too; no traceback."""
     drive = os.fsencode(tmp_path) + b"/drive\xff\x1b.blf"
@@ -96,6 +99,7 @@ def test_a_name_that_is_no_text_can_be_said(log: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "a.json").read_text())["log"] == os.fsdecode(drive)
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_the_live_view_of_a_terminal_holds_no_foreign_sequence(
     hostile: tuple[Path, Path], tmp_path: Path
 ) -> None:

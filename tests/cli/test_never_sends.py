@@ -174,6 +174,7 @@ WAYS: dict[str, tuple[list[str], dict[str, str], str]] = {
 }
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("way", WAYS)
 def test_recording_sends_nothing(witness: Witness, way: str) -> None:
     """`record` under 20 ways of configuration: frames come, and nothing but reading is done."""
@@ -186,6 +187,7 @@ def test_recording_sends_nothing(witness: Witness, way: str) -> None:
     witness.check()
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("way", ["can.conf and CAN_CONFIG", "state in can.conf", "two channels"])
 @pytest.mark.parametrize("verb", ["live", "check"])
 def test_looking_sends_nothing(witness: Witness, verb: str, way: str) -> None:
@@ -208,6 +210,7 @@ EVERYWHERE = {
 }
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize(
     "words",
     [
@@ -243,6 +246,7 @@ def test_replay_onto_an_unarmed_bus_is_refused(witness: Witness, arm: list[str])
     assert witness.lines() == []
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize(
     ("words", "env"),
     [
@@ -265,6 +269,7 @@ def test_an_armed_bus_is_the_one_on_the_command_line(
     assert witness.lines() == []
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_what_is_armed_is_sent_to_with_nothing_from_files(witness: Witness) -> None:
     """--arm x with -i and -c: sends, which the log shows, and no file adds a parameter to that bus."""
     (witness.folder / ".canrc").write_text(CONF + "bitrate = 1\ndevice_id = 7\n")
@@ -274,6 +279,7 @@ def test_what_is_armed_is_sent_to_with_nothing_from_files(witness: Witness) -> N
     assert witness.lines().count("SENT") > 100
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_a_plug_in_named_virtual_is_no_virtual_bus(started: Witness) -> None:
     """An installed package may replace python-can's interface of that name: it must be armed as a physical bus."""
     points = started.folder / "packages/canid_witness-1.0.dist-info/entry_points.txt"
@@ -286,6 +292,7 @@ def test_a_plug_in_named_virtual_is_no_virtual_bus(started: Witness) -> None:
     started.check()
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("place", ["an entry point", "a module next to the log"])
 def test_no_code_comes_from_the_current_folder(started: Witness, place: str) -> None:
     """A plug-in, or the module of an installed one, in the folder where canid is called: refused, not imported."""
@@ -304,6 +311,7 @@ def test_no_code_comes_from_the_current_folder(started: Witness, place: str) -> 
     assert not (started.folder / "hostile").exists()
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_a_drivers_module_does_not_come_from_the_current_folder(started: Witness) -> None:
     """serial.py, usb.py, ... next to the log are not what python-can imports."""
     for module in (
@@ -325,6 +333,7 @@ def test_a_drivers_module_does_not_come_from_the_current_folder(started: Witness
     assert not (started.folder / "hostile").exists()
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_what_a_channel_or_a_parameter_must_not_do(witness: Witness) -> None:
     """spy:// would write a file, dll= and override_library_name= load a library: exit 2, one line."""
     target = witness.folder / "written"

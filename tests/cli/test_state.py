@@ -12,20 +12,25 @@ from typing import Any
 
 import pytest
 
-from canid import drive_reader, estimator_process, pipeline
 from canid.buses.bus_opener import open_buses
 from canid.buses.send import onto
-from canid.cli.live_session import exit_code, health_lines
-from canid.errors import DONE, NOT_WRITTEN, USAGE, OutputError
-from canid.estimator_process import Estimating
+from canid.cli.health_lines import health_lines
+from canid.cli.live_session import exit_code
+from canid.drive import drive_reader
 from canid.files import state_file
-from canid.frame_columns import chunks, columns_of
 from canid.logs import open_log
+from canid.pipeline import pipeline
 from canid.saving.checksum import seal, unseal
 from canid.saving.saved_state import Restored, saver
-from canid.session import Result, World, session
-from canid.types import Estimate, Event, Frame, Status
+from canid.session import estimator_process
+from canid.session.estimator_process import Estimating
+from canid.session.session import Result, SessionSettings, World, session
+from canid.values.errors import DONE, NO_BUS, NOT_WRITTEN, USAGE, OutputError
+from canid.values.frame_columns import chunks, columns_of
+from canid.values.types import Estimate, Event, Frame, Status
+from canid.values.window import Window
 from canid.vehicle import read_vehicle
+from tests.pipeline_outputs import outputs as outputs_of
 
 REPO = Path(__file__).parents[2]
 LOG = REPO / "replay_logs" / "following_urban.blf"
@@ -46,7 +51,7 @@ def learnt(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     vehicle = read_vehicle("generic")
     running = pipeline.build(vehicle)
     state = running.init()
-    for chunk in chunks(drive_reader.window(open_log(LOG), 0.0, 60.0)):
+    for chunk in chunks(Window(0.0, 60.0).frames(open_log(LOG))):
         state, _ = running.step(state, chunk)
     known = pipeline.known(state)
     assert known is not None
@@ -56,6 +61,7 @@ def learnt(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 # --- replay ---
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
     """The second half has status `ok` within a second of data; a fresh start takes twenty."""
     state, out = tmp_path / "driver.json", tmp_path / "out.jsonl"
@@ -77,6 +83,7 @@ def test_replay_in_two_halves_goes_on(canid, tmp_path) -> None:
     assert not [e for e in lines(out) if e["status"] == "ok"]
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_python_replay_goes_on_too(tmp_path, learnt) -> None:
     """A replay that its reader closes early saves its state as well."""
     path = tmp_path / "driver.json"
@@ -104,6 +111,7 @@ def broken(learnt: bytes) -> dict[str, tuple[bytes, str]]:
     }
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize(
     "how", ["damaged", "empty", "truncated", "newer", "another vehicle", "old", "another configuration"]
 )
@@ -164,14 +172,15 @@ def test_sending_a_log_has_no_state(canid, tmp_path) -> None:
 # --- live ---
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_live_says_what_it_refuses_and_ends_well(canid, tmp_path, learnt) -> None:
-    """With JSON on standard output the message goes to standard error; exit 0."""
+    """With JSON on standard output the message goes to standard error; exit 3, since nobody sends."""
     state = tmp_path / "driver.json"
     state.write_bytes(learnt[:-1])
     ran = canid(
         "live", "-i", "virtual", "-c", "refuse", "--vehicle", "generic", "--duration", 4, "--state", state, "--json", "-"
     )  # fmt: skip
-    assert ran.code == DONE
+    assert ran.code == NO_BUS
     assert "the saved state is damaged: its checksum does not fit; the estimators start fresh" in ran.err
     # nothing was learnt: the old file is left for inspection
     assert state.read_bytes() == learnt[:-1]
@@ -179,18 +188,19 @@ def test_live_says_what_it_refuses_and_ends_well(canid, tmp_path, learnt) -> Non
 
 OFTEN = """
 import sys
-from canid import estimator_process
+from canid.session import estimator_process
 from canid.saving import saved_state
 saved_state.SAVE_INTERVAL_S = 0.0
 sys.exit(estimator_process.main())
 """
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
     """A session on a bus: the restoring reported, `ok` at once, newer states saved before and at the end."""
     path = tmp_path / "driver.json"
     path.write_bytes(learnt)
-    part = [f._replace(t=f.t - 60.0) for f in drive_reader.window(open_log(LOG), 60.0, 64.5)]
+    part = [f._replace(t=f.t - 60.0) for f in Window(60.0, 64.5).frames(open_log(LOG))]
     config = {"interface": "virtual", "channel": str(tmp_path)}
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, part, 1.0))
@@ -202,7 +212,9 @@ def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
         return not sender.is_alive() and path.read_bytes() != learnt
 
     child = [sys.executable, "-c", OFTEN, "generic"]
-    items = list(session(buses, "generic", stopped=saved_meanwhile, state=path, command=child))
+    items = list(
+        session(buses, SessionSettings("generic", state=path, command=child), stopped=saved_meanwhile)
+    )
     results = [item.item for item in items if isinstance(item, Result)]
     events = [x for x in results if isinstance(x, Event)]
     assert [event.what for event in events] == ["state_restored"], events
@@ -222,7 +234,8 @@ def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
 # The estimator's own child, which hands its state over after every message and fails once.
 FAILS_ONCE = """
 import os, sys, time
-from canid import estimator_process, pipeline
+from canid.session import estimator_process
+from canid.pipeline import pipeline
 from canid.saving import saved_state
 saved_state.SAVE_INTERVAL_S = 0.0
 _, vehicle, marker, fault = sys.argv
@@ -242,6 +255,7 @@ sys.exit(estimator_process.main())
 """
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("fault", ["dies", "hangs"])
 def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, monkeypatch) -> None:
     """Without a state file: the next child process estimates within one second of the data that it gets."""
@@ -249,12 +263,12 @@ def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, mon
     outputs: list[tuple[float, Any]] = []
     command = [sys.executable, "-c", FAILS_ONCE, "generic", str(tmp_path / "failed"), fault]
     running = Estimating("generic", lambda t, item: outputs.append((t, item)), command)
-    before = list(drive_reader.window(open_log(LOG), 0.0, 60.0))
+    before = list(Window(0.0, 60.0).frames(open_log(LOG)))
     running.put(columns_of(before))
     wait(lambda: running.counts().done == len(before))
     running.put(columns_of([Frame(64.5, 0, 1, b"")]))
     wait(lambda: running.counts().restarts == 1 and running.counts().ready)
-    after = list(drive_reader.window(open_log(LOG), 66.0, 70.0))
+    after = list(Window(66.0, 70.0).frames(open_log(LOG)))
     running.put(columns_of(after))
     assert running.close(60.0)
     counts = running.counts()
@@ -265,7 +279,7 @@ def test_a_child_that_fails_is_followed_by_one_that_goes_on(fault, tmp_path, mon
     assert events == ["estimator_restarted", "state_restored"]
     assert "fopdt" in ok(item for t, item in outputs if 59.0 <= t <= 60.0)
     # what one speaks that saw the same frames and never failed
-    alone = pipeline.run(pipeline.build(read_vehicle("generic")), [*before, *after])
+    alone = outputs_of(pipeline.build(read_vehicle("generic")), [*before, *after])
     expected = within_a_second(alone)
     assert "fopdt" in expected
     assert within_a_second(item for _, item in outputs) == expected
@@ -317,6 +331,7 @@ def test_a_state_that_ends_a_child_is_not_given_to_the_next() -> None:
     assert running.state is None
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
     tmp_path, learnt, monkeypatch
 ) -> None:
@@ -327,12 +342,13 @@ def test_a_disk_that_fills_up_in_the_drive_is_told_and_costs_no_estimate(
         raise OutputError(f"{path}: the state cannot be written (No space left on device)")
 
     monkeypatch.setattr(state_file, "write", full)
-    part = list(drive_reader.window(open_log(LOG), 0.0, 4.0))
+    part = list(Window(0.0, 4.0).frames(open_log(LOG)))
     config = {"interface": "virtual", "channel": str(tmp_path)}
     buses = open_buses([config])
     sender = threading.Thread(target=onto, args=(config, part, 1.0))
     sender.start()
-    items = list(session(buses, "generic", stopped=lambda: not sender.is_alive(), state=path, finish=60.0))
+    settings = SessionSettings("generic", state=path, finish=60.0)
+    items = list(session(buses, settings, stopped=lambda: not sender.is_alive()))
     last = items[-1]
     assert isinstance(last, World)
     assert last.unsaved == f"{path}: the state cannot be written (No space left on device)"

@@ -14,22 +14,22 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from canid.cli import VERBS
-from canid.errors import CHECK_FAILED, DONE
+from canid.cli.verb import Verb
+from canid.cli.verbs import VERBS
 from canid.logs import open_log
+from canid.values.errors import CHECK_FAILED, DONE
+from canid.values.shipped_files import shipped
 from canid.vehicle import read_vehicle
-from canid.vehicle.vehicle_file import shipped
+from tests.fixtures.measured_logs import MEASURED, needs_measured
 
 Canid = Callable[..., Any]
 ROOT = Path(__file__).parents[2]
 URBAN = ROOT / "replay_logs/following_urban.blf"
-DATA = ROOT / "../shared/data"
 INTERVAL = {"value", "low", "high"}
 CHANNEL = {"K", "tau", "dead_time", "tau_plus_dead_time", "status"}
 # s of the log: both estimators have begun by then, and it is read in a second
@@ -47,16 +47,16 @@ def is_estimate(line: dict[str, Any]) -> None:
             assert set(channel[name]) == INTERVAL
 
 
-@pytest.mark.parametrize("verb", [name for name, _ in VERBS])
-def test_every_option_is_explained(canid: Canid, verb: str) -> None:
+@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb.name)
+def test_every_option_is_explained(canid: Canid, verb: Verb) -> None:
     """`canid VERB --help` ends with 0, and no option or argument of it is without an explanation."""
-    ran = canid(verb, "--help")
+    ran = canid(verb.name, "--help")
     assert (ran.code, ran.err) == (DONE, "")
     parser = argparse.ArgumentParser()
-    import_module(f"canid.cli.{verb}").arguments(parser)
+    verb.module().arguments(parser)
     parts = (
         [one for action in parser._actions for one in dict(action.choices or {}).values()]
-        if verb == "study"
+        if verb.name == "study"
         else [parser]
     )
     for part in parts:
@@ -64,14 +64,14 @@ def test_every_option_is_explained(canid: Canid, verb: str) -> None:
         assert actions
         assert [action.dest for action in actions if not action.help] == []
         # what `schema` prints is JSON
-        assert verb == "schema" or any(action.dest == "json" for action in actions)
+        assert verb.name == "schema" or any(action.dest == "json" for action in actions)
 
 
 def test_help_lists_the_verbs(canid: Canid) -> None:
     """Every verb is in `canid --help`; without arguments the same text comes with exit 2."""
     ran = canid("--help")
     assert ran.code == DONE
-    assert all(name in ran.out and says in ran.out for name, says in VERBS)
+    assert all(verb.name in ran.out and verb.help in ran.out for verb in VERBS)
     assert (canid().code, canid().out) == (2, ran.out)
     assert re.fullmatch(r"canid \d+\.\d+\.\d+\n", canid("--version").out)
 
@@ -79,6 +79,7 @@ def test_help_lists_the_verbs(canid: Canid) -> None:
 # --- replay -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_replay_gives_estimates_as_lines(canid: Canid) -> None:
     """`--json -` puts JSON lines alone on standard output, every one with the promised names; twice the same."""
     ran = canid("replay", URBAN, *PART, "--json", "-")
@@ -111,6 +112,7 @@ def test_replay_keeps_its_pace(canid: Canid) -> None:
     assert paced.out == fast.out
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_replay_cleanly(tmp_path: Path, number: int, code: int) -> None:
     """Interrupted: one message, the exit code of the signal, and complete JSON lines of the estimates so far."""
@@ -147,6 +149,7 @@ def test_a_signal_ends_replay_cleanly(tmp_path: Path, number: int, code: int) ->
         is_estimate(json.loads(line))
 
 
+@pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("setting", ["", "NO_COLOR=1", "TERM=dumb", "TERM=xterm"])
 def test_plain_lines_without_a_terminal(shell: Callable[[str], Any], setting: str) -> None:
     """A pipe gets lines of text without any control character, whatever the environment."""
@@ -174,6 +177,7 @@ def on_a_terminal(monkeypatch: pytest.MonkeyPatch, **environment: str) -> str:
     return said.decode()
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_the_live_view_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     """A terminal gets the live view, in color; with NO_COLOR without colors; a dumb one gets plain lines."""
     color = r"\x1b\[(?:\d+;)*3[0-7](?:;\d+)*m"
@@ -190,6 +194,7 @@ def test_the_live_view_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- identify, check, init, simulate ----------------------------------------------------------------------
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_identify(canid: Canid) -> None:
     """One object with the promised names, all numbers finite or null; a list for several logs; and a table."""
     ran = canid("identify", URBAN, *PART, "--json", "-")
@@ -252,12 +257,13 @@ def test_init_proposes_the_generic_vehicle(canid: Canid, tmp_path: Path) -> None
     assert theirs.out == ours.out
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real logs of ../shared/data are not here")
+@pytest.mark.slow("whole commands, one after the other")
+@needs_measured
 @pytest.mark.parametrize(
     ("files", "log", "by_hand"),
     [
         (("openacc/car_following.dbc",), "openacc/human_h22_v3.blf", ROOT / "dbc/openacc.toml"),
-        (("openlka/openlka.dbc",), "openlka/equinox_0_1-0.blf", DATA / "openlka/openlka.toml"),
+        (("openlka/openlka.dbc",), "openlka/equinox_0_1-0.blf", MEASURED / "openlka/openlka.toml"),
         (
             ("rav4/toyota_pt.dbc", "rav4/toyota_radar.dbc"),
             "rav4/rav4_highway.blf",
@@ -270,9 +276,17 @@ def test_init_with_a_log_needs_no_edit(
 ) -> None:
     """The proposal for a measured drive works as it is, with the signals that a person chose."""
     car = tmp_path / "car.toml"
-    ran = canid("init", *(DATA / file for file in files), "--log", DATA / log, "--yes", "-o", car)
+    ran = canid("init", *(MEASURED / file for file in files), "--log", MEASURED / log, "--yes", "-o", car)
     assert ran.code == DONE
-    assert canid("check", "--vehicle", car, DATA / log).code == DONE
+    checked = canid("check", "--vehicle", car, MEASURED / log)
+    # cruise control drives the whole minute of the Equinox, and most of that of the RAV4: the signals fit, and of the log
+    # nothing may be quoted, which `identify` says too
+    problems = [line for line in checked.out.splitlines() if line.startswith("✗")]
+    few = "8 s are usable for identification; too few"
+    assert all(
+        few in line or ("nothing can be estimated" in line and "(cruise)" in line) for line in problems
+    )
+    assert checked.code == (CHECK_FAILED if problems else DONE)
     vehicle = read_vehicle(car)
     chosen = {role: (of.message, of.signal) for role, of in vehicle.roles.items()}
     if by_hand is not None:
@@ -303,12 +317,18 @@ def test_simulate_is_reproducible(canid: Canid, tmp_path: Path) -> None:
     assert {"K", "tau", "dead_time"} <= set(json.loads(truth)["channels"]["range_rate"])
     ran = canid("simulate", tmp_path / "d.asc", "--minutes", 0.2, "--seed", 7, "--json", "-")
     assert ran.out == truth
-    assert canid("check", tmp_path / "d.asc", "--vehicle", "generic").code == DONE
+    assert canid("simulate", tmp_path / "long.asc", "--minutes", 2, "--seed", 7).code == DONE
+    assert canid("check", tmp_path / "long.asc", "--vehicle", "generic").code == DONE
+    checked = canid("check", tmp_path / "d.asc", "--vehicle", "generic")
+    # every signal fits; of 12 s nothing may be quoted
+    assert checked.code == CHECK_FAILED
+    assert "10 s are usable for identification; too few" in checked.out
 
 
 # --- demo -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_demo(canid: Canid, tmp_path: Path) -> None:
     """No hardware, no files: truth first, estimates next to it at the end, the recording is there; exit 0."""
     ran = canid("demo", "-o", tmp_path / "out", "--speed", 60, "--json", tmp_path / "demo.jsonl")

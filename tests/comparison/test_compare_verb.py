@@ -56,6 +56,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Compared:
     return Compared(ran, json.loads(out.read_text(encoding="utf-8")), page, (files[0], files[1]))
 
 
+@pytest.mark.slow("compares many drives")
 def test_json_of_identify_compares_as_the_logs_do(compared: Compared, tmp_path: Path) -> None:
     """The same verdict and the same numbers from two logs and from the JSON that identify wrote of them; with each file as
     part of a side, the order of the sides turns the sign."""
@@ -76,6 +77,7 @@ def test_json_of_identify_compares_as_the_logs_do(compared: Compared, tmp_path: 
         assert other["low"] == pytest.approx(-row["difference"]["high"], rel=1e-9)
 
 
+@pytest.mark.slow("compares many drives")
 def test_the_text_has_80_columns_and_no_control_characters(compared: Compared) -> None:
     """Every line fits a terminal of 80 columns, whatever the files are called, and the verdict stands before the tables."""
     assert compared.ran.code == 0
@@ -86,6 +88,7 @@ def test_the_text_has_80_columns_and_no_control_characters(compared: Compared) -
     assert verdict < next(k for k, line in enumerate(lines) if line.startswith("parameter"))
 
 
+@pytest.mark.slow("compares many drives")
 def test_halves_parts_folders_and_lists_are_sides(tmp_path: Path) -> None:
     """A log alone is compared by halves; parts, a folder and a list join several drives, with the spread between them."""
     out = tmp_path / "out.json"
@@ -103,6 +106,7 @@ def test_halves_parts_folders_and_lists_are_sides(tmp_path: Path) -> None:
     assert all(row["spread"] is not None for row in several["parameters"] if row["why_not"] is None)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -151,6 +155,7 @@ def test_what_is_missing_or_contradicts_itself_is_one_line(tmp_path: Path) -> No
         assert "Traceback" not in ran.err
 
 
+@pytest.mark.slow("compares many drives")
 @pytest.mark.parametrize("width", [1100, 390])
 def test_the_page_shows_the_numbers_and_loads_nothing(browser: Any, compared: Compared, width: int) -> None:
     """In Chromium, wide and on a phone: no console message, no request but the file, no markup from names, verdict first,

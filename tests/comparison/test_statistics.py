@@ -6,13 +6,15 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 
 from canid.comparison import between_drives, causes, difference, multiplicity
 from canid.comparison.comparison import compare
 from canid.comparison.drive import Causes, DriveEstimates, Effect, Quantity, Side
 from canid.comparison.multiplicity import Block
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.types import Interval
+from canid.values.types import Interval
+from tests.seeds import mostly
 
 # standard errors of a share over so many simulated cases that a correct rate may lie above its nominal one
 SIGMAS = 3.5
@@ -35,6 +37,7 @@ def sides(a: DriveEstimates, b: DriveEstimates) -> tuple[Side, Side]:
     return Side("A", (a,)), Side("B", (b,))
 
 
+@mostly(0.95)
 def test_equal_drivers_are_rarely_called_different_whatever_the_correlation(seed: int) -> None:
     """Six correlated parameters without a difference: at least one is named in 5 % of the cases, and not in far fewer where
     the correlation is known; without adjustment in more than 10 %."""
@@ -59,6 +62,7 @@ def test_equal_drivers_are_rarely_called_different_whatever_the_correlation(seed
             assert bool(p.min() < 0.05) == bool(np.abs(row).max() > critical[0])
 
 
+@mostly(0.95)
 def test_skewed_intervals_hold_the_difference(seed: int) -> None:
     """Two lognormal estimates, each with its exact skewed interval: the difference's interval holds the truth in 95 %; it
     excludes 0 exactly where that of the ratio excludes 1."""
@@ -79,6 +83,8 @@ def test_skewed_intervals_hold_the_difference(seed: int) -> None:
     assert 1.0 - held / runs <= above(0.05, runs) + 0.01
 
 
+@pytest.mark.slow("compares many drives")
+@mostly(0.95)
 def test_the_spread_of_one_driver_is_no_difference(seed: int) -> None:
     """Three drives a side of one driver whose gain varies by 10 % from drive to drive, each known to 3 %: called different
     in 5 %; as if each drive were exact, in more than 25 %. A gain 1.6 times as large is found in most cases."""
@@ -124,6 +130,8 @@ def test_units_that_differ_are_not_compared_but_times_are() -> None:
     assert compare(*sides(drive({}), other)).verdict == "not_comparable"
 
 
+@pytest.mark.slow("compares many drives")
+@mostly(0.95)
 def test_the_detectable_difference_is_found_in_eight_of_ten(seed: int) -> None:
     """Drivers that differ by what the comparison states as detectable are called different in 80 % of the cases."""
     rng = np.random.default_rng(seed)

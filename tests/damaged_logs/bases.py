@@ -12,7 +12,7 @@ from typing import NamedTuple
 from canid.buses import messages, python_can
 from canid.logs import open_log, write_log
 from canid.logs.blf.blf_writer import BlfWriter
-from canid.types import Event, Flag, Frame
+from canid.values.types import Event, Flag, Frame
 from tests.fixtures.frame_by_frame import blf_object
 
 START = 1_600_000_000  # s, epoch
@@ -27,6 +27,10 @@ class Part(NamedTuple):
     begin: int  # byte in the file
     end: int
     frames: range  # whole or in part
+
+
+# who wrote a .blf, as python-can states it: its start is UTC
+_PYTHON_CAN = (5, 0, 0, 0, 2, 6, 8, 1)
 
 
 class Base(NamedTuple):
@@ -127,7 +131,7 @@ def _stored_blf(name: str, frames: list[Frame], each: int, *, whole: bool) -> Ba
         body += head + row + bytes((32 + len(row)) % 4)
     uncompressed = _HEADER + sum(32 + len(row) for row in rows)
     fixed = struct.pack(
-        "<4sL8BQQLL8H8H", b"LOGG", _HEADER, *(0,) * 8, _HEADER + len(body), uncompressed, len(items), 0, *start, *start
+        "<4sL8BQQLL8H8H", b"LOGG", _HEADER, *_PYTHON_CAN, _HEADER + len(body), uncompressed, len(items), 0, *start, *start
     )  # fmt: skip
     return _blf_base(name, fixed.ljust(_HEADER, b"\0") + body, None, checked=False, expected=frames)
 

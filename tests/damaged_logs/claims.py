@@ -6,11 +6,11 @@ import io
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.errors import LogError
-from canid.frame_columns import frames_of
 from canid.logs import open_log
 from canid.logs.blf.blf_containers import PIECE_BYTES, containers
-from canid.types import Frame
+from canid.values.errors import LogError
+from canid.values.frame_columns import frames_of
+from canid.values.types import Frame
 from tests.damaged_logs.bases import Base
 from tests.damaged_logs.mutants import Mutant
 
@@ -39,7 +39,8 @@ def check(base: Base, mutant: Mutant, path: Path, *, one_by_one: bool = False) -
         got = [frame for chunk in log.columns() for frame in frames_of(chunk)]
     except LogError as error:
         said = str(error)
-        if intact:
+        # a base line that cannot be read is an error for the file: with another base all numbers would be others
+        if intact and not ("the base line" in said and mutant.hit[0] < base.header):
             raise AssertionError(f"{len(intact)} frames are whole, and yet: {said}") from error
         if "\n" in said:
             raise AssertionError("an error of more than one line") from error

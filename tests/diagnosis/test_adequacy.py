@@ -11,7 +11,7 @@ from canid.diagnosis.diagnose import diagnose
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
-from canid.findings import Verdict
+from canid.values.findings import Verdict
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
@@ -19,9 +19,10 @@ from tests.plants.measurement import trace
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize(
     ("simulator", "effect", "strength", "noise", "profile"),
-    seeds.part(
+    seeds.in_turn(
         [
             ("one", "headway_hysteresis", {"width": 0.9}, "white", "mixed"),
             ("two", "brake_light_startle", {"drop": 12.0, "threshold": 0.6}, "resonant", "mixed"),
@@ -40,9 +41,10 @@ def test_an_effect_of_nobodys_catalogue_is_unexplained(
     assert report.unexplained.value > 0.01
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize(
     ("simulator", "effect", "strength"),
-    seeds.part(
+    seeds.in_turn(
         [
             ("one", "attention_gap", {"per_minute": 1.5, "duration": 3.5}),
             ("two", "gain_change", {"share": 0.6, "time": 200.0}),
@@ -69,6 +71,7 @@ def prepared() -> Prepared:
     return found
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_families_are_finite_and_have_names_of_their_own(prepared: Prepared) -> None:
     families = shapes(prepared.data, prepared.fitted)
     assert len({one.name for one in families}) == len(families)
@@ -78,6 +81,7 @@ def test_families_are_finite_and_have_names_of_their_own(prepared: Prepared) -> 
         assert np.isfinite(one.columns).all(), one.name
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_a_slow_structure_explains_more_beside_a_colour_of_its_own(prepared: Prepared) -> None:
     """A noise model fitted without a slow structure absorbs it."""
     data, fitted = prepared.data, prepared.fitted

@@ -47,6 +47,7 @@ def test_the_doubt_falls_with_what_is_reported_later() -> None:
     assert np.all(np.diff(of.gap_sd) < 0)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("seed", [21, 22])
 @pytest.mark.parametrize("plant", [plant_one.plant, plant_two.plant])
 def test_estimates_are_conditional_means(plant: object, seed: int) -> None:

@@ -11,10 +11,11 @@ from canid.diagnosis.driver.driver_data import prepare
 from canid.diagnosis.driver.driver_fit import baseline
 from canid.diagnosis.driver.driver_model import BASE, with_effects
 from canid.diagnosis.driver.driver_simulation import Late, SimulatedDriver, driver
+from canid.diagnosis.several_drives.joined_drives import join
 from canid.diagnosis.vehicle import vehicle_block
 from canid.effects import CATALOGUE
-from canid.findings import Report, Trajectory
-from canid.types import Trace
+from canid.values.findings import Report, Trajectory
+from canid.values.types import Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
@@ -35,6 +36,7 @@ def roles(report: Report) -> dict[str, Trajectory]:
     return {of.role: of for of in report.closed_loop}
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize(("simulator", "seed"), [("one", 95), ("two", 92)])
 def test_a_clean_drive_is_driven_again_within_metres(simulator: str, seed: int) -> None:
     """The simulated gap errs by little of what the gap moves, and where nothing was found nothing is gained."""
@@ -52,6 +54,7 @@ def test_a_clean_drive_is_driven_again_within_metres(simulator: str, seed: int) 
     assert not np.isfinite(loop["gap"].before[braking]).any()
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize(
     ("simulator", "effect", "parameters", "profile", "seed"),
     [
@@ -71,6 +74,7 @@ def test_a_named_cause_brings_gap_and_speed_nearer_to_what_was_measured(
         assert of.gain.value == pytest.approx(1 - (rms(of, of.after) / rms(of, of.before)) ** 2, abs=1e-9)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_an_output_that_is_the_acceleration_is_integrated() -> None:
     """No car is needed: gap and speed follow from the driver's acceleration alone."""
     seen = drive("one", {}, 95, "mixed")
@@ -92,6 +96,7 @@ def test_an_output_that_is_the_acceleration_is_integrated() -> None:
     assert np.median(np.abs(np.diff(gap)[within] / dt - mean[within])) < 1e-6
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_a_command_and_a_pedal_without_a_fitted_car_are_no_closed_loop() -> None:
     seen = drive("one", {}, 95, "mixed")
     everything = np.ones(seen.t.size, dtype=bool)
@@ -191,6 +196,7 @@ def test_stretches_lie_in_the_folds_that_did_not_fit_their_driver() -> None:
     assert closed_loop.stretches(np.zeros(2000, dtype=bool), 0.1) == ()
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_an_unstable_driver_leaves_numbers() -> None:
     """Answers of the wrong sign fly apart: the error is large and finite, and nothing overflows."""
     seen = drive("one", {}, 95, "mixed")
@@ -213,3 +219,27 @@ def test_an_unstable_driver_leaves_numbers() -> None:
         known = simulated[where[0].start : where[0].stop]
         assert np.isfinite(known).all()
         assert np.ptp(known) > 20
+
+
+@pytest.mark.slow("fits a driver and a car")
+def test_a_stretch_after_a_hole_in_the_log_is_driven() -> None:
+    """Between two drives there is no output, nor in an interrupted log: the engine's lags do not begin with it."""
+    drives = [
+        trace(plant_one.plant({}, seed=seed, minutes=1.5, noise="white", profile="mixed")) for seed in (5, 6)
+    ]
+    joined = join(drives).trace
+    usable = np.isfinite(joined.output)
+    vehicle = vehicle_block.diagnose_vehicle(joined, usable)
+    data = prepare(joined, usable)
+    fitted = baseline(data)
+    assert fitted is not None
+    assert vehicle.cars is not None
+    nowhere = np.zeros(joined.t.size, dtype=bool)
+    car = closed_loop.car(vehicle.cars[0], vehicle, fitted.fitted.model, nowhere, joined.dt)
+    first = joined.t.size - drives[1].t.size
+    assert np.isnan(joined.output[first - 1])
+    road = closed_loop.Road(data, data.seen.speed + data.seen.range_rate, joined.output)
+    here = closed_loop.Stretch(first, first + 300, 0)
+    driven = closed_loop.driven(road, closed_loop.Ride((fitted,), (None,), (), car), (here,))
+    assert np.isfinite(driven.output[driven.past : -1]).all()
+    assert np.isfinite(driven.late.gap).all()

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
 import pytest
 
 from canid.diagnosis.diagnose import diagnose
-from canid.findings import Verdict, extends
-from canid.types import NAN, LearnGate, Trace
+from canid.values.findings import Verdict, extends
+from canid.values.types import NAN, LearnGate, Trace
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
@@ -18,14 +17,14 @@ from tests.plants.measurement import trace
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 
 
-def in_turn(purpose: str, cases: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-    """Half of the cases, each with one of the two simulators; all with both where CANID_ALL_STRENGTHS is set."""
-    every = os.environ.get("CANID_ALL_STRENGTHS")
-    chosen = [tuple(PLANTS) if every else (("one", "two")[k % 2],) for k in range(len(cases))]
+def in_turn(purpose: str, cases: list[tuple[Any, ...]]) -> list[Any]:
+    """Half of the cases, each with one of the two simulators; all with both where CANID_ALL_CASES is set."""
+    chosen = [tuple(PLANTS) if seeds.ALL_CASES else (("one", "two")[k % 2],) for k in range(len(cases))]
     found = [(name, *case) for case, names in zip(cases, chosen, strict=True) for name in names]
-    return seeds.part(found, 2, purpose)
+    return seeds.in_turn(found, 2, purpose)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize(
     ("simulator", "noise", "profile"),
     in_turn("clean", [("ar1", "mixed"), ("resonant", "motorway"), ("state", "urban"), ("ar4", "mixed")]),
@@ -41,6 +40,7 @@ def test_a_clean_drive_is_not_blamed(simulator: str, noise: str, profile: str) -
     assert not report.findings
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize(
     ("simulator", "effect", "strength", "noise", "profile"),
     in_turn(

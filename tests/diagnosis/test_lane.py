@@ -11,15 +11,14 @@ import pytest
 
 import canid
 from canid.diagnosis.lane import lane_fit, lane_null
-from canid.diagnosis.lane.lane_data import LaneData, prepare
 from canid.diagnosis.lane.lane_fit import FittedLane
-from canid.diagnosis.lane.lane_model import polynomial, steered, with_effects
+from canid.diagnosis.lane.lane_model import LaneData, polynomial, prepare, steered, with_effects
 from canid.effects import LANE_CATALOGUE
-from canid.findings import Report, Verdict
 from canid.simulation import Steering, simulate
-from canid.types import Array, LearnGate, Trace
+from canid.values.findings import Report, Verdict
+from canid.values.types import Array, LearnGate, Trace
 from tests.plants.lane_drives import CLEAN, EFFECTS, LaneDrive, make
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 BY_ID = {effect.id: effect for effect in LANE_CATALOGUE}
 # Table 1 of Chen & Ulsoy 2001 in the model's parameters: offset, K, Kd, τ, π, θ, wanted position
@@ -90,7 +89,8 @@ def test_without_noise_the_model_is_the_simulated_driver(effect: str) -> None:
         assert np.std(plain - data.output.y) > 4 * np.std((angle - data.output.y)[30:-20])
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_the_fit_finds_the_driver(seed: int) -> None:
     """On 10 min the simulated driver is within what the likelihood allows: at most 6 standard deviations of any."""
     made = make(LaneDrive("one", CLEAN, seed))
@@ -104,7 +104,8 @@ def test_the_fit_finds_the_driver(seed: int) -> None:
 # --- the null ----------------------------------------------------------------------------------------------
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_a_replicate_is_the_same_driver_on_the_same_road(seed: int) -> None:
     """The recorded angles give the recorded offsets; with noise drawn again, the fit finds the driver again."""
     drive = make(LaneDrive("two", CLEAN, seed, 6.0)).trace
@@ -131,6 +132,8 @@ CLEAN_DRIVES = [LaneDrive(simulator, CLEAN, k) for simulator in ("one", "two") f
 NAMEABLE = tuple(name for name in EFFECTS if BY_ID[name].identifiable)
 
 
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_clean_drives_stay_clean(seed: int) -> None:
     """At most 2 of 8 get a name, and at most 4 are unexplained.
 
@@ -142,6 +145,8 @@ def test_clean_drives_stay_clean(seed: int) -> None:
     assert len(unexplained) <= 4, unexplained
 
 
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_planted_causes_are_named(seed: int) -> None:
     """Of each cause on a drive of either simulator, most are named, and hardly one is taken for another."""
     found, wrong = {}, {}

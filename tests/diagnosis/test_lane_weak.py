@@ -11,8 +11,8 @@ import pytest
 
 import canid
 from canid.cli import main
-from canid.findings import Verdict
-from canid.types import NAN, Array, LearnGate, Trace
+from canid.values.findings import Verdict
+from canid.values.types import NAN, Array, LearnGate, Trace
 from tests.plants.lane_drives import CLEAN, LaneDrive, make
 
 
@@ -56,11 +56,12 @@ def test_weak_data_give_a_verdict_and_no_name(kind: str, seed: int) -> None:
     assert report.says
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_the_shipped_log_of_lane_keeping_through_the_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, page = tmp_path / "lane.json", tmp_path / "lane.html"
-    words = ["diagnose", "replay_logs/lane_keeping.blf", "--vehicle", "generic_lane"]
+    words = ["diagnose", "replay_logs/lane_keeping.blf", "--vehicle", "generic_lane", "--details"]
     assert main([*words, "--json", str(out), "--report", str(page)]) == 0
     report = json.loads(out.read_text())
     assert report["output"] == "steering_angle"

@@ -9,12 +9,12 @@ import pytest
 
 import canid
 from canid.diagnosis import masks
-from canid.types import Trace
+from canid.values.types import Trace
+from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
-RAV4 = Path(__file__).parents[3] / "shared" / "data" / "rav4" / "rav4_highway.blf"
 VEHICLE = Path(__file__).parents[2] / "dbc" / "toyota_rav4_2017.toml"
 
 
@@ -33,6 +33,7 @@ def inside(t: np.ndarray, stretches: list[list[float]] | list[tuple[float, float
     return out
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("simulator", PLANTS)
 @pytest.mark.parametrize(("profile", "seed"), [("mixed", 31), ("urban", 32)])
 def test_a_clean_drive_loses_nothing_to_a_mask(simulator: str, profile: str, seed: int) -> None:
@@ -42,6 +43,7 @@ def test_a_clean_drive_loses_nothing_to_a_mask(simulator: str, profile: str, see
     assert usable.all()
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("simulator", PLANTS)
 @pytest.mark.parametrize(
     ("effect", "parameters", "seed"),
@@ -69,6 +71,7 @@ def test_planted_episodes_are_masked_when_they_happen(
     assert not (usable & found).any()
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("simulator", PLANTS)
 def test_a_pedal_that_stands_still_is_a_foots_matter_and_not_masked(simulator: str) -> None:
     """A hung pedal and a held one are indistinguishable: the search of episodes in the pedal decides, no mask."""
@@ -77,6 +80,7 @@ def test_a_pedal_that_stands_still_is_a_foots_matter_and_not_masked(simulator: s
     assert not masks.recognise(drive)[1]
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("simulator", PLANTS)
 def test_another_vehicle_ahead_masks_the_seconds_after_it(simulator: str) -> None:
     drive, times = planted(simulator, {"cut_in": {}}, 44, "mixed")
@@ -88,10 +92,9 @@ def test_another_vehicle_ahead_masks_the_seconds_after_it(simulator: str) -> Non
         assert not usable[(drive.t > at + 0.5) & (drive.t < at + 2.0)].any()
 
 
+@needs_measured
 def test_cruise_control_takes_most_of_the_rav4s_minute() -> None:
-    if not RAV4.exists():
-        pytest.skip(f"{RAV4} is not there: a log of commaai's that canid does not bring along")
-    report = canid.diagnose(canid.read_trace(RAV4, VEHICLE))
+    report = canid.diagnose(canid.read_trace(MEASURED / "rav4/rav4_highway.blf", VEHICLE))
     cruising = sum(m.stop - m.start for m in report.masked if m.effect == "cruise_control")
     assert report.verdict.value == "not_enough_data"
     assert cruising == pytest.approx(49.2, abs=1.0)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from canid.diagnosis import masks
 from canid.diagnosis.driver import driver_candidates, driver_intervals, model_averaging
 from canid.diagnosis.prepared_drive import ready
 from canid.effects import CATALOGUE
-from canid.types import Interval
+from canid.values.types import Interval
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
@@ -22,6 +24,7 @@ def holds(interval: Interval, truth: float) -> bool:
     return interval.low <= truth <= interval.high
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_an_effect_that_was_withdrawn_widens_the_interval_to_the_truth_and_never_narrows_it() -> None:
     inside, before = 0, 0
     for k in range(DRIVES):
@@ -47,6 +50,7 @@ def test_an_effect_that_was_withdrawn_widens_the_interval_to_the_truth_and_never
     assert inside >= max(before, 1)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_only_what_was_fitted_next_to_the_final_model_counts() -> None:
     seen = trace(plant_two.plant({}, seed=seeds.seed("averaging"), minutes=6, noise="white", profile="mixed"))
     prepared = ready(seen, masks.recognise(seen, CATALOGUE)[0])

@@ -13,10 +13,10 @@ from canid.diagnosis.diagnose import diagnose, diagnose_car
 from canid.diagnosis.several_drives.joined_drives import join
 from canid.diagnosis.vehicle.vehicle_data import graded
 from canid.simulation import simulate
-from canid.types import Trace
+from canid.values.types import Trace
 from tests.diagnosis.test_several_drives import SHORT, drawn
 from tests.hidden_effects.planted_by_canid import by_columns
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 DRIVERS = 4
 
@@ -29,7 +29,8 @@ def drives(rng: np.random.Generator, minutes: float, **hide: tuple[float, ...]) 
     ]
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_evidence_of_a_late_turbocharger_adds_up_over_drivers(seed: int) -> None:
     rng = np.random.default_rng(seed)
     traces = drives(rng, SHORT, turbo_lag=(0.8,))
@@ -53,7 +54,8 @@ def test_evidence_of_a_late_turbocharger_adds_up_over_drivers(seed: int) -> None
     assert len(set(K)) == DRIVERS
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_a_clean_car_stays_clean_whoever_drives(seed: int) -> None:
     reports = diagnose_car(drives(np.random.default_rng(seed), SHORT), "abcd")
     for report in reports:
@@ -76,6 +78,7 @@ def test_altitudes_of_two_drives_make_no_hill_between_them(seed: int) -> None:
     assert np.abs(graded(trace, speed)).max() == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_one_report_per_log(tmp_path: Path) -> None:
     logs = ["replay_logs/following_urban.blf", "replay_logs/following_mixed.blf"]
     out = tmp_path / "car.json"

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from canid.diagnosis import masks
-from canid.diagnosis.driver import driver_candidates, power
+from canid.diagnosis.driver import detectability, driver_candidates
 from canid.diagnosis.driver.driver_model import K2
-from canid.diagnosis.fitting.robust_covariance import needed
+from canid.diagnosis.fitting.uncertainty import needed
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.effects import CATALOGUE
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 DRIVERS = {effect.id: effect for effect in CATALOGUE if effect.where == "driver"}
 STRENGTH = {"relative_speed_dead_zone": "width", "asymmetric_gain": "share"}
@@ -39,13 +41,16 @@ def evidence(name: str, prepared: Prepared) -> float:
     ).evidence
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_a_strength_that_would_show_is_seen_and_a_weak_one_is_not(seed: int) -> None:
     bound = needed(1, len(DRIVERS))
     missed, seen_weak, bends = [], [], []
     k = seed % 2
     clean = driven({}, seed, k)
-    visible = {one.effect: one for one in power.visible(tuple(DRIVERS.values()), clean.data, clean.fitted)}
+    visible = {
+        one.effect: one for one in detectability.visible(tuple(DRIVERS.values()), clean.data, clean.fitted)
+    }
     for name, parameter in STRENGTH.items():
         of = visible[name]
         assert math.isfinite(of.strength), (name, of)
@@ -65,9 +70,10 @@ def test_a_strength_that_would_show_is_seen_and_a_weak_one_is_not(seed: int) -> 
     )
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_what_bends_the_gain_most_comes_first_and_what_is_in_the_model_is_not_listed() -> None:
     clean = driven({}, seeds.seed("power order"), 0)
-    all_of = power.visible(tuple(DRIVERS.values()), clean.data, clean.fitted)
+    all_of = detectability.visible(tuple(DRIVERS.values()), clean.data, clean.fitted)
     bends = [abs(one.bends) for one in all_of]
     assert bends == sorted(bends, reverse=True)
     assert {"attention_gap", "cruise_control", "periodic_task"}.isdisjoint(one.effect for one in all_of)

@@ -7,12 +7,12 @@ import pytest
 
 from canid.diagnosis.diagnose import diagnose, diagnose_drives
 from canid.diagnosis.several_drives.joined_drives import PAUSE_S, join
-from canid.errors import ConfigError
-from canid.findings import Verdict
 from canid.simulation import DriverTruth, simulate
-from canid.types import OutputFilter, SignalFinding, Trace
+from canid.values.errors import ConfigError
+from canid.values.findings import Verdict
+from canid.values.types import OutputFilter, SignalFinding, Trace
 from tests.hidden_effects.planted_by_canid import by_columns
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 # min; alone too short for a cause of this size, together long enough
 SHORT, DRIVES = 2.5, 4
@@ -42,7 +42,8 @@ def drives(
     ]
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_evidence_adds_up_over_drives_that_are_too_short(seed: int) -> None:
     """The joint evidence is above every drive's own, the cause is named, and it gains on most drives by a fit to others."""
     rng = np.random.default_rng(seed)
@@ -58,7 +59,8 @@ def test_evidence_adds_up_over_drives_that_are_too_short(seed: int) -> None:
     assert sum(gain > 0 for gain in gains) >= DRIVES - 1, gains
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_clean_drives_of_one_driver_stay_clean_together(seed: int) -> None:
     """With offsets that differ: no cause of the mean, no difference, and the driver's gains are inside."""
     rng = np.random.default_rng(seed)
@@ -74,7 +76,8 @@ def test_clean_drives_of_one_driver_stay_clean_together(seed: int) -> None:
         assert K.low - 0.5 * wide < true < K.high + 0.5 * wide, (K, true)
 
 
-@two_of_three
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_two_drivers_are_not_taken_for_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
     one = drawn(rng, K2=4.0)

@@ -1,4 +1,7 @@
-"""The reference of commands and the man page are those of the present options; every page is in a table of contents."""
+"""Reference of commands, man page, tables of README and docs/json.md are those of the present verbs.
+
+Every page is in a table of contents.
+"""
 
 from __future__ import annotations
 
@@ -15,28 +18,35 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @pytest.fixture
 def made(tmp_path: Path) -> Path:
-    """A folder in which the script has written its two files."""
+    """A folder in which the script has written its files."""
     script = "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import reference_of_commands as r; "
-    write = "Path('page').write_text(r.markdown(), 'utf-8'); Path('man').write_text(r.manual(), 'utf-8')"
+    write = (
+        "Path('page').write_text(r.markdown(), 'utf-8'); Path('man').write_text(r.manual(), 'utf-8'); "
+        "Path('readme').write_text(r.readme(r.README.read_text('utf-8')), 'utf-8'); "
+        "Path('names').write_text(r.names(r.NAMES.read_text('utf-8')), 'utf-8')"
+    )
     subprocess.run([sys.executable, "-c", script + write, DOCS], check=True, cwd=tmp_path)
     return tmp_path
 
 
-def test_both_are_current(made: Path) -> None:
-    again = "options have changed: run python docs/reference_of_commands.py"
+@pytest.mark.slow("the commands of a page")
+def test_all_are_current(made: Path) -> None:
+    again = "verbs, options or results have changed: run python docs/reference_of_commands.py"
     assert (made / "page").read_text("utf-8") == (DOCS / "commands.md").read_text("utf-8"), again
     assert (made / "man").read_text("utf-8") == (DOCS / "man/canid.1").read_text("utf-8"), again
+    assert (made / "readme").read_text("utf-8") == (DOCS.parent / "README.md").read_text("utf-8"), again
+    assert (made / "names").read_text("utf-8") == (DOCS / "json.md").read_text("utf-8"), again
 
 
 def test_the_tables_of_a_fleet_are_current(tmp_path: Path) -> None:
-    """The columns that docs/fleet.md lists are those of canid/fleet/columns.py."""
+    """The columns that docs/fleet_folder.md lists are those of canid/fleet/storage/columns.py."""
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import fleet_tables as f; "
     )
     write = "Path('page').write_text(f.replaced(f.PAGE.read_text('utf-8')), 'utf-8')"
     subprocess.run([sys.executable, "-c", script + write, DOCS], check=True, cwd=tmp_path)
     again = "columns have changed: run python docs/fleet_tables.py"
-    assert (tmp_path / "page").read_text("utf-8") == (DOCS / "fleet.md").read_text("utf-8"), again
+    assert (tmp_path / "page").read_text("utf-8") == (DOCS / "fleet_folder.md").read_text("utf-8"), again
 
 
 def test_groff_takes_the_man_page_without_a_warning() -> None:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.types import LearnGate, Sample
+from canid.values.types import LearnGate, Sample
 
 DT = 0.1
 NAMES = ("headway_error", "range_rate")

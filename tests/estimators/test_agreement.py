@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canid.estimators import agreement
-from canid.types import Channel, Estimate, Identifiable, Interval, Status
+from canid.values.types import Channel, Estimate, Identifiable, Interval, Status
 from tests.exact import exact
 
 SILENT = (Status.CONVERGING, Status.NOT_EXCITED, Status.NO_LEAD, Status.NO_DRIVER, Status.STALE)
@@ -31,7 +31,7 @@ def says(t, name, low, high, status=Status.OK, channel="range_rate", lag=UNTOLD)
 
 def listen(instants):
     """All judged estimates, from lists of estimates of one instant each."""
-    state, out = agreement.init(), []
+    state, out = agreement.State(), []
     for estimates in instants:
         state, checked = agreement.step(state, estimates)
         out += checked
@@ -123,7 +123,7 @@ def test_an_estimator_without_numbers_contradicts_nobody(status):
 
 def test_an_old_estimate_contradicts_nobody_and_holds_no_headline():
     """What was said longer ago than MAX_AGE_S is about another time."""
-    state = agreement.init()
+    state = agreement.State()
     for t in TIMES[:20]:
         state, _ = agreement.step(state, both(t, (7.0, 8.0), (5.0, 6.0)))
     alone = []
@@ -194,11 +194,12 @@ spoken = st.lists(
 )
 
 
+@pytest.mark.slow("estimates over whole drives")
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.floats(0.1, 3.0), spoken), max_size=40))
 def test_whatever_they_say_no_number_is_touched_and_one_is_read_at_most(turns):
     """Only an ok estimate changes, only in status, sentence and headline; steps are pure and survive pickling."""
-    state, t = agreement.init(), 0.0
+    state, t = agreement.State(), 0.0
     for wait, said in turns:
         t += wait
         estimates = [Estimate(t, name, status, "K only", {"a": ch}) for name, status, ch in said]

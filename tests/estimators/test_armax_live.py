@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from canid.estimators.armax import ARMAX, ArmaxSettings
-from canid.types import LearnGate, Sample, Status
+from canid.values.types import LearnGate, Sample, Status
 
 DT = 0.1
 NAME = "lateral_offset"
@@ -57,6 +57,7 @@ def said(rows, settings=None):
     return out, state
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_the_anytime_interval_seldom_ever_misses_and_is_little_wider():
     """Ten runs of 3 min, evaluated twice a second: at most one ever misses K, which the plain interval does in many;
     on average it is at most 1.6 times as wide."""
@@ -74,6 +75,7 @@ def test_the_anytime_interval_seldom_ever_misses_and_is_little_wider():
     assert 1.3 < np.mean(ratios) < 1.6
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_residuals_of_a_right_model_are_found_white():
     """Tests of the last minute come once there is enough, and mostly pass: each alone alarms in 1 %."""
     passed, seen = 0, 0
@@ -100,6 +102,7 @@ def test_residuals_of_a_wrong_model_are_found_autocorrelated():
     assert not estimates[-1].residual_tests.white
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_no_number_where_the_residuals_hold_another_answer():
     """Noise that resonates takes the poles, the answer stays in the residuals: a sentence, and no number."""
     rng, refused = np.random.default_rng(1), 0
@@ -121,6 +124,7 @@ def test_no_number_where_the_residuals_hold_another_answer():
     assert refused >= 2
 
 
+@pytest.mark.slow("estimates over whole drives")
 @pytest.mark.parametrize("gated", [True, False], ids=["cruise", "still"])
 def test_twenty_minutes_of_cruise_leave_the_answer_alone_and_its_age_is_told(gated):
     """Through cruise control, and through a drive in which nothing moves, K stays; the first sentence after it
@@ -144,6 +148,7 @@ def test_twenty_minutes_of_cruise_leave_the_answer_alone_and_its_age_is_told(gat
     assert np.linalg.eigvalsh(state.model.root @ state.model.root.swapaxes(1, 2)).min() > 0.0
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_another_driver_is_followed():
     """Without any sign but the data, K of a driver with half the gain more is estimated to 15 % from 35 s on, when
     a batch fit of the new driver's first 30 s has been made, and is inside its interval nearly always."""
@@ -162,6 +167,7 @@ def test_another_driver_is_followed():
     assert state.model.restarts >= 1
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_what_the_state_holds_is_bounded():
     """An hour's state is no larger than that of five minutes: nothing grows with the drive."""
     y, u = driven(10, 900.0)

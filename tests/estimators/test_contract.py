@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from canid.estimators import ESTIMATORS, status
 from canid.saving.state_codec import codec
-from canid.types import Identifiable, LearnGate, Sample, Status
+from canid.values.types import Identifiable, LearnGate, Sample, Status
 from canid.vehicle import schema
 from tests.exact import exact
 
@@ -70,6 +70,7 @@ def test_names_are_unique_and_belong_to_the_estimator():
         assert method.make(("lateral_offset",), DT).init() is not None
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_finds_the_planted_gain_and_keeps_the_form(estimator, driven, estimates):
     """Over 4 min of following every estimate is well formed, some give K, and the last K of range rate is right."""
     right, quoted = 0, 0
@@ -89,6 +90,7 @@ def test_finds_the_planted_gain_and_keeps_the_form(estimator, driven, estimates)
     assert right >= quoted - 1
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_speaks_every_half_second_and_at_once_when_the_kind_changes(estimator, driven, estimates):
     """Estimates are 0.5 s apart, or come with a new kind of status."""
     found, _ = estimates(estimator, driven(1, 60.0, shut=((30.03, 41.0),)))
@@ -99,6 +101,7 @@ def test_speaks_every_half_second_and_at_once_when_the_kind_changes(estimator, d
     assert any(e.t == 30.1 and e.status is Status.NO_DRIVER for e in found)
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_same_answer_wherever_the_stream_is_cut(estimator, driven, estimates):
     """The state survives pickling at any sample, and the estimates are equal to the last bit."""
     samples = driven(2, 50.0, shut=((30.0, 33.0),), gate=LearnGate.BRAKE)
@@ -109,6 +112,7 @@ def test_same_answer_wherever_the_stream_is_cut(estimator, driven, estimates):
         assert exact(first + rest) == exact(whole)
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_a_step_changes_nothing_it_was_given(estimator, driven):
     """State and sample are the same bytes after the step, and the same step again gives the same."""
     state = estimator.init()
@@ -122,6 +126,7 @@ def test_a_step_changes_nothing_it_was_given(estimator, driven):
         state = new
 
 
+@pytest.mark.slow("estimates over whole drives")
 @pytest.mark.parametrize("gate", [g for g in LearnGate if g in status._AT_ONCE], ids=lambda g: g.name)
 def test_what_ends_the_following_silences_at_once(estimator, driven, estimates, gate):
     """Cruise, no lead, standstill, stale: the very first such sample takes all numbers away."""
@@ -135,6 +140,7 @@ def test_what_ends_the_following_silences_at_once(estimator, driven, estimates, 
         assert e.t < 50.0 or e.status is first.status
 
 
+@pytest.mark.slow("estimates over whole drives")
 @pytest.mark.parametrize(
     "gate", [LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.TARGET_CHANGE], ids=lambda g: g.name
 )
@@ -149,6 +155,7 @@ def test_a_brief_interruption_keeps_the_estimate_and_a_long_one_does_not(estimat
     assert {e.status for e in gone} == {want}
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_comes_back_clean_after_cruise(estimator, driven, estimates):
     """After cruise, during which the pedal does something else, the answers are those of the person."""
     samples = [
@@ -175,6 +182,7 @@ def test_constant_inputs_are_not_excited_and_it_says_so(estimator, estimates):
         check(e)
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_missing_samples_and_values_cost_data_only(estimator, driven, estimates):
     """Lost grid times, NaN outputs and inputs: estimates go on, well formed."""
     holes = [
@@ -207,6 +215,7 @@ garbage = st.lists(
 )
 
 
+@pytest.mark.slow("estimates over whole drives")
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(pieces=garbage)
 def test_nothing_that_a_stream_may_hold_makes_it_raise(estimator, driven, estimates, pieces):
@@ -223,6 +232,7 @@ def test_nothing_that_a_stream_may_hold_makes_it_raise(estimator, driven, estima
         check(e)
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_lane_keeping_has_one_input(method, driven, estimates):
     """With lateral offset alone the same estimators run and find the planted gain."""
     lateral = [0.3 * s.inputs[1] for s in driven(7, 90.0)]
@@ -251,6 +261,7 @@ def test_wrong_settings_are_a_wrong_call(method):
         method.make(NAMES, 0.0)
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_the_state_is_saved_and_restored(estimator, driven, estimates):
     """Its annotations give it a plain form; a restored state goes on to the last bit, and is of its own setup."""
     samples = driven(2, 40.0)

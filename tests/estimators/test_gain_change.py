@@ -6,9 +6,9 @@ from scipy.signal import lfilter
 
 from canid.estimators import fopdt, status
 from canid.estimators.windows import reported_estimates
-from canid.types import LearnGate, Sample
+from canid.values.types import LearnGate, Sample
 from tests.plants.first_order_lag import answer
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 DT = 0.1
 STEP_AT, END = 100.0, 145.0
@@ -44,7 +44,8 @@ def stepped(seed):
     return drive(seed, 1.5)
 
 
-@two_of_three
+@pytest.mark.slow("estimates over whole drives")
+@mostly(0.95)
 def test_a_step_is_reported_once_with_its_time_and_both_gains(seed):
     """x1.5 behind a lively lead: one new change, within 30 s, dated to 5 s, K before and after in (wide) reach."""
     estimates = live(drive(seed, 1.5))
@@ -60,6 +61,7 @@ def test_a_step_is_reported_once_with_its_time_and_both_gains(seed):
     assert abs(last.value - 1.5 * K) <= 2.5 * (last.high - last.low) / 2.0
 
 
+@pytest.mark.slow("estimates over whole drives")
 def test_the_windows_of_a_drive_with_a_step_are_the_live_numbers(stepped):
     """Bit for bit, the change included: every reported estimate of batch is the one of live at that time."""
     running = fopdt.FOPDT.make(("range_rate",), DT)
@@ -71,7 +73,8 @@ def test_the_windows_of_a_drive_with_a_step_are_the_live_numbers(stepped):
     assert {int(e.t // status.REPORT_EVERY_S) for e in reported} >= set(range(3, 14))
 
 
-@two_of_three
+@pytest.mark.slow("estimates over whole drives")
+@mostly(0.95)
 def test_a_constant_driver_is_not_reported(seed):
     """No step, no change, and the gain of the last window is the driver's."""
     estimates = live(drive(seed, 1.0))

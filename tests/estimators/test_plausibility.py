@@ -7,8 +7,9 @@ from canid.estimators import plausibility, status
 from canid.estimators.armax import ARMAX, ArmaxSettings
 from canid.estimators.fopdt import FOPDT, FopdtSettings
 from canid.estimators.plausibility import Following, Ranges, judge
+from canid.estimators.whole_drive_agreement import arbitrated
 from canid.identification.first_order import scan
-from canid.types import Channel, Identifiable, Interval, LearnGate, Status, Trace
+from canid.values.types import Channel, Identifiable, Interval, LearnGate, Status, Trace
 
 RANGES = Ranges(3.0, 1.5, "fopdt")
 AT = Following(20.0, 1.5)
@@ -109,7 +110,8 @@ def test_a_whole_drive_carries_its_sentence():
 
 def test_a_large_response_that_is_left_over_keeps_delays_from_being_quoted():
     """The gain stays, as its intervals do not suffer; the sentence gives the size."""
-    left = identified(drive(extra=0.4))
+    left = arbitrated({"fopdt": identified(drive(extra=0.4))})["fopdt"]
+    assert left is not None
     assert left.residual_tests is not None
     assert left.residual_tests.left_over_share["range_rate"] > plausibility.MAX_LEFT_OVER
     assert left.channels["range_rate"].status is Identifiable.GAIN_ONLY

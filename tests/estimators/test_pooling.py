@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from canid.estimators import pooling
-from canid.types import LearnGate, Sample, Trace
+from canid.values.types import LearnGate, Sample, Trace
 
 
 def drive(dt, n=400):

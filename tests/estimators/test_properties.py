@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from canid.estimators import ESTIMATORS
-from canid.types import Identifiable, LearnGate, Sample, Status
+from canid.values.types import Identifiable, LearnGate, Sample, Status
+from tests.seeds import mostly
 
 DT, FINE = 0.1, 0.02
 NAME = "lateral_offset"
@@ -84,6 +85,7 @@ def stream(K, tau, dead_time, kind, decibel, gaps, seed):
         )
 
 
+@pytest.mark.slow("estimates over whole drives")
 @pytest.mark.parametrize("method", ESTIMATORS, ids=lambda method: method.name)
 @settings(
     max_examples=8,
@@ -104,6 +106,7 @@ def stream(K, tau, dead_time, kind, decibel, gaps, seed):
     gaps=gaps,
     seed=st.integers(0, 10_000),
 )
+@mostly(0.95)
 def test_what_is_quoted_is_near_the_truth(method, K, tau, dead_time, kind, decibel, gaps, seed):
     """Within three half-widths of the 95 % interval, wherever a number is quoted; times in resonant noise within five."""
     estimator = method.make((NAME,), DT)

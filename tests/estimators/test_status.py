@@ -1,7 +1,7 @@
 """The words and the clock of the status logic."""
 
 from canid.estimators import status
-from canid.types import Channel, Identifiable, Interval, LearnGate, Sample, Status
+from canid.values.types import Channel, Identifiable, Interval, LearnGate, Sample, Status
 
 
 def sample(t, gate):

@@ -40,6 +40,7 @@ def run_here(monkeypatch: pytest.MonkeyPatch, *words: object) -> str | int | Non
     return 0
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_identify_log(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The first script prints K of range rate with an interval that holds the truth; a wrong file is one line."""
     assert run_here(monkeypatch, EXAMPLES / "identify_log.py", LOG, "generic") == 0
@@ -53,6 +54,7 @@ def test_identify_log(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFix
     assert "\n" not in wrong
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_listen(tmp_path: Path) -> None:
     """The second one has live estimates of K from a Notifier on a virtual bus, and loses nothing."""
     ran = run(EXAMPLES / "listen.py", LOG, 35, folder=tmp_path)
@@ -62,6 +64,7 @@ def test_listen(tmp_path: Path) -> None:
     assert ", 0 dropped>" in ran.stdout
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The third one makes a table of a folder, passes over a file that is no log, and takes arrays as a drive."""
     shutil.copy(REPO / "replay_logs/following_lost_lead.blf", tmp_path)
@@ -74,6 +77,7 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert re.search(r"range_rate: Channel\(K=6\.\d\d \[5\.\d\d, 6\.\d\d\], tau=", out), out
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_the_scripts_are_typed() -> None:
     """`mypy --strict` on them, against the types that canid ships."""
     scripts = sorted(EXAMPLES.glob("*.py"))
@@ -85,6 +89,7 @@ def test_the_scripts_are_typed() -> None:
     assert revealed.exists()
 
 
+@pytest.mark.slow("whole commands, one after the other")
 def test_the_notebook_runs(tmp_path: Path) -> None:
     """Every cell of the notebook in docs, from top to bottom; it is kept without outputs."""
     nbformat = pytest.importorskip("nbformat")

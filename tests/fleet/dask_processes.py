@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import socket
 import subprocess
@@ -52,13 +53,13 @@ class Cluster:
         for _ in range(workers):
             self.start_worker()
 
-    def _start(self, command: str) -> subprocess.Popen[bytes]:
+    def _start(self, command: str, **environment: str) -> subprocess.Popen[bytes]:
         with (self.folder / "dask.txt").open("ab") as log:
             made = subprocess.Popen(
                 ["sh", "-c", command], stdout=log, stderr=log, start_new_session=True, cwd=self.folder,
                 env={**os.environ, "OMP_NUM_THREADS": "1", "DASK_TEMPORARY_DIRECTORY": str(self.folder),
                      # as Dask's default of 3, but a log that kills its workers costs fewer of them
-                     "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"},
+                     "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1", **environment},
             )  # fmt: skip
         self._groups.append(made)
         return made
@@ -66,9 +67,12 @@ class Cluster:
     def start_scheduler(self) -> subprocess.Popen[bytes]:
         return self._start(f"exec {DASK} scheduler --host {HOST} --port {self.port} --no-dashboard")
 
-    def start_worker(self) -> None:
+    def start_worker(self, hidden: Path | None = None, **environment: str) -> None:
+        """Start a worker; it sees an empty folder in the place of `hidden`."""
         one = f"{DASK} worker {self.address} --host {HOST} --nthreads 1 --no-dashboard"
-        self._start(f"while sleep 0.1; do {one}; done")
+        if hidden is not None:
+            one = f"unshare --mount sh -c 'mount -t tmpfs none {shlex.quote(str(hidden))} && exec {one}'"
+        self._start(f"while sleep 0.1; do {one}; done", **environment)
 
     def restart_scheduler(self) -> None:
         """Kill it, and start another one at the same address."""
@@ -87,24 +91,28 @@ class Cluster:
                 os.killpg(one.pid, signal.SIGKILL)
             one.wait()
 
+    def wait(self, workers: int) -> None:
+        """Wait until the scheduler answers and has so many workers."""
+        from distributed import Client
+
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                with Client(self.address, timeout=5.0, set_as_default=False) as client:
+                    if workers:
+                        client.wait_for_workers(workers, timeout=PATIENCE_S)
+                return
+            except (OSError, TimeoutError):
+                assert time.monotonic() < deadline
+                time.sleep(0.2)
+
 
 @contextmanager
 def cluster(folder: Path, workers: int = 2) -> Iterator[Cluster]:
     """A cluster that is ready."""
-    from distributed import Client
-
     made = Cluster(folder, workers)
     try:
-        deadline = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                with Client(made.address, timeout=5.0, set_as_default=False) as client:
-                    if workers:
-                        client.wait_for_workers(workers, timeout=PATIENCE_S)
-                break
-            except (OSError, TimeoutError):
-                assert time.monotonic() < deadline
-                time.sleep(0.2)
+        made.wait(workers)
         yield made
     finally:
         made.close()

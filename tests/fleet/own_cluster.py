@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from canid.fleet import dask_run
+from canid.fleet.analysis import dask_run
 from tests.fleet.dask_processes import descendants
 from tests.fleet.fleet_jobs import SOURCES, job
 

@@ -17,6 +17,18 @@ URBAN = REPO / "replay_logs/following_urban.blf"
 PATIENCE_S = 120.0
 # whole drives alone: some milliseconds a log
 QUICK = ("--vehicle", "generic", "--no-diagnosis", "--no-windows", "--no-traffic")
+# of a fleet's folder
+TABLES = (
+    "logs",
+    "drives",
+    "windows",
+    "events",
+    "findings",
+    "power",
+    "drivers",
+    "population",
+    "joint_findings",
+)
 
 
 @cache

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet.analysis import analyse
-from canid.fleet.isolated import Child
-from canid.fleet.job import Failure, Outcome, Source, Status
+from canid.fleet.analysis.analysis import analyse
+from canid.fleet.analysis.isolated import Child
+from canid.fleet.analysis.job import Failure, Outcome, Source, Status
 from canid.tables.column_map import ColumnMap
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, SHIPPED, URBAN, job, sparse
@@ -104,6 +104,7 @@ BAD: dict[str, tuple[Failure, Callable[[Path], Path]]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_log_is_one_failed_row(tmp_path: Path, child: Child, name: str) -> None:
     """Each kind has its word and a line; the child goes on, and takes no memory for it."""
@@ -127,6 +128,7 @@ def test_a_log_without_its_vehicle_says_what_to_do() -> None:
     assert "--vehicle" in outcome.reason
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_log_without_permission(tmp_path: Path) -> None:
     """`permission`, of the file and of its folder; tried as another user where root runs the tests."""
     inside = folder(tmp_path / "private") / "drive.blf"
@@ -211,6 +213,7 @@ def test_a_log_that_changed_since_it_was_listed(tmp_path: Path) -> None:
     assert analyse(of._replace(size=-1, modified_ns=0), GENERIC).failure is not Failure.CHANGED
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_an_error_in_canid_is_one_row() -> None:
     """Something that no check foresees: its type and its text, in one line."""
     broken = GENERIC._replace(vehicle=GENERIC.vehicle._replace(estimators=None))  # type: ignore[union-attr, arg-type]

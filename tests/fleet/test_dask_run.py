@@ -14,9 +14,9 @@ import pytest
 
 pytest.importorskip("distributed", reason="needs distributed: pip install 'canid[fleet]'")
 
-from canid.errors import CanidError, ConfigError
-from canid.fleet import dask_run, dask_worker, local_run
-from canid.fleet.job import Failure, Job, Outcome, Status
+from canid.fleet.analysis import dask_run, dask_worker, local_run
+from canid.fleet.analysis.job import Failure, Job, Outcome, Status
+from canid.values.errors import CanidError, ConfigError
 from tests.fleet import short_logs
 from tests.fleet.dask_processes import Cluster, cluster, descendants, free_port
 from tests.fleet.fleet_jobs import GENERIC, REPO, SOURCES, job
@@ -52,6 +52,7 @@ def check(found: list[Outcome], expected: dict[str, str], times: int = 1) -> Non
         assert [numbers(one) for one in found if one.log == log] == [of] * times
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_rows_are_those_of_this_machine(
     running: Cluster, jobs: list[Job], expected: dict[str, str]
 ) -> None:
@@ -70,13 +71,17 @@ def test_the_rows_are_those_of_this_machine(
     check(found, expected)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_worker_that_is_killed_loses_nothing(
     running: Cluster, jobs: list[Job], expected: dict[str, str]
 ) -> None:
     """Its logs are analysed elsewhere: none is lost, none comes twice, none fails for it; its children end as well."""
     found = []
     children: list[int] = []
-    for outcome in dask_run.outcomes(jobs * 2, SOURCES, scheduler=running.address, workers=0):
+    lines: list[str] = []
+    for outcome in dask_run.outcomes(
+        jobs * 2, SOURCES, scheduler=running.address, workers=0, inform=lines.append
+    ):
         found.append(outcome)
         if len(found) == 3:
             workers = running.processes("multiprocessing.spawn")
@@ -86,6 +91,8 @@ def test_a_worker_that_is_killed_loses_nothing(
             os.kill(workers[0], signal.SIGKILL)
     check(found, expected, 2)
     assert all(gone(pid) for pid in children)
+    (said,) = (line for line in lines if "has ended in the middle of" in line)
+    assert "analysed again" in said
 
 
 # of a job whose unpickling ends a worker; in the scheduler, which unpickles it as well, it stays what it is
@@ -100,6 +107,7 @@ class Poison:
         return (eval, (POISON, {"code": POISON}))
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_log_that_kills_its_workers_fails_alone(
     running: Cluster, jobs: list[Job], expected: dict[str, str]
 ) -> None:
@@ -113,6 +121,7 @@ def test_a_log_that_kills_its_workers_fails_alone(
     check([one for one in found if one is not failed], expected)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_scheduler_is_killed_and_comes_back(
     running: Cluster, jobs: list[Job], expected: dict[str, str]
 ) -> None:
@@ -131,6 +140,7 @@ def test_the_scheduler_is_killed_and_comes_back(
     assert running.address in lost
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_scheduler_that_never_comes_back(tmp_path: Path, jobs: list[Job]) -> None:
     """What was yielded is kept; then one line that says what to do."""
     with cluster(tmp_path, 1) as made:
@@ -150,6 +160,7 @@ def test_a_scheduler_that_never_comes_back(tmp_path: Path, jobs: list[Job]) -> N
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_workers_of_this_machine(jobs: list[Job], expected: dict[str, str]) -> None:
     """Without a scheduler it starts its own, in silence, and ends it, children included."""
     text = (
@@ -170,10 +181,11 @@ def test_workers_of_this_machine(jobs: list[Job], expected: dict[str, str]) -> N
 
 def test_another_version_is_refused() -> None:
     """Numbers of another release never come into one folder."""
-    with pytest.raises(ConfigError, match=r"canid 0\.0\.9, this is|has canid .*, this is 0\.0\.9"):
+    with pytest.raises(ConfigError, match=r"has canid .*, this is 0\.0\.9"):
         dask_worker.analyse("0.0.9/1", job("no.blf"), GENERIC)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_workers_without_canid_are_refused(tmp_path: Path, jobs: list[Job]) -> None:
     """One line, before the first log, that says which process it is and what to install."""
     with cluster(tmp_path, 0) as made:
@@ -190,10 +202,11 @@ def test_workers_without_canid_are_refused(tmp_path: Path, jobs: list[Job]) -> N
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:{port}", "no address at all"])
 def test_nothing_at_the_address(address: str, jobs: list[Job], monkeypatch: pytest.MonkeyPatch) -> None:
     """One line that names the address, within some seconds."""
-    monkeypatch.setattr("canid.fleet.dask_cluster.CONNECT_S", 1.0)
+    monkeypatch.setattr("canid.fleet.analysis.dask_cluster.CONNECT_S", 1.0)
     named = address.format(port=free_port())
     with pytest.raises(ConfigError) as raised:
         next(dask_run.outcomes(jobs, SOURCES, scheduler=named, workers=0))

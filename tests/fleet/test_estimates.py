@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.errors import ConfigError
-from canid.fleet import estimates
-from canid.fleet.columns import POOLED
-from canid.fleet.database import opened
-from canid.fleet.estimates import LANE, MAIN, TIMES, drive_table, kinds, selection
-from canid.fleet.pooled import own_estimates
-from canid.fleet_summary import Kind
+from canid.fleet.answers import estimates
+from canid.fleet.answers.estimates import LANE, MAIN, TIMES, kinds, selection
+from canid.fleet.answers.pooled import own_estimates
+from canid.fleet.answers.summary import summarise
+from canid.fleet.storage.columns import POOLED
+from canid.fleet.storage.database import opened
 from canid.identification.confidence import NORMAL_QUANTILE
 from canid.population import drive_table as tables
+from canid.values.fleet_summary import Kind
 from tests.fixtures.fleet_folder import Planted, made, write
 
 ACCEL = Kind("accel", "m/s²")
@@ -73,15 +73,37 @@ def test_noise_and_wanted_headway_come_from_their_intervals(planted: Planted) ->
     """Of a skewed interval of noise the logarithm is symmetric; both are independent of all others."""
     row = planted.rows[0]
     of = chosen(planted.folder)
-    k, j, h = row_of(of, row["log"]), MAIN.index("log_noise_sd"), MAIN.index("wanted_headway")
+    k, j, h = row_of(of, row["log"]), MAIN.index("log_noise_sd"), MAIN.index("log_wanted_headway")
     sd = math.log(row["noise_sd_high"] / row["noise_sd_low"]) / (2.0 * NORMAL_QUANTILE)
     assert of.table.estimate[k, j] == pytest.approx(math.log(row["noise_sd"]))
     assert of.table.covariance[k, j, j] == pytest.approx(sd**2)
-    assert of.table.estimate[k, h] == pytest.approx(row["wanted_headway"])
+    assert of.table.estimate[k, h] == pytest.approx(math.log(row["wanted_headway"]))
+    ratio = (row["wanted_headway_high"] - row["wanted_headway_low"]) / (
+        2.0 * NORMAL_QUANTILE * row["wanted_headway"]
+    )
+    assert of.table.covariance[k, h, h] == pytest.approx(math.log(1.0 + ratio**2))
     off = np.delete(of.table.covariance[k, j], j)
     assert off == pytest.approx(np.zeros(len(MAIN) - 1))
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
+def test_a_headway_is_positive_however_little_is_known(planted: Planted) -> None:
+    """Drives whose intervals reach below 0 count, with less weight; the population, drivers and new drivers stay above 0."""
+    folder = planted.folder
+    for k in range(0, 9, 2):
+        changed(planted, k, wanted_headway=0.8, wanted_headway_low=-0.4, wanted_headway_high=2.0)
+    found = summarise(folder)
+    (of,) = (one for one in found.populations if one.kind.output == "accel")
+    (wanted,) = (one for one in of.parameters if one.name == "log_wanted_headway")
+    assert wanted.drives == 9
+    assert 0.0 < wanted.mean.low < wanted.mean.value < wanted.mean.high
+    assert wanted.new_driver.low > 0.0
+    for driver in of.drivers:
+        for iv in (driver.own["log_wanted_headway"], driver.shrunken["log_wanted_headway"]):
+            assert 0.0 < iv.low < iv.value < iv.high
+
+
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize(
     ("status", "K", "total", "apart"),
     [
@@ -121,6 +143,7 @@ def test_a_drive_without_a_joint_posterior_counts_with_its_intervals(planted: Pl
     assert own[np.isfinite(own) & ~np.eye(len(MAIN), dtype=bool)] == pytest.approx(0.0)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_what_is_left_out_has_a_reason(planted: Planted) -> None:
     """Changes of the gains, faults of signals, too little driving; failed logs and copies are not drives at all."""
     channels = [name for name in planted.rows[0] if name.startswith(("range_rate_", "headway_error_"))]
@@ -157,6 +180,7 @@ def test_what_is_left_out_has_a_reason(planted: Planted) -> None:
     assert of.table.estimate.shape == (3, len(MAIN))
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_gains_of_different_outputs_units_and_pedals_are_never_pooled(planted: Planted) -> None:
     """Accelerations of two cars are of one kind, pedals of two cars are of two, and no drive is in two tables."""
     for number, (output, unit, car) in enumerate(
@@ -178,16 +202,8 @@ def test_gains_of_different_outputs_units_and_pedals_are_never_pooled(planted: P
     }  # fmt: skip
     drives = [drive for table in tables_of.values() for drive in table.drives]
     assert sorted(drives) == sorted(row["log"] for row in planted.rows if row.get("key"))
-    assert "wanted_headway" not in tables_of[Kind("pedal", "%", "car A")].names
-    with pytest.raises(ConfigError, match="pedal"):
-        drive_table(planted.folder)
-    with pytest.raises(ConfigError, match="steering"):
-        drive_table(planted.folder, output="steering_angle")
-    assert (
-        drive_table(planted.folder, "pedal", car="car B").drives
-        == tables_of[Kind("pedal", "%", "car B")].drives
-    )
-    assert len(drive_table(planted.folder, "accel", "m/s²").drives) == 4
+    assert "log_wanted_headway" not in tables_of[Kind("pedal", "%", "car A")].names
+    assert len(tables_of[ACCEL].drives) == 4
 
 
 def test_a_driver_who_keeps_the_lane_has_parameters_of_his_own(planted: Planted) -> None:

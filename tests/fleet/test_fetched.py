@@ -12,12 +12,12 @@ pytest.importorskip("fsspec", reason="needs fsspec: pip install 'canid[fleet]'")
 
 import fsspec
 
-from canid.fleet import fetched
-from canid.fleet.analysis import analyse
-from canid.fleet.failed import Failed
-from canid.fleet.fetched import Listed
-from canid.fleet.isolated import Child
-from canid.fleet.job import Failure, Job, Status
+from canid.fleet.analysis.analysis import analyse
+from canid.fleet.analysis.failed import Failed
+from canid.fleet.analysis.isolated import Child
+from canid.fleet.analysis.job import Failure, Job, Status
+from canid.fleet.planning import fetched
+from canid.fleet.planning.fetched import Listed
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, URBAN, job, sparse
 from tests.fleet.test_isolated import numbers
@@ -58,6 +58,7 @@ def test_a_url_gives_the_rows_of_the_file(stored: str, scratch: Path, tmp_path: 
     assert list(scratch.iterdir()) == []
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_file_url_is_read_in_its_place(scratch: Path) -> None:
     """No copy is made of a local file."""
     with fetched.fetched(f"file://{URBAN}") as path:
@@ -94,7 +95,7 @@ def test_s3_without_its_package_names_the_extra() -> None:
         import s3fs  # type: ignore[import-not-found, unused-ignore]  # noqa: F401
     except ImportError:
         outcome = analyse(of("s3://bucket/a.blf"), GENERIC)
-        assert (outcome.failure, "canid[s3]" in outcome.reason) == (Failure.UNREADABLE, True)
+        assert (outcome.failure, "canid[s3]" in outcome.reason) == (Failure.NOT_REACHED, True)
     else:
         pytest.skip("s3fs is installed")
 
@@ -117,6 +118,7 @@ def test_what_does_not_fit_is_not_fetched(
     assert list(scratch.iterdir()) == []
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_what_was_fetched_goes_with_a_child_that_is_ended(scratch: Path) -> None:
     """A child keeps its copies in a folder of its own, which is deleted where it is killed in the middle of a log."""
     child = Child()

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import fleet_prior as verb
-from canid.errors import ConfigError, OutputError
-from canid.fleet.prior_file import MARK, FleetPrior, fleet_prior, toml_of
+from canid.cli.commands import fleet_prior as verb
+from canid.fleet.answers.prior_file import MARK, FleetPrior, fleet_prior, toml_of
 from canid.identification.fopdt.prior import check_prior
 from canid.population.population_prior import SAME_DELAYS_SD_S
+from canid.values.errors import ConfigError, OutputError
+from canid.values.shipped_files import shipped
 from canid.vehicle import read_vehicle
-from canid.vehicle.vehicle_file import shipped
 from tests import seeds
 from tests.fixtures.fleet_folder import Planted, made, write
 
@@ -47,6 +47,7 @@ def asked(*words: str) -> int:
     return verb.run(parser.parse_args(words))
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_what_is_written_is_read_back_equal(found: FleetPrior, tmp_path: Path) -> None:
     """The file, appended to a vehicle file of the same output, gives the prior to the last bit."""
     text = (shipped() / "openacc.toml").read_text(encoding="utf-8")
@@ -60,6 +61,7 @@ def test_what_is_written_is_read_back_equal(found: FleetPrior, tmp_path: Path) -
     check_prior(read)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_prior_is_the_population(planted: Planted, found: FleetPrior) -> None:
     """Means and spreads of a new drive of a new driver: those that were planted, to what twelve drivers show."""
     of = {"headway_error": found.prior.headway_error, "range_rate": found.prior.range_rate}
@@ -74,6 +76,7 @@ def test_the_prior_is_the_population(planted: Planted, found: FleetPrior) -> Non
         assert math.isnan(own.tau)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_comments_say_what_it_rests_on(found: FleetPrior) -> None:
     """Output, unit, date, and of each line drivers and drives; names of drivers cannot break out of a comment."""
     odd = 'x"\n[fopdt]\nwindow = 1'
@@ -85,6 +88,7 @@ def test_comments_say_what_it_rests_on(found: FleetPrior) -> None:
     assert tomllib.loads(text)["fopdt"].keys() == {"prior"}
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_driver_who_is_left_out_does_not_count(
     planted: Planted, folder: Path, found: FleetPrior, tmp_path: Path
 ) -> None:
@@ -109,6 +113,7 @@ def test_a_driver_who_is_left_out_does_not_count(
     assert 0.4 < own["K_sd"] / before.K_sd < 2.5
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_gains_that_may_not_be_quoted_count_and_unknown_delays_are_tied(
     planted: Planted, folder: Path, found: FleetPrior
 ) -> None:
@@ -125,6 +130,7 @@ def test_gains_that_may_not_be_quoted_count_and_unknown_delays_are_tied(
     assert math.isnan(found.prior.same_tau)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_what_cannot_be_made_is_refused(planted: Planted, folder: Path, tmp_path: Path) -> None:
     """One line each: no such driver, too few drivers, several outputs, drives that were made with a prior, other files."""
     with pytest.raises(ConfigError, match='did you mean "driver 003"'):

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import ConfigError, OutputError
-from canid.fleet import store
+from canid.fleet.storage import store
+from canid.values.errors import ConfigError, OutputError
 from tests.fleet import short_logs
 from tests.fleet.short_logs import QUICK, REPO, Done, fleet_here, table
 
@@ -28,6 +28,7 @@ def analysed(done: Done) -> int:
     return int(line.rpartition("; ")[2].split()[0])
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_second_run_does_nothing_and_only_what_changed_is_analysed(tmp_path: Path) -> None:
     """Nothing is analysed twice: not by a second run, not after a move or a touched time; one changed byte is; and drivers
     follow the plan of the last run.
@@ -72,6 +73,7 @@ def test_a_second_run_does_nothing_and_only_what_changed_is_analysed(tmp_path: P
     assert table(out, "drives", "count(*)") == table(out, "windows", "1 + count(*)") == [(1,)]
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_failures_are_tried_again_where_that_may_help(tmp_path: Path) -> None:
     """A log that took too long is tried by the next run; an empty one is not, unless --retry-failed asks for it."""
     logs, out = tmp_path / "logs", tmp_path / "out"
@@ -94,7 +96,7 @@ def test_two_runs_into_one_folder_refuse(tmp_path: Path) -> None:
     short_logs.write(logs, 1)
     out.mkdir()
     holding = (
-        "import sys, time\nfrom canid.fleet.lock import held\nfrom pathlib import Path\n"
+        "import sys, time\nfrom canid.fleet.storage.lock import held\nfrom pathlib import Path\n"
         "with held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(1000)"
     )
     with subprocess.Popen([sys.executable, "-c", holding, out], stdout=subprocess.PIPE, cwd=REPO) as first:
@@ -109,6 +111,7 @@ def test_two_runs_into_one_folder_refuse(tmp_path: Path) -> None:
         pass
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_tables_of_all_drives_are_made_anew_when_the_drives_are_others(tmp_path: Path) -> None:
     """Drivers and population are those of the drives of the plan; the same drives keep them."""
     logs, out = tmp_path / "logs", tmp_path / "out"
@@ -152,7 +155,7 @@ def test_a_worker_that_outlives_a_killed_run_does_not_hold_the_folder(tmp_path: 
     """The lock belongs to one process: a child that was forked while it was held leaves it free."""
     store_folder = tmp_path / "out"
     code = (
-        "import os, sys, time\nfrom pathlib import Path\nfrom canid.fleet.lock import held\n"
+        "import os, sys, time\nfrom pathlib import Path\nfrom canid.fleet.storage.lock import held\n"
         "with held(Path(sys.argv[1])):\n"
         "    child = os.fork()\n    if child == 0:\n        time.sleep(1000)\n"
         "    print(child, flush=True)\n    time.sleep(1000)"
@@ -172,6 +175,7 @@ def test_a_worker_that_outlives_a_killed_run_does_not_hold_the_folder(tmp_path: 
             os.kill(child, signal.SIGKILL)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_keeps_what_was_finished(tmp_path: Path, number: signal.Signals) -> None:
     """Ctrl-C and SIGTERM: exit 130 or 143, the tables hold what was finished, and the next run does the rest only."""
@@ -210,6 +214,7 @@ def stored(out: Path) -> int:
     return journals + sum(parts)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_files_that_cannot_grow_stop_the_run_which_then_goes_on(tmp_path: Path) -> None:
     """From some outcome on no file may grow beyond a limit, as with a quota: exit 5 with one line; without it the rest is
     analysed.
@@ -241,6 +246,7 @@ def test_files_that_cannot_grow_stop_the_run_which_then_goes_on(tmp_path: Path) 
     assert table(out, "drives", "count(DISTINCT key), count(*)") == [(60, 60)]
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("kilobytes", [100, 250])
 def test_a_full_disk_stops_the_run_which_then_goes_on(tmp_path: Path, kilobytes: int) -> None:
     """A real disk that fills in the journal, in a part or in the tables: exit 5 with one line; with room all is there."""

@@ -10,6 +10,8 @@ import zipfile
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 from tests.fleet import short_logs
 from tests.fleet.short_logs import QUICK, URBAN, fleet, fleet_here, table
 
@@ -59,6 +61,7 @@ def bad(folder: Path) -> dict[str, str]:
     return made
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_seventy_good_rows_thirty_reasons_exit_4(tmp_path: Path) -> None:
     """Damaged, empty, foreign, huge, forbidden and changing logs cost their own row alone, and each says why."""
     logs, out = tmp_path / "logs", tmp_path / "out"
@@ -112,6 +115,7 @@ NAMES = [
 ]
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_any_path_has_its_row(tmp_path: Path) -> None:
     """Blanks, quotes, Unicode, bytes that are no text, line feeds and 300 characters: analysed, stored, known again."""
     logs, out = tmp_path / "logs", tmp_path / "results ' \N{SNOWMAN}"
@@ -136,6 +140,7 @@ def test_any_path_has_its_row(tmp_path: Path) -> None:
     assert "\u202e" not in again.stdout + again.stderr
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_logs_in_an_archive(tmp_path: Path) -> None:
     """An fsspec URL of two links: workers fetch each log from the archive; a second run does nothing."""
     with zipfile.ZipFile(tmp_path / "logs.zip", "w") as archive:
@@ -152,6 +157,7 @@ def test_logs_in_an_archive(tmp_path: Path) -> None:
     assert "0 analysed now" in fleet_here(*words).stdout
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_number_of_workers_changes_no_number(tmp_path: Path) -> None:
     """The same logs by one and by two processes: the same rows, in the same order."""
     logs = tmp_path / "logs"

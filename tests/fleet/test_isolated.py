@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet import local_run
-from canid.fleet.analysis import analyse
-from canid.fleet.isolated import Child
-from canid.fleet.job import Failure, Job, Outcome, Status
+from canid.fleet.analysis import local_run
+from canid.fleet.analysis.analysis import analyse
+from canid.fleet.analysis.isolated import Child
+from canid.fleet.analysis.job import Failure, Job, Outcome, Status
 from tests.exact import exact
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, REPO, SOURCES, URBAN, job, sparse
@@ -72,6 +72,7 @@ def busy(child: Child) -> int:
     return child.pid
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_child_gives_the_numbers_of_a_direct_call(child: Child, tmp_path: Path) -> None:
     """One child analyses log after log, in whatever order, and each has the numbers of a process of its own."""
     paths = [tmp_path / f"{k}.log" for k in range(3)]
@@ -85,6 +86,7 @@ def test_a_child_gives_the_numbers_of_a_direct_call(child: Child, tmp_path: Path
     assert len(pids) == 1
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_what_dask_sets_for_its_workers_does_not_slow_an_analysis(
     child: Child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -99,6 +101,7 @@ def test_what_dask_sets_for_its_workers_does_not_slow_an_analysis(
     assert not any(one.startswith(b"MALLOC_TRIM_THRESHOLD_") for one in found)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_log_that_takes_too_long_is_ended_and_the_next_one_analysed(child: Child, slow: Path) -> None:
     """`timeout`; the child is replaced, and nothing of it is left."""
     assert child.analyse(job(URBAN), GENERIC).status is Status.OK
@@ -112,6 +115,7 @@ def test_a_log_that_takes_too_long_is_ended_and_the_next_one_analysed(child: Chi
     assert child.pid != pid
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
 def test_a_child_that_is_killed_in_the_middle(child: Child, slow: Path, number: signal.Signals) -> None:
     """`crashed`, with the signal's name; the next log is analysed by a new one."""
@@ -126,6 +130,7 @@ def test_a_child_that_is_killed_in_the_middle(child: Child, slow: Path, number: 
     assert child.analyse(job(URBAN), GENERIC).status is Status.OK
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("megabytes", [60, 250])
 def test_a_log_that_takes_too_much_memory(child: Child, tmp_path: Path, megabytes: int) -> None:
     """`memory`, wherever it runs out, a crash of duckdb included; the next log is analysed."""
@@ -140,6 +145,7 @@ def test_a_log_that_takes_too_much_memory(child: Child, tmp_path: Path, megabyte
     assert child.analyse(job(URBAN), GENERIC).status is Status.OK
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_what_a_library_prints_gets_not_between_the_answers(child: Child, tmp_path: Path) -> None:
     """A damaged log, of which readers warn on their own ways, is answered as any other; nothing is left in TMPDIR."""
     path = tmp_path / "cut.blf"
@@ -151,7 +157,7 @@ def test_what_a_library_prints_gets_not_between_the_answers(child: Child, tmp_pa
 PARENT = """
 import sys, threading, time
 sys.path.insert(0, {repo!r})
-from canid.fleet.isolated import Child
+from canid.fleet.analysis.isolated import Child
 from tests.fleet.fleet_jobs import GENERIC, job
 child = Child()
 threading.Thread(target=child.analyse, args=(job({path!r}), GENERIC), daemon=True).start()
@@ -172,6 +178,7 @@ def test_a_child_ends_when_its_parent_was_killed(slow: Path) -> None:
         assert gone(pid)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_many_logs_each_have_one_outcome(tmp_path: Path) -> None:
     """Jobs are taken lazily, a few at a time; every one has one outcome, the same as alone, in whatever order."""
     for k in range(12):
@@ -194,6 +201,7 @@ def test_many_logs_each_have_one_outcome(tmp_path: Path) -> None:
         assert numbers(found[one.log]) == numbers(analyse(one, GENERIC))
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_closing_ends_all_children(slow: Path) -> None:
     """An interruption waits for no log: the children are gone when the iterator is closed."""
     before = set(children())

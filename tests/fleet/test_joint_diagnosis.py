@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from canid.cli import main
-from canid.fleet import joint_diagnosis
-from canid.fleet.database import opened, rows
-from canid.fleet.job import Failure, Job, Settings, Status
-from canid.fleet.sources import read_source
+from canid.fleet.analysis.job import Failure, Job, Settings, Status
+from canid.fleet.answers import joint_diagnosis
+from canid.fleet.answers.recent_traces import RecentTraces
+from canid.fleet.planning.sources import read_source
+from canid.fleet.storage.database import opened, rows
 from tests.fixtures.fleet_folder import Planted, made, write
 
 EFFECT = "relative_speed_dead_zone"
@@ -37,6 +38,7 @@ def found(folder: Path) -> list[dict[str, object]]:
         return rows(db, "SELECT * FROM joint_findings")
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_hidden_cause_is_named_and_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fleet", "causes", str(folder), "--workers", "1"]) == 0
     assert "1 diagnosed now" in capsys.readouterr().out
@@ -52,16 +54,20 @@ def test_the_hidden_cause_is_named_and_kept(folder: Path, capsys: pytest.Capture
     assert found(folder) == first
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_log_that_is_gone_or_has_changed_is_named(folder: Path) -> None:
     """No exception: the driver has no joint result, and the reason names the log."""
     log = str(next((folder.parent / "logs/dora").glob("21.*")))
     source = read_source("generic")
     for one, failure in ((Job("no.blf", -1, 0, ""), Failure.MISSING), (Job(log, 5, 0, ""), Failure.CHANGED)):
-        outcome = joint_diagnosis.diagnose_together(Job("k", -1, 0, "", Settings(), (one, one)), source)
+        outcome = joint_diagnosis.diagnose_together(
+            Job("k", -1, 0, "", Settings(), (one, one)), source, RecentTraces()
+        )
         assert (outcome.status, outcome.failure) == (Status.FAILED, failure)
         assert one.log in outcome.reason
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_folder_without_its_vehicle_file_says_how_to_name_it(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,6 +83,7 @@ class Forks:
             pass
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_kill_before_any_call_that_changes_files(tmp_path: Path, seed: int) -> None:
     """Killed before write, sync, rename or delete number n, for n drawn anew until a run comes through: the tables are
     those of an undisturbed run, no stored log is analysed again, and one more run analyses none.
@@ -112,6 +113,7 @@ def test_a_kill_before_any_call_that_changes_files(tmp_path: Path, seed: int) ->
             assert [path.name for path in forks.folder.rglob("*.new")] == []
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_every_call_may_be_the_last_one(tmp_path: Path, seed: int) -> None:
     """A run that is killed once, and one more: for every seventh call of a run, begun at a drawn one."""
     source = logs(tmp_path / "logs")
@@ -137,6 +139,7 @@ def test_every_call_may_be_the_last_one(tmp_path: Path, seed: int) -> None:
     assert after > 50
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_a_second_run_with_more_logs_may_be_killed_anywhere(tmp_path: Path, seed: int) -> None:
     """Tables that an earlier run has left, and a plan with other logs: after a kill and one more run they are those of
     the new plan, for a kill before every thirteenth call, begun at a drawn one.
@@ -167,6 +170,7 @@ def test_a_second_run_with_more_logs_may_be_killed_anywhere(tmp_path: Path, seed
     assert after > 50
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_the_real_command_killed_at_random_times(tmp_path: Path, seed: int) -> None:
     """`canid fleet` with its real workers, ended by kill -9 twice: the tables are those of an undisturbed run, and

@@ -13,11 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.errors import ConfigError
-from canid.fleet import globs, listing
-from canid.fleet.folders import pattern, whose
-from canid.fleet.job import Failure
-from canid.fleet.plan import planned
+from canid.fleet.analysis.job import Failure
+from canid.fleet.planning import globs, listing
+from canid.fleet.planning.folders import pattern, whose
+from canid.fleet.planning.plan import planned
+from canid.tables import kinds
+from canid.values.errors import ConfigError
 
 NAMES = st.text(alphabet="ab.é", min_size=1, max_size=4).filter(lambda name: name.strip("."))
 PATHS = st.lists(NAMES, min_size=1, max_size=4)
@@ -37,6 +38,7 @@ def textbook(names: list[str], path: list[str]) -> bool:
     return bool(path) and fnmatchcase(path[0], names[0]) and textbook(names[1:], path[1:])
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @settings(max_examples=500, deadline=None)
 @given(PATTERNS, PATHS)
 def test_patterns_match_what_a_textbook_matcher_does(names: list[str], path: list[str]) -> None:
@@ -154,6 +156,13 @@ def test_hidden_files_other_files_and_folders_of_results_are_no_logs(tmp_path: P
     assert [one.relative for one in found] == ["a.log"]
 
 
+def test_every_suffix_of_a_table_but_txt_is_a_log_of_a_folder(tmp_path: Path) -> None:
+    for suffix in kinds.SUFFIXES:
+        touch(tmp_path / f"a{suffix}")
+    found = {one.relative for one in listing.listed([str(tmp_path)])}
+    assert found == {f"a{suffix}" for suffix in kinds.SUFFIXES if ".txt" not in suffix}
+
+
 def test_loops_of_links_end_and_nothing_is_listed_twice(tmp_path: Path) -> None:
     """Links to the folder itself, to its parent and between folders: each log once, by its own path."""
     touch(tmp_path / "x/b/a.log")
@@ -256,7 +265,7 @@ def test_storage_that_cannot_be_listed_is_one_line(url: str, says: str) -> None:
 
 COUNTING = """
 import sys, tracemalloc
-from canid.fleet.plan import planned
+from canid.fleet.planning.plan import planned
 seen = {"open": [], "os.scandir": []}
 def count(event, args):
     if event in seen and str(args[0]).startswith(sys.argv[1]):
@@ -273,6 +282,7 @@ print(len(plan.logs), len(seen["open"]), len(seen["os.scandir"]), each)
 """
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_ten_thousand_logs_are_planned_without_reading_one(tmp_path: Path) -> None:
     """One listing of each folder, no file opened, and less than 1 kB of memory for each log."""
     for driver in range(100):

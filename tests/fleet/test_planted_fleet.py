@@ -15,7 +15,7 @@ import pytest
 from tests.fleet.planted.drive_files import write
 from tests.fleet.planted.hidden_population import Spread, spreads
 from tests.fleet.planted.planted_fleet import Fleet, Size, layout, truth
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 # 18 drives of two minutes in one car, in clean form: what is tested is the pool
 SIZE = Size(
@@ -37,7 +37,8 @@ COLUMNS = {
 MAX_MISSED_DRIVERS, MAX_MISSED_SPREADS = 3, 2
 
 
-@two_of_three
+@pytest.mark.slow("runs of a fleet in processes of their own")
+@mostly(0.95)
 def test_spreads_and_shrunken_estimates_hold_the_truth(
     tmp_path_factory: pytest.TempPathFactory, seed: int
 ) -> None:

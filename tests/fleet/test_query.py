@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import Parser, fleet_query
-from canid.errors import ConfigError, LogError
-from canid.fleet.columns import DRIVERS, POPULATION
-from canid.fleet.queries import QUERIES
+from canid.cli import Parser
+from canid.cli.commands import fleet_query
+from canid.fleet.storage.columns import DRIVERS, POPULATION
+from canid.fleet.storage.queries import QUERIES
+from canid.values.errors import ConfigError, LogError
 from canid.views.query_table import text
 from canid.views.terminal_view.spans import cells
 from tests.fixtures.fleet_folder import COLUMNS, Planted, made, table, write
@@ -47,6 +48,7 @@ def refused(*words: str | Path) -> str:
     return str(caught.value)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("name", [query.name for query in QUERIES])
 def test_every_ready_question_runs(
     planted: Planted, name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -184,11 +186,16 @@ def test_hostile_names_stay_text(
 def test_every_column_of_the_tables_is_shown_within_80_columns(
     planted: Planted, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """SELECT * of a hundred columns: no line is longer, and no column or value is lost."""
+    """SELECT * of a hundred columns: no line is longer, no value is lost, and columns without any are named once."""
     ask(planted.folder, "SELECT * FROM drives LIMIT 2")
-    out = capsys.readouterr().out
+    out, err = capsys.readouterr()
     assert max(map(cells, out.splitlines())) <= 80
-    folded = {c.name.removesuffix("_low").removesuffix("_high") for c in COLUMNS["drives"]}
+    (left_out,) = (line for line in err.splitlines() if "left out" in line)
+    empty = set(left_out.partition("left out: ")[2].split(", "))
+    assert {"traffic_json", "lateral_offset_K"} <= empty
+    folded = {
+        c.name.removesuffix("_low").removesuffix("_high") for c in COLUMNS["drives"] if c.name not in empty
+    }
     assert [name for name in folded if name not in "".join(out.split())] == []
 
 
@@ -219,3 +226,44 @@ def test_a_summary_that_is_missing_is_an_empty_table(
     table(folder / "findings.parquet", COLUMNS["findings"], [{"key": planted.rows[0]["key"], "effect": "x"}])
     ask(folder, "SELECT effect FROM findings")
     assert capsys.readouterr().out.split() == ["effect", "x"]
+
+
+def test_own_tables_are_joined(planted: Planted, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the name of the file: numbers of the fleet next to what only the user knows."""
+    people = tmp_path / "people [1] of 2026.csv"
+    people.write_text("driver,age\ndriver 000,34\ndriver 001,51\n", encoding="utf-8")
+    sql = "SELECT driver, age, count(*) AS n FROM drives JOIN people__1__of_2026 USING (driver) GROUP BY ALL ORDER BY 1"
+    assert ask(planted.folder, sql, "--with", people, "--format", "json") == 0
+    assert json.loads(capsys.readouterr().out) == [
+        {"driver": "driver 000", "age": 34, "n": 3},
+        {"driver": "driver 001", "age": 51, "n": 3},
+    ]
+    trips = tmp_path / "trips.parquet"
+    table(trips, DRIVERS[:1], [{"driver": "driver 002"}])
+    ask(
+        planted.folder,
+        "SELECT count(*) FROM trips SEMI JOIN drives USING (driver)",
+        "--with",
+        trips,
+        "--format",
+        "csv",
+    )
+    assert capsys.readouterr().out.splitlines()[1] == "1"
+
+
+def test_own_tables_that_cannot_be_used_are_one_line(planted: Planted, tmp_path: Path) -> None:
+    """Missing, a folder, a name of the fleet's, twice the same name, no table at all; and nothing else becomes readable."""
+    people, other = tmp_path / "people.csv", tmp_path / "other"
+    other.mkdir()
+    for path in (people, other / "people.csv", tmp_path / "drives.csv", tmp_path / "secret.csv"):
+        path.write_text("driver\nanna\n", encoding="utf-8")
+    (tmp_path / "broken.parquet").write_bytes(b"no table")
+    count = "SELECT count(*) FROM drives"
+    assert "no such file" in refused(planted.folder, count, "--with", tmp_path / "none.csv")
+    assert "no such file" in refused(planted.folder, count, "--with", other)
+    assert "another name" in refused(planted.folder, count, "--with", tmp_path / "drives.csv")
+    twice = ("--with", people, "--with", other / "people.csv")
+    assert "another file has the name people" in refused(planted.folder, count, *twice)
+    assert "cannot be read" in refused(planted.folder, count, "--with", tmp_path / "broken.parquet")
+    secret = f"SELECT * FROM read_csv('{tmp_path / 'secret.csv'}')"
+    assert "fleet query:" in refused(planted.folder, secret, "--with", people)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -11,14 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.cli import Parser, fleet_report
-from canid.errors import ConfigError, OutputError
-from canid.findings import Provenance
-from canid.fleet.columns import POOLED, natural
-from canid.fleet.database import opened, rows
-from canid.fleet.pooled import on_its_scale
-from canid.fleet.summary import current, summarise
-from canid.fleet_summary import (
+from canid.cli import Parser
+from canid.cli.commands import fleet_report
+from canid.fleet.answers.labels import label
+from canid.fleet.answers.pooled import on_its_scale
+from canid.fleet.answers.summary import current, summarise
+from canid.fleet.storage.columns import POOLED, natural
+from canid.fleet.storage.database import opened, rows
+from canid.values.errors import ConfigError, OutputError
+from canid.values.findings import Provenance
+from canid.values.fleet_summary import (
     Answer,
     Cause,
     Counted,
@@ -31,10 +34,9 @@ from canid.fleet_summary import (
     Population,
     Questions,
 )
-from canid.types import Interval
-from canid.views.fleet_report.fleet_page import page
-from canid.views.fleet_report.labels import label
-from canid.views.numbers import interval
+from canid.values.numbers import interval
+from canid.values.types import Interval
+from canid.views.fleet_report.fleet_document import page, text
 from tests.fixtures.fleet_folder import Planted, made, write
 
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)> \u202e {{ 7 * 7 }} </style>"
@@ -63,6 +65,7 @@ def summary(planted: Planted) -> FleetSummary:
     return summarise(planted.folder)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_planted_population_comes_back(planted: Planted, summary: FleetSummary) -> None:
     """Counts, and each driver's shrunken estimate, which is nearer to the truth than the driver's own on average."""
     assert summary.counts[:4] == (52, 50, 0, 2)
@@ -90,6 +93,7 @@ def test_the_planted_population_comes_back(planted: Planted, summary: FleetSumma
         assert (one.drivers, one.drives) == (10, 50)
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_tables_hold_what_the_summary_says(planted: Planted, summary: FleetSummary) -> None:
     (of,) = summary.populations
     with opened(planted.folder) as db:
@@ -133,6 +137,7 @@ def test_the_page_shows_its_numbers_and_loads_nothing(planted: Planted, summary:
     assert "@import" not in html
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("drives", ["none", "failed", "one", "unknown"])
 def test_little_data_is_a_page_as_well(tmp_path: Path, planted: Planted, drives: str) -> None:
     """No log, failed logs alone, one drive, drives of which nothing is known: sentences, no exception, no NaN."""
@@ -182,6 +187,34 @@ def test_500_drivers_and_many_tests_stay_one_short_page() -> None:
     assert html.count("<svg") == 2 * len(_summary(500).populations[0].parameters)
 
 
+def test_text_and_page_say_the_same_sentences(summary: FleetSummary) -> None:
+    """The verdict and what follows it, word for word; on a phone every number of a table has its name."""
+    for of in (summary, _summary(20)):
+        html = page(of, Provenance())
+        verdict = html.split('<div class="verdict fleet">')[1].split("</div>")[0]
+        shown = [" ".join(re.sub(r"<[^>]*>", "", part).split()) for part in re.split("</h1>|</p>", verdict)]
+        title, *sentences = text(of)
+        printed = "\n".join(sentences).replace("\n    ", " ").replace("  ", "").split("\n")
+        assert [unescape(part) for part in shown if part] == [title[:1].upper() + title[1:], *printed]
+        assert len(printed) == len(of.sentences)
+        cells = re.findall(r'<td class="n"[^>]*>', html)
+        assert cells
+        assert all("data-label=" in cell for cell in cells)
+
+
+def test_columns_of_which_no_test_knows_anything_are_left_out() -> None:
+    of = _summary(20)
+    (population,) = of.populations
+    unknown = tuple(
+        asked._replace(tests=tuple(test._replace(effect=Interval()) for test in asked.tests))
+        for asked in population.questions
+    )
+    without = page(of._replace(populations=(population._replace(questions=unknown),)), Provenance())
+    assert ">difference</th>" in page(of, Provenance())
+    assert ">difference</th>" not in without
+
+
+@pytest.mark.slow("runs of a fleet in processes of their own")
 def test_the_command_writes_a_page_and_no_other_file(
     planted: Planted, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -203,6 +236,7 @@ def test_the_command_writes_a_page_and_no_other_file(
     assert sorted(path.suffix for path in folder.iterdir()) == [".parquet"] * 8
 
 
+@pytest.mark.slow("runs of a fleet in processes of their own")
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1180, "light"), (703, "light")])
 def test_it_fits_screens_and_paper(
     browser: Any,

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import ConfigError
-from canid.fleet import sources
-from canid.fleet.job import Failure
-from canid.fleet.plan import planned
-from canid.fleet.vehicle_map import of_table, read_map
+from canid.fleet.analysis.job import Failure
+from canid.fleet.planning import sources
+from canid.fleet.planning.plan import planned
+from canid.fleet.planning.vehicle_map import of_table, read_map
+from canid.values.errors import ConfigError
 
 REPO = Path(__file__).parents[2]
 

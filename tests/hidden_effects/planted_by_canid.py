@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import zlib
 from collections.abc import Container
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import pytest
 
 import canid
 from canid.diagnosis import masks
-from canid.diagnosis.driver import cross_validation, held_out
+from canid.diagnosis.driver import held_out
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.null import confirmed_search
 from canid.diagnosis.prepared_drive import Prepared, ready
 from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.remnant.remnant_block import diagnose_remnant
@@ -22,7 +24,7 @@ from canid.effects import CATALOGUE
 from canid.effects.effect import Effect, Kind
 from canid.logs import write_log
 from canid.simulation import START_UTC, Shares, Simulation, frames, simulate
-from canid.types import Trace
+from canid.values.types import Trace
 from canid.vehicle import read_vehicle
 from tests import seeds
 from tests.plants.measurement import trace as measured
@@ -44,8 +46,8 @@ class Case(NamedTuple):
         return f"{self.effect.id}={','.join(f'{x:g}' for x in self.strength)} seed {self.seed}"
 
 
-def cases(strengths: str, one_of: int, always: Container[str] = ()) -> list[Case]:
-    """One strength of a part of the effects, the others in other runs; with CANID_ALL_STRENGTHS=1 all strengths of all.
+def cases(strengths: str, one_of: int, always: Container[str] = ()) -> list[Any]:
+    """One strength of a part of the effects, the others in other runs; with CANID_ALL_CASES=1 all strengths of all.
 
     Which part is drawn with the run's seed; the seeds of drives depend on the effect's id alone.
 
@@ -57,11 +59,11 @@ def cases(strengths: str, one_of: int, always: Container[str] = ()) -> list[Case
     out = []
     for effect in CATALOGUE:
         of = getattr(effect, strengths)
-        chosen = range(len(of))
-        if not os.environ.get("CANID_ALL_STRENGTHS"):
-            drawn = effect.id in always or seeds.seed(f"{strengths} {effect.id}") % one_of == 0
-            chosen = chosen[:drawn]
-        out += [Case(effect, of[k], zlib.crc32(f"{effect.id} {k} 0".encode()) % 100_000) for k in chosen]
+        drawn = effect.id in always or seeds.seed(f"{strengths} {effect.id}") % one_of == 0
+        for k, strength in enumerate(of):
+            case = Case(effect, strength, zlib.crc32(f"{effect.id} {k} 0".encode()) % 100_000)
+            taken = (drawn and k == 0) or seeds.ALL_CASES
+            out.append(pytest.param(case, marks=() if taken else pytest.mark.another_run))
     return out
 
 
@@ -98,7 +100,7 @@ def named(trace: Trace, block: str, catalogue: tuple[Effect, ...] = CATALOGUE) -
         prepared = ready(trace, usable)
         assert prepared is not None
         drivers = tuple(e for e in catalogue if e.where == "driver" and e.kind is not Kind.MASK)
-        search = cross_validation.search_causes(prepared.data, drivers, prepared.fitted).search
+        search = confirmed_search.cross_validated(prepared.data, drivers, prepared.fitted).search
         if block == "remnant":
             return _in_the_remnant(prepared, search, catalogue)
         return {name for one in search.named for name in (one.effect.id, *one.rivals)}

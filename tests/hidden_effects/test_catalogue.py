@@ -25,7 +25,7 @@ from canid.effects.effect import (
     VehicleState,
 )
 from canid.effects.redundancy import Coefficient
-from canid.types import Interval
+from canid.values.types import Interval
 
 PACKAGE = Path(canid.__file__).parent
 IDS = {effect.id for effect in (*CATALOGUE, *LANE_CATALOGUE)}
@@ -41,6 +41,8 @@ ARGUMENTS |= {
     ("signal_checks/gap_and_range_rate.py", "range_rate_sign"),
     ("signal_checks/gap_and_range_rate.py", "range_rate_scale"),
     ("signal_checks/own_motion.py", "radar_latency"),
+    ("drive/drive_parameters.py", "radar_latency"),
+    ("estimators/estimator.py", "radar_latency"),
     ("signal_checks/reference_speed.py", "speed_scale"),
 }
 # headings of columns in people's tables are words of their own
@@ -66,8 +68,9 @@ def typical(effect: Effect) -> tuple[float, ...]:
 def test_no_effect_is_named_outside_of_the_catalogue() -> None:
     """No file of canid outside effects/ holds an effect's id as a name or in a string, or imports its module."""
     found = []
-    for path in sorted(PACKAGE.rglob("*.py")):
-        where = path.relative_to(PACKAGE).as_posix()
+    study = PACKAGE.with_name("canid_study")
+    for path in sorted([*PACKAGE.rglob("*.py"), *study.rglob("*.py")]):
+        where = path.relative_to(PACKAGE if path.is_relative_to(PACKAGE) else study.parent).as_posix()
         if where.startswith("effects/"):
             continue
         for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):

@@ -20,6 +20,7 @@ DRIVES = 3
 NEW = {effect.id for effect in CATALOGUE} - set(REQUIRED)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("case", cases("found_at", 4, NEW), ids=str)
 def test_an_effect_is_named(case: Case) -> None:
     """At each of its strengths, on the first drive or on one of two more."""
@@ -33,6 +34,7 @@ def test_an_effect_is_named(case: Case) -> None:
     pytest.fail(f"not named; named instead, by seed: {instead}")
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("case", cases("silent_at", 3), ids=str)
 def test_a_negligible_effect_is_not_named(case: Case) -> None:
     found = named(drive(case), block(case.effect))

@@ -22,9 +22,9 @@ from canid.effects.effect import (
     VehicleState,
 )
 from canid.effects.redundancy import Redundancy, Relation, excess
-from canid.findings import Flags, Verdict
-from canid.runs import lasting
-from canid.types import Array
+from canid.values.findings import Flags, Verdict
+from canid.values.runs import lasting
+from canid.values.types import Array
 from tests.hidden_effects.planted_by_canid import Case, drive
 
 
@@ -105,6 +105,7 @@ NEW: dict[str, tuple[Effect, set[str]]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("kind", NEW)
 def test_a_new_effect_is_named_end_to_end(kind: str) -> None:
     """Planted by the simulator and named by `diagnose`, from a catalogue that holds it and nothing like it.

@@ -17,7 +17,7 @@ from tests.plants.first_order_lag import answer
 from tests.plants.plant_one import plant
 from tests.plants.plant_one.strengths import STRENGTHS
 from tests.plants.planted_drive import EFFECTS, NOISES, OUTSIDE, PROFILES, Array, Planted
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 # s at the begin that comparisons leave out: ten of the longest lags
 SETTLED = 8.0
@@ -44,6 +44,7 @@ def late(planted: Planted) -> slice:
 # --- the loop --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("profile", PROFILES)
 def test_the_loop_is_stable(profile: str) -> None:
     """Whoever drives, however his noise sounds: the gap stays open, and full braking stays rare."""
@@ -59,6 +60,7 @@ def test_the_loop_is_stable(profile: str) -> None:
         assert c["pedal"].max() <= 100.0
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("name", sorted(STRENGTHS))
 def test_no_effect_wrecks_the_car(name: str) -> None:
     """At the strength that the seed draws, every effect leaves a drive that can be driven."""
@@ -77,6 +79,7 @@ def test_profiles_are_the_roads_that_they_name() -> None:
     assert motorway["speed"].min() > 20.0
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("noise", NOISES)
 def test_the_noise_has_its_size_and_moves_the_car(noise: str) -> None:
     """Its sd is the driver's, whatever its spectrum, and another noise is another drive."""
@@ -203,7 +206,7 @@ def baseline(planted: Planted) -> Array:
 
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@two_of_three
+@mostly(0.95)
 def test_a_clean_drive_is_the_baseline(profile: str, seed: int) -> None:
     """Demand is Grover's two answers and nothing else; the pedal is demand and noise within its limits."""
     p = drive(seed=seed, profile=profile)
@@ -214,6 +217,7 @@ def test_a_clean_drive_is_the_baseline(profile: str, seed: int) -> None:
     assert p.truth["episodes"] == {}
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("name", sorted(FORMS))
 @pytest.mark.parametrize("profile", ["mixed", "urban"])
 def test_a_changed_answer_has_the_form_that_it_names(name: str, profile: str) -> None:

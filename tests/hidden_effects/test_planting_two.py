@@ -121,6 +121,7 @@ def test_a_clean_drive_is_the_textbook_driver_and_his_noise(profile: str) -> Non
     assert p.truth["driver"]["tau1"] == p.truth["driver"]["tau2"]
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("effect", HARD)
 def test_a_smooth_effect_means_what_its_hard_form_means(effect: str) -> None:
     """Of all strengths, the hard form with about the planted one is nearest to what the smooth one does."""
@@ -158,6 +159,7 @@ def test_a_gain_change_takes_its_share_within_twenty_seconds() -> None:
     assert (answer[late] @ plain[late]) / (plain[late] @ plain[late]) == pytest.approx(0.6, abs=0.02)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_the_wanted_headway_wanders_by_its_sd() -> None:
     p = drive("headway_drift", minutes=10.0, sd=0.4)
     walk = (p.demand - p.without["headway_drift"]) / p.truth["driver"]["K1"]
@@ -325,6 +327,7 @@ def test_a_car_with_an_effect_pulls_less(effect: str, value: float, why: str) ->
     assert gained(changed, throttle) < gained(plain, throttle) - 0.02, why
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_the_road_has_the_planted_slope_and_altitude_is_its_integral() -> None:
     p = drive("road_grade", minutes=10.0, sd=2.0)
     c = p.columns
@@ -399,6 +402,7 @@ def test_every_effect_of_the_catalogue_is_known_and_some_that_are_outside() -> N
     assert set(USUAL) & (set(EFFECTS["driver"]) | set(OUTSIDE)) == set(IN_DRIVER)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("effect", USUAL)
 def test_a_strength_that_nobody_gave_is_drawn_and_told(effect: str) -> None:
     p = plant({effect: {}}, seed=9, minutes=0.4, noise="mix", profile="mixed")
@@ -426,6 +430,7 @@ def test_two_effects_at_once_leave_the_lead_as_it_was() -> None:
     assert np.std(both.without["asymmetric_gain"] - both.without["attention_gap"]) > 0.1
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("noise", NOISES)
 def test_every_drive_stays_on_the_road(profile: str, noise: str) -> None:

@@ -13,8 +13,8 @@ from scipy.stats import beta, binom
 from canid.diagnosis.diagnose import diagnose
 from canid.diagnosis.sensing.sensing_block import diagnose_sensing
 from canid.effects import CATALOGUE
-from canid.findings import Report, Verdict
 from canid.simulation import simulate
+from canid.values.findings import Report, Verdict
 from tests.hidden_effects.planted_by_canid import block as block_of
 from tests.hidden_effects.planted_by_canid import by_columns, named
 from tests.hidden_effects.required_causes import (
@@ -28,6 +28,7 @@ from tests.hidden_effects.required_causes import (
 )
 from tests.plants.measurement import trace
 from tests.plants.planted_drive import PROFILES
+from tests.seeds import by_chance, mostly
 
 # of this file to fail by chance
 CHANCE = 1e-4
@@ -77,7 +78,9 @@ def test_every_cause_is_required_or_cannot_be_shown() -> None:
     assert all(of.rate[1] >= 8 and of.rate[0] > 0.7 * of.rate[1] for of in REQUIRED.values())
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("group", GROUPS)
+@by_chance(CHANCE / len(GROUPS))
 def test_every_cause_is_found(group: str, seed: int) -> None:
     """Each on its first drive or on a later one, and not too many on a later one only."""
     missed, never = [], []
@@ -106,11 +109,13 @@ def clean(simulator: str, seed: int) -> Report:
     return diagnose(trace(PLANTS[simulator]({}, seed=seed, minutes=6, noise=noise, profile=profile)))
 
 
+@pytest.mark.slow("diagnoses planted drives")
+@by_chance(2e-5)
 def test_clean_drives_stay_clean(seed: int) -> None:
     """One of each simulator, drawn again where it gets a name: three names may come before three drives without one.
 
-    Of 144 clean drives of the table and the end of docs/diagnosis.md one had a name: at most 3.3 % have, and four among the
-    first six then have a chance of 2e-5. What no drive can show is on the list of what this one does not.
+    Of 144 clean drives of the table and the end of docs/evidence/diagnosis.md one had a name: at most 3.3 % have, and
+    four among the first six then have a chance of 2e-5. What no drive can show is on the list of what this one does not.
     """
     names = []
     for k, simulator in enumerate((*PLANTS, "canid")):
@@ -133,6 +138,8 @@ def test_what_no_drive_shows_is_never_fitted(cause: str) -> None:
     assert not effect.found_at
 
 
+@pytest.mark.slow("diagnoses planted drives")
+@mostly(0.95)
 def test_clocks_that_run_apart_get_no_other_name_of_a_sensor(seed: int) -> None:
     """A drive of 10 min hardly shows them; what it shows is no wrong scale and no wrong sign."""
     drive = PLANTS["one"]({"clock_skew": {"rate": 0.2}}, seed=seed, minutes=10, noise="ar1", profile="urban")

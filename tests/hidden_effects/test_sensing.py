@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import canid
-from canid.frame_columns import columns_of
-from canid.types import LearnGate, Trace
+from canid.values.frame_columns import columns_of
+from canid.values.types import LearnGate, Trace
 from canid.vehicle import Vehicle, decoder, encoder, read_vehicle
 from tests.plants import measurement, quantisation, sensors
 from tests.plants.plant_one import plant
@@ -41,6 +41,7 @@ def same(one: Trace, two: Trace) -> None:
 WAYS = ({}, {"cut_in": {}}, {"stale_signal": {"signal": 2.0}}, {"cruise_control": {}, "radar_latency": {}})
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("effects", WAYS, ids=lambda x: "+".join(x) or "clean")
 @pytest.mark.parametrize("vehicle", ["lean", "generic"])
 def test_the_trace_is_that_of_the_log(
@@ -71,6 +72,7 @@ def test_lost_targets_take_the_same_way(tmp_path: Path) -> None:
     same(read, measurement.trace(p))
 
 
+@pytest.mark.slow("diagnoses planted drives")
 def test_radar_tracks_take_the_long_way(tmp_path: Path) -> None:
     car = read_vehicle("toyota_rav4_2017")
     p = drive({})
@@ -101,6 +103,7 @@ def test_the_log_holds_the_mapped_messages_at_their_rates() -> None:
         assert counts[message.name] == pytest.approx(60.0 / message.period, rel=0.02)
 
 
+@pytest.mark.slow("diagnoses planted drives")
 @pytest.mark.parametrize("role", sorted(read_vehicle("generic").roles))
 def test_a_column_through_the_dbc_is_each_value_through_it(role: str) -> None:
     """`quantisation.through` against canid's own encoder and decoder, with values beyond every limit."""

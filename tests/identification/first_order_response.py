@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.identification.first_order import scan
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Response(NamedTuple):

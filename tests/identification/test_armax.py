@@ -51,6 +51,7 @@ def test_recovers_table_1_near_the_bound():
     assert np.mean(hits) > 0.85
 
 
+@pytest.mark.slow("fits many drives")
 def test_standard_errors_are_the_scatter_over_runs():
     """The scatter of A, B, C and the offset over 80 runs is their standard error, in the shapes of the polynomials."""
     fits = []
@@ -187,6 +188,7 @@ def test_recursion_ends_where_the_batch_does(forgetting):
     assert np.abs(apart).max() < 2.0
 
 
+@pytest.mark.slow("fits many drives")
 def test_follows_a_gain_step_fast_and_is_quiet_after():
     """B grows by a half at 20 dB: within 9 s the transfer function is right to 15 %, a minute later to 2.5 %."""
     rng = np.random.default_rng(20)
@@ -239,6 +241,7 @@ def test_c_stays_stable_whatever_comes(kind):
     run(begun(y, u, forgetting=(0.97, 0.99, 1.0), dtype=kind), (y + kicks)[150:], u[150:], check)
 
 
+@pytest.mark.slow("fits many drives")
 @pytest.mark.parametrize("noise", [1.0, 0.05])
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 def test_twenty_minutes_without_excitation_are_survived(kind, noise):

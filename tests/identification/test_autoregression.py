@@ -1,6 +1,7 @@
 """The noise's spectrum is found through gaps, and whitening never runs away."""
 
 import numpy as np
+import pytest
 
 from canid.identification import autoregression
 
@@ -59,3 +60,21 @@ def test_nothing_usable_gives_no_colour():
     """Too few or constant data give an empty model, not an error."""
     assert len(autoregression.fit(np.ones(50), np.full(50, False))) == 0
     assert len(autoregression.fit(np.zeros(500), np.full(500, True))) == 0
+
+
+def test_a_stride_whitens_each_phase_by_itself(seed: int) -> None:
+    """As every `stride`-th value alone, whatever the length; a value that is not known leaves those it predicts unknown."""
+    rng = np.random.default_rng(seed)
+    noise = np.array([0.6, -0.2, 0.1])
+    for n in (2, 5, 60, 61):
+        x = rng.normal(size=(2, n))
+        for stride in (1, 2, 5, 40):
+            white = autoregression.whiten(x, noise, stride)
+            for phase in range(min(stride, n)):
+                alone = autoregression.whiten(x[:, phase::stride], noise)
+                assert white[:, phase::stride] == pytest.approx(alone, abs=1e-12)
+    x = rng.normal(size=30)
+    x[10] = np.nan
+    for stride in (1, 4):
+        unknown = np.isnan(autoregression.whiten(x, noise, stride))
+        assert np.flatnonzero(unknown).tolist() == [10 + k * stride for k in range(4)], stride

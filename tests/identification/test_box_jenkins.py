@@ -1,9 +1,10 @@
 """Separate poles per input and noise are found, with plain intervals."""
 
 import numpy as np
+import pytest
 
-from canid.identification.armax import box_jenkins, box_jenkins_channels
-from canid.identification.armax.box_jenkins import BoxJenkinsOrders
+from canid.identification.armax import box_jenkins, box_jenkins_channels, prediction_errors
+from canid.identification.armax.prediction_errors import BoxJenkinsOrders
 from canid.identification.first_order import scan
 
 K, TAU, DEAD_TIME = (3.0, 5.0), (1.2, 0.4), (0.3, 0.25)
@@ -38,13 +39,14 @@ def test_gradient_is_the_difference_quotient():
     theta = np.array([0.4, 0.3, -0.7, 0.2, 0.5, -0.5, 0.1, 0.3, -0.4, 0.2])
     for stride in (1, 3):
         data = box_jenkins.at_stride(rows, stride)
-        psi = box_jenkins._gradient(box_jenkins._at(theta, data), data)
+        psi = prediction_errors.gradient(prediction_errors.at_point(theta, data), data)
         for i in range(len(theta)):
             step = 1e-6 * np.eye(len(theta))[i]
-            high, low = (box_jenkins._at(theta + s * step, data).e for s in (1, -1))
+            high, low = (prediction_errors.at_point(theta + s * step, data).e for s in (1, -1))
             np.testing.assert_allclose(psi[i], -(high - low) / 2e-6, atol=1e-6)
 
 
+@pytest.mark.slow("fits many drives")
 def test_gains_and_delays_are_each_inputs_own():
     """Lags of 1.2 s and 0.4 s side by side: plain 95 % intervals of K and tau + dead time hold both in most of 10 runs."""
     held = []
@@ -65,6 +67,9 @@ def test_weak_data_give_none():
     """Too few samples, an output that stands still, and inputs that are not measured."""
     some = np.full(400, True)
     u = np.random.default_rng(0).normal(size=(400, 2))
-    assert box_jenkins.fit_box_jenkins(np.ones(400), u, some) is None
-    assert box_jenkins.fit_box_jenkins(u[:90, 0], u[:90], some[:90]) is None
-    assert box_jenkins.fit_box_jenkins(u[:, 0], np.full((400, 2), np.nan), some) is None
+    for y, inputs, usable in (
+        (np.ones(400), u, some),
+        (u[:90, 0], u[:90], some[:90]),
+        (u[:, 0], np.full((400, 2), np.nan), some),
+    ):
+        assert box_jenkins.fit_rows(box_jenkins.ready_rows(y, inputs, usable), 0.1) is None

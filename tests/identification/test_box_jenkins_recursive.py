@@ -39,6 +39,7 @@ def run(samples, forgetting=FORGETTING):
     return state
 
 
+@pytest.mark.slow("fits many drives")
 @pytest.mark.parametrize("decay", [0.0, 0.9, 0.97])
 def test_it_finds_what_a_batch_fit_of_all_rows_finds(decay):
     """Gains and sums of lag and dead time differ from the batch posterior's by less than half of its half-width."""
@@ -53,6 +54,7 @@ def test_it_finds_what_a_batch_fit_of_all_rows_finds(decay):
             assert 0.5 < (a.high - a.low) / (b.high - b.low) < 2.0
 
 
+@pytest.mark.slow("fits many drives")
 def test_the_noise_model_follows_the_whole_drive():
     """D begins with half a minute, and ends near the noise's own pole."""
     state = run(drive(2, n=9000, decay=0.9))
@@ -60,6 +62,7 @@ def test_the_noise_model_follows_the_whole_drive():
     assert np.abs(state.ar[1:]).max() < 0.08
 
 
+@pytest.mark.slow("fits many drives")
 def test_another_driver_is_followed():
     """Half the gain more at 150 s: the longest memory is refuted, and K of range rate is the new one's a minute later."""
     inside, restarts = 0, 0
@@ -73,11 +76,13 @@ def test_another_driver_is_followed():
     assert restarts >= 3
 
 
+@pytest.mark.slow("fits many drives")
 def test_a_driver_who_does_not_change_is_not_refuted():
     """Over 7 min of five drives no memory begins anew."""
     assert sum(run(drive(seed, n=4000)).restarts for seed in range(10, 15)) == 0
 
 
+@pytest.mark.slow("fits many drives")
 def test_nothing_is_forgotten_while_nothing_moves():
     """Ten minutes of still inputs take nothing from the longest memory and next to nothing from the shortest."""
     samples = drive(3, n=8000, still_from=2000)

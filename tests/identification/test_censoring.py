@@ -46,6 +46,7 @@ def floored(seed: int) -> Floored:
     return Floored(np.maximum(demand, 0.0), u, usable, np.where(free, np.nan, 0.5), demand)
 
 
+@pytest.mark.slow("fits many drives")
 def test_bounds_take_the_selection_out() -> None:
     """Masked alone the gain is a standard deviation below that of the whole demand; with bounds a third of that."""
     z: dict[bool, list[float]] = {False: [], True: []}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from canid.identification import closed_loop_stability
-from canid.types import Channel, Interval
+from canid.values.types import Channel, Interval
 
 
 def grows(K, tau, dead_time, speed, headway, seconds=150.0, dt=0.02):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from canid.identification import feedback_bias
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt.fopdt_fit import fit_process
-from canid.types import Array, Channel, Identifiable, Interval, OutputFilter
+from canid.identification.fopdt.fopdt_fit import Settings, fit_process
+from canid.values.types import Array, Channel, Identifiable, Interval, OutputFilter
 
 STEP, SECONDS, K = 0.1, 240.0, 0.4
 
@@ -36,6 +37,7 @@ def drive(rng: np.random.Generator) -> tuple[Array, Array]:
     return y, np.column_stack([error, rate])
 
 
+@pytest.mark.slow("fits many drives")
 def test_on_average_the_gain_is_the_drivers() -> None:
     """Over drives of four minutes the mean error of K is nearer to zero than to what theory says of the plain one."""
     rng = np.random.default_rng()
@@ -44,7 +46,9 @@ def test_on_average_the_gain_is_the_drivers() -> None:
         y, u = drive(rng)
         every = np.full(len(y), True)
         first, second = (
-            fit_process(y, u, every, STEP, output_filter=OutputFilter("none"), held=held).channels[0].K
+            fit_process(y, u, every, STEP, Settings(output_filter=OutputFilter("none"), held=held))
+            .channels[0]
+            .K
             for held in (None, 0)
         )
         sd = (first.high - first.low) / (2.0 * NORMAL_QUANTILE)

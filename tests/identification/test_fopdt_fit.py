@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from canid.identification.fopdt import fopdt_fit
-from canid.types import Identifiable
+from canid.values.types import Identifiable
 from tests.identification.first_order_response import response
 
 DT = 0.1
@@ -21,6 +21,7 @@ def inside(interval, truth):
     return interval.low <= truth <= interval.high
 
 
+@pytest.mark.slow("fits many drives")
 def test_recovers_a_planted_driver_in_open_loop():
     """With two lively inputs and white noise all numbers of both channels are quoted and 95 % are right."""
     hits = []
@@ -38,6 +39,7 @@ def test_recovers_a_planted_driver_in_open_loop():
     assert sum(hits) >= 41
 
 
+@pytest.mark.slow("fits many drives")
 def test_recovers_a_planted_driver_in_closed_loop(follow):
     """With autocorrelated pedal noise fed back through the vehicle, what is quoted of range rate is right."""
     gain, lag, total = [], [], []
@@ -58,6 +60,7 @@ def test_recovers_a_planted_driver_in_closed_loop(follow):
     assert len(total) >= 8
 
 
+@pytest.mark.slow("fits many drives")
 def test_a_drifting_noise_never_excuses_a_wild_gain(follow):
     """With nearly white pedal noise in the loop no cold start ends in a far local minimum (a third did, once)."""
     for seed in range(12):
@@ -68,6 +71,7 @@ def test_a_drifting_noise_never_excuses_a_wild_gain(follow):
         assert abs(fit.point.K[1] - K[1]) < 1.2
 
 
+@pytest.mark.slow("fits many drives")
 def test_never_claims_the_headway_lag(follow):
     """Headway error has no content where the lag acts: tau1 and theta1 are never identifiable from a minute."""
     for seed in range(8):
@@ -79,6 +83,7 @@ def test_never_claims_the_headway_lag(follow):
         assert inside(c.dead_time, THETA[0])
 
 
+@pytest.mark.slow("fits many drives")
 def test_one_input_alone_is_wrong_and_both_are_right(follow):
     """The omitted second input biases K1 as measured in the literature; the joint fit does not."""
     joint, alone = [], []
@@ -103,6 +108,7 @@ def test_tells_only_the_sum_where_only_the_sum_is_known(ornstein):
     assert inside(c.tau_plus_dead_time, 0.8)
 
 
+@pytest.mark.slow("fits many drives")
 def test_smoothed_noise_is_not_taken_for_knowledge():
     """Noise without content above 0.5 Hz, as of a smoothed acceleration, leaves the intervals honest.
 

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from canid.identification.fopdt import fopdt_posterior, reduced_basis
+from canid.identification.fopdt import (
+    fopdt_posterior,
+    posterior_cells,
+    posterior_region,
+    reduced_basis,
+    weighted_quantiles,
+)
 from tests.identification.first_order_response import response
 
 DT = 0.1
@@ -38,7 +44,7 @@ def test_every_cell_is_a_least_squares_fit():
     """Gains, deviations and the sum of squares of each pair of cells are those of lstsq on that pair."""
     y, u = planted()
     Z = np.column_stack([np.ones(400), np.random.default_rng(1).normal(size=400)])
-    cells = [fopdt_posterior.make_cells(fopdt_posterior.whole_box(BOX), BOX, 4) for _ in u]
+    cells = [posterior_cells.make_cells(posterior_cells.whole_box(BOX), BOX, 4) for _ in u]
     X = [reduced_basis.weights(BASIS, c.tau, c.dead_time) @ nodes(x) for x, c in zip(u, cells, strict=True)]
     grid = posterior(y, u, cells, Z)
     sums = np.empty((16, 16))
@@ -57,15 +63,15 @@ def test_every_cell_is_a_least_squares_fit():
 
 def test_cells_stay_in_the_box_and_carry_the_prior():
     """A region that sticks out is cut off; prior mass is area / tau, falling to zero at dead_time_max."""
-    cells = fopdt_posterior.make_cells(fopdt_posterior.Region(2.8, 0.1, 0.5, 0.2, -0.5), BOX)
+    cells = posterior_cells.make_cells(posterior_cells.Region(2.8, 0.1, 0.5, 0.2, -0.5), BOX)
     assert cells.tau.max() < 3.0
     assert cells.tau.min() > 0.02
     assert (cells.dead_time >= 0.0).all()
     assert (cells.dead_time <= 1.5).all()
-    flat = fopdt_posterior.make_cells(fopdt_posterior.whole_box(BOX), BOX)
+    flat = posterior_cells.make_cells(posterior_cells.whole_box(BOX), BOX)
     assert np.allclose(flat.weight * flat.tau / (1 - flat.dead_time / 1.5), 1.5)
     assert (
-        fopdt_posterior.make_cells(fopdt_posterior.Region(1.0, 1.8, 0.01, 0.01, 0.0), BOX).weight.max() == 0.0
+        posterior_cells.make_cells(posterior_cells.Region(1.0, 1.8, 0.01, 0.01, 0.0), BOX).weight.max() == 0.0
     )
 
 
@@ -73,13 +79,13 @@ def test_a_grid_that_missed_walks_to_the_posterior():
     """From a small region far away the next regions reach the truth instead of shrinking where they are."""
     y, u = planted()
     regions = [
-        fopdt_posterior.Region(2.5, 1.2, 0.02, 0.02, 0.0),
-        fopdt_posterior.Region(2.5, 1.2, 0.02, 0.02, 0.0),
+        posterior_cells.Region(2.5, 1.2, 0.02, 0.02, 0.0),
+        posterior_cells.Region(2.5, 1.2, 0.02, 0.02, 0.0),
     ]
     for _ in range(25):
-        cells = [fopdt_posterior.make_cells(r, BOX) for r in regions]
+        cells = [posterior_cells.make_cells(r, BOX) for r in regions]
         grid = posterior(y, u, cells)
-        regions = [fopdt_posterior.gather(grid, i, BOX) for i in range(2)]
+        regions = [posterior_region.gather(grid, i, BOX) for i in range(2)]
     assert abs(regions[0].tau - 0.5) < 0.1
     assert abs(regions[1].dead_time - 0.1) < 0.06
 
@@ -87,25 +93,25 @@ def test_a_grid_that_missed_walks_to_the_posterior():
 def test_marginals_equal_those_of_a_dense_grid():
     """Nine cells in the right place give the same intervals as 60 x 60 over the whole box."""
     y, u = planted(noise=1.0)
-    region = fopdt_posterior.whole_box(BOX)
+    region = posterior_cells.whole_box(BOX)
     for _ in range(6):
-        cells = fopdt_posterior.make_cells(region, BOX)
+        cells = posterior_cells.make_cells(region, BOX)
         grid = posterior(y, u[:1], [cells])
-        region = fopdt_posterior.gather(grid, 0, BOX)
-    dense_cells = fopdt_posterior.make_cells(
-        fopdt_posterior.Region(0.75, 0.375, 0.75 / 4, 0.375 / 4, 0.0), BOX, 60
+        region = posterior_region.gather(grid, 0, BOX)
+    dense_cells = posterior_cells.make_cells(
+        posterior_cells.Region(0.75, 0.375, 0.75 / 4, 0.375 / 4, 0.0), BOX, 60
     )
     dense = posterior(y, u[:1], [dense_cells])
     for x, dense_x in ((cells.tau, dense_cells.tau), (cells.dead_time, dense_cells.dead_time)):
-        got = fopdt_posterior.quantiles(x, fopdt_posterior.marginal(grid, 0))
-        want = fopdt_posterior.quantiles(dense_x, fopdt_posterior.marginal(dense, 0))
+        got = weighted_quantiles.quantiles(x, fopdt_posterior.marginal(grid, 0))
+        want = weighted_quantiles.quantiles(dense_x, fopdt_posterior.marginal(dense, 0))
         width = want.high - want.low
         assert np.allclose(got, want, atol=0.12 * width)
 
 
 def test_three_inputs_are_a_wrong_call():
     """The joint grid is made for one or two inputs."""
-    cells = fopdt_posterior.make_cells(fopdt_posterior.whole_box(BOX), BOX, 2)
+    cells = posterior_cells.make_cells(posterior_cells.whole_box(BOX), BOX, 2)
     with pytest.raises(ValueError, match="one or two"):
         fopdt_posterior.evaluate(
             fopdt_posterior.moments(

@@ -6,7 +6,7 @@ import pytest
 from canid.identification import residual_tests
 from canid.identification.first_order import scan
 from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
-from canid.types import LearnGate, OutputFilter, Trace
+from canid.values.types import LearnGate, OutputFilter, Trace
 from tests.plants.first_order_lag import answer
 
 SETTLE = 4.5  # s
@@ -34,7 +34,7 @@ def fitted(trace, output_filter=None):
     layout = fopdt_fit.row_layout(2, trace.dt, 3.0, 1.5)
     samples = np.column_stack([trace.output, trace.learn, trace.segment, trace.inputs])
     _, rows = regression_rows.put(layout, regression_rows.State(), samples, SETTLE)
-    return layout, rows, fopdt_fit.fit_rows(layout, rows, None, None, output_filter)
+    return layout, rows, fopdt_fit.fit_rows(layout, rows, fopdt_fit.Settings(output_filter=output_filter))
 
 
 def test_the_residual_is_what_the_fit_says_of_itself():

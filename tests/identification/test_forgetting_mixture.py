@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from canid.identification.armax import forgetting_mixture
 
@@ -26,6 +27,7 @@ def follow(signal, trust=None):
     return seen, refuted
 
 
+@pytest.mark.slow("fits many drives")
 def test_the_longest_stays_on_top_while_nothing_changes():
     """In thirty records of 500 s the longest memory is never refuted and has nearly the whole share in the mean."""
     rng = np.random.default_rng(0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from canid.identification.armax import gain_and_delay
-from canid.types import Identifiable
+from canid.values.types import Identifiable
 from tests.identification.first_order_response import response
 
 DT = 0.1
@@ -54,6 +54,7 @@ def test_mean_and_variance_are_those_of_the_impulse_response():
     assert math.isclose(vb - va, variance, rel_tol=1e-9)
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_intervals_are_those_of_monte_carlo():
     """The delta method's and Fieller's intervals agree with drawing the polynomials."""
     A, B, _ = discretise(5.0, 0.5, 0.1)

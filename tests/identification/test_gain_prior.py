@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.identification.fopdt import fopdt_fit, fopdt_posterior, gain_prior
+from canid.identification.fopdt import fopdt_fit, gain_prior, posterior_cells
 from canid.identification.fopdt.gain_prior import ATYPICAL_FACTOR, Normal
 from canid.identification.fopdt.prior import (
     ChannelPrior,
@@ -21,7 +21,7 @@ from canid.identification.fopdt.prior import (
     states_all,
 )
 from canid.identification.fopdt.reduced_basis import Box
-from canid.types import Identifiable, LearnGate, Sample
+from canid.values.types import Identifiable, LearnGate, Sample
 
 DT = 0.1
 NAMES = ("headway_error", "range_rate")
@@ -30,7 +30,9 @@ BOX = Box(0.02, 3.0, 1.5)
 
 def fit(y, u, prior):
     """Fit with names."""
-    return fopdt_fit.fit_process(y, u, np.full(len(y), True), DT, prior=prior, names=NAMES)
+    return fopdt_fit.fit_process(
+        y, u, np.full(len(y), True), DT, fopdt_fit.Settings(prior=prior, names=NAMES)
+    )
 
 
 def by_quadrature(K, information, mean, sd, r, atypical):
@@ -120,7 +122,7 @@ def test_evidence_of_one_gain_by_integration():
 )
 def test_the_prior_of_delays_is_the_one_that_is_stated(own):
     """Over a fine grid of the box each stated distribution comes back: median, and one sd to each side."""
-    cells = fopdt_posterior.make_cells(fopdt_posterior.whole_box(BOX), BOX, cells=400)
+    cells = posterior_cells.make_cells(posterior_cells.whole_box(BOX), BOX, cells=400)
     given = density(InputPrior(Prior(), (own,), None, 0.0), [cells], BOX)
     weight = cells.weight * np.exp(given.log + given.measure)
 
@@ -242,6 +244,7 @@ def test_a_prior_of_a_channel_needs_the_names():
         for_inputs(Prior(range_rate=ChannelPrior(K=5.0, K_sd=1.0)), ())
 
 
+@pytest.mark.slow("fits many drives")
 @pytest.mark.parametrize(
     "own",
     [

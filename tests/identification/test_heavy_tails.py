@@ -16,7 +16,7 @@ from canid.identification.armax import box_jenkins_recursive as recursion
 from canid.identification.armax.armax_batch import Orders, fit_armax
 from canid.identification.first_order import scan
 from canid.identification.fopdt import fopdt_fit
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 DT, SETTLE, BLOCK, START = 0.1, 4.5, 20, 300
 FORGETTING = armax_recursive.FORGETTING
@@ -125,8 +125,9 @@ CASES = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow("fits many drives")
 @CASES
-@two_of_three
+@mostly(0.95)
 def test_heavy_tails_make_the_recursion_better(make, run, truth, seed):
     """Student's t with 3: nearer than by equal weights, a tenth narrower, intervals hold, no memory is refuted."""
     equal, own = both(make, run, truth, 3.0, 24, seed)
@@ -138,8 +139,9 @@ def test_heavy_tails_make_the_recursion_better(make, run, truth, seed):
     assert own.restarts <= 1
 
 
+@pytest.mark.slow("fits many drives")
 @CASES
-@two_of_three
+@mostly(0.95)
 def test_gaussian_noise_costs_nothing(make, run, truth, seed):
     """Errors and widths grow by 3 % at most."""
     equal, own = both(make, run, truth, np.inf, 12, seed)
@@ -147,7 +149,8 @@ def test_gaussian_noise_costs_nothing(make, run, truth, seed):
     assert mean_ratio(own.width, equal.width) < 1.03
 
 
-@two_of_three
+@pytest.mark.slow("fits many drives")
+@mostly(0.95)
 def test_a_whole_drive_with_one_input(seed):
     """Intervals under Student's t with 4 are a tenth narrower than under a Gaussian of its variance, and hold."""
     widths, inside = [], []
@@ -163,7 +166,8 @@ def test_a_whole_drive_with_one_input(seed):
     assert min(inside) > 0.85
 
 
-@two_of_three
+@pytest.mark.slow("fits many drives")
+@mostly(0.95)
 def test_a_whole_drive_with_two_inputs(seed):
     """The same of the gains of a Box-Jenkins model."""
     widths, inside = [], []

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import t as student
 
 from canid.identification import innovation_law as law
 from canid.identification.first_order import scan
 from canid.identification.fopdt.fopdt_fit import fit_process
+from tests.identification.innovation_density import log_density
 
 EVERY = np.full(600, True)
 
@@ -51,15 +51,10 @@ def test_bursts_are_followed() -> None:
     assert found.law.slopes[0] > 0.1
     plain = law.equal(3000, float(e[:3000].std()))
     later = law.weights(e[3000:], found.law, of[:, 3000:], rows[3000:])
-    assert law.log_density(e[3000:], later).sum() > law.log_density(e[3000:], plain).sum() + 20.0
+    assert log_density(e[3000:], later).sum() > log_density(e[3000:], plain).sum() + 20.0
 
 
-def test_the_density_is_that_of_scipy() -> None:
-    weights = law.Weights(law.Law(4.5, 0.2, np.zeros(0)), np.ones(3), np.ones(3))
-    e = np.array([-0.5, 0.0, 0.3])
-    assert law.log_density(e, weights) == pytest.approx(student.logpdf(e, 4.5, scale=0.2))
-
-
+@pytest.mark.slow("fits many drives")
 def test_bursts_make_no_gain_wrong_and_intervals_narrower() -> None:
     """A driver with Student's noise of 3 degrees of freedom: K inside as often as stated, intervals 10 % narrower."""
     inside, width = [], []

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom, multivariate_normal
 
 from canid.identification import local_level
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 T = 40.0 * np.arange(12.0)
 
@@ -29,7 +29,7 @@ def test_the_likelihood_is_that_of_the_differences(seed):
 
 
 def test_the_smoothed_level_is_the_conditional_mean(seed):
-    """filterpy's smoother against a dense Gaussian of the levels in information form, none known before: to 1e-5."""
+    """The smoother against a dense Gaussian of the levels in information form, none known before: to 1e-5."""
     y, variance, change = walks(np.random.default_rng(seed), 9)
     D = np.diff(np.eye(9), axis=0)
     covariance = np.linalg.inv(D.T @ np.diag(1.0 / change) @ D + np.diag(1.0 / variance))
@@ -38,7 +38,25 @@ def test_the_smoothed_level_is_the_conditional_mean(seed):
     assert of_mean == pytest.approx(np.diag(covariance), abs=1e-5)
 
 
-@two_of_three
+@pytest.mark.slow("imports filterpy, and with it matplotlib")
+def test_the_smoothed_level_is_that_of_filterpy(seed):
+    """Filter and smoother of filterpy, whose operations are written out; its inverse of 1 x 1 rounds as this LAPACK does."""
+    kalman = pytest.importorskip(
+        "filterpy.kalman", reason="filterpy is not installed (pip install canid[dev])"
+    )
+    one = np.ones((1, 1))
+    y, variance, change = walks(np.random.default_rng(seed), 40)
+    theirs = kalman.KalmanFilter(dim_x=1, dim_z=1)
+    theirs.x, theirs.P, theirs.F, theirs.H = y[:1, None], local_level.DIFFUSE * variance[0] * one, one, one
+    Qs = [0.0 * one, *(q * one for q in change)]
+    means, covariances, _, _ = theirs.batch_filter(y[:, None, None], Qs=Qs, Rs=[r * one for r in variance])
+    smooth, P, _, _ = theirs.rts_smoother(means, covariances, Fs=[one] * 40, Qs=Qs)
+    mean, of_mean = local_level._smoothed(y, variance, change)
+    np.testing.assert_allclose(mean, smooth.reshape(40), rtol=1e-13)
+    np.testing.assert_allclose(of_mean, P.reshape(40), rtol=1e-13)
+
+
+@mostly(0.95)
 def test_a_constant_level_is_rejected_as_often_as_the_level_says(seed):
     """300 constant drives with unequal errors: p < 0.05 in no more than chance allows (99.9 %)."""
     rng = np.random.default_rng(seed)
@@ -53,7 +71,7 @@ def test_a_constant_level_is_rejected_as_often_as_the_level_says(seed):
     assert rejected <= binom(300, 0.05).ppf(0.999) * 1.3  # the limit itself is drawn
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_level_that_walks_is_found_and_its_band_holds_it(seed):
     """Thirty windows, sd of the walk three standard errors: p < 0.01, most of the level inside the band."""
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ import pytest
 from canid.estimators.fopdt import FOPDT, FopdtSettings
 from canid.identification.fopdt import fopdt_fit
 from canid.identification.output_filter import DELAYS_HOLD_IT, apply, equalizer, kernel
-from canid.types import Identifiable, LearnGate, OutputFilter, Sample, Status
+from canid.values.types import Identifiable, LearnGate, OutputFilter, Sample, Status
 from tests.identification.first_order_response import response
 
 DT = 0.1
@@ -57,6 +57,7 @@ def test_a_savitzky_golay_kernel_is_that_of_scipy() -> None:
     np.testing.assert_allclose(one[20:-20], two[20:-20], atol=0.02)
 
 
+@pytest.mark.slow("fits many drives")
 @pytest.mark.parametrize("of", FILTERS, ids=named)
 def test_the_answer_behind_a_stated_filter_is_found(of: OutputFilter) -> None:
     """Noise behind the driver passes the filter too; K, tau and dead time are those before it."""
@@ -65,7 +66,9 @@ def test_the_answer_behind_a_stated_filter_is_found(of: OutputFilter) -> None:
         rng = np.random.default_rng(seed)
         u, y = driven(rng)
         y = apply(kernel(of, DT), y + 0.5 * rng.normal(size=len(y)))
-        c = fopdt_fit.fit_process(y, u[:, None], np.full(len(y), True), DT, output_filter=of).channels[0]
+        c = fopdt_fit.fit_process(
+            y, u[:, None], np.full(len(y), True), DT, fopdt_fit.Settings(output_filter=of)
+        ).channels[0]
         assert c.status is not Identifiable.NOT
         held += [c.K.low <= 5.0 <= c.K.high, c.tau.low <= 0.45 <= c.tau.high]
         held += [c.dead_time.low <= 0.3 <= c.dead_time.high, abs(c.tau_plus_dead_time.value - 0.75) < 0.1]
@@ -73,6 +76,7 @@ def test_the_answer_behind_a_stated_filter_is_found(of: OutputFilter) -> None:
     assert sum(held) >= 20
 
 
+@pytest.mark.slow("fits many drives")
 def test_of_an_unknown_filter_no_delay_may_be_quoted() -> None:
     """The delay of a causal filter would be the driver's: values and reason are given."""
     rng = np.random.default_rng(1)
@@ -98,9 +102,9 @@ def test_a_gap_costs_what_the_filter_reads_across_it() -> None:
     u, y = driven(rng, 1500)
     y = apply(kernel(FILTERS[0], DT), y + 0.3 * rng.normal(size=len(y)))
     every = np.full(len(y), True)
-    whole = fopdt_fit.fit_process(y, u[:, None], every, DT, output_filter=FILTERS[0])
+    whole = fopdt_fit.fit_process(y, u[:, None], every, DT, fopdt_fit.Settings(output_filter=FILTERS[0]))
     y[700:705] = np.nan
-    holed = fopdt_fit.fit_process(y, u[:, None], every, DT, output_filter=FILTERS[0])
+    holed = fopdt_fit.fit_process(y, u[:, None], every, DT, fopdt_fit.Settings(output_filter=FILTERS[0]))
     made = equalizer(FILTERS[0], DT)
     assert made is not None
     assert whole.used - holed.used == 5 + made.output.before + made.output.after
@@ -118,7 +122,9 @@ def test_a_change_of_target_joins_no_two_histories() -> None:
     both = np.full(len(y), True)
     both[750:] = False
     one, two = (
-        fopdt_fit.fit_process(y, x[:, None], both, DT, segment=segment, output_filter=FILTERS[0])
+        fopdt_fit.fit_process(
+            y, x[:, None], both, DT, fopdt_fit.Settings(output_filter=FILTERS[0]), segment=segment
+        )
         for x in (u, after)
     )
     assert one.used == two.used

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.identification.fopdt import fopdt_fit, fopdt_posterior
+from canid.identification.fopdt import fopdt_fit, posterior_cells
 from canid.identification.fopdt.prior import Prior, check_prior, log_density
-from canid.types import Identifiable
+from canid.values.types import Identifiable
 
 DT = 0.1
 # of drivers as published, not of the one in these data (tau2 0.4, theta2 0.2)
@@ -20,7 +20,9 @@ def test_its_weight_falls_as_data_come(follow):
     weights = []
     for seconds in (35.0, 600.0):
         y, u = follow(1, seconds=seconds)
-        channel = fopdt_fit.fit_process(y, u, np.full(len(y), True), DT, prior=USUAL).channels[1]
+        channel = fopdt_fit.fit_process(
+            y, u, np.full(len(y), True), DT, fopdt_fit.Settings(prior=USUAL)
+        ).channels[1]
         weights.append(channel.prior_weight)
     assert 1.0 >= weights[0] > weights[1] >= 0.0
     assert weights[0] > 0.3
@@ -39,7 +41,9 @@ def test_a_wrong_belief_gives_way_to_data(follow):
     y, u = follow(2, seconds=600.0)
     wrong = Prior(tau=1.5, tau_factor=2.0, dead_time=0.8, dead_time_sd=0.3)
     plain = fopdt_fit.fit_process(y, u, np.full(len(y), True), DT).channels[1]
-    biased = fopdt_fit.fit_process(y, u, np.full(len(y), True), DT, prior=wrong).channels[1]
+    biased = fopdt_fit.fit_process(y, u, np.full(len(y), True), DT, fopdt_fit.Settings(prior=wrong)).channels[
+        1
+    ]
     assert plain.status in (Identifiable.OK, Identifiable.SUM_ONLY)
     half = (plain.tau_plus_dead_time.high - plain.tau_plus_dead_time.low) / 2
     assert abs(biased.tau_plus_dead_time.value - plain.tau_plus_dead_time.value) < half
@@ -50,7 +54,9 @@ def test_a_tie_alone_draws_the_channels_together(follow):
     """`same_tau` needs nothing else, and makes the two lags more alike."""
     y, u = follow(4, seconds=120.0)
     free = fopdt_fit.fit_process(y, u, np.full(len(y), True), DT).point
-    tied = fopdt_fit.fit_process(y, u, np.full(len(y), True), DT, prior=Prior(same_tau=0.05)).point
+    tied = fopdt_fit.fit_process(
+        y, u, np.full(len(y), True), DT, fopdt_fit.Settings(prior=Prior(same_tau=0.05))
+    ).point
     assert abs(tied.tau[0] - tied.tau[1]) < min(0.1, abs(free.tau[0] - free.tau[1]))
 
 
@@ -75,7 +81,7 @@ def test_a_prior_that_makes_no_sense_is_refused(prior, says):
 def test_the_density_is_that_of_its_words():
     """Log-normal, normal, and normal differences, at a few points by hand."""
     cells = [
-        fopdt_posterior.Cells(
+        posterior_cells.Cells(
             np.array([0.2, 0.8]), np.array([0.1, 0.5]), np.ones(2), (0.1, 0.1), np.ones(2), np.ones(2)
         )
         for _ in range(2)

@@ -9,8 +9,8 @@ import pytest
 
 from canid.identification import identifiability
 from canid.identification.first_order import scan
-from canid.identification.fopdt.fopdt_fit import fit_process
-from canid.types import Identifiable, Interval, OutputFilter, Progress
+from canid.identification.fopdt.fopdt_fit import Settings, fit_process
+from canid.values.types import Identifiable, Interval, OutputFilter, Progress
 
 NO_BOX = (math.inf, math.inf, math.inf, math.inf)
 K = Interval(5.0, 4.0, 6.0)
@@ -103,6 +103,7 @@ def test_an_sd_that_is_none_gives_no_forecast(sd: float) -> None:
     assert made is None
 
 
+@pytest.mark.slow("fits many drives")
 def test_on_fits_of_another_plant() -> None:
     """Open loop, pulses of random length at random times, Laplace noise: at half of the way, most within a factor of 2."""
     found = []
@@ -118,7 +119,7 @@ def test_on_fits_of_another_plant() -> None:
         def at(t: float, y: np.ndarray = y, u: np.ndarray = u) -> tuple[Identifiable, Progress | None]:
             n = round(t / 0.1)
             channel = fit_process(
-                y[:n], u[:n, None], np.full(n, True), 0.1, output_filter=OutputFilter("none")
+                y[:n], u[:n, None], np.full(n, True), 0.1, Settings(output_filter=OutputFilter("none"))
             ).channels[0]
             return channel.status, channel.progress
 

@@ -60,6 +60,7 @@ def test_a_right_model_alarms_in_one_per_cent(spectrum):
     assert (count <= [13, 11, 11, 11]).all(), count
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_the_tests_can_alarm_at_all():
     """Over all noise spectra together each test does alarm at right models, as one per cent says."""
     rng = np.random.default_rng(11)

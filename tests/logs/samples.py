@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from canid.buses import messages, python_can
-from canid.types import Flag, Frame
+from canid.values.types import Flag, Frame
 
 # every kind of frame, on two buses, at whole ms
 FRAMES = [

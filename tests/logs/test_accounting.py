@@ -6,19 +6,20 @@ import gzip
 import random
 import struct
 import zlib
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.errors import LogError
-from canid.frame_columns import frames_of
 from canid.logs import open_log, write_log
 from canid.logs.blf.blf_layout import parse_file_header
 from canid.logs.blf.blf_writer import BlfWriter
 from canid.logs.log import Log
-from canid.types import Event, Flag, Frame
+from canid.values.errors import LogError
+from canid.values.frame_columns import frames_of
+from canid.values.types import Event, Flag, Frame
 from tests.damaged_logs.bases import _stored_blf, drive
 from tests.logs import samples
 from tests.logs.samples import write_with_python_can
@@ -163,6 +164,7 @@ def test_a_damaged_direction_is_reported(word: str, tmp_path: Path) -> None:
     assert (log.damaged, log.damage.read, log.damage.total) == (1, len(FRAMES) - 1, len(FRAMES))
 
 
+@pytest.mark.slow("many logs, written and read")
 @pytest.mark.timeout(300)  # a guard against hangs on a busy machine; some seconds are usual
 @pytest.mark.parametrize("name", TEXTS)
 def test_one_flipped_bit_loses_no_frame_in_silence(name: str, tmp_path: Path) -> None:
@@ -227,7 +229,7 @@ def test_one_byte_of_one_frame_line(data: st.DataObject, tmp_path_factory: pytes
 
 
 def own(path: Path, frames: list[Frame], each: int = 20) -> bytes:
-    with BlfWriter(path, 1_600_000_000_123_456_789) as writer:
+    with closing(BlfWriter(path, 1_600_000_000_123_456_789)) as writer:
         for k, frame in enumerate(frames):
             if k % each == 3:
                 writer.note(Event(frame.t, "remark", f"event {k}"))
@@ -269,6 +271,7 @@ def test_objects_of_other_types_are_counted_by_kind(tmp_path: Path) -> None:
     assert log.damage is None
 
 
+@pytest.mark.slow("many logs, written and read")
 @pytest.mark.parametrize("kind", ["own", "stored"])
 def test_one_flipped_bit_of_a_blf_loses_no_frame_in_silence(kind: str, tmp_path: Path) -> None:
     """Each bit of every container's and object's header, and of all bytes of the first container, flipped."""

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import ConfigError, LogError
 from canid.logs import open_log, write_log
-from canid.types import Frame
+from canid.values.errors import ConfigError, LogError
+from canid.values.types import Frame
 
 COUNT = 9_000
 # frames of 48 bytes in a container of 128 kB
@@ -83,6 +83,7 @@ def mutants(data: bytes, n: int) -> list[tuple[str, bytes]]:
     return out
 
 
+@pytest.mark.slow("many logs, written and read")
 def test_mutants_lose_at_most_the_bad_containers_and_invent_nothing(written: bytes, tmp_path: Path) -> None:
     """300 mutants: nothing raises but LogError, every frame is an original, the loss is bounded and reported."""
     whole = [(round((1.6e9 + f.t) * 1e6), f.bus, f.id, f.data) for f in original()]

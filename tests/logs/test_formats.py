@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import random
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,13 +12,14 @@ from types import ModuleType
 
 import pytest
 
-from canid.errors import ConfigError, LogError
-from canid.frame_columns import frames_of
 from canid.logs import formats, open_log
 from canid.logs.formats import Format
 from canid.logs.reader_state import ReadState
 from canid.logs.text_lines import Bad, LineCount, hex_bytes, lines
-from canid.types import Frame
+from canid.tables.kinds import is_table
+from canid.values.errors import ConfigError, LogError
+from canid.values.frame_columns import frames_of
+from canid.values.types import Frame
 
 ROOT = Path(__file__).parents[2]
 
@@ -101,11 +103,69 @@ Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8
 """
 
 
-def test_a_csv_of_another_program_is_refused_by_its_header(tmp_path: Path) -> None:
-    """.csv is python-can's form: for another program's the message names the header that is expected."""
+def test_a_csv_of_another_program_is_known_by_its_header(tmp_path: Path) -> None:
+    """SavvyCAN's is read; one that canid does not know is refused with what to do, and not called damaged."""
     path = tmp_path / "savvycan.csv"
     path.write_text(SAVVYCAN)
+    log = open_log(path)
+    assert list(log)
+    assert log.damage is None
+    path.write_text("When,CAN ID,Payload\n0,291,AA BB\n")
     with pytest.raises(
-        LogError, match="line 1: it is not timestamp,arbitration_id,extended,remote,error,dlc,data"
+        ConfigError, match="lists CAN frames in a form that canid does not know: save it there as"
     ):
+        open_log(path)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".tsv", ".txt"])
+def test_a_table_is_said_to_be_one_wherever_its_header_stands(tmp_path: Path, suffix: str, seed: int) -> None:
+    """Behind lines about the measurement, with units below the names, quoted or not: never "damaged"."""
+    rng = random.Random(seed)
+    for k in range(20):
+        mark = rng.choice(",;\t")
+        before = [
+            mark.join(rng.choice((["Date", "26", "9"], ["Driver", "A"], ["Cars", "2"]))) for _ in range(k % 7)
+        ]
+        names = rng.sample(["Time", "Speed1", "IVS1", "Gap [m]", "v_ego", "pedal"], 4)
+        units = [mark.join(rng.sample(["s", "m/s", "m", "%"], 4))] if rng.random() < 0.5 else []
+        rows = [mark.join(f"{rng.uniform(-9, 99):.3f}" for _ in names) for _ in range(5)]
+        quoted = mark.join(f'"{name}"' for name in names) if rng.random() < 0.5 else mark.join(names)
+        text = "\r\n".join([*before, quoted, *units, *rows]).encode()
+        path = tmp_path / f"table{k}{suffix}"
+        path.write_bytes(gzip.compress(text) if suffix.endswith(".gz") else text)
+        with pytest.raises(ConfigError, match="is a table of named columns and lists no CAN frames"):
+            open_log(path)
+
+
+HEADERS = (
+    ("gbk", ["序号", "时间标识", "帧ID", "数据长度", "数据"]), ("utf-8", ["Nr", "Zeit", "Kennung", "Länge", "Daten"]),
+    ("cp1251", ["№", "Время", "Идентификатор", "Длина", "Данные"]), ("cp932", ["番号", "時刻", "識別子", "長さ", "データ"]),
+    ("utf-8", ["n", "Time", "Identifier (hex)", "Length", "Data (hex)"]),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("encoding", "names"), HEADERS, ids=[names[2] for _, names in HEADERS])
+def test_a_list_of_frames_in_any_language_is_neither_damaged_nor_a_table(
+    encoding: str, names: list[str], tmp_path: Path, seed: int
+) -> None:
+    rng = random.Random(seed)
+    for k, suffix in enumerate((".csv", ".txt", ".tsv")):
+        mark, between = rng.choice(",;\t"), rng.choice((" ", "-", " 0x"))
+        before = ["ASCII trace", "Date: 25.11.2026"] if rng.random() < 0.5 else []
+        rows = []
+        for row in range(rng.randrange(3, 40)):
+            data = between.join(f"{byte:02X}" for byte in rng.randbytes(rng.randrange(4, 9)))
+            rows.append(mark.join([str(row), f"{0.01 * row:.3f}", f"0x{rng.randrange(0x800):X}", "8", data]))
+        path = tmp_path / f"list{k}{suffix}"
+        path.write_bytes("\r\n".join([*before, mark.join(names), *rows]).encode(encoding, errors="replace"))
+        with pytest.raises(ConfigError, match="lists CAN frames in a form that canid does not know"):
+            open_log(path)
+        with pytest.raises(ConfigError, match="lists CAN frames in a form that canid does not know"):
+            is_table(path)
+
+
+def test_a_text_that_is_no_table_is_an_unknown_format(tmp_path: Path) -> None:
+    path = tmp_path / "note.txt"
+    path.write_text("Dear reader, here is\nwhat we drove, and where\non 3 days, 2 cars\n")
+    with pytest.raises(ConfigError, match="unknown log format"):
         open_log(path)

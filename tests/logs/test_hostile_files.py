@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-from canid.errors import LogError
 from canid.logs import log, open_log
 from canid.logs.blf.blf_containers import (
     MAX_BREAKS,
@@ -26,6 +25,7 @@ from canid.logs.blf.blf_containers import (
 )
 from canid.logs.blf.blf_layout import MAX_INFLATED_BYTES
 from canid.logs.reader_state import ReadState
+from canid.values.errors import LogError
 from tests.damaged_logs.hostile import FAMILIES, write
 
 SIZE = 128 * 1024
@@ -63,6 +63,7 @@ class Counted:
 
 
 # a guard against hangs, not a promise of speed
+@pytest.mark.slow("many logs, written and read")
 @pytest.mark.parametrize("name", READ)
 def test_a_reader_always_gets_on(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between two advances are no more than so many calls, and in all so many for each byte."""
@@ -93,6 +94,7 @@ class Reads(io.BytesIO):
         return data
 
 
+@pytest.mark.slow("many logs, written and read")
 @pytest.mark.parametrize("name", [name for name in READ if name.endswith(".blf")])
 def test_no_byte_is_read_without_end(name: str, tmp_path: Path) -> None:
     """Each piece of the file costs no more than what may be spent in vain on it; the reader ends where the file does."""
@@ -112,6 +114,7 @@ def test_no_byte_is_read_without_end(name: str, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow("many logs, written and read")
 def test_a_gzip_bomb_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What unpacks to so many times its size is no log: what came before is kept, and it is reported."""
     from canid.logs import text_lines

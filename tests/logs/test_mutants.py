@@ -35,6 +35,7 @@ def test_there_are_2000() -> None:
 
 
 # a guard against hangs, not a promise of speed
+@pytest.mark.slow("many logs, written and read")
 @pytest.mark.parametrize("name", COUNTS)
 def test_mutants_lose_the_bad_part_only(name: str, whole: dict[str, Base], tmp_path: Path, seed: int) -> None:
     """Whatever happened to the bytes, all frames of all other parts are there, in order, at their times."""

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from canid.buses import messages, python_can
-from canid.errors import LogError
 from canid.logs import open_log, write_log
 from canid.logs.log import Log
-from canid.types import Flag, Frame
+from canid.values.errors import LogError
+from canid.values.types import Flag, Frame
 from tests.logs.samples import FRAMES, write_with_python_can
 
 START = 1_600_000_000.25
@@ -158,24 +158,25 @@ CANDUMP = """(1436509052.249713) vcan1 044#2A366C2BBA
 
 
 def test_candump_logs_are_read(tmp_path: Path) -> None:
-    """Interfaces become buses as they appear; remote, error, FD and raw-DLC frames are understood."""
+    """Interfaces become buses by their names; remote, error, FD and raw-DLC frames are understood."""
     log = read(tmp_path / "x.log", CANDUMP)
     frames = list(log)
     assert [(f.bus, f.id, f.flags, f.length) for f in frames] == [
-        (0, 0x44, 0, -1),
-        (1, 0xF6, 0, -1),
-        (0, 0x18FEF100, int(Flag.EXTENDED), -1),
-        (0, 0xF1, int(Flag.REMOTE), 0),
-        (0, 0xF1, int(Flag.REMOTE | Flag.TX), 5),
-        (0, 0x88, int(Flag.ERROR), -1),
-        (1, 0x123, int(Flag.FD | Flag.BRS), -1),
-        (1, 0x123, 0, -1),
+        (1, 0x44, 0, -1),
+        (0, 0xF6, 0, -1),
+        (1, 0x18FEF100, int(Flag.EXTENDED), -1),
+        (1, 0xF1, int(Flag.REMOTE), 0),
+        (1, 0xF1, int(Flag.REMOTE | Flag.TX), 5),
+        (1, 0x88, int(Flag.ERROR), -1),
+        (0, 0x123, int(Flag.FD | Flag.BRS), -1),
+        (0, 0x123, 0, -1),
     ]
     assert frames[1].t == 200134000 * 1e-9
     assert log.start_utc == 1436509052.249713
     assert log.damage is None
 
 
+@pytest.mark.slow("many logs, written and read")
 @pytest.mark.parametrize("suffix", [".asc", ".log", ".csv"])
 def test_a_cut_file_yields_no_wrong_frame(suffix: str, tmp_path: Path) -> None:
     """Cut at any byte, every frame that comes out is an original one, and one cut in two is reported."""
@@ -338,6 +339,7 @@ def test_what_is_not_the_format_is_one_line(suffix: str, tmp_path: Path) -> None
         assert str(path) in str(error)  # noqa: PT017
 
 
+@pytest.mark.slow("many logs, written and read")
 def test_mf4_is_read_in_a_child_process(tmp_path: Path) -> None:
     """An .mf4 written with asammdf gives python-can's frames; this process stays free of asammdf."""
     pytest.importorskip("asammdf", reason="asammdf is not installed: pip install canid[mf4]")
@@ -399,3 +401,32 @@ def test_tshark_reads_our_blf(tmp_path: Path) -> None:
     assert [int(row[1], 0) & 0x1FFFFFFF for row in rows] == [frame.id for frame in frames]
     assert [row[2] for row in rows] == [frame.data.hex() for frame in frames]
     assert all(abs(float(row[0]) - START - frame.t) < 1e-6 for row, frame in zip(rows, frames, strict=True))
+
+
+def test_trc_joined_without_a_version_goes_on_at_its_start(tmp_path: Path) -> None:
+    """Version 1.0 has its start in words, or none: its numbers begin again behind the header."""
+    header = ";##########\n;   C:\\x.trc\n{};---+--   ----+----\n"
+    frames = "     1)      {}  0001  1  00\n     2)      {}  0001  1  01\n"
+    starts = [f";   Start time: 13.11.2020 09:3{k}:00.500\n" for k in (1, 3)]
+    dated = "".join(header.format(start) + frames.format(10, 30) for start in starts)
+    log = read(tmp_path / "dated.trc", dated)
+    assert [round(frame.t, 9) for frame in log] == [0.0, 0.02, 120.0, 120.02]
+    assert (log.others, log.damaged) == (8, 0)
+    assert "at line 7" in log.remarks[0]
+    undated = "".join(header.format("") + frames.format(at, at + 20) for at in (10, 500))
+    log = read(tmp_path / "undated.trc", undated)
+    assert [round(frame.t, 9) for frame in log] == [0.0, 0.02, 0.52, 0.54]
+    assert "at the end of the log before" in log.remarks[0]
+    # a remark between frames begins none
+    remark = header.format("") + frames.format(10, 30) + "; a remark\n     3)      40  0001  1  00\n"
+    log = read(tmp_path / "remark.trc", remark)
+    assert [round(frame.t, 9) for frame in log] == [0.0, 0.02, 0.03]
+    assert not log.remarks
+
+
+def test_an_id_of_kvaser_that_its_flag_contradicts_is_damage(tmp_path: Path) -> None:
+    """An id of 11 bits cannot be 0x800: it is no id of 29 bits either."""
+    head = "Time,Channel,ID,Flags,DLC,Data0,Counter,AbsTime\n"
+    log = read(tmp_path / "x.csv", head + "0.1,0,291,2,1,5,1,x\n0.2,0,2048,2,1,5,2,x\n0.3,0,2048,4,1,5,3,x\n")
+    assert [(frame.id, frame.flags) for frame in log] == [(291, 0), (2048, Flag.EXTENDED)]
+    assert log.damaged == 1

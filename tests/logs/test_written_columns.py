@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.frame_columns import CLASSIC_BYTES, FD_BYTES, columns_of, rows
 from canid.logs import open_log
 from canid.logs.blf import blf_layout as blf
 from canid.logs.blf.blf_marker import marker
 from canid.logs.blf.blf_writer import BlfWriter
 from canid.logs.log_writer import open_writer
 from canid.logs.text_writers import AscWriter, CandumpWriter
-from canid.types import Columns, Event, Flag, Frame
+from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, columns_of, rows
+from canid.values.types import Columns, Event, Flag, Frame
 from tests.fixtures.frame_by_frame import CONTAINER_BYTES, asc_line, blf_object, candump_line
 from tests.fixtures.readers import by_python_can
 
@@ -46,6 +46,11 @@ def drive(rng: random.Random, n: int) -> list[Frame]:
         ns += rng.choice((0, 1, 499, 125_000, 10**9, 10**13)) - rng.choice((0, 0, 0, 250_000, 2 * 10**9))
         frames.append(Frame(ns * 1e-9, 0, k % 2048, rng.randbytes(8)) if plain else any_frame(rng, ns))
     return frames
+
+
+def before_the_first(frames: list[Frame]) -> int:
+    """Ns from the earliest frame to t = 0."""
+    return max(-round(min((frame.t for frame in frames), default=0.0) * 1e9), 0)
 
 
 def parts(rng: random.Random, frames: list[Frame]) -> list[Columns | Event]:
@@ -81,7 +86,7 @@ def test_a_blf_holds_the_same_objects_in_the_same_containers(trial: int, seed: i
     rng = random.Random(f"{seed} {trial}")
     frames = drive(rng, rng.choice((1, 50, 9000)))
     writer = BlfWriter(tmp_path / "x.blf", START)
-    writer.lead_ns = rng.choice((0, 10**9))
+    writer.lead_ns = before_the_first(frames) + rng.choice((0, 10**9))
     rest = (START - writer.lead_ns) % 1_000_000 + writer.lead_ns
     expected: list[bytes] = [b""]
 
@@ -118,10 +123,13 @@ def test_text_logs_hold_the_same_lines(trial: int, seed: int, tmp_path: Path) ->
     """Candump's and Vector's lines, with and without a start, with times before the start."""
     rng = random.Random(f"{seed} {trial}")
     frames = drive(rng, rng.choice((1, 50, 3000)))
-    start = rng.choice((None, START, 0))
+    lead = before_the_first(frames) + rng.choice((0, 10**9 + 999))
+    start = rng.choice((None, START, lead))
     log = CandumpWriter(tmp_path / "x.log", start)
     asc = AscWriter(tmp_path / "x.asc", start)
-    asc.lead_ns = rng.choice((0, 10**9 + 999))
+    log.lead_ns = asc.lead_ns = lead
+    # from whole ms on, or from 1970 where the stamps are of no date
+    own = (START - lead) % 1_000_000 + lead if start == START else lead
     for part in parts(rng, frames):
         for writer in (log, asc):
             if not isinstance(part, Event):
@@ -130,10 +138,12 @@ def test_text_logs_hold_the_same_lines(trial: int, seed: int, tmp_path: Path) ->
                 writer.checkpoint(sync=False)
     log.close()
     asc.close()
-    assert (tmp_path / "x.log").read_text() == "".join(candump_line(frame, start or 0) for frame in frames)
+    assert (tmp_path / "x.log").read_text() == "".join(
+        candump_line(frame, lead if start is None else start) for frame in frames
+    )
     text = (tmp_path / "x.asc").read_text()
     body = text[text.index("Start of measurement\n") + len("Start of measurement\n") :]
-    assert body == "".join(asc_line(frame, asc.lead_ns) for frame in frames) + "End TriggerBlock\n"
+    assert body == "".join(asc_line(frame, own) for frame in frames) + "End TriggerBlock\n"
 
 
 def test_python_can_reads_what_libdeflate_packed(seed: int, tmp_path: Path) -> None:

@@ -10,22 +10,23 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from canid import pipeline
 from canid.cli import main
-from canid.frame_columns import chunks
 from canid.monitor import arx_model, change_monitor, evalue_cusum, stuck_output
+from canid.pipeline import pipeline
 from canid.saving.saved_state import resume, saver
 from canid.saving.state_codec import codec
 from canid.simulation import frames, simulate
-from canid.types import BlockStatus, MonitorReport, Sample
+from canid.values.frame_columns import chunks
+from canid.values.types import BlockStatus, MonitorReport, Sample
 from canid.vehicle import read_vehicle
 from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.spans import plain
 from canid.views.terminal_view.state import View, update
 from tests.exact import exact
+from tests.pipeline_outputs import outputs
 from tests.plants import measurement, plant_one, plant_two
 from tests.plants.changes import CHANGES, Changed, Scene
 from tests.plants.monitor_runs import Alarm, alarms, kinds, reports, samples
+from tests.terminal import plain
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
 NAMES = ("headway_error", "range_rate")
@@ -47,6 +48,7 @@ def alarms_after(changed: Changed) -> list[Alarm]:
     return [a._replace(t=a.t - changed.at, since=a.since - changed.at) for a in reported]
 
 
+@pytest.mark.slow("monitors long drives")
 def test_clean_drives_are_silent_and_seen() -> None:
     """Six drives, one of each noise, of both simulators: no alarm, and each block fits in the end."""
     every = list(islice(kinds(4100), 12))
@@ -59,6 +61,7 @@ def test_clean_drives_are_silent_and_seen() -> None:
         assert math.isnan(reported[-1].since)
 
 
+@pytest.mark.slow("monitors long drives")
 @pytest.mark.parametrize(
     ("name", "simulator"),
     [
@@ -78,6 +81,7 @@ def test_a_sensor_fault_is_detected_within_half_a_minute(name: str, simulator: s
     assert abs(reported[0].since) < 15.0
 
 
+@pytest.mark.slow("monitors long drives")
 @pytest.mark.parametrize(
     ("name", "block", "seeds"),
     [
@@ -101,6 +105,7 @@ def test_a_change_of_driver_or_vehicle_is_attributed_to_the_right_block(name, bl
     assert abs(np.median([a.since for a in first])) < 30.0
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_a_stuck_pedal_signal_is_a_sensor_fault() -> None:
     """Constant to the last bit while the vehicle's motion changes: neither driver nor vehicle, dated to the second."""
     changed = planted("pedal stands still", "two", 701)
@@ -112,6 +117,7 @@ def test_a_stuck_pedal_signal_is_a_sensor_fault() -> None:
     assert abs(last.since) < 2.0
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_after_a_change_the_model_learns_and_fits_again() -> None:
     """No alarm lasts for ever: the changed behaviour is learnt."""
     changed = planted("gains fall by 60 %", "one", 622)
@@ -124,11 +130,12 @@ def test_after_a_change_the_model_learns_and_fits_again() -> None:
     assert reported[-1].since > suspected[0].t
 
 
+@pytest.mark.slow("monitors long drives")
 def test_lane_keeping_is_monitored_too() -> None:
     vehicle = read_vehicle("generic_lane")
     drive = simulate(minutes=4, seed=3, profile="lane", noise="ar1")
     running = pipeline.build(vehicle)
-    reported = [x for x in pipeline.run(running, frames(drive, vehicle)) if isinstance(x, MonitorReport)]
+    reported = [x for x in outputs(running, frames(drive, vehicle)) if isinstance(x, MonitorReport)]
     assert reported[-1].blocks["driver"].state is BlockStatus.FITS
     assert alarms(reported) == []
 
@@ -218,6 +225,7 @@ def test_constant_signals_are_no_misfit(clean) -> None:
 # --- a restart -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("monitors long drives")
 def test_its_state_survives_saving_to_the_last_bit() -> None:
     """Saved at any time, before and during an alarm: the same reports afterwards."""
     changed = planted("range rate with the wrong sign", "one", 810)
@@ -239,6 +247,7 @@ def test_its_state_survives_saving_to_the_last_bit() -> None:
     assert any(s is not None and not s.fits for s in reported)
 
 
+@pytest.mark.slow("monitors long drives")
 def test_after_a_restart_the_alarm_continues_with_its_start_before_it() -> None:
     """A new session's clock begins at 0; what began before it has a negative time."""
     changed = planted("range rate with the wrong sign", "two", 811)
@@ -356,6 +365,7 @@ def test_the_live_view_says_since_when_which_block() -> None:
     assert "5:02" not in again
 
 
+@pytest.mark.slow("monitors long drives")
 def test_replay_reports_it_on_the_terminal_and_as_json(tmp_path, capsys) -> None:
     """The log alone, through the command: one line with time, block and reason, and the same as JSON."""
     how = {"seed": 912, "minutes": 4.0, "noise": "ar1", "profile": "mixed"}

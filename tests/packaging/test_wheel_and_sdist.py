@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
 import tarfile
-from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from canid.cli.demo import next_steps
+from canid.cli.commands.demo import next_steps
+from tests.packaging.conftest import run
 
 ROOT = Path(__file__).parents[2]
 # folders and files that belong to one machine
@@ -24,46 +22,7 @@ RUBBISH = re.compile(
 )
 
 
-def run(
-    words: Sequence[str | Path], cwd: Path, environment: dict[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    """Run a program; a failure shows what it said."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHONPATH", "CAN_"))}
-    done = subprocess.run(
-        words,
-        cwd=cwd,
-        env=clean | (environment or {}),
-        text=True,
-        capture_output=True,
-        check=False,
-        timeout=600,
-    )
-    assert done.returncode == 0, f"{words}\n{done.stdout}\n{done.stderr}"
-    return done
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of wheel and sdist, by `python -m build`, without a network."""
-    for module in ("build", "hatchling", "twine"):
-        if find_spec(module) is None:
-            pytest.skip(f"{module} is not installed: pip install -e '.[dev]'")
-    folder = tmp_path_factory.mktemp("built")
-    # of hatchling in a folder of PYTHONPATH, too
-    path = {"PYTHONPATH": os.environ.get("PYTHONPATH", "")}
-    run([sys.executable, "-m", "build", "--no-isolation", "-o", folder, ROOT], folder, path)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def installed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel in a folder of its own; its dependencies are those of this Python."""
-    folder = tmp_path_factory.mktemp("installed")
-    options = ["--no-index", "--no-deps", "--no-compile", "--target", str(folder)]
-    run([sys.executable, "-m", "pip", "install", *options, next(built.glob("*.whl"))], folder)
-    return folder
-
-
+@pytest.mark.slow("builds a wheel")
 def test_an_index_takes_both(built: Path) -> None:
     """Metadata, classifiers and the README, which is rendered."""
     files = sorted(built.iterdir())
@@ -71,6 +30,7 @@ def test_an_index_takes_both(built: Path) -> None:
     run([sys.executable, "-m", "twine", "check", "--strict", *files], built)
 
 
+@pytest.mark.slow("builds a wheel")
 def test_the_wheel_works_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
     """With the log and the vehicle that it brings, and the steps that the demo names."""
 
@@ -94,10 +54,12 @@ def test_the_wheel_works_in_an_empty_folder(installed: Path, tmp_path: Path) -> 
     assert (tmp_path / "drive.html").stat().st_size > 10_000
     canid("replay", "demo_out/demo.blf", "--vehicle", "generic", "--stop", "3", "--speed", "max")
     assert "the vehicle file fits" in printed
+    assert "6 unstable poles" in canid("study", "prints", "grover")
     assert "_shtab_canid" in canid("--print-completion", "bash")
     assert ".TH CANID 1" in (installed / "share/man/man1/canid.1").read_text("utf-8")
 
 
+@pytest.mark.slow("builds a wheel")
 def test_the_sdist_is_complete_and_nothing_else_is_in_it(built: Path, tmp_path: Path) -> None:
     with tarfile.open(next(built.glob("*.tar.gz"))) as archive:
         archive.extractall(tmp_path, filter="data")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from canid.types import LearnGate, Trace
+from canid.values.types import LearnGate, Trace
 from tests.plants.planted_drive import Array
 
 STEP_S = 0.1

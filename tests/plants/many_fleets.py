@@ -11,7 +11,7 @@ import numpy as np
 
 from canid.population import gibbs, scaling
 from canid.population.drive_table import DriveTable, Flags, Index
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Layout(NamedTuple):

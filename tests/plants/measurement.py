@@ -14,14 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from canid import pipeline
-from canid.drive_reader import trace as as_trace
 from canid.logs import write_log
+from canid.pipeline import pipeline
 from canid.samples import lead, learning_gate, own_speed
 from canid.samples.lead_readings import REPORTED
 from canid.samples.sampler import sampled_roles
-from canid.types import Frame, Reading, Sample, Trace
+from canid.samples.trace_assembly import trace as as_trace
+from canid.values.types import Frame, Reading, Sample, Trace
 from canid.vehicle import Vehicle, encoder, read_vehicle
+from tests.pipeline_outputs import outputs
 from tests.plants import fixed_lag_smoother, quantisation
 from tests.plants.grid import Came, sampled
 from tests.plants.planted_drive import Array, Planted
@@ -157,7 +158,7 @@ def _short_cut(vehicle: Vehicle) -> bool:
 
 def _long_way(drive: list[Frame], vehicle: Vehicle) -> Trace:
     running = pipeline.build(vehicle, estimating=False)
-    samples = [item for item in pipeline.run(running, drive) if isinstance(item, Sample)]
+    samples = [item for item in outputs(running, drive) if isinstance(item, Sample)]
     return as_trace(samples, vehicle.driver, pipeline.DT)
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import LearnGate, Trace
+from canid.values.types import LearnGate, Trace
 from tests.plants.planted_drive import Array
 
 DT = 0.1

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.optimize import minimize
 from scipy.stats import wishart
 
 from canid.population import covariance_prior, gibbs
 from canid.population.drive_table import drive_table, rows
 from canid.population.hierarchical import pool
-from canid.types import Array
+from canid.values.types import Array
 from tests.plants.many_fleets import Layout, draw, sampler_data, tables
+from tests.seeds import mostly
 
 # by which two runs of one table may differ, in widths of an interval: five standard errors of a difference of two medians
 # of 800 independent draws, 1.25 sqrt(2 / 800) sd each; of the 2,880 draws of a run each counts for a third
 SAME = 5.0 * 1.25 * (2.0 / 800.0) ** 0.5 / 3.92
 
 
+@pytest.mark.slow("fleets drawn many times")
+@mostly(0.95)
 def test_chains_with_data_of_their_own_are_the_same_as_alone(seed: int) -> None:
     """The test bench's vectorised fleets say what each fleet says by `pool`, up to the scatter of draws."""
     of = draw(np.random.default_rng(seed), Layout("", 8, 4, 2, 1.0, 0.4), 2)
@@ -29,6 +33,7 @@ def test_chains_with_data_of_their_own_are_the_same_as_alone(seed: int) -> None:
         assert np.all(np.abs(alone.mean.value - mean[:, r]) < SAME * width)
 
 
+@mostly(0.95)
 def test_prior_step_has_its_stationary_distribution(seed: int) -> None:
     """Rescaling leaves the posterior as it is: with and without it a chain has the same distribution of W.
 
@@ -75,6 +80,8 @@ def reml(y: Array, v: Array, who: Array) -> tuple[float, float, float, float]:
     return mean, se, float(np.exp(0.5 * best.x[0])), float(np.exp(0.5 * best.x[1]))
 
 
+@pytest.mark.slow("fleets drawn many times")
+@mostly(0.95)
 def test_agrees_with_restricted_likelihood_where_drivers_are_many(seed: int) -> None:
     """Of 40 drivers with 4 drives both routes give the same mean, error of the mean, and spreads.
 
@@ -101,6 +108,8 @@ def test_agrees_with_restricted_likelihood_where_drivers_are_many(seed: int) -> 
     assert np.all(np.sqrt(np.mean(np.square(out), axis=0)) < 0.25)
 
 
+@pytest.mark.slow("fleets drawn many times")
+@mostly(0.95)
 def test_shrinks_as_the_normal_model_does(seed: int) -> None:
     """A driver with hardly known drives has the population's mean, one with well known drives his or her own."""
     rng = np.random.default_rng(seed)
@@ -116,6 +125,7 @@ def test_shrinks_as_the_normal_model_does(seed: int) -> None:
     assert np.mean(error[15:] ** 2) < 0.5 * np.mean(own[15:] ** 2)
 
 
+@pytest.mark.slow("fleets drawn many times")
 def test_units_and_names_change_nothing(seed: int) -> None:
     """The same drives in other units, and under other names, have the same results to the last bit."""
     (table,) = tables(draw(np.random.default_rng(seed), Layout("", 6, 3, 2, 1.0, 0.4), 1))
@@ -131,6 +141,8 @@ def test_units_and_names_change_nothing(seed: int) -> None:
         assert np.all(x * 2.0**20 == y)
 
 
+@pytest.mark.slow("fleets drawn many times")
+@mostly(0.95)
 def test_order_changes_nothing_but_the_draws(seed: int) -> None:
     """Drives in another order have the same results up to the scatter of draws."""
     rng = np.random.default_rng(seed)
@@ -144,6 +156,8 @@ def test_order_changes_nothing_but_the_draws(seed: int) -> None:
     assert np.nanmean(np.abs(a.drive_outlier[order] - b.drive_outlier)) < 0.03
 
 
+@pytest.mark.slow("fleets drawn many times")
+@mostly(0.95)
 def test_thousands_of_drives_find_the_truth(seed: int) -> None:
     """Of 300 drivers with 4 drives the spreads are known to some percent, and the true ones are within 4 standard errors."""
     (table,) = tables(draw(np.random.default_rng(seed), Layout("", 300, 7, 3, 1.0, 0.4), 1))

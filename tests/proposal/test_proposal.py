@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from canid.logs import open_log
-from canid.proposal import proposal, propose
+from canid.proposal import proposal
 from canid.proposal.name_score import name_points
 from canid.proposal.signal_words import words
 from canid.vehicle import read_vehicle
@@ -85,7 +85,7 @@ def test_two_buses_with_the_same_ids(tmp_path: Path, seed: int) -> None:
     (tmp_path / "swapped.log").write_text("\n".join(other[:1] + both) + "\n")
     for name in ("drive.log", "swapped.log"):
         reader = open_log(tmp_path / name)
-        table = tomllib.loads(propose(dbc, tmp_path, reader))
+        table = tomllib.loads(proposal(dbc, tmp_path, reader).text)
         (file,) = table["dbc"]
         right = next(f.bus for f in reader if f.id == 0x108)
         assert file == {"file": "car.dbc", "bus": right}
@@ -130,7 +130,7 @@ def test_radar_tracks_and_their_sign(tmp_path: Path, sign: int) -> None:
     dbc, log = tracks_dbc(sign)
     (tmp_path / "radar.dbc").write_text(dbc)
     (tmp_path / "drive.log").write_text("\n".join(log) + "\n")
-    table = tomllib.loads(propose(tmp_path / "radar.dbc", tmp_path, open_log(tmp_path / "drive.log")))
+    table = tomllib.loads(proposal(tmp_path / "radar.dbc", tmp_path, open_log(tmp_path / "drive.log")).text)
     assert table["lead"]["tracks"] == "TRACK_{0..5}"
     assert table["lead"]["rate"] == "REL_SPEED"
     assert table["lead"].get("rate_sign", 1) == sign
@@ -175,6 +175,7 @@ def answered(tmp_path: Path, answers: str, *words: str) -> tuple[str, str]:
     return out, error.decode()
 
 
+@pytest.mark.slow("whole logs")
 def test_a_close_role_is_asked_on_a_terminal(tmp_path: Path) -> None:
     """Enter takes the first of a list, a number that one, 0 none; anything else is asked again. --yes never asks."""
     out, error = answered(tmp_path, "\n\n")
@@ -191,6 +192,7 @@ def test_a_close_role_is_asked_on_a_terminal(tmp_path: Path) -> None:
     assert "Which signal" not in error
 
 
+@pytest.mark.slow("whole logs")
 def test_without_a_terminal_nothing_is_asked_and_json_says_why(tmp_path: Path) -> None:
     """Not on a terminal is as --yes; JSON lists state and candidates of each role; a file is never overwritten unasked."""
     (tmp_path / "close.dbc").write_text(CLOSE)
@@ -223,5 +225,5 @@ def test_hostile_names_stay_data(tmp_path: Path) -> None:
     """Names and units with quotes, markup and braces give a TOML that is read back."""
     text = CLOSE.replace('"%"', '"% [red]"').replace("close", "x")
     (tmp_path / 'a "{0..9}".dbc').write_text(text, encoding="utf-8")
-    table = tomllib.loads(propose(tmp_path / 'a "{0..9}".dbc', tmp_path))
+    table = tomllib.loads(proposal(tmp_path / 'a "{0..9}".dbc', tmp_path).text)
     assert table["dbc"] == ['a "{0..9}".dbc']

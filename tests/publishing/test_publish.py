@@ -16,10 +16,10 @@ import pytest
 
 import canid
 from canid.cli import main
-from canid.errors import ConfigError
 from canid.publishing import datagrams, udp_address, udp_publisher
 from canid.publishing.udp_publisher import UdpPublisher
-from canid.types import Event, LearnGate, Sample
+from canid.values.errors import ConfigError
+from canid.values.types import BlockStatus, Event, Identifiable, LearnGate, Sample, Status
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "replay_logs" / "following_urban.blf"
@@ -53,6 +53,7 @@ def receiver() -> Iterator[tuple[str, list[bytes]]]:
             thread.join()
 
 
+@pytest.mark.slow("sessions in real time")
 def test_a_replay_publishes_the_numbers_of_its_json(tmp_path: Path) -> None:
     """Every estimate and report of --json, and every sample of the pipeline, with equal numbers; each fits a frame."""
     out = tmp_path / "x.json"
@@ -173,7 +174,12 @@ def test_a_name_of_a_group_is_refused_once_it_is_known(monkeypatch: pytest.Monke
 def test_codes_are_those_of_the_documentation() -> None:
     """docs/publish.md lists every code with its number."""
     text = (ROOT / "docs" / "publish.md").read_text()
-    for names in datagrams.CODES.values():
+    for names in (
+        [member.value for member in Status],
+        [member.value for member in Identifiable],
+        [member.value for member in BlockStatus],
+        [member.name.lower() for member in LearnGate],
+    ):
         assert ", ".join(f"{k} `{name}`" for k, name in enumerate(names)) in text
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from canid.recording.journal import PATIENCE_S, Journal
-from canid.types import Event
+from canid.values.types import Event
 
 # s: a busy machine may need them; what is asked is that it comes to pass
 PATIENCE = 300.0
@@ -166,7 +166,7 @@ FULL = """
 import resource, signal, sys
 from pathlib import Path
 from canid.recording.journal import Journal
-from canid.types import Event
+from canid.values.types import Event
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
 journal = Journal(Path(sys.argv[1]))

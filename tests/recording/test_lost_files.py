@@ -134,6 +134,7 @@ def a_folder_instead(path: Path) -> None:
     path.mkdir()
 
 
+@pytest.mark.slow("recordings in real time")
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize(
     "attack", [deleted, replaced, moved_to_another_file_system, a_link_instead, a_folder_instead]

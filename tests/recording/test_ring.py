@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import OutputError
+from canid.recording import file_series
 from canid.recording.file_series import Series
 from canid.recording.journal import Journal, journal_path
 from canid.recording.ring_list import Entry, RingList
 from canid.recording.rotation import Rotation
-from canid.types import Event, Frame
+from canid.values.errors import OutputError
+from canid.values.types import Event, Frame
+from tests.fixtures.clocks import later
 
 LIMIT = Rotation(time=1.0)
 # deletes whatever it may
@@ -261,13 +263,14 @@ def test_a_list_that_is_deleted_is_written_anew(tmp_path: Path) -> None:
     assert prune(tmp_path)[0] == [path.name for path in paths]
 
 
-def test_files_taken_away_by_hand_do_not_stop_the_ring(tmp_path: Path) -> None:
-    """By age too: a file that is not there is as old as can be."""
+def test_files_taken_away_by_hand_do_not_stop_the_ring(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By age too: what is not there is passed over."""
     paths = record(tmp_path, 3)
     paths[0].unlink()
-    for path in paths[1:]:
-        os.utime(path, (0, 0))
     series = Series(tmp_path / "x.blf", Rotation(time=1.0, keep_time=3600.0))
+    monkeypatch.setattr(file_series, "read_clocks", lambda: later(3601.0))
     assert series.prune() == paths[1:]
     series.close()
 

@@ -20,7 +20,7 @@ from canid.logs.text_writers import AscWriter
 from canid.recording import log_writer_thread
 from canid.recording.recorder import Recorder
 from canid.recording.recorder_stats import Stats
-from canid.types import Columns
+from canid.values.types import Columns
 
 # s: a busy machine may need them
 PATIENCE = 300.0

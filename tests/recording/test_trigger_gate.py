@@ -14,15 +14,15 @@ import pytest
 
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
-from canid.controls import Controls
-from canid.frame_columns import columns_of, frames_of
 from canid.logs import open_log
 from canid.recording import trigger_gate
+from canid.recording.controls import Controls
 from canid.recording.pre_trigger_buffer import MARK_MARGIN_S, MAX_BUFFERED_FRAMES, PreTriggerBuffer
 from canid.recording.trigger_gate import ANSWER_TIMEOUT_S, TriggerGate
-from canid.session import Result, World, session
+from canid.session.session import Result, SessionSettings, World, session
 from canid.triggers.trigger import MAX_PRE_S, Trigger
-from canid.types import Columns, Event, Frame
+from canid.values.frame_columns import columns_of, frames_of
+from canid.values.types import Columns, Event, Frame
 
 # bytes of a frame in the buffer, as docs/triggers.md states it for classic CAN
 STATED_FRAME_BYTES = 40
@@ -187,11 +187,10 @@ def test_marks_alone_trigger_without_a_child(request: pytest.FixtureRequest, tmp
     controls = Controls()
     running = session(
         open_buses([{"interface": "virtual", "channel": name}]),
-        None,
-        record=tmp_path / "x.blf",
-        duration=3.0,
+        SessionSettings(
+            record=tmp_path / "x.blf", duration=3.0, trigger=Trigger(("mark",), pre=0.4, post=0.3)
+        ),
         controls=controls,
-        trigger=Trigger(("mark",), pre=0.4, post=0.3),
     )
     began, sent, states, marked = time.monotonic(), 0, [], False
     worlds: list[World] = []
@@ -233,6 +232,6 @@ def test_a_mark_just_before_the_end_is_kept(request: pytest.FixtureRequest, tmp_
     controls.mark("last words")
     controls.stop()
     buses = open_buses([{"interface": "virtual", "channel": request.node.name}])
-    for _ in session(buses, None, record=tmp_path / "x.blf", controls=controls):
+    for _ in session(buses, SessionSettings(record=tmp_path / "x.blf"), controls=controls):
         pass
     assert "last words" in (tmp_path / "x.events.jsonl").read_text(encoding="utf-8")

@@ -7,7 +7,6 @@ from itertools import accumulate
 
 import pytest
 
-from canid.frame_columns import columns_of, frames_of
 from canid.recording.pre_trigger_buffer import (
     MARK_AHEAD_S,
     MARK_MARGIN_S,
@@ -16,7 +15,8 @@ from canid.recording.pre_trigger_buffer import (
     End,
     PreTriggerBuffer,
 )
-from canid.types import Columns, Frame
+from canid.values.frame_columns import columns_of, frames_of
+from canid.values.types import Columns, Frame
 
 
 def windows(times: list[float], true: list[bool], marks: list[float], pre: float, post: float) -> list[bool]:
@@ -116,3 +116,19 @@ def test_what_is_written_is_the_reference_to_the_frame(trial: int, seed: int) ->
     assert [id(w) for w in begins] == [id(w) for w in ends]
     assert len(begins) == buffer.opened == stretches(times, counted, marks, pre, post)
     assert not any(w.missing for w in begins)
+
+
+def test_a_window_that_waits_for_answers_keeps_what_a_late_mark_may_still_ask_for() -> None:
+    """Two marks, the later one for an earlier time; the child answers late."""
+    frames = [Frame(0.1 * k, 0, k, b"") for k in range(60)]
+    buffer = PreTriggerBuffer(pre=0.0, post=0.15)
+    buffer.put(columns_of(frames[:40]), at=4.0)
+    buffer.answered(35, [])
+    buffer.mark(3.8, "first")
+    assert buffer.take() == []
+    buffer.mark(2.0, "second")
+    buffer.put(columns_of(frames[40:]), at=6.0)
+    buffer.answered(25, [])
+    buffer.end()
+    given = [frame.id for item in buffer.take() if isinstance(item, Columns) for frame in frames_of(item)]
+    assert given == [20, 21, 38, 39]

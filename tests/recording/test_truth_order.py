@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from canid import estimator_process
-from canid.estimator_process import Estimating, Run
-from canid.frame_columns import columns_of
-from canid.types import Frame
+from canid.session import estimator_process
+from canid.session.estimator_process import Estimating, Run
+from canid.values.frame_columns import columns_of
+from canid.values.types import Frame
 
 # answers that every frame with the id 1 is true; dies now and then
 CHILD = """

@@ -1,4 +1,4 @@
-"""The attacks of benchmarks/reliability/attack in a short form: each family once, with a seed that is drawn."""
+"""The attacks of benchmarks/reliability/attack in a short form: half of the families, once, with seeds that are drawn."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from benchmarks.reliability import attack
 from benchmarks.reliability.attack import hostile_folder, judging, sender
 from benchmarks.reliability.attack.traffic_process import Sender
 from benchmarks.reliability.outcome import Outcome
+from tests import seeds
 from tests.fixtures.traffic import number
 
 # times that are promised are measured by the benchmark; here a busy machine's pauses are no failure
 SLACK = 15.0
-NETWORK = ("talk", "impossible", "lost", "ring", "kill", "stop")
+NETWORK = ("talk", "impossible", "lost", "ring", "kill", "stop", "writes", "ages")
 
 
-@pytest.mark.parametrize("family", attack.FAMILIES)
+@pytest.mark.slow("recordings that are attacked")
+@pytest.mark.parametrize("family", seeds.in_turn(tuple(attack.FAMILIES), 2, "attacks"))
 def test_attacks_with_drawn_seeds(
     family: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest, seed: int
 ) -> None:

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from canid import session
 from canid.cli import live_session
 from canid.cli.output import output_kinds, streams
 from canid.cli.output.outputs import DetachedOutput, Output
-from canid.errors import DONE, NOT_WRITTEN
 from canid.logs import open_log
+from canid.session import session
+from canid.values.errors import DONE, NOT_WRITTEN
 from tests.fixtures.readers import by_canid
 from tests.fixtures.traffic import WORDS, Traffic
 
@@ -123,6 +123,7 @@ def recorded(path: Path, traffic: Traffic, least: float) -> str:
     return "" if lasted >= least else f"it ends after {lasted:.1f} s"
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize(
     ("verb", "out", "err", "code"),
     [
@@ -159,6 +160,7 @@ def test_no_output_can_cost_a_frame(
     assert got == code if code is not None else got in (DONE, NOT_WRITTEN)
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize(
     ("verb", "kind", "number"),
     [
@@ -193,6 +195,7 @@ def test_a_reader_that_does_not_read_delays_no_end(
     assert got in (NOT_WRITTEN, 128 + number)
 
 
+@pytest.mark.slow("recordings that are attacked")
 def test_what_was_closed_is_not_written_into_the_recording(tmp_path: Path, traffic: Traffic) -> None:
     """With descriptors 0, 1 and 2 closed the log does not get their numbers: no talk and no child writes into it."""
     path = tmp_path / "drive.asc"

@@ -19,6 +19,7 @@ from benchmarks.reliability.outcome import Outcome
 BUSY = 4.0
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize(("rate", "after"), [(100, 0.31), (2000, 0.87), (8000, 1.29)])
 @pytest.mark.usefixtures("between_processes")
 def test_a_kill_leaves_a_whole_log_that_ends_a_moment_before(rate: int, after: float, tmp_path: Path) -> None:
@@ -26,6 +27,7 @@ def test_a_kill_leaves_a_whole_log_that_ends_a_moment_before(rate: int, after: f
     assert kills.one(tmp_path, rate, after, BUSY * kills.MAX_LOSS_S).wrong == ""
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize(("rate", "after"), [(100, 0.9), (8000, 0.7)])
 @pytest.mark.usefixtures("between_processes", "mounting")
 def test_a_power_cut_leaves_what_was_synced(rate: int, after: float, tmp_path: Path) -> None:
@@ -36,6 +38,7 @@ def test_a_power_cut_leaves_what_was_synced(rate: int, after: float, tmp_path: P
     assert not (tmp_path / "left/x.blf").exists() or (tmp_path / "left/x.blf").stat().st_size
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize(("end", "again"), [(signal.SIGTERM, True), (signal.SIGHUP, False), (None, False)])
 def test_an_end_in_a_burst_loses_nothing(end: signal.Signals | None, again: bool, tmp_path: Path) -> None:
     """60,000 frames and a signal, or the end of the bus: all are there; an earlier file is not touched."""
@@ -43,6 +46,7 @@ def test_an_end_in_a_burst_loses_nothing(end: signal.Signals | None, again: bool
     assert (outcome.wrong, outcome.frames) == ("", 0)
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize(
     ("case", "suffix"),
     [(seams.by_size, ".blf"), (seams.ring_by_share, ".log"), (seams.killed, ".blf")],
@@ -58,6 +62,7 @@ def test_new_files_lose_nothing_at_their_seams(
     assert case(suffix, tmp_path) == []
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize("case", [disks.full, disks.is_read_only, disks.stuck])
 @pytest.mark.usefixtures("between_processes", "root", "mounting")
 def test_a_bad_disk_is_reported_and_live_goes_on(
@@ -70,6 +75,7 @@ def test_a_bad_disk_is_reported_and_live_goes_on(
     assert [text for text in case(tmp_path) if text] == []
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.parametrize("case", [case for _, case in buses.CASES if case is not buses.overrun])
 def test_a_bad_bus_is_reported_in_the_log(
     case: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
@@ -89,6 +95,7 @@ def test_what_the_kernel_drops_stands_in_the_log(tmp_path: Path) -> None:
     assert buses.overrun(tmp_path) == []
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.usefixtures("between_processes")
 def test_the_soak_in_short_drops_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     """Both estimators and the monitor at 4,000 frames/s: every frame is in the log. CPU and memory: not here."""

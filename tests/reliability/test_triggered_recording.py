@@ -110,6 +110,7 @@ def child_of(recording: Recording) -> int:
     return found[0]
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.usefixtures("between_processes")
 def test_pulses_of_one_frame_are_recorded_to_the_frame(tmp_path: Path) -> None:
     """Next to a recording of everything: the same frames and stamps within the windows, no other, none twice.
@@ -146,6 +147,7 @@ def test_pulses_of_one_frame_are_recorded_to_the_frame(tmp_path: Path) -> None:
     assert (status["frames"], status["written"]) == (drive.sent, len(found))
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.usefixtures("between_processes")
 def test_a_child_that_is_killed_costs_no_frame_of_a_window(tmp_path: Path) -> None:
     """kill -9 of the process that evaluates, with pulses around it: all windows are there; what it had in hand as well."""
@@ -174,6 +176,7 @@ def test_a_child_that_is_killed_costs_no_frame_of_a_window(tmp_path: Path) -> No
     assert triggered.reported()["frames"] == len(everything) == drive.sent
 
 
+@pytest.mark.slow("recordings that are attacked")
 @pytest.mark.usefixtures("between_processes")
 def test_a_kill_inside_a_window_keeps_the_pre_trigger_part(tmp_path: Path) -> None:
     """kill -9 of the recorder after a trigger: from `PRE_S` before it on, all but the last tenths of a second is there."""

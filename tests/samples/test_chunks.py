@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -12,15 +13,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid import drive_reader, pipeline
-from canid.frame_columns import columns_of
+from canid.drive import drive_reader
 from canid.logs import open_log, write_log
-from canid.types import Estimate, Event, Flag, Frame, Sample
+from canid.pipeline import pipeline
+from canid.samples import trace_assembly
+from canid.values.frame_columns import columns_of
+from canid.values.types import Estimate, Event, Flag, Frame, Sample
+from canid.values.window import Window
 from canid.vehicle import Vehicle, read_vehicle
 from tests.exact import exact
+from tests.fixtures.measured_logs import MEASURED, MISSING
 
 REPO = Path(__file__).parents[2]
-DATA = REPO / "../shared/data"
 LOGS = REPO / "replay_logs"
 
 
@@ -123,6 +127,7 @@ def urban() -> list[Frame]:
     return [frame for frame in open_log(LOGS / "following_urban.blf") if frame.t < 25.0]
 
 
+@pytest.mark.slow("whole drives in many pieces")
 @pytest.mark.parametrize("kind", KINDS)
 def test_whatever_is_wrong_with_a_log(kind: str) -> None:
     """Clock steps, pauses, frames out of order, missing and spoilt ones; and samples come all the same."""
@@ -130,6 +135,7 @@ def test_whatever_is_wrong_with_a_log(kind: str) -> None:
     assert sum(isinstance(item, Sample) for item in items) > 50
 
 
+@pytest.mark.slow("whole logs")
 @pytest.mark.parametrize("kind", ["clock set back", "long pause"])
 def test_estimates_and_monitoring(kind: str) -> None:
     """Estimates, and what the monitor says, of a log that is not sound; the states that a restart keeps."""
@@ -159,30 +165,31 @@ def test_any_division_into_chunks(sizes: list[int], kinds: list[str], begin: flo
     assert other_state.sampler.clock == state.sampler.clock
 
 
+@pytest.mark.slow("whole logs")
 @pytest.mark.parametrize(
     ("log", "vehicle", "until"),
     [
         (LOGS / "following_lost_lead.blf", "generic", 25.0),
         (LOGS / "lane_keeping.blf", "generic_lane", 12.0),
-        (DATA / "openacc/human_h22_v5.blf", "openacc", 60.0),
-        (DATA / "openacc/acc_long_h10_v5.blf", "openacc", 60.0),
-        (DATA / "rav4/rav4_highway.blf", "toyota_rav4_2017", 4.0),
+        (MEASURED / "openacc/human_h22_v5.blf", "openacc", 60.0),
+        (MEASURED / "openacc/acc_long_h10_v5.blf", "openacc", 60.0),
+        (MEASURED / "rav4/rav4_highway.blf", "toyota_rav4_2017", 4.0),
     ],
     ids=lambda x: x.stem if isinstance(x, Path) else str(x),
 )
 def test_simulated_and_measured_logs(log: Path, vehicle: str, until: float) -> None:
     """Following and lane keeping; two buses, radar tracks of which one is chosen, an acceleration for the pedal."""
     if not log.exists():
-        pytest.skip(f"measured logs are not there: {log}")
+        pytest.skip(MISSING)
     frames = [frame for frame in open_log(log) if frame.t < until]
     assert any(isinstance(item, Sample) for item in check_same(frames, read_vehicle(vehicle), 3))
 
 
 def test_radar_tracks_of_two_buses_with_short_frames() -> None:
     """The choice among tracks, the bus of each message and the counters go on from chunk to chunk."""
-    log = DATA / "rav4/rav4_highway.blf"
+    log = MEASURED / "rav4/rav4_highway.blf"
     if not log.exists():
-        pytest.skip(f"measured logs are not there: {log}")
+        pytest.skip(MISSING)
     rng = random.Random(4)
     frames = [
         frame._replace(
@@ -202,15 +209,18 @@ def test_radar_tracks_of_two_buses_with_short_frames() -> None:
 def test_a_part_of_a_log(part: dict[str, float]) -> None:
     """A log read as a trace, and run in chunks of 50 ms: the same samples and health, on any grid and from any start."""
     log, vehicle = open_log(LOGS / "following_urban.blf"), read_vehicle("generic")
-    span = part.pop("span", 0.7)
+    span, dt = part.pop("span", 0.7), part.get("dt", 0.1)
+    within = Window(part.get("start", -math.inf), part["stop"])
     drive = drive_reader.read_drive(log.path, vehicle, estimating=False, **part)
     samples, events, frames, state, last = [], [], 0, None, 0.0
-    for after, chunk, out in drive_reader.run(log, vehicle, estimating=False, span=span, **part):
+    for after, chunk, out in drive_reader.run(
+        log, vehicle, estimating=False, span=span, dt=dt, within=within
+    ):
         assert chunk.t[-1] - chunk.t[0] <= span
         samples += [item for item in out if isinstance(item, Sample)]
         events += [item for item in out if isinstance(item, Event)]
         state, frames, last = after, frames + len(chunk.t), float(chunk.t[-1])
-    trace = drive_reader.trace(samples, vehicle.driver, part.get("dt", 0.1))
+    trace = trace_assembly.trace(samples, vehicle.driver, dt)
     assert exact(drive_reader.health(log, vehicle, state, frames, last, events)) == exact(drive.health)
     assert len(trace.t) > 100
     for ours, theirs in zip(trace[1:4], drive.trace[1:4], strict=True):

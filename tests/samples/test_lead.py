@@ -6,7 +6,7 @@ import numpy as np
 
 from canid.samples import lead
 from canid.samples.lead import Settings
-from canid.types import Event, Reading, TrackReading
+from canid.values.types import Event, Reading, TrackReading
 
 TRACKS = Settings(from_tracks=True)
 
@@ -173,3 +173,18 @@ def test_lead_valid_false_means_no_lead() -> None:
     roles, _ = run(readings, Settings())
     assert all(value != value for t, value in roles["gap"] if t > 2.05)
     assert roles["lead_valid"][-1][1] == 0.0
+
+
+def test_nothing_is_known_between_the_reports_of_two_vehicles() -> None:
+    """One leaves the path, another is followed 0.3 s later, or cuts in: no line of the gap joins the two."""
+    for until in (5.0, 5.25):
+        first = {"track": 3, "gap": 40.0, "rate": 0.0, "lateral": 0.0, "to": until}
+        second = {"track": 7, "gap": 25.0, "rate": 0.0, "lateral": 0.0, "from": 5.0}
+        roles, _ = run(scene(10.0, first, second), TRACKS)
+        t, gap = np.array(roles["gap"]).T
+        assert (np.diff(t) >= 0.0).all()
+        far, near = np.abs(gap - 40.0) < 1.0, np.abs(gap - 25.0) < 1.0
+        between = gap[(t > t[far].max()) & (t < t[near].min())]
+        assert between.size, until
+        assert np.isnan(between).all()
+        assert roles["gap_reported"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from canid.samples import learning_gate
-from canid.types import Driver, LearnGate
+from canid.values.types import Driver, LearnGate
 
 DRIVING = {
     "pedal": 12.0, "accel": 0.1, "accel_command": 0.1, "steering_angle": 1.0, "lateral_offset": 0.1,
@@ -131,3 +131,19 @@ def test_a_new_lead_is_followed_at_once() -> None:
     samples = run(changes, Driver(), 16.0)
     assert any(s.gate is LearnGate.FREE_DRIVING for s in samples[:80])
     assert not any(s.gate is LearnGate.FREE_DRIVING for s in samples[80:])
+
+
+def test_an_assistant_at_the_wheel_is_not_the_person() -> None:
+    """It shuts the gate of the wheel; who holds the speed does not, and the pedal does not know the wheel."""
+    lane = Driver(task="lane_keeping", output="steering_angle")
+    changes = {
+        0.0: {"steering_assist": 0.0, "cruise_active": 1.0},
+        3.0: {"steering_assist": 1.0},
+        5.0: {"steering_assist": 0.0},
+    }
+    samples = run(changes, lane)
+    assisted = [3.0 <= round(s.t, 1) < 5.0 for s in samples]
+    assert [s.gate for s in samples] == [LearnGate.ASSIST if on else LearnGate.OPEN for on in assisted]
+    unknown = run({0.0: {"steering_assist": 0.0}, 3.0: {"steering_assist": NAN}}, lane)
+    assert unknown[-1].gate is LearnGate.STALE
+    assert {s.gate for s in run({0.0: {"steering_assist": 1.0}}, Driver())} == {LearnGate.OPEN}

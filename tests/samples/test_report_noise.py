@@ -26,6 +26,7 @@ def test_the_noise_is_found_whatever_it_is(factor: float) -> None:
     assert found.range_rate == pytest.approx(sd[1], rel=0.15)
 
 
+@pytest.mark.slow("whole logs")
 def test_what_is_missed_is_independent_of_what_is_smoothed() -> None:
     """The error of a smoothed range rate correlates with it, now or up to 1 s later, by less than 2 % of its variance.
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from canid.samples import sampling_grid
 from canid.samples.sampling_grid import Points, Readings, Role
-from canid.types import Reading
+from canid.values.types import Reading
 
 ROLES = {"speed": Role(needed=True), "pedal": Role(needed=True), "brake": Role(switch=True, stale=3.0)}
 

@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canid.frame_columns import chunks
 from canid.samples import session_clock
-from canid.types import Event, Frame
+from canid.values.frame_columns import chunks
+from canid.values.types import Event, Frame
 
 
 def run_in_chunks(times: list[float], size: int) -> tuple[list[float], list[Event], session_clock.State]:

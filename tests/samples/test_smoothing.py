@@ -64,6 +64,7 @@ def test_it_is_better_than_the_radar_and_not_late() -> None:
     assert abs(np.mean(lags)) < 0.015
 
 
+@pytest.mark.slow("whole logs")
 @pytest.mark.parametrize(("hz", "noise"), [(20.0, NOISE), (100.0, NOISE), (10.0, Noise(0.02, 0.5))])
 def test_it_is_the_fixed_lag_smoother_of_filterpy(hz: float, noise: Noise) -> None:
     """Each report as filterpy smooths it with the reports up to LAG_S later, whatever is missing of them: to 1e-9."""

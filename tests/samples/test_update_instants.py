@@ -7,13 +7,14 @@ import random
 import numpy as np
 import pytest
 
-from canid import pipeline
-from canid.frame_columns import columns_of
+from canid.identification.first_order import scan
+from canid.pipeline import pipeline
 from canid.samples import local_polynomial, update_instants
 from canid.simulation import frames
 from canid.simulation.car import Car
 from canid.simulation.lane import Steering, keep_lane
-from canid.types import Sample
+from canid.values.frame_columns import columns_of
+from canid.values.types import Sample
 from canid.vehicle import read_vehicle
 from tests.exact import exact
 
@@ -92,6 +93,7 @@ def test_a_wheel_that_stands_still_keeps_the_grid() -> None:
     assert len(state.grid) < 10
 
 
+@pytest.mark.slow("whole logs")
 def test_steering_does_not_depend_on_chunks(seed: int) -> None:
     """Samples of a lane drive are the same to the last bit however its frames are divided."""
     car, drive = read_vehicle("generic_lane"), keep_lane(0.5, seed % 10_000, Steering(), Car(), {}, ())
@@ -121,3 +123,20 @@ def test_the_parabola_is_that_of_least_squares(seed: int) -> None:
     found = local_polynomial.parabola(x.tolist(), y.tolist())
     assert found.value == pytest.approx(w[0])
     assert found.variance == pytest.approx(rest[0] / 6 * np.linalg.inv(X.T @ X)[0, 0])
+
+
+@pytest.mark.parametrize("period", [0.01, 0.02])
+def test_rounding_hides_no_phase(period: float) -> None:
+    """A wheel angle that moves by 15 steps of its rounding shows its corners in every block, at 100 Hz as at 50 Hz."""
+    kinds, off = [], []
+    for seed in range(8):
+        rng = np.random.default_rng([seed, 6])
+        late, n = rng.uniform(0.0, DT), round(60.0 / DT) + 3
+        angle = scan(scan(rng.normal(size=n), np.array([0.9])), np.array([0.6]))
+        t = np.arange(rng.uniform(0.0, period), 60.0, period)
+        value = 0.1 * np.round(np.interp(t, late - DT + DT * np.arange(n), 1.5 * angle / angle.std()) / 0.1)
+        for one in grid_of(t, value):
+            kinds.append(one.kind)
+            off.append((one.phase - late + DT / 2) % DT - DT / 2)
+    assert set(kinds) == {"line"}
+    assert np.abs(off).mean() < 0.0015

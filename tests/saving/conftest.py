@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import pytest
 
-from canid import drive_reader, pipeline
-from canid.frame_columns import columns_of
 from canid.logs import open_log
-from canid.types import Columns, Frame
+from canid.pipeline import pipeline
+from canid.values.frame_columns import columns_of
+from canid.values.types import Columns, Frame
+from canid.values.window import Window
 from canid.vehicle import Vehicle, read_vehicle
 
 LOG = Path(__file__).parents[2] / "replay_logs" / "following_urban.blf"
@@ -37,7 +38,7 @@ def driven() -> Driven:
     vehicle = read_vehicle("generic")
     running = pipeline.build(vehicle)
     parts: dict[int, list[Frame]] = {}
-    for frame in drive_reader.window(open_log(LOG), 0.0, SECONDS):
+    for frame in Window(0.0, SECONDS).frames(open_log(LOG)):
         parts.setdefault(int(frame.t / 0.1), []).append(frame)
     chunks = [columns_of(part) for part in parts.values()]
     state, states, outputs = running.init(), [], []

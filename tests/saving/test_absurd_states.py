@@ -18,10 +18,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from canid import pipeline
+from canid.pipeline import pipeline
 from canid.saving.checksum import Refused, seal, unseal
 from canid.saving.saved_state import Restored, resume, saver
-from canid.types import Estimate, Status
+from canid.values.types import Estimate, Status
 
 NOW = 1.8e9
 # of the drive, that a restored state runs on: all rows of both models and several fits
@@ -144,6 +144,7 @@ def check_survives(driven, saving, data: bytes, what: object, runs: bool = True)
     return True
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 @pytest.mark.parametrize("t", [12.0, 30.0, 61.0])
 def test_a_sound_state_is_used(driven, t: float) -> None:
     """Before the models begin, and with them: what was learnt passes every rule, and quickly."""
@@ -155,6 +156,7 @@ def test_a_sound_state_is_used(driven, t: float) -> None:
     assert time.process_time() - began < 5.0
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 @pytest.mark.parametrize("seed", range(4))
 def test_every_leaf_made_absurd_is_refused_or_harmless(driven, seed: int) -> None:
     """Numbers, shapes, lists, texts and names of a sealed state, each changed to something absurd."""

@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid import __version__, pipeline
+from canid import __version__
+from canid.pipeline import pipeline
 from canid.saving import saved_state
 from canid.saving.checksum import Refused, ours, seal, unseal
 from canid.saving.saved_state import MAX_AGE_S, Restored, resume, saver
-from canid.types import Estimate, Interval, Status
+from canid.values.shipped_files import shipped
+from canid.values.types import Estimate, Interval, Status
 from canid.vehicle import read_vehicle
-from canid.vehicle.vehicle_file import shipped
 from tests.exact import exact
 
 NOW = 1.8e9  # s since 1970
@@ -31,6 +32,7 @@ def saved(driven, t: float) -> bytes:
     return saver(driven.vehicle, driven.running).save(known, NOW)
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 def test_saved_at_any_time_it_continues_with_the_same_numbers_to_the_last_bit(driven) -> None:
     """Before, while and after each estimator starts, and later: the outputs continue as without saving."""
     saving = saver(driven.vehicle, driven.running)
@@ -100,6 +102,7 @@ def test_any_other_bytes_are_refused(data, restore) -> None:
     assert isinstance(restore(data), Refused)
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 def test_what_is_refused_is_not_used_at_all(driven, whole) -> None:
     """The pipeline begins exactly as it does without any file."""
     saving = saver(driven.vehicle, driven.running)
@@ -111,6 +114,7 @@ def test_what_is_refused_is_not_used_at_all(driven, whole) -> None:
     assert event.says == "the saved state is damaged: its checksum does not fit; the estimators start fresh"
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 def test_a_correct_checksum_does_not_excuse_wrong_types(driven, whole, restore) -> None:
     """In a file that was edited and given a correct checksum every type is checked, and the place named."""
     fields = unseal(whole)
@@ -183,6 +187,7 @@ def changed(folder: Path, file: str, old: str, new: str) -> Path:
     return folder / "generic.toml"
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 @pytest.mark.parametrize("change", CHANGES)
 def test_another_vehicle_or_configuration_is_refused_and_named(driven, whole, tmp_path, change) -> None:
     *how, named = CHANGES[change]
@@ -242,6 +247,7 @@ def ok(outputs: list[pipeline.Output]) -> dict[str, Estimate]:
 AT_ONCE = 2.5
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 def test_after_a_restart_it_continues_at_once(driven) -> None:
     """A new session whose time begins at 0, as after a restart in the car: the same estimators report at once.
 
@@ -277,6 +283,7 @@ def test_after_a_restart_it_continues_at_once(driven) -> None:
     assert spoke >= 5
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 def test_many_restarts_add_up(driven) -> None:
     """Restarted every 12 s from the beginning, the drive still becomes ok, and its time runs on."""
     saving = saver(driven.vehicle, driven.running)

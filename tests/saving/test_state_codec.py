@@ -82,6 +82,7 @@ def same(a: Any, b: Any) -> bool:
     return struct.pack("<d", a) == struct.pack("<d", b) if isinstance(a, float) else a == b
 
 
+@pytest.mark.slow("states of whole drives, written and read")
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(VALUES)
 def test_every_value_comes_back_to_the_last_bit(value: Outer) -> None:

@@ -1,4 +1,4 @@
-"""The shipped JSON Schema describes what each verb writes, and not anything else."""
+"""The JSON Schema of a result, which comes from its type, describes what each verb writes, and not anything else."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from jsonschema import Draft202012Validator
 
 import canid
 from canid.cli import main
-from canid.schemas import names
-from canid.schemas.__main__ import text
-from canid.views.json_values import SCHEMA_VERSIONS
+from canid.cli.commands.schema import json_schema, names
+from canid.cli.verbs import VERBS
+from canid.values.json_values import KEYS, NULL_IF_EMPTY, ROUNDED, mark
+from canid.views import json_schema as of_types
 
 REPO = Path(__file__).parents[2]
 LOGS = REPO / "replay_logs"
@@ -52,6 +53,7 @@ def objects(file: Path) -> list[dict[str, Any]]:
     return [one for of in found for one in (of if isinstance(of, list) else [of])]
 
 
+@pytest.mark.slow("every verb with --json")
 @pytest.mark.parametrize(
     ("name", "words", "code"), RUNS, ids=lambda value: str(value)[:40] if isinstance(value, str) else ""
 )
@@ -67,7 +69,7 @@ def test_what_a_verb_writes_is_what_its_schema_says(
     assert written
     for one in written:
         validator.validate(one)
-        assert one["schema"] == f"canid/{name}/{SCHEMA_VERSIONS[name]}"
+        assert one["schema"] == mark(name)
     # a name that is added is free, one that goes is not
     one = {**written[0], "windows": written[0].get("windows", [])[:1]}
     validator.validate({**one, "added later": 1})
@@ -79,25 +81,46 @@ def test_what_a_verb_writes_is_what_its_schema_says(
 def test_a_recordings_line_validates() -> None:
     """What `record --json` writes at its end, made of the recorder's own numbers."""
     from canid.buses.bus_opener import open_buses
-    from canid.cli.live_session import to_json
-    from canid.session import World, session
-    from canid.views import json_values
+    from canid.cli.live_session import recorded
+    from canid.session.session import SessionSettings, World, session
+    from canid.values import json_values
 
     buses = open_buses([{"interface": "virtual", "channel": "schema"}])
-    *_, last = session(buses, None, duration=0.1)
+    *_, last = session(buses, SessionSettings(duration=0.1))
     assert isinstance(last, World)
     Draft202012Validator(canid.json_schema("record")).validate(
-        json.loads(json_values.document("record", to_json(last)))
+        json.loads(json_values.document("record", recorded(last)))
     )
 
 
-def test_the_files_are_current_and_valid() -> None:
-    """`NAME.json` in the package is what `canid schema NAME` prints: run `python -m canid.schemas` after a change."""
-    files = {file.stem: file for file in (REPO / "canid/schemas").glob("*.json")}
-    assert sorted(files) == names()
-    for name, file in files.items():
-        assert file.read_text(encoding="utf-8") == text(name)
-        Draft202012Validator.check_schema(json.loads(text(name)))
+@pytest.mark.parametrize("name", names())
+def test_every_schema_is_valid(name: str) -> None:
+    Draft202012Validator.check_schema(json_schema(name))
+
+
+def test_every_key_of_a_diagnosis_is_in_its_schema() -> None:
+    """Also what only some diagnoses have."""
+    keys = json_schema("diagnose")["properties"]
+    assert {"differ", "drives", "maps", "recommended", "remarks", "rivals", "spectra", "worst"} <= set(keys)
+    assert {"log", "used_time", "gains", "channels"} == set(
+        json_schema("diagnose")["$defs"]["DriveShare"]["required"]
+    )
+
+
+def test_every_row_of_the_tables_of_keys_is_of_a_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row for a type or a field that is no more, or that no verb writes, is found."""
+    seen = set()
+
+    def noted(kind: type) -> Any:
+        seen.update(f"{kind.__name__}.{name}" for name in kind._fields)  # type: ignore[attr-defined]
+        return fields(kind)
+
+    fields = of_types.fields
+    monkeypatch.setattr(of_types, "fields", noted)
+    for verb in VERBS:
+        for name in verb.results:
+            json_schema(name)
+    assert {*KEYS, *ROUNDED, *NULL_IF_EMPTY} - seen == {"Event.what", "Event.t"}  # of the live page
 
 
 def test_the_verb_prints_a_schema_and_refuses_others(capfd: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.signal_checks import signal_checks
-from canid.types import Driver, LearnGate, Sample, SignalFinding
+from canid.values.types import Driver, LearnGate, Sample, SignalFinding
 
 Array = npt.NDArray[np.float64]
 Columns = dict[str, Array]

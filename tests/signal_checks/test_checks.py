@@ -7,8 +7,8 @@ import pytest
 
 from canid.signal_checks import own_motion, signal_checks
 from canid.signal_checks.check import UNIT_FACTORS, unit_of
-from canid.types import Driver
-from tests.seeds import two_of_three
+from canid.values.types import Driver
+from tests.seeds import mostly
 from tests.signal_checks.synthetic import Array, Columns, changed, findings, following, samples
 
 OTHERS = ("gnss_speed", "wheel_speed", "accel")
@@ -50,7 +50,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@two_of_three
+@mostly(0.95)
 def test_each_fault_is_found_by_its_name(fault: str, seed: int) -> None:
     """A planted fault is found, with a sentence, a time and a remedy, and withholds the estimates."""
     name, plant, without = FAULTS[fault]
@@ -64,13 +64,13 @@ def test_each_fault_is_found_by_its_name(fault: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("output", ["pedal", "accel"])
-@two_of_three
+@mostly(0.95)
 def test_sound_signals_are_left_alone(output: str, seed: int) -> None:
     """Nothing is found on a drive without a fault, whichever output is identified."""
     assert findings(following(seed), Driver(output=output)) == ()
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_coarse_radar_is_no_held_one(seed: int) -> None:
     """Steps of 0.5 m and 0.25 m/s repeat values, and are no fault."""
     columns = following(seed)
@@ -80,7 +80,7 @@ def test_a_coarse_radar_is_no_held_one(seed: int) -> None:
     assert findings(columns) == ()
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_brief_fault_ends(seed: int) -> None:
     """A range rate that stands still for 20 s is found, and the finding ends."""
     columns = following(seed, 6.0)
@@ -91,7 +91,8 @@ def test_a_brief_fault_ends(seed: int) -> None:
     assert found[0].until - 80.0 >= signal_checks.HOLD_S - 2.0
 
 
-@two_of_three
+@pytest.mark.slow("checks whole drives")
+@mostly(0.95)
 def test_the_interval_of_the_reports_age_holds(seed: int) -> None:
     """Reports that are 0.5 s old: the interval holds that on most drives where it is stated, and 0 s is no finding."""
     held = []
@@ -114,6 +115,22 @@ def final_own_motion(columns: Columns) -> own_motion.State:
     return next(
         of for of, check in zip(state.checks, signal_checks.CHECKS, strict=True) if check is own_motion.CHECK
     )
+
+
+@mostly(0.95)
+def test_a_minute_of_short_headways_is_no_unit(seed: int) -> None:
+    """Five minutes at two seconds, then two behind a lead that is nearer than a third of a second: no car's unit changes."""
+    before, after = following(seed, 5.0), following(seed + 1, 2.0)
+    after["gap"] = after["gap"] / 7.0
+    after["range_rate"] = after["range_rate"] / 7.0
+    joined = {name: np.concatenate([x, after[name]]) for name, x in before.items()}
+    state = final_own_motion(joined | {"gap": joined["gap"]})
+    assert sorted(state.headways)[len(state.headways) // 2] < own_motion.SHORTEST_HEADWAY_S
+    assert state.found is None or state.found.name != "speed_unit"
+    # from the beginning on it is one
+    alone = final_own_motion(after).found
+    assert alone is not None
+    assert alone.name == "speed_unit"
 
 
 def test_units_are_named() -> None:

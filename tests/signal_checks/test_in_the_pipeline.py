@@ -10,18 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid import drive_reader, pipeline
 from canid.diagnosis.diagnose import diagnose
-from canid.drive_parameters import identify
-from canid.findings import Verdict
-from canid.frame_columns import columns_of
+from canid.drive import drive_reader
+from canid.drive.drive_parameters import identify
+from canid.drive.vehicle_check import check
 from canid.logs import open_log, write_log
+from canid.pipeline import pipeline
 from canid.saving.saved_state import Restored, saver
 from canid.signal_checks import signal_checks
 from canid.signal_checks.drive_time import of_trace
-from canid.types import Estimate, Frame, SignalReport, Status
+from canid.values.findings import Verdict
+from canid.values.frame_columns import columns_of
+from canid.values.types import Estimate, Frame, SignalReport, Status
 from canid.vehicle import Vehicle, read_vehicle
-from canid.vehicle_check import check
 from tests.exact import exact
 
 REPO = Path(__file__).parents[2]
@@ -60,6 +61,7 @@ def run(vehicle: Vehicle, sizes: list[int], estimating: bool) -> tuple[list[pipe
     return out, state
 
 
+@pytest.mark.slow("checks whole drives")
 def test_findings_do_not_depend_on_the_chunks(wrong: Vehicle, seed: int) -> None:
     """The reports and the state of the checks are the same to the last bit, however frames are divided."""
     sizes = [random.Random(seed).choice((7, 30, 200, 1000)) for _ in range(50)]
@@ -71,6 +73,7 @@ def test_findings_do_not_depend_on_the_chunks(wrong: Vehicle, seed: int) -> None
     assert exact(one_state.signals) == exact(other_state.signals)
 
 
+@pytest.mark.slow("checks whole drives")
 def test_no_estimate_is_ok_while_a_finding_stands(wrong: Vehicle, tmp_path: Path) -> None:
     """From the report on nothing is `ok` and nothing carries the headline; the windows of a drive are the same."""
     out, _ = run(wrong, [400], estimating=True)
@@ -92,13 +95,14 @@ def test_no_estimate_is_ok_while_a_finding_stands(wrong: Vehicle, tmp_path: Path
         assert (window.status, window.says) == (live.status, live.says)
 
 
+@pytest.mark.slow("checks whole drives")
 def test_all_verbs_count_the_same_seconds(tmp_path: Path, wrong: Vehicle) -> None:
     """`check`, `identify` and `diagnose` mean the same by driving, behind a lead and usable."""
     path = tmp_path / "drive.blf"
     write_log(path, frames(), 1.7e9)
     for vehicle in (read_vehicle("generic"), wrong):
         trace = drive_reader.read_trace(path, vehicle)
-        checked = check(open_log(path), vehicle)
+        checked = check(open_log(path).columns(), vehicle)
         times = [
             checked.time,
             of_trace(trace),
@@ -111,6 +115,7 @@ def test_all_verbs_count_the_same_seconds(tmp_path: Path, wrong: Vehicle) -> Non
     assert any("range rate" in problem for problem in checked.problems)
 
 
+@pytest.mark.slow("checks whole drives")
 def test_a_restart_keeps_a_finding(wrong: Vehicle) -> None:
     """What stands is saved and restored, and goes on to withhold."""
     _, state = run(wrong, [1000], estimating=True)
@@ -125,6 +130,7 @@ def test_a_restart_keeps_a_finding(wrong: Vehicle) -> None:
     assert signal_checks.findings(resumed.signals)
 
 
+@pytest.mark.slow("checks whole drives")
 def test_a_diagnosis_blames_no_driver_for_a_dead_range_rate(tmp_path: Path) -> None:
     """With a range rate of 0 the verdict is that the data do not suffice, and the sentence says why."""
     path = tmp_path / "drive.blf"

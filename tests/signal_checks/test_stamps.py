@@ -7,7 +7,7 @@ import pytest
 
 from canid.samples import stamps
 from canid.signal_checks import signal_checks
-from canid.types import Driver
+from canid.values.types import Driver
 from tests.signal_checks.synthetic import following, samples
 
 

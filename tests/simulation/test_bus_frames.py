@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.frame_columns import columns_of
 from canid.simulation import frames, simulate
+from canid.values.frame_columns import columns_of
 from canid.vehicle import decoder, read_vehicle
 
 LOGS = Path(__file__).parents[2] / "replay_logs"
@@ -37,6 +37,7 @@ def test_the_bus_carries_what_happened():
             assert np.abs(value - true).max() < 0.501 * lsb + 1e-9, role
 
 
+@pytest.mark.slow("drives in closed loop")
 @pytest.mark.parametrize(("role", "sd", "lsb"), [("gap", 0.25, 0.05), ("range_rate", 0.12, 0.02)])
 def test_the_radar_is_as_noisy_as_stated(role, sd, lsb):
     """Radar errors are white with the stated standard deviation, and quantised."""
@@ -92,6 +93,7 @@ def test_a_drive_on_a_car_with_radar_tracks():
     assert len({frame.id for frame in log if frame.bus == 1}) == 16
 
 
+@pytest.mark.slow("drives in closed loop")
 def test_replay_logs_are_what_make_py_makes(tmp_path):
     """The logs in replay_logs/ come out of make.py byte for byte, are small, and have their truth."""
     scope = {"__name__": "make", "__file__": str(LOGS / "make.py")}

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from canid.frame_columns import columns_of
 from canid.simulation import DriverTruth, Steering, frames, simulate
+from canid.values.frame_columns import columns_of
 from canid.vehicle import decoder, read_vehicle
 
 

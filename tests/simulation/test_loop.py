@@ -28,6 +28,7 @@ def test_the_noise_does_not_change_the_road():
     assert not np.allclose(drives[0].columns["noise"], drives[1].columns["noise"])
 
 
+@pytest.mark.slow("drives in closed loop")
 @pytest.mark.parametrize("profile", list(LEADS))
 def test_the_loop_keeps_its_distance(profile):
     """Drawn drivers neither run into the lead nor lose it, on every road, with every kind of noise."""
@@ -42,6 +43,7 @@ def test_the_loop_keeps_its_distance(profile):
         assert columns["range_rate"].std() > 0.4, seed
 
 
+@pytest.mark.slow("drives in closed loop")
 @pytest.mark.parametrize("kind", ["none", "ar1", "state"])
 def test_the_truth_makes_the_pedal(kind):
     """The driver's equation, integrated anew at any step with the stated truth, gives the pedal again."""

@@ -11,16 +11,16 @@ import pytest
 import canid
 from canid.cli import main
 from canid.diagnosis.diagnose import diagnose
-from canid.drive_reader import read_trace
+from canid.drive.drive_reader import read_trace
 from canid.effects.wanted_gap import Form
-from canid.findings import Report
-from canid.identified_model import DRIVER, CarLaw, IdentifiedModel, NoiseLaw, from_json, to_json
 from canid.logs import write_log
 from canid.simulation import START_UTC, Car, DriverTruth, Simulation, frames, model_drive, remnant, simulate
 from canid.simulation.model_drive import Lead
-from canid.types import Interval
+from canid.values.findings import Report
+from canid.values.identified_model import DRIVER, CarLaw, IdentifiedModel, NoiseLaw, from_json, to_json
+from canid.values.types import Interval
 from canid.vehicle import read_vehicle
-from tests.seeds import two_of_three
+from tests.seeds import mostly
 
 # what a round trip may hide: causes that are functions of the inputs, at strengths that ten minutes show
 HIDDEN = ("lead_acceleration", "asymmetric_gain", "gain_change", "looming_gain", "standstill_gap")
@@ -77,8 +77,9 @@ def test_an_acceleration_is_what_the_driver_asks_for(seed: int) -> None:
     assert not run.columns["brake"].any()
 
 
+@pytest.mark.slow("drives in closed loop")
 @pytest.mark.parametrize("coefficients", [(0.9,), (1.2, -0.35), ()], ids=str)
-@two_of_three
+@mostly(0.95)
 def test_simulated_noise_has_the_law_that_was_identified(coefficients: tuple[float, ...], seed: int) -> None:
     """At the law's own steps: its coefficients and the size of its innovations, each within five standard deviations."""
     step, n = 0.1, 400_000
@@ -104,7 +105,8 @@ def report_of(simulation: Simulation, folder: Path) -> Report:
     return report
 
 
-@two_of_three
+@pytest.mark.slow("drives in closed loop")
+@mostly(0.95)
 def test_a_model_is_found_again_on_its_own_drive(tmp_path: Path, seed: int) -> None:
     """Hidden, found, simulated behind another lead, found: the same causes and the same driver."""
     rng = np.random.default_rng(seed)

@@ -6,17 +6,23 @@ import pytest
 from canid.effects import NOT_IN_ARMAX
 from canid.simulation.car import Car
 from canid.simulation.lane import Steering, keep_lane
-from canid.study.artifact import ClaimVerdict
-from canid.study.chen_ulsoy import chen_ulsoy, printed_drivers, reproduction
-from canid.study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings
-from canid.study.chen_ulsoy.driver_analysis import driver_of
-from canid.study.chen_ulsoy.segments import planar_trace, segments_of
-from canid.study.prints import steering_distribution
-from canid.study.prints.printed_numbers import STEERING_TABLES
-from tests.seeds import two_of_three
+from canid_study.artifact import ClaimVerdict
+from canid_study.chen_ulsoy import chen_ulsoy, printed_drivers, reproduction, steering_distribution
+from canid_study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings
+from canid_study.chen_ulsoy.driver_analysis import driver_of
+from canid_study.chen_ulsoy.segments import planar_trace, segments_of
+from canid_study.printed_numbers import STEERING_TABLES
+from tests.seeds import mostly
 
 # repetitions are what takes the time
 QUICK = ChenUlsoySettings(constant_repetitions=3)
+
+
+# fitted to the means and standard deviations of Table 1 (estimation), as the study's of Table 2
+TABLE_1 = steering_distribution.Parameters(
+    m1=1.21763, lns1=-0.861004, m2=0.00961511, lns2=0.0951714, atanh_r=-2.61285,
+    mb=1.29203, lnsb=-0.694625, mz=-1.27717, lnsz=-0.184393, atanh_rb=1.11204,
+)  # fmt: skip
 
 
 def trace_of(simulation, dt=0.1):
@@ -171,7 +177,7 @@ def test_a_finer_trace_is_resampled_and_the_difference_stated():
 def test_the_drawn_distribution_gives_the_printed_tables():
     """Means and standard deviations of Tables 1 and 2 within 4 % of a standard deviation: 100,000 draws."""
     for parameters, table in (
-        (printed_drivers.TABLE_1, STEERING_TABLES[0]),
+        (TABLE_1, STEERING_TABLES[0]),
         (printed_drivers.TABLE_2, STEERING_TABLES[2]),
     ):
         x = steering_distribution.draw(parameters, np.random.default_rng(1), 100_000)
@@ -195,7 +201,7 @@ def test_a_schedule_changes_the_driver_by_the_minute():
     assert both.truth["schedule"][1]["a"] == (-1.5, 0.56)
 
 
-@two_of_three
+@mostly(0.95)
 def test_drawn_drivers_come_back(seed):
     """Two changing drivers of 45 min: the corrected std of b1 is nearer to the drawn one than 25 %, all four above 0."""
     drives = printed_drivers.drives(seed % 1000, 2, 45.0, loop=printed_drivers.Loop(c1=0.3))
@@ -213,7 +219,7 @@ def test_drawn_drivers_come_back(seed):
     assert b1[5] > 0.0
 
 
-@two_of_three
+@mostly(0.95)
 def test_planted_effects_exceed_their_null(seed):
     """A second lag of 0.3 s in |Delta|, a dead zone of 0.2 m in the test of the innovations: 45 min each."""
     planted = NOT_IN_ARMAX.items()

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from canid.simulation import DriverTruth, simulate
-from canid.study.artifact import ClaimVerdict
-from canid.study.grover import input_correlation, printed_drivers, reproduction, unscented
-from canid.study.grover.drive_analysis import drive_of
-from canid.study.grover.episodes import detrended, episodes_of
-from canid.study.grover.input_correlation import (
+from canid.values.types import Array, LearnGate, Trace
+from canid_study.artifact import ClaimVerdict
+from canid_study.grover import input_correlation, printed_drivers, reproduction, unscented
+from canid_study.grover.drive_analysis import drive_of
+from canid_study.grover.episodes import detrended, episodes_of
+from canid_study.grover.input_correlation import (
     joint_gain,
     omitted_variable,
     per_input_gain,
     with_correlation,
 )
-from canid.study.grover.joint import Joint, one_input
-from canid.study.grover.reduction import FirstOrder, response
-from canid.study.grover.settings import GroverSettings
-from canid.study.prints.printed_numbers import GROVER_DRIVERS
-from canid.types import Array, LearnGate, Trace
-from tests.seeds import two_of_three
+from canid_study.grover.joint import Joint, one_input
+from canid_study.grover.reduction import FirstOrder, response
+from canid_study.grover.settings import GroverSettings
+from canid_study.printed_numbers import GROVER_DRIVERS
+from tests.seeds import mostly
 from tests.study.test_grover_episodes import drive
 
 DT = 0.1
@@ -102,7 +104,7 @@ def test_the_cost_belongs_to_the_inputs_of_the_drive(seed: int) -> None:
     assert input_correlation.of_drive(trace, found, Joint({}, (), 0.0), 90.0, QUICK) is None
 
 
-@two_of_three
+@mostly(0.95)
 def test_the_filter_finds_a_driver_without_lag(seed: int) -> None:
     """A driver as the filter assumes, with noise that it knows: the gains are near, with intervals."""
     driver = DriverTruth(5.0, 0.0, 0.0, 6.0, 0.0, 0.0, noise_sd=0.5)
@@ -167,7 +169,7 @@ def test_the_printed_drivers_are_those_of_the_tables() -> None:
     assert not np.array_equal(made[0][1].columns["lead_speed"], made[1][1].columns["lead_speed"])
 
 
-@two_of_three
+@mostly(0.95)
 def test_the_joint_model_predicts_the_next_episode_better(seed: int) -> None:
     """Of a driver in closed loop: on the next episode the joint model fits better than the transfer functions per input."""
     driver = printed_drivers.truth_of(GROVER_DRIVERS[0])
@@ -180,7 +182,7 @@ def test_the_joint_model_predicts_the_next_episode_better(seed: int) -> None:
     assert found.cost.gate_rejects > 50.0
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_small_reproduction_finds_the_truth_jointly_only(seed: int) -> None:
     """Two drivers of 6 min: the joint intervals mostly hold, K1 per input is off by more than half, the gate rejects."""
     drives = {}
@@ -213,7 +215,8 @@ def test_missed_figures_are_reported_with_their_number() -> None:
     }
     study = reproduction.study({"a": (trace, wrong), "b": (trace, {})}, QUICK)
     assert any("0 of 2" in sentence for sentence in study.failed)
-    assert any("median error -9" in sentence for sentence in study.failed)
+    (error,) = re.findall(r"median error (-?[\d.]+)%", " ".join(study.failed))
+    assert float(error) == pytest.approx(-90.0, abs=1.0)
     assert {s.log for s in study.skipped} == {"b"}
     gains = {"headway_error": {"K": 5.0}, "range_rate": {"K": 6.0}}
     right = {**wrong, "channels": gains}
@@ -225,7 +228,9 @@ def test_one_input_alone_takes_the_place_of_the_other() -> None:
     """FOPDT of the headway error alone on inputs that are one: its gain is the sum of both in units of the first."""
     trace = drive(2, 4.0, noise=0.5)
     inputs = np.column_stack([trace.inputs[:, 0], 3.0 * trace.inputs[:, 0]])
-    output = 12.0 + 5.0 * inputs[:, 0] + 6.0 * inputs[:, 1] + 0.1 * (trace.output - trace.output.mean())
+    # with a lag: an answer without any is outside the model, and prewhitening then makes much of the last 20 ms
+    late = response(inputs[:, 0], 0.5, 0.3, DT)
+    output = 12.0 + (5.0 + 18.0) * late + 0.1 * (trace.output - trace.output.mean())
     alone = one_input(trace._replace(inputs=inputs, output=output), 0)
     # K1 + 3 K2, and a tenth of the recorded output's own K1
     assert pytest.approx(5.0 + 18.0 + 0.5, rel=0.1) == alone.models[0].K

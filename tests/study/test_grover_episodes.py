@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import periodogram
 
-from canid.study.artifact import ClaimVerdict, Study
-from canid.study.grover import drive_analysis, episodes, grover
-from canid.study.grover.drive_analysis import DriveAnalysis, drive_of
-from canid.study.grover.settings import GroverSettings
-from canid.types import LearnGate, Trace
+from canid.values.types import LearnGate, Trace
+from canid_study.artifact import ClaimVerdict, Study
+from canid_study.grover import drive_analysis, episodes, grover
+from canid_study.grover.drive_analysis import DriveAnalysis, drive_of
+from canid_study.grover.settings import GroverSettings
 
 DT = 0.1
 QUICK = GroverSettings(max_order=3, max_fitted=4, draws=10)

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from canid.cli import main
-from canid.errors import CHECK_FAILED, DONE, NOT_WRITTEN, USAGE
-from canid.findings import Provenance
-from canid.study.artifact import Artifact, ClaimVerdict, Curve, Figure, Panel, Skipped, Study, Table
-from canid.views.study import figure_svg, study_files, study_page
+from canid.values import json_values
+from canid.values.errors import CHECK_FAILED, DONE, NOT_WRITTEN, USAGE
+from canid.values.findings import Provenance
+from canid_study.artifact import Artifact, ClaimVerdict, Curve, Figure, Panel, Skipped, Study, Table
+from canid_study.views import figure_svg, study_files, study_page
 
 # what a test of the page shows: every kind of panel, a missing number, markup in names
 STUDY = Study(
@@ -46,7 +47,7 @@ STUDY = Study(
 
 def test_a_study_is_complete_in_every_format() -> None:
     """Every number is in JSON and CSV, every row in the text; the same figure gives the same drawing."""
-    made = json.loads(json.dumps(study_files.to_json(STUDY, "canid study x"), allow_nan=False))
+    made = json.loads(json_values.document("study", study_files.document(STUDY, "canid study x")))
     assert made["artifacts"][0]["verdict"] == "fails"
     assert made["figures"][0]["panels"][0]["curves"][0]["y"] == [1.0, None]
     rows = list(csv.reader(study_files.to_csv(STUDY.tables[0]).splitlines()))

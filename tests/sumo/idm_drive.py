@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid import from_arrays
-from canid.types import Array, Trace
+from canid.values.types import Array, Trace
 
 DT, EVERY = 0.02, 5
 

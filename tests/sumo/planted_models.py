@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.findings import ClosedLoopError
 from canid.sumo.driver_model import Candidate, DriverModel
 from canid.sumo.driver_noise import DriverNoise
 from canid.sumo.pooled_driver import Drive, PooledDriver, pooled
 from canid.sumo.sumo_models import MODELS
-from canid.types import Array, Interval
+from canid.values.findings import ClosedLoopError
+from canid.values.types import Array, Interval
 
 
 def drive(

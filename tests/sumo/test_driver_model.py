@@ -10,8 +10,8 @@ import pytest
 from canid import from_arrays
 from canid.sumo.driver_model import DriverModel, NoModel, fit, from_json, to_json
 from canid.sumo.following import PERCENT, following, in_stretches
-from canid.types import LearnGate, Trace
-from tests.seeds import two_of_three
+from canid.values.types import LearnGate, Trace
+from tests.seeds import mostly
 from tests.sumo.idm_drive import Driven, Planted, drawn, driven
 
 
@@ -21,7 +21,8 @@ def fitted(trace: Trace) -> DriverModel:
     return found
 
 
-@two_of_three
+@pytest.mark.slow("fits traffic models")
+@mostly(0.95)
 def test_parameters_of_an_idm_come_back(seed: int) -> None:
     """Without noise of the driver: within 10 % of the truth, and IDM drives the gap to 3 %."""
     truth = drawn(seed)
@@ -34,7 +35,8 @@ def test_parameters_of_an_idm_come_back(seed: int) -> None:
     assert idm.error.gap <= 1.1 * min(one.error.gap for one in found.candidates)
 
 
-@two_of_three
+@pytest.mark.slow("fits traffic models")
+@mostly(0.95)
 def test_noise_of_the_driver_comes_back(seed: int) -> None:
     """Size within a third, T of a noisy driver within a fifth; the correlation time is known to its order alone."""
     truth = drawn(seed, sd=0.3, time=2.0)
@@ -56,6 +58,7 @@ def found(drive: Driven) -> DriverModel:
     return fitted(drive.trace)
 
 
+@pytest.mark.slow("fits traffic models")
 def test_quantiles_are_those_of_what_was_driven(drive: Driven, found: DriverModel) -> None:
     """Of the speed without sensor noise, at the stated percentages."""
     expected = np.percentile(drive.speed, PERCENT)
@@ -63,6 +66,7 @@ def test_quantiles_are_those_of_what_was_driven(drive: Driven, found: DriverMode
     assert all(len(x) == len(PERCENT) and sorted(x) == list(x) for x in found.quantiles.values())
 
 
+@pytest.mark.slow("fits traffic models")
 def test_json_holds_the_model(found: DriverModel) -> None:
     """There and back, by strict JSON, infinite variances included."""
     text = json.dumps(to_json(found), allow_nan=False)
@@ -82,6 +86,7 @@ def test_other_json_is_refused(made: dict[str, object]) -> None:
         from_json(made)
 
 
+@pytest.mark.slow("fits traffic models")
 def test_braking_and_standstill_count(drive: Driven, found: DriverModel) -> None:
     """Other than for canid's own model: SUMO's drivers brake as well; what cruise control drives does not count."""
     gate = list(drive.trace.gate)
@@ -93,6 +98,7 @@ def test_braking_and_standstill_count(drive: Driven, found: DriverModel) -> None
     assert fitted(drive.trace._replace(gate=tuple(gate))).seconds < found.seconds - 70.0
 
 
+@pytest.mark.slow("fits traffic models")
 def test_weak_drives_give_a_reason(drive: Driven) -> None:
     """Too short, without a lead, steered, empty, all missing, standing: no exception."""
     t = drive.trace

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from canid.sumo.driver_ids import driver_ids
 from canid.sumo.sumo_models import BY_NAME, MODELS
 from canid.sumo.vehicle_types import AWARENESS, additional, vehicle_type
-from canid.types import Interval
+from canid.values.types import Interval
 from tests.sumo.planted_models import driver
 
 HOSTILE = [
@@ -40,6 +40,7 @@ def test_ids_are_unique_and_safe() -> None:
     assert all(re.fullmatch(r"driver_[A-Za-z0-9_.-]+", one) for one in ids)
 
 
+@pytest.mark.slow("fits traffic models")
 @given(st.lists(st.text(max_size=20), min_size=1, max_size=6))
 def test_any_names_give_xml_with_one_type_each(names: list[str]) -> None:
     text = additional([driver("IDM", name) for name in names], "x--y", "canid")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from canid.identification.confidence import QUANTILES
-from canid.systems import control_systems, following_loop
-from canid.systems.control_systems import System
+from canid.systems import following_loop
 from canid.systems.following_loop import FollowingLoop
+from canid_study.systems import control_systems
+from canid_study.systems.control_systems import System
 
 
 def drawn(rng: np.random.Generator, k: int) -> FollowingLoop:
@@ -44,6 +45,7 @@ def by_control(loop: FollowingLoop, i: int, omega: np.ndarray) -> np.ndarray:
     return (over(headway) + over(rate)) * over(car) * over(System((1.0,), (1.0, damping)))
 
 
+@pytest.mark.slow("margins over drawn drives")
 def test_margins_agree_with_python_control(seed: int) -> None:
     loop = drawn(np.random.default_rng(seed), 12)
     found = following_loop.margins(loop)

@@ -17,8 +17,8 @@ from canid.systems import following_loop, posterior_draws
 from canid.systems.car_response import CarResponse, car_response
 from canid.systems.following_loop import FollowingLoop
 from canid.systems.identified_loop import identified_loop
-from canid.types import Interval, OutputFilter, Trace
-from tests.seeds import two_of_three
+from canid.values.types import Interval, OutputFilter, Trace
+from tests.seeds import mostly
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,7 +58,8 @@ NAMES = {
 }
 
 
-@two_of_three
+@pytest.mark.slow("margins over drawn drives")
+@mostly(0.95)
 def test_the_intervals_hold_the_simulated_drivers_margins(tmp_path: Path, seed: int) -> None:
     """Each misses in 5 % of the drives, and together they miss seldom: the five depend on the same gains."""
     trace, truth = drive(tmp_path, seed)
@@ -77,6 +78,7 @@ def test_the_intervals_hold_the_simulated_drivers_margins(tmp_path: Path, seed: 
         assert getattr(loop.car, name).value == pytest.approx(value, rel=0.15)
 
 
+@pytest.mark.slow("margins over drawn drives")
 def test_the_same_drive_gives_the_same_numbers() -> None:
     trace, found = urban()
     one, other = (identified_loop(found.model, found.channels, trace) for _ in range(2))
@@ -139,6 +141,7 @@ def test_a_still_pedal_shows_no_car() -> None:
     assert isinstance(car_response(still), str)
 
 
+@pytest.mark.slow("margins over drawn drives")
 def test_identify_does_not_import_python_control() -> None:
     import subprocess
 
@@ -152,7 +155,7 @@ def test_identify_does_not_import_python_control() -> None:
 
 def test_gains_that_change_and_misfits_give_no_loop() -> None:
     """identify withholds what one linear model of the whole drive does not describe."""
-    from canid import drive_parameters
+    from canid.drive import drive_parameters
 
     trace, found = urban()
     assert drive_parameters._loop(found, trace, "pedal").says == ""

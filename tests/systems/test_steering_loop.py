@@ -9,9 +9,9 @@ import pytest
 
 from canid.simulation import Car, Steering, simulate
 from canid.simulation.lane import keep_lane
-from canid.study.prints.one_track_car import OneTrackCar, matrices
-from canid.systems import steering_loop
-from canid.systems.steering_loop import LateralCar, SteeringLoop, yawing_car
+from canid_study.chen_ulsoy.one_track_car import OneTrackCar, matrices
+from tests.systems import steering_loop
+from tests.systems.steering_loop import LateralCar, SteeringLoop, yawing_car
 
 TABLE_1 = Steering()
 

@@ -12,10 +12,11 @@ import polars as pl
 import pytest
 
 import canid
-from canid.errors import LogError
 from canid.tables.arrays import from_arrays, from_frame
-from canid.tables.table import open_table, read_table
+from canid.tables.table import open_table
+from canid.values.errors import LogError
 from tests.tables import platoon
+from tests.tables.reading import read_table
 from tests.tables.test_same_path import same
 from tests.tables.test_tables import columns
 
@@ -34,6 +35,7 @@ def of_file(drive: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFacto
     return path, read_table(path)
 
 
+@pytest.mark.slow("whole tables")
 def test_arrays_and_frames_give_the_trace_of_the_file(
     drive: dict[str, np.ndarray], of_file: tuple[Path, Any]
 ) -> None:
@@ -53,6 +55,7 @@ def test_arrays_and_frames_give_the_trace_of_the_file(
     np.testing.assert_allclose(got.inputs, expected.inputs, atol=1e-9, equal_nan=True)
 
 
+@pytest.mark.slow("whole tables")
 def test_dated_frames_and_parquet_keep_times_and_nulls(
     drive: dict[str, np.ndarray], of_file: tuple[Path, Any], tmp_path: Path
 ) -> None:
@@ -114,6 +117,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.slow("whole tables")
 @pytest.mark.parametrize("what", WRONG)
 def test_a_wrong_call_is_a_value_error_that_names_the_argument(
     drive: dict[str, np.ndarray], what: str
@@ -125,6 +129,7 @@ def test_a_wrong_call_is_a_value_error_that_names_the_argument(
     assert says in str(caught.value)
 
 
+@pytest.mark.slow("whole tables")
 def test_settings_of_the_driver_reach_the_trace(drive: dict[str, np.ndarray]) -> None:
     """headway_desired, task, output and dt."""
     trace = from_arrays(**drive, headway_desired=1.2, dt=0.05)

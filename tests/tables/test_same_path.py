@@ -12,12 +12,12 @@ import pytest
 import canid
 from canid.cli import main
 from canid.tables import column_map
-from canid.tables.table import read_table
-from canid.types import Trace
+from canid.values.types import Trace
 from canid.vehicle import read_vehicle
+from tests.fixtures.measured_logs import MEASURED, needs_measured
+from tests.tables.reading import read_table
 
 REPLAY_LOGS = Path(__file__).parents[2] / "replay_logs"
-MEASURED = Path(__file__).parents[3] / "shared" / "data"
 EXACT = ("t", "output", "inputs", "learn", "segment", "bound")
 
 
@@ -54,6 +54,7 @@ def same(a: Trace, b: Trace) -> None:
         np.testing.assert_array_equal(values, b.signals[role], err_msg=role)
 
 
+@pytest.mark.slow("whole tables")
 def test_an_exported_log_gives_the_same_trace_to_the_last_bit(tmp_path: Path) -> None:
     """All roles at their own rates, a lead that is lost, brake and cruise: CSV and .blf are the same."""
     log = REPLAY_LOGS / "following_lost_lead.blf"
@@ -61,6 +62,8 @@ def test_an_exported_log_gives_the_same_trace_to_the_last_bit(tmp_path: Path) ->
     same(canid.read_trace(log, "generic"), read_table(path, by("generic")))
 
 
+@pytest.mark.slow("whole tables")
+@needs_measured
 @pytest.mark.parametrize(
     ("log", "vehicle"),
     [
@@ -73,19 +76,17 @@ def test_an_exported_measured_log_gives_the_same_trace_to_the_last_bit(
     tmp_path: Path, log: str, vehicle: str
 ) -> None:
     """Real logs: a radar that contradicts itself, lane keeping, a factory ACC."""
-    if not MEASURED.is_dir():
-        pytest.skip(f"measured data are not at {MEASURED}")
     car = MEASURED / vehicle if vehicle.endswith(".toml") else vehicle
     path = exported(MEASURED / log, car, tmp_path / "x.csv")
     same(canid.read_trace(MEASURED / log, car), read_table(path, by(car)))
 
 
+@pytest.mark.slow("whole tables")
+@needs_measured
 def test_identify_of_the_csv_writes_the_json_of_the_log(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`canid identify drive.csv` needs no vehicle file, and every number is that of the .blf."""
-    if not MEASURED.is_dir():
-        pytest.skip(f"measured data are not at {MEASURED}")
     log = MEASURED / "asta/asta_p3_f2_Tesla_Model3.blf"
     path = exported(log, "openacc_asta", tmp_path / "drive.csv")
     part = ["--stop", "80"]

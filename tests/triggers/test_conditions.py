@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from canid.cli import main
-from canid.errors import ConfigError
-from canid.frame_columns import columns_of
 from canid.triggers import trigger
 from canid.triggers.conditions import MAX_LENGTH, parse
 from canid.triggers.evaluation import Run, Watch, evaluator
 from canid.triggers.resolution import Names, resolve
 from canid.triggers.trigger import Trigger, checked
-from canid.types import Event, Frame, MonitorReport
+from canid.values.errors import ConfigError
+from canid.values.frame_columns import columns_of
+from canid.values.types import Event, Frame, MonitorReport
 from canid.vehicle import read_vehicle
 
 CANID = Path(__file__).parents[2] / "canid"
@@ -222,3 +222,25 @@ def test_a_signal_that_never_comes_is_named() -> None:
     _, never = watching.step(columns_of(state_frames(0.5, set())), ())
     assert never[0].startswith("CHASSIS_DATA.YawRate: message CHASSIS_DATA (0x150) never seen")
     assert never[1] == "headway, which a trigger needs, has had no value so far"
+
+
+def test_a_condition_on_a_role_that_is_made_reads_all_its_messages(tmp_path: Path) -> None:
+    """A speed of wheels in two messages: both are decoded."""
+    (tmp_path / "car.dbc").write_text(
+        'VERSION ""\nBU_: X\n'
+        + "".join(
+            f'BO_ {id_} {name}: 8 X\n SG_ A : 0|16@1+ (0.01,0) [0|100] "{unit}" X\n'
+            for id_, name, unit in (
+                (1, "PEDAL", "%"),
+                (2, "FRONT", "km/h"),
+                (3, "REAR", "km/h"),
+                (4, "RADAR", "m"),
+            )
+        )
+    )
+    (tmp_path / "car.toml").write_text(
+        'dbc = ["car.dbc"]\n[signals]\npedal = "PEDAL.A"\nspeed = { mean_of = ["FRONT.A", "REAR.A"] }\n'
+        'gap = "RADAR.A"\nrange_rate = { derivative_of = "gap" }\n'
+    )
+    found = resolve(checked(Trigger(("speed > 70 km/h",))), read_vehicle(tmp_path / "car.toml"))
+    assert [message.name for message in found.vehicle.messages] == ["FRONT", "REAR"]

@@ -7,19 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from canid.frame_columns import chunks
-from canid.types import Event, Frame, Reading, TrackReading
+from canid.values.frame_columns import chunks
+from canid.values.types import Event, Frame, Reading, TrackReading
 from canid.vehicle import Decoding, Vehicle, decoder
 
 ROOT = Path(__file__).parents[2]
-DATA = (ROOT / "../shared/data").resolve()
-
-
-@pytest.fixture
-def measured() -> Path:
-    if not DATA.is_dir():
-        pytest.skip(f"measured logs are not there: {DATA}")
-    return DATA
 
 
 Readings = list[Reading | TrackReading | Event]

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from cantools.database.can import Message as CantoolsMessage
 
-from canid.parsing import Message, Parser
-from canid.signal_columns import MessageFrames, decode
+from canid.dbc_text.parsing import Message, Parser
+from canid.drive.drive_reader import read_signals
+from canid.drive.signal_columns import MessageFrames, decode, frames_by_message
+from canid.logs import open_log, write_log
+from canid.values.types import Frame
+from canid.vehicle import read_vehicle
 from canid.vehicle.containers import wrapped
 from canid.vehicle.database import load
 
@@ -147,6 +151,7 @@ def check(message: Message, theirs: CantoolsMessage, frames: MessageFrames, payl
         assert rows, signal.name
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(("suffix", "text"), [("kcd", KCD), ("sym", SYM), ("dbc", DBC)])
 def test_values_are_cantools(suffix: str, text: str, tmp_path: Path, seed: int) -> None:
     """Intel, Motorola, signed, floating, multiplexed, pages within pages: the same values in the same frames."""
@@ -198,3 +203,90 @@ def test_container_frames(header: str, tmp_path: Path, seed: int) -> None:
         if header == "SHORT-HEADER":
             unpacked = box.decode(sent[0], decode_containers=True, decode_choices=False)
             assert theirs.decode(payloads[0]) in [values for _, values in unpacked]
+
+
+PAGES_SYM = """FormatVersion=6.0 // Do not edit this line!
+Title="pages"
+
+{SENDRECEIVE}
+[Radar]
+ID=700h
+Len=4
+Mux=First 0,8 1
+Var=Gap unsigned 8,8 /f:0.5 /u:m
+Var=Alert unsigned 16,1
+
+[Radar]
+Len=4
+Mux=Second 0,8 2
+Var=Gap unsigned 8,8 /f:0.5 /u:m
+Var=Alert unsigned 17,1
+
+[Radar]
+Len=4
+Mux=Third 0,8 3
+Var=Gap unsigned 16,16 /f:0.1 /o:5 /u:m
+"""
+PAGES_KCD = """<?xml version="1.0" encoding="UTF-8"?>
+<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Document/><Bus name="B">
+<Message id="0x700" length="4" name="Radar"><Multiplex name="Page" offset="0" length="8">
+<MuxGroup count="1"><Signal name="Gap" offset="8" length="8"><Value slope="0.5" unit="m"/></Signal>
+<Signal name="Alert" offset="16" length="1"/></MuxGroup>
+<MuxGroup count="2"><Signal name="Gap" offset="8" length="8"><Value slope="0.5" unit="m"/></Signal>
+<Signal name="Alert" offset="17" length="1"/></MuxGroup>
+<MuxGroup count="3"><Signal name="Gap" offset="16" length="16"><Value slope="0.1" intercept="5" unit="m"/></Signal>
+</MuxGroup></Multiplex></Message></Bus></NetworkDefinition>
+"""
+
+
+@pytest.mark.parametrize(("suffix", "text"), [("sym", PAGES_SYM), ("kcd", PAGES_KCD)])
+def test_one_name_on_several_pages_is_one_signal(suffix: str, text: str, tmp_path: Path) -> None:
+    """Wherever a signal lies and however it is scaled on each page: one signal, in columns, as a role and in `look`."""
+    path = tmp_path / f"radar.{suffix}"
+    path.write_text(text, encoding="utf-8")
+    with Parser() as parser:
+        dbc, warnings, _ = load(path, None, parser)
+    assert not warnings
+    message = dbc.messages["Radar"]
+    names = [signal.name for signal in message.signals]
+    assert {"Alert", "Gap"} < {*names}
+    assert len(names) == 3
+    log = tmp_path / "drive.log"
+    rows = [(k % 4, (7 * k) % 200, (13 * k) % 250, k % 3) for k in range(60)]
+    frames = [Frame(0.1 * k, 0, 0x700, bytes(row)) for k, row in enumerate(rows)]
+    write_log(log, frames)
+    gap = [
+        (0.1 * k, 0.5 * a if page < 3 else 0.1 * (b | c << 8) + 5)
+        for k, (page, a, b, c) in enumerate(rows)
+        if page
+    ]
+    alert = [(0.1 * k, b >> (page - 1) & 1) for k, (page, _, b, _) in enumerate(rows) if page in (1, 2)]
+    columns = frames_by_message(open_log(log))
+    for name, expected in (("Gap", gap), ("Alert", alert)):
+        signal = next(one for one in message.signals if one.name == name)
+        found = decode(message, signal, next(iter(columns.values())))
+        assert found is not None
+        np.testing.assert_allclose(found.t, [t for t, _ in expected])
+        np.testing.assert_allclose(found.value, [value for _, value in expected])
+    vehicle = tmp_path / "v.toml"
+    vehicle.write_text(
+        f'name = "v"\ndbc = ["radar.{suffix}"]\n[signals]\ngap = "Radar.Gap"\n'
+        'speed = { signal = "Radar.Gap", unit = "m/s" }\n'
+        'range_rate = { signal = "Radar.Gap", unit = "m/s" }\npedal = { signal = "Radar.Gap", unit = "%" }\n'
+        '[driver]\noutput = "pedal"\n',
+        encoding="utf-8",
+    )
+    read = read_signals(log, read_vehicle(vehicle))["gap"]
+    np.testing.assert_allclose(read.value, [value for _, value in gap])
+
+
+def test_reported_pages_are_one_signal(measured: Path) -> None:
+    """The reported .sym: alert1 to alert3 on both pages, without a warning."""
+    with Parser() as parser:
+        dbc, warnings, _ = load(measured / "reports" / "19-dbc-mux" / "alert.sym", None, parser)
+    assert not warnings
+    alerts = [one for one in dbc.messages["TestAlert"].signals if one.name.startswith("alert")]
+    pages = {
+        one.name: sorted(page for each in (one, *one.elsewhere) for page in each.pages) for one in alerts
+    }
+    assert pages == {"alert1": [1, 2], "alert2": [1, 2], "alert3": [1, 2]}

@@ -5,11 +5,11 @@ from itertools import islice
 import cantools
 import pytest
 
-from canid.frame_columns import columns_of
-from canid.types import Event, Flag, Frame, Reading, TrackReading
+from canid.values.frame_columns import columns_of
+from canid.values.shipped_files import shipped
+from canid.values.types import Event, Flag, Frame, Reading, TrackReading
 from canid.vehicle import decoder, encoder, missing, read_vehicle
 from canid.vehicle.units import factor_to
-from canid.vehicle.vehicle_file import shipped
 
 GENERIC = cantools.database.load_file(shipped() / "generic.dbc")
 
@@ -36,6 +36,7 @@ def expected(vehicle, files, frame):
     return out
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_random_frames_decode_as_cantools_does(decode_all):
     """On random bytes, every reading is cantools' value in the role's unit, or NaN for a reason."""
     vehicle = read_vehicle("generic")
@@ -71,6 +72,7 @@ def test_random_frames_decode_as_cantools_does(decode_all):
     assert compared > 3000
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("name", "log", "dbcs"),
     [

@@ -3,11 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from canid.types import NAN, Flag, Reading, TrackReading
+from canid.values.types import NAN, Flag, Reading, TrackReading
 from canid.vehicle import encoder, read_vehicle
 from canid.vehicle.bits import Bits, put, raw_of
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize("name", ["generic", "generic_lane", "openacc"])
 def test_every_role_comes_back_within_half_a_bit(decode_all, name):
     """Values in SI that were encoded decode to themselves, within half of the signal's resolution."""

@@ -14,11 +14,12 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid import parsing
-from canid.drive_reader import read_signals, window
-from canid.frame_columns import columns_of
+from canid.dbc_text import parsing
+from canid.drive.drive_reader import read_signals
 from canid.logs import open_log, write_log
-from canid.types import Flag, Frame, Reading
+from canid.values.frame_columns import columns_of
+from canid.values.types import Flag, Frame, Reading
+from canid.values.window import Window
 from canid.vehicle import Vehicle, decoder, read_vehicle
 from canid.vehicle.bits import Bits, payloads, raws_of
 from canid.vehicle.database import bits_of
@@ -55,6 +56,7 @@ def bits(signal: Signal) -> Bits:
     return bits_of(parsing.Signal(*parsing.signal_fields(signal)))
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 @settings(max_examples=250, deadline=None)
 @given(data=st.data(), length=st.sampled_from((1, 2, 5, 8, 12, 16, 64)))
 def test_raw_numbers_are_cantools(data: st.DataObject, length: int) -> None:
@@ -92,6 +94,7 @@ def car(tmp_path: Path, dbc: str, toml: str) -> Vehicle:
     return read_vehicle(tmp_path / "x.toml")
 
 
+@pytest.mark.slow("parses hostile files in children")
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32), chosen=st.data())
 def test_generated_messages_decode_as_cantools(
@@ -205,6 +208,7 @@ def test_counters_and_buses_go_on_from_chunk_to_chunk(tmp_path: Path, same_in_ch
         same_in_chunks(vehicle, frames, (13, 300, 1000))
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("log", "vehicle"),
     [("rav4/rav4_highway.blf", "toyota_rav4_2017"), ("openacc/human_h22_v5.blf", "openacc")],
@@ -217,11 +221,12 @@ def test_measured_logs(measured: Path, same_in_chunks, log: str, vehicle: str) -
     same_in_chunks(mapped, frames, (1000,))
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_signals_are_the_same_however_they_are_read(decode_all, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     """`read_signals` gives every reading of the log's frames, times and values, in order."""
     whole = open_log(Path(__file__).parents[2] / "replay_logs" / "following_lost_lead.blf")
     path = tmp_path / "part.blf"
-    write_log(path, window(whole, 30.0, 60.0), whole.start_utc)
+    write_log(path, Window(30.0, 60.0).frames(whole), whole.start_utc)
     vehicle = read_vehicle("generic")
     expected: dict[str, list[tuple[float, float]]] = {}
     for reading in decode_all(vehicle, open_log(path))[1]:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from canid.cli import main
-from canid.drive_reader import read_signals
+from canid.dbc_text.parsing import Parser
+from canid.drive.drive_reader import read_signals
+from canid.drive.signal_columns import decode, frames_by_message
 from canid.logs import open_log, write_log
-from canid.parsing import Parser
-from canid.signal_columns import decode, frames_by_message
-from canid.types import Flag, Frame
+from canid.values.types import Flag, Frame
 from canid.vehicle import encoder, read_vehicle
 from canid.vehicle.database import load
 from canid.vehicle.j1939 import matches

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import ConfigError
-from canid.types import Frame, Reading, TrackReading
+from canid.values.errors import ConfigError
+from canid.values.types import Frame, Reading, TrackReading
 from canid.vehicle import read_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +55,7 @@ def value(decode_all, vehicle, frame, role="speed"):
 SPEED_3600 = Frame(0.0, 0, 0x120, (3600).to_bytes(2, "big") + bytes(4))  # 36.00 in the DBC's km/h
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
@@ -88,6 +89,7 @@ def test_a_unit_nobody_knows_needs_unit_or_scale(car, decode_all, tmp_path):
     assert value(decode_all, vehicle, SPEED_3600) == pytest.approx(10.0)
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_switches_can_be_inverted_or_taken_from_a_state(car, decode_all):
     """`invert` turns a switch round; `on` says which of a state's numbers mean yes."""
     vehicle = car(more='brake = { signal = "DRIVER_STATE.BrakePressed", invert = true }')
@@ -179,6 +181,7 @@ def test_tracks_in_their_own_words(decode_all, tmp_path):
     assert dict(state.counters) == {"track distance: out of range": 1}
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("lead", "says"),
     [
@@ -202,3 +205,18 @@ def test_mistakes_in_lead_are_told(tmp_path, lead, says):
     with pytest.raises(ConfigError, match=says) as caught:
         read_vehicle(tracks_file(tmp_path, lead))
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_what_is_to_be_said_of_every_track_is_said_once(tmp_path) -> None:
+    """A range that does not fit the bits of any of 16 tracks: one line, with their number."""
+    signals = ' SG_ Dist : 0|12@1+ (0.1,0) [0|400] "m" R\n SG_ Rel : 12|12@1- (0.03125,0) [0|127.5] "m/s" R\n'
+    messages = "".join(f"BO_ {100 + k} OBJ_{k}: 8 R\n{signals}" for k in range(16))
+    own = 'BO_ 50 OWN: 8 R\n SG_ P : 0|8@1+ (1,0) [0|100] "%" R\n SG_ V : 8|8@1+ (1,0) [0|250] "km/h" R\n'
+    (tmp_path / "car.dbc").write_text(f'VERSION ""\nBU_: R\n{own}{messages}')
+    (tmp_path / "car.toml").write_text(
+        'dbc = ["car.dbc"]\n[signals]\npedal = "OWN.P"\nspeed = "OWN.V"\n'
+        '[lead]\ntracks = "OBJ_{0..15}"\ndistance = "Dist"\nrate = "Rel"\n'
+    )
+    of_rate = [line for line in read_vehicle(tmp_path / "car.toml").warnings if "lead.rate" in line]
+    assert len(of_rate) == 1
+    assert of_rate[0].startswith("lead.rate, 16 tracks: the DBC's range [0|127.5] of Rel does not fit")

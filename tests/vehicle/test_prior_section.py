@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import ConfigError
 from canid.identification.fopdt.prior import ChannelPrior, Prior
+from canid.values.errors import ConfigError
+from canid.values.shipped_files import shipped
 from canid.vehicle import Vehicle, read_vehicle
-from canid.vehicle.vehicle_file import shipped
 
 
 def with_prior(folder: Path, section: str, vehicle: str = "generic") -> Vehicle:
@@ -41,6 +41,7 @@ def test_what_is_stated_arrives(tmp_path: Path) -> None:
     assert repr(read.prior) == repr(expected)
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("section", "says"),
     [

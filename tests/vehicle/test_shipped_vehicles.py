@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.drive_reader import read_signals
-from canid.frame_columns import chunks
+from canid.drive.drive_reader import read_signals
 from canid.logs import open_log
+from canid.values.frame_columns import chunks
 from canid.vehicle import decoder, read_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -36,6 +36,7 @@ def test_every_shipped_vehicle_is_here() -> None:
     assert {path.stem for path in (ROOT / "dbc").glob("*.toml")} == set(LOGS)
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize("name", LOGS)
 def test_a_copy_in_another_folder_is_the_same_vehicle(name: str, tmp_path: Path) -> None:
     """The TOML and the DBC files that it names are all that is needed, and they give no warning."""
@@ -49,6 +50,7 @@ def test_a_copy_in_another_folder_is_the_same_vehicle(name: str, tmp_path: Path)
     assert (copy.roles, copy.lead, copy.driver) == (ours.roles, ours.lead, ours.driver)
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_an_installed_canid_has_vehicles_and_logs(tmp_path: Path) -> None:
     """In the layout of the wheel, outside of the repository: check and identify work for each vehicle and its log."""
     shutil.copytree(ROOT / "canid", tmp_path / "canid", ignore=shutil.ignore_patterns("__pycache__"))
@@ -58,7 +60,7 @@ def test_an_installed_canid_has_vehicles_and_logs(tmp_path: Path) -> None:
             shutil.copytree(ROOT / source, tmp_path / place)
     code = f"""
 import canid.cli
-from canid.vehicle.vehicle_file import shipped
+from canid.values.shipped_files import shipped
 assert shipped().parts[-2:] == ("_data", "dbc"), shipped()
 for name, log in {LOGS!r}.items():
     path = str(shipped().parent / "replay_logs" / (log + ".blf"))
@@ -72,6 +74,7 @@ for name, log in {LOGS!r}.items():
     assert done.stdout.count("the vehicle file fits") == len(LOGS)
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("name", "folder"), [("openacc", "openacc"), ("openacc_asta", "asta"), ("toyota_rav4_2017", "rav4")]
 )

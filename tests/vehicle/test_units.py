@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from canid.vehicle.roles import ROLES
+from canid.values.roles import ROLES
 from canid.vehicle.units import factor_to
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from canid.errors import ConfigError
+from canid.dbc_text.parsing import Parser
 from canid.estimators.armax import ArmaxSettings
 from canid.estimators.fopdt import FopdtSettings
-from canid.parsing import Parser
-from canid.proposal import propose
-from canid.types import OutputFilter
+from canid.proposal import proposal
+from canid.values.errors import ConfigError
+from canid.values.types import OutputFilter
 from canid.vehicle import read_vehicle, vehicle_file
 
 ROOT = Path(__file__).parents[2]
@@ -120,10 +120,14 @@ def test_what_the_task_needs_is_asked_for(tmp_path):
     ]
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (lambda d: (d / "generic.dbc").unlink(), r"car.toml: dbc: .*generic.dbc does not exist"),
+        (
+            lambda d: (d / "generic.dbc").unlink(),
+            r"car.toml: dbc: .*generic.dbc does not exist; canid's own .*\"shipped:generic.dbc\"",
+        ),
         (
             lambda d: (d / "generic.dbc").write_text("this is a letter"),
             r"generic.dbc cannot be parsed as a DBC: ",
@@ -179,6 +183,7 @@ def test_defaults_and_settings_arrive(tmp_path):
     assert pickle.loads(pickle.dumps(vehicle)) == vehicle
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("written", "meant"),
     [("0.99", (0.99,)), ("1", (1.0,)), ("[0.98, 1]", (0.98, 1.0)), ("[0.999]", (0.999,))],
@@ -189,6 +194,7 @@ def test_forgetting_is_one_number_or_several(tmp_path, written, meant):
     assert vehicle.estimators["armax"].forgetting == meant
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("written", "says"),
     [
@@ -236,11 +242,12 @@ def test_rav4_reads_with_one_warning(tmp_path, measured):
     assert {track.bus for track in vehicle.lead.tracks} == {1}
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_proposal_of_a_dbc_can_be_read(tmp_path, measured):
     """What `canid init` proposes for a DBC is a valid vehicle file with the signals that a person chose."""
     for name, dbc in (("openacc", measured / "openacc/car_following.dbc"), ("generic", GENERIC)):
         file = tmp_path / f"{name}.toml"
-        file.write_text(propose([dbc], tmp_path), encoding="utf-8")
+        file.write_text(proposal([dbc], tmp_path).text, encoding="utf-8")
         proposed, ours = read_vehicle(file), read_vehicle(name)
         assert {r: (m.message, m.signal) for r, m in proposed.roles.items()} == {
             r: (m.message, m.signal) for r, m in ours.roles.items()
@@ -250,7 +257,7 @@ def test_proposal_of_a_dbc_can_be_read(tmp_path, measured):
 
 def test_proposal_finds_radar_tracks(tmp_path, measured):
     """A radar DBC without a lead signal gives a [lead] section with its numbered messages."""
-    text = propose([measured / "rav4/toyota_radar.dbc"], tmp_path)
+    text = proposal([measured / "rav4/toyota_radar.dbc"], tmp_path).text
     assert 'tracks = "TRACK_A_{0..15}"' in text
     assert 'distance = "LONG_DIST"' in text
     assert 'rate = "REL_SPEED"' in text
@@ -267,6 +274,7 @@ class KeptParser(Parser):
         super().__exit__(None, None, None)
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_no_spoiled_file_breaks_the_reader(tmp_path, monkeypatch):
     """However a vehicle file or its DBC is spoiled, there is a vehicle or a ConfigError, nothing else."""
     chance = random.Random(5)
@@ -332,6 +340,7 @@ output = "accel"
 """
 
 
+@pytest.mark.slow("parses hostile files in children")
 def test_the_filter_of_the_output_reaches_the_estimator(tmp_path):
     """Stated as it is; an acceleration of which nothing is said was smoothed somehow, a pedal was not."""
     stated = ACCEL + 'output_filter = { kind = "savitzky_golay", width = 1.1 }\n'
@@ -346,6 +355,7 @@ def test_the_filter_of_the_output_reaches_the_estimator(tmp_path):
         assert car.estimators["fopdt"].output_filter == expected
 
 
+@pytest.mark.slow("parses hostile files in children")
 @pytest.mark.parametrize(
     ("line", "says"),
     [

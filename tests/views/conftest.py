@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import coherence, lfilter, welch
 
-from canid.findings import (
+from canid.values.findings import (
     Blocked,
     Check,
     Finding,
@@ -27,7 +27,7 @@ from canid.findings import (
     Window,
     no_fit,
 )
-from canid.types import NAN, Array, Channel, Identifiable, Interval
+from canid.values.types import NAN, Array, Channel, Identifiable, Interval
 
 DT = 0.1
 NOT = Interval()

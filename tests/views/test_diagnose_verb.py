@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import pytest
 
 from canid.cli import main
-from canid.errors import CHECK_FAILED, DAMAGED, DONE, NOT_WRITTEN, USAGE
-from canid.findings import Report, Verdict
-from canid.types import Trace
+from canid.values.errors import CHECK_FAILED, DAMAGED, DONE, NOT_WRITTEN, USAGE
+from canid.values.findings import Report, Verdict
+from canid.values.types import Trace
 from canid.vehicle import read_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -153,7 +153,10 @@ def test_a_page_that_cannot_be_written_is_5(canid: Callable[..., Ran], tmp_path:
     ran = canid(URBAN, *PART, "-o", tmp_path / "no_such_folder" / "page.html")
     assert (ran.code, ran.out, ran.err.count("\n")) == (NOT_WRITTEN, "", 1)
     (tmp_path / "page.html").write_text("old")
-    ran = canid(tmp_path / "no_such.blf", *PART[:2], "-o", tmp_path / "page.html")
-    assert ran.code == NOT_WRITTEN
+    ran = canid(URBAN, *PART, "-o", tmp_path / "page.html")
+    assert (ran.code, ran.out) == (NOT_WRITTEN, "")
     assert "is not a page of canid diagnose" in ran.err
+    # a misspelt log is said first
+    ran = canid(tmp_path / "no_such.blf", *PART[:2], "-o", tmp_path / "page.html")
+    assert (ran.code, ran.err.count("\n")) == (2, 1)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]

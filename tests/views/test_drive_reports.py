@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import pytest
 
 from canid.cli import main
-from canid.errors import CHECK_FAILED, DAMAGED, DONE, USAGE
-from canid.types import Interval
-from canid.views.names import SYMBOLS, readable
-from canid.views.numbers import interval, number
+from canid.values.errors import CHECK_FAILED, DAMAGED, DONE, USAGE
+from canid.values.names import SYMBOLS, readable
+from canid.values.numbers import interval, number
+from canid.values.types import Interval
 from tests.views.test_page_in_browser import OpenPage
 
 URBAN = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
@@ -96,6 +96,7 @@ def shown(iv: dict[str, Any]) -> str:
     )
 
 
+@pytest.mark.slow("pages in a browser")
 def test_the_page_of_identify_shows_the_numbers_of_its_json(
     canid: Canid, opened: Open, tmp_path: Path
 ) -> None:
@@ -128,6 +129,7 @@ def test_the_page_of_identify_shows_the_numbers_of_its_json(
     assert canid("check", HOSTILE, "--vehicle", "generic", "--report", out).code not in (DONE, CHECK_FAILED)
 
 
+@pytest.mark.slow("pages in a browser")
 def test_the_page_of_check_shows_each_role(canid: Canid, opened: Open, tmp_path: Path) -> None:
     """Readings, range and gaps are those of --json; a wrong vehicle file gets its problems, an unnamed id its row."""
     folder = Path(__file__).parents[2] / "dbc"
@@ -159,6 +161,7 @@ def test_the_page_of_check_shows_each_role(canid: Canid, opened: Open, tmp_path:
     is_sound(seen, out)
 
 
+@pytest.mark.slow("pages in a browser")
 def test_the_page_of_replay_shows_what_was_said_live(canid: Canid, opened: Open, tmp_path: Path) -> None:
     """The last headline estimate, each status that came, and the monitor, as the lines of --json had them."""
     out = tmp_path / "a.html"
@@ -184,6 +187,7 @@ def test_the_page_of_replay_shows_what_was_said_live(canid: Canid, opened: Open,
     is_sound(seen, out)
 
 
+@pytest.mark.slow("pages in a browser")
 def test_several_logs_make_one_page(canid: Canid, opened: Open, tmp_path: Path) -> None:
     """A table of all, a section each; of a damaged log what is left, with exit 4; of too short a drive the reason."""
     whole = URBAN.read_bytes()
@@ -207,6 +211,7 @@ def test_several_logs_make_one_page(canid: Canid, opened: Open, tmp_path: Path) 
     is_sound(seen, out)
 
 
+@pytest.mark.slow("pages in a browser")
 def test_nothing_identifiable_has_its_own_page_and_exit_code(
     canid: Canid, opened: Open, tmp_path: Path
 ) -> None:
@@ -223,3 +228,32 @@ def test_nothing_identifiable_has_its_own_page_and_exit_code(
     assert verdict["withheld"] in seen.page.inner_text(".verdict")
     is_sound(seen, out)
     assert canid("identify", HOSTILE, *short, "--report", "a.txt").code == USAGE
+
+
+@pytest.mark.slow("pages in a browser")
+def test_one_cursor_for_all_plots_over_time_and_the_plan(canid: Canid, opened: Open, tmp_path: Path) -> None:
+    """Over one plot the cursor stands at the same time in the others, and where the car was then on the plan."""
+    out = tmp_path / "a.html"
+    assert canid("identify", HOSTILE, "--vehicle", "generic", "--report", out).code == DONE
+    seen = opened(out)
+    plot = seen.page.locator("#figure-model .plot")
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    assert box is not None
+    seen.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    times = (
+        "[...document.querySelectorAll('.cursor[data-t]:not([hidden])')].map(one => Number(one.dataset.t))"
+    )
+    seen.page.wait_for_function(f"{times}.length > 2")
+    at = seen.evaluate(times)
+    assert max(at) - min(at) < 0.2
+    track = "document.querySelector('#figure-plan .plot')"
+    dots = f"[...{track}.querySelectorAll('.cursor.dot:not([hidden])')]"
+    assert seen.evaluate(f"{dots}.length") == seen.evaluate(f"{track}.data.filter(d => d.customdata).length")
+    x = seen.evaluate(
+        f"{track}._fullLayout.xaxis.p2d(parseFloat({dots}[0].style.left) - {track}._fullLayout.xaxis._offset)"
+    )
+    where = seen.evaluate(f"{track}.data.filter(d => d.customdata).map(d => [d.customdata, d.x])[0]")
+    near = min(range(len(where[0])), key=lambda k: abs(where[0][k] - at[0]))
+    assert x == pytest.approx(where[1][near], abs=15.0)
+    assert seen.wrong == []

@@ -4,12 +4,13 @@ import json
 
 import pytest
 
-from canid.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Status
-from canid.views import end_summary, estimate_text, json_values
-from canid.views.names import HEADLINE_MARK
+from canid.values import estimate_text, json_values
+from canid.values.names import HEADLINE_MARK
+from canid.values.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Status
+from canid.views import end_summary
 from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.spans import plain
 from canid.views.terminal_view.state import View, update
+from tests.terminal import plain
 
 TESTS = ResidualTests(False, 70.2, 40.3, ("range_rate",), (), True, {"range_rate": 12})
 CHANNEL = Channel(
@@ -78,7 +79,7 @@ def test_lines_and_summary_name_it_too():
 
 def test_json_has_every_name_of_the_contract():
     """docs/json.md's names, and null where nothing is known."""
-    value = json.loads(json_values.line(json_values.estimate(estimate("armax", headline=True))))
+    value = json.loads(json_values.line(json_values.plain(estimate("armax", headline=True))))
     assert value["headline"] is True
     assert value["residual_tests"] == {
         "white": False,
@@ -94,13 +95,13 @@ def test_json_has_every_name_of_the_contract():
     assert channel["K_anytime"] == {"value": 5.5, "low": 4.0, "high": 7.0}
     assert channel["prior_weight"] == 0.25
     bare = Estimate(1.0, "fopdt", Status.CONVERGING, "wait", {"range_rate": Channel()})
-    value = json.loads(json_values.line(json_values.estimate(bare)))
+    value = json.loads(json_values.line(json_values.plain(bare)))
     assert value["headline"] is False
     assert value["residual_tests"] is None
     assert value["channels"]["range_rate"]["prior_weight"] is None
     assert value["channels"]["range_rate"]["K_anytime"] == {"value": None, "low": None, "high": None}
     nothing = TESTS._replace(statistic=float("nan"), bound=float("nan"))
-    value = json.loads(json_values.line(json_values.estimate(bare._replace(residual_tests=nothing))))
+    value = json.loads(json_values.line(json_values.plain(bare._replace(residual_tests=nothing))))
     assert value["residual_tests"]["statistic"] is None
 
 

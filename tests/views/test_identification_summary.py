@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from canid.cli import main
-from canid.drive_parameters import Identified
+from canid.drive.drive_parameters import Identified
+from canid.drive.identification_verdict import verdict
 from canid.estimators.estimator import WholeDrive
-from canid.types import Channel, DriveTime, Identifiable, Interval, SignalFinding
-from canid.views.identification_summary import MAX_LINES, WIDTH, summary
-from canid.views.identification_verdict import verdict
-from tests.seeds import two_of_three
+from canid.values.types import Channel, DriveTime, Identifiable, Interval, SignalFinding
+from canid.views.document.document_text import WIDTH
+from canid.views.identification_text import MAX_LINES, summary
+from tests.seeds import mostly
 from tests.views.test_level_plot import identified
 
 LOGS = Path(__file__).parents[2] / "replay_logs"
@@ -24,6 +25,7 @@ def fits(lines: list[str]) -> None:
     assert max(len(line) for line in lines[1:]) <= WIDTH  # the first is the log's name, which is never cut
 
 
+@pytest.mark.slow("pages in a browser")
 @pytest.mark.parametrize(
     ("log", "vehicle", "stop"),
     [("following_urban.blf", "generic", 60), ("lane_keeping.blf", "generic_lane", 110)],
@@ -59,7 +61,7 @@ def test_a_summary_fits_and_names_the_kind_of_fit(
     assert full[1 - len(lines) :] == lines[:-1]
 
 
-@two_of_three
+@mostly(0.95)
 def test_a_changed_driver_has_no_number_of_the_whole_drive(seed: int) -> None:
     """The summary and the verdict give the stretches, with units, and never the average over a change."""
     drive = identified(seed, True)

@@ -4,13 +4,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from canid.drive_parameters import Identified
+from canid.drive.drive_parameters import Identified
 from canid.estimators.estimator import WholeDrive
 from canid.estimators.fopdt_whole_drive import Constancy, OverTime, Segment, with_changes
 from canid.identification import local_level
-from canid.types import Channel, GainChange, Identifiable, Interval
-from canid.views import identification_text, level_plot
-from tests.seeds import two_of_three
+from canid.values.types import Channel, GainChange, Identifiable, Interval
+from canid.views import identification_text
+from canid.views.drive_report import level_plot
+from tests.seeds import mostly
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -32,7 +33,7 @@ def identified(seed, changed):
     return Identified(1200.0, 1200.0, (), {"fopdt": with_changes(WholeDrive(whole), found)}, ())
 
 
-@two_of_three
+@mostly(0.95)
 def test_the_plot_is_valid_and_shows_what_was_found(seed):
     """One panel with a dot per window, a band, and a line per change; names are escaped."""
     root = ElementTree.fromstring(level_plot.svg(identified(seed, True), "<drive>.blf", "car & trailer"))
@@ -50,7 +51,7 @@ def test_a_drive_too_short_for_a_level_says_so():
     assert "too short" in level_plot.svg(drive, "a.blf", "car")
 
 
-@two_of_three
+@mostly(0.95)
 def test_where_the_gains_changed_no_gain_of_the_whole_drive_may_be_quoted(seed):
     """The text gives those of the stretches, the status of the whole drive's is `not_identifiable`."""
     drive = identified(seed, True)

@@ -7,11 +7,13 @@ import math
 
 import numpy as np
 
-from canid.drive_parameters import Identified
+from canid.drive import identification_json
+from canid.drive.drive_parameters import Identified
 from canid.systems.car_response import CarResponse
 from canid.systems.identified_loop import IdentifiedLoop
-from canid.types import Interval
-from canid.views import identification_json, identification_text, json_values
+from canid.values import json_values
+from canid.values.types import Interval
+from canid.views import identification_text
 
 GIVEN = IdentifiedLoop(
     "",

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from canid.findings import Report, Verdict
-from canid.views.report import page
+from canid.values.findings import Report, Verdict
+from canid.views.diagnosis_document import page
 
 ReportOf = Callable[..., Report]
 # ms; a busy machine may take its time, nothing here is about speed
@@ -73,6 +73,7 @@ def open_page(browser: Any, file: Path) -> Iterator[Callable[..., OpenPage]]:
 PER_PLOT = "[...document.querySelectorAll('.plot')].map(p => p.querySelectorAll('{}').length)"
 
 
+@pytest.mark.slow("pages in a browser")
 def test_every_plot_is_drawn_and_nothing_is_asked_for(open_page: Callable[..., OpenPage], file: Path) -> None:
     """No error, no warning, no request but for the file itself, and shapes of data in each of the seven plots."""
     seen = open_page().drawn()
@@ -99,6 +100,7 @@ DRAWN = """[...document.querySelectorAll('.plot')].filter(p => !p.closest('detai
 ])"""
 
 
+@pytest.mark.slow("pages in a browser")
 def test_on_a_phone_nothing_is_clipped_and_the_page_is_short(
     open_page: Callable[..., OpenPage], file: Path
 ) -> None:
@@ -125,6 +127,7 @@ def test_on_a_phone_nothing_is_clipped_and_the_page_is_short(
     assert seen.wrong == []
 
 
+@pytest.mark.slow("pages in a browser")
 def test_colors_follow_the_reader(open_page: Callable[..., OpenPage], short: Path) -> None:
     """The dark scheme draws light lines on dark ground, the light one the reverse; a change redraws."""
     line = "getComputedStyle(document.querySelector('.plot path.js-line')).stroke"
@@ -147,6 +150,7 @@ PAPER_PX = (210 - 2 * 12) / 25.4 * 96
 SECTIONS = "[...document.querySelectorAll('section')].map(s => s.querySelector('h2').innerText)"
 
 
+@pytest.mark.slow("pages in a browser")
 def test_it_prints_on_a4(open_page: Callable[..., OpenPage], short: Path, tmp_path: Path) -> None:
     """Printed from a dark phone: all details open, in light colors, nothing wider than paper; afterwards all as before."""
     seen = open_page(short, width=390, color_scheme="dark").drawn()
@@ -168,7 +172,7 @@ def test_it_prints_on_a4(open_page: Callable[..., OpenPage], short: Path, tmp_pa
     for right, height in seen.evaluate(tables):
         assert right <= PAPER_PX
         assert height > 0
-    for rule in ("figure", "tr", "table.narrow"):
+    for rule in ("figure", "tr", ".verdict"):
         style = f"getComputedStyle(document.querySelector('{rule}')).breakInside"
         assert seen.evaluate(style) == "avoid", rule
     seen.page.emulate_media(media="screen", color_scheme="dark")
@@ -198,6 +202,7 @@ def _boxes(pdf: bytes) -> list[str]:
     return [found.decode() for found in re.findall(rb"/MediaBox\s*\[([^\]]+)\]", pdf)]
 
 
+@pytest.mark.slow("pages in a browser")
 def test_zoom_is_kept_when_the_window_changes(open_page: Callable[..., OpenPage], short: Path) -> None:
     """The zoomed range stays when the window is resized."""
     seen = open_page(short).drawn()
@@ -212,6 +217,7 @@ def test_zoom_is_kept_when_the_window_changes(open_page: Callable[..., OpenPage]
     ]
 
 
+@pytest.mark.slow("pages in a browser")
 def test_without_javascript_the_words_and_tables_are_there(
     open_page: Callable[..., OpenPage], file: Path
 ) -> None:
@@ -222,6 +228,7 @@ def test_without_javascript_the_words_and_tables_are_there(
     assert seen.wrong == []
 
 
+@pytest.mark.slow("pages in a browser")
 @pytest.mark.parametrize("verdict", [Verdict.UNEXPLAINED, Verdict.NOT_ENOUGH_DATA])
 def test_other_verdicts_open_without_complaint(
     open_page: Callable[..., OpenPage], report_of: ReportOf, tmp_path: Path, verdict: Verdict

@@ -10,13 +10,15 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from canid.findings import Report, Verdict
-from canid.types import Interval
-from canid.views import closed_loop, diagnosis_json, diagnosis_text, numbers
-from canid.views.report import page, report_page
-from canid.views.report.decimation import MAX_POINTS, min_max_indices
+from canid.values import json_values, numbers
+from canid.values.findings import Report, Verdict
+from canid.values.types import Interval
+from canid.views import closed_loop, diagnosis_json, diagnosis_text
+from canid.views.diagnosis_document import page
+from canid.views.drawing import plotly_package
+from canid.views.drawing.decimation import MAX_POINTS, min_max_indices
+from canid.views.drawing.figure import Figure, script
 from canid.views.report.evidence_plot import SYMBOLS, decisive, evidence_plot, order, outcome
-from canid.views.report.figure import Figure, script
 from canid.views.report.spectra import spectra
 from canid.views.report.time_series import whole_drive
 
@@ -41,6 +43,11 @@ LOADING = ("src", "href", "srcset", "data", "action", "poster", "background", "x
 VOID = {"meta", "link", "br"}
 
 
+def unspanned(html: str) -> str:
+    """A page without the spans that keep numbers in one line."""
+    return re.sub(r'<span class="whole">([^<]*)</span>', r"\1", html)
+
+
 class Read(HTMLParser):
     """Content of a page: tags, attributes, text by element."""
 
@@ -50,7 +57,7 @@ class Read(HTMLParser):
         self.open: list[str] = []
         self.text: list[tuple[str, str]] = []
         self.unclosed: list[str] = []
-        self.feed(html)
+        self.feed(unspanned(html))
         self.close()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -69,7 +76,8 @@ class Read(HTMLParser):
         self.text.append((self.open[-1] if self.open else "", data))
 
     def words(self) -> str:
-        return " ".join(data for tag, data in self.text if tag not in ("script", "style"))
+        words = " ".join(data for tag, data in self.text if tag not in ("script", "style"))
+        return " ".join(words.split())
 
     def of(self, tag: str) -> list[dict[str, str | None]]:
         return [attrs for name, attrs in self.tags if name == tag]
@@ -87,6 +95,7 @@ def html(named: Report) -> str:
     return page(named)
 
 
+@pytest.mark.slow("pages in a browser")
 @pytest.mark.parametrize("verdict", Verdict)
 def test_every_section_is_there_in_order(report_of: ReportOf, verdict: Verdict) -> None:
     """Whatever the verdict: ten sections, each with a heading that names it, and the verdict's sentence at the top."""
@@ -186,6 +195,7 @@ def test_what_the_log_says_is_escaped(named: Report) -> None:
     assert evil in json.dumps(figures(html), ensure_ascii=False).replace('\\"', '"')
 
 
+@pytest.mark.slow("pages in a browser")
 @pytest.mark.parametrize("verdict", Verdict)
 def test_no_word_of_a_programmer_is_shown(report_of: ReportOf, verdict: Verdict) -> None:
     """No NaN, None or array in what is read, and no NaN in what is drawn."""
@@ -224,12 +234,12 @@ def test_unused_models_and_empty_reports_say_so(report_of: ReportOf) -> None:
 
 def test_without_plotly_the_page_says_how_to_get_it(named: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     """No plots, every table, and one line on what to install."""
-    monkeypatch.setattr(report_page, "find_spec", lambda name: None)
+    monkeypatch.setattr(plotly_package, "find_spec", lambda name: None)
     read = Read(page(named))
     assert read.of("script") == []
     assert [attrs for attrs in read.of("div") if attrs.get("class") == "plot"] == []
     assert "pip install 'canid[report]'" in read.words()
-    assert len(read.of("table")) >= 10
+    assert len(read.of("table")) >= 5
     assert [attrs["id"] for attrs in read.of("section")] == SECTIONS
 
 
@@ -381,11 +391,11 @@ def test_a_closed_loop_that_gets_worse_stands_in_the_verdict(named: Report) -> N
         f"In closed loop the extended model is worse: error of the gap {before} → {after} m rms, "
         "error variance +300 [+180, +450] %."
     )
-    html = page(report)
+    html = unspanned(page(report))
     verdict = html[html.index('<div class="verdict') : html.index('<dl class="key">')]
     assert says in verdict
     assert says in diagnosis_text.text(report, "a.blf", "car")[0]
-    json = diagnosis_json.to_json(report, "a.blf", "car")
+    json = json_values.plain(diagnosis_json.document(report, "a.blf", "car"))
     assert json["remarks"] == [says]
     assert json["says"].endswith(says)
     assert [of["worse"] for of in json["closed_loop"]] == [True, False]
@@ -397,7 +407,7 @@ def test_a_closed_loop_that_gets_worse_stands_in_the_verdict(named: Report) -> N
     # too few stretches for an interval: worse all the same
     few = report._replace(closed_loop=(gap._replace(gain=Interval()), speed))
     assert "+300 % (too few stretches for an interval)" in diagnosis_text.text(few, "a.blf", "car")[0]
-    assert diagnosis_json.to_json(named, "a.blf", "car")["remarks"] == []
+    assert json_values.plain(diagnosis_json.document(named, "a.blf", "car"))["remarks"] == []
     assert "is worse" not in page(named)
 
 
@@ -416,7 +426,7 @@ def test_an_estimate_at_a_bound_is_marked_and_has_no_interval(named: Report) -> 
         says="In the driver: Within ±1.5 [0, 1.5] s.",
     )
     marked = "at its upper bound, 3 s (95 %: above 1.94 s)"
-    html = page(report)
+    html = unspanned(page(report))
     words = Read(html).words()
     assert f"⚠ {marked}" in words
     assert "⚠ at its upper bound, 1.5 s" in words
@@ -431,7 +441,7 @@ def test_an_estimate_at_a_bound_is_marked_and_has_no_interval(named: Report) -> 
     # the verdict says it as well
     remark = "Width of headway dead zone is at the upper bound of what is searched, 1.5 s: not an estimate."
     assert remark in html[: html.index('<dl class="key">')]
-    json = diagnosis_json.to_json(report, "a.blf", "car")
+    json = json_values.plain(diagnosis_json.document(report, "a.blf", "car"))
     assert json["extended"]["at_bound"] == {
         "range_rate tau": {"side": "upper", "range": [0.0, 3.0], "unit": "s"}
     }

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import canid
-from canid.errors import ConfigError
-from canid.findings import Report
-from canid.types import NAN, LearnGate, Trace
-from canid.views import data_frame, identification_summary, plots
+from canid.values.errors import ConfigError
+from canid.values.findings import Report
+from canid.values.types import NAN, LearnGate, Trace
+from canid.views import data_frame, identification_text
+from canid.views.drawing import plotly_package
 
 REPO = Path(__file__).parents[2]
 LOG = REPO / "replay_logs/following_urban.blf"
@@ -69,6 +70,7 @@ ALLOWED = {*("div", "b", "span", "table", "thead", "tbody", "tr", "th", "td")}
 ALLOWED |= {"svg", "line", "circle", "rect", "text", "polyline", "title"}
 
 
+@pytest.mark.slow("pages in a browser")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_result_shows_itself(kind: str, results: dict[str, Any]) -> None:
     """A few lines of `repr` without arrays, the text of the verb, a fragment of known tags, a plotly figure."""
@@ -90,10 +92,11 @@ def test_a_result_shows_itself(kind: str, results: dict[str, Any]) -> None:
     assert figure.to_json()
 
 
+@pytest.mark.slow("pages in a browser")
 def test_the_text_is_that_of_the_verb(results: dict[str, Any]) -> None:
     """`summary()` of an identified log is what `canid identify` prints."""
     found = results["Identified"]
-    assert found.summary().splitlines() == identification_summary.summary(
+    assert found.summary().splitlines() == identification_text.summary(
         found, str(LOG), "Generic car-following vehicle", "pedal"
     )
     of_trace = canid.identify(results["Trace"], "generic", select_orders=False, sliding=False)
@@ -110,6 +113,7 @@ def test_an_interval_prints_what_it_supports_and_keeps_its_digits() -> None:
     canid.Interval().plot()
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_names_are_data_in_html_and_plots(results: dict[str, Any]) -> None:
     """Markup in names of logs, roles and sentences is shown, not interpreted."""
     bad = '<script>alert(1)</script>"><img src=x onerror=alert(1)>'
@@ -160,6 +164,7 @@ def test_results_without_numbers_are_shown_as_well(n: int) -> None:
     assert len(trace.to_frame("pandas")) == n
 
 
+@pytest.mark.slow("whole drives through the pipeline")
 def test_a_trace_as_a_frame(results: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """All columns in both libraries, with units; where none is installed, one line says what to install."""
     trace: Trace = results["Trace"]
@@ -176,7 +181,7 @@ def test_a_trace_as_a_frame(results: dict[str, Any], monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(data_frame, "find_spec", lambda _: None)
     with pytest.raises(ConfigError, match="pip install pandas"):
         trace.to_frame()
-    monkeypatch.setattr(plots, "find_spec", lambda _: None)
+    monkeypatch.setattr(plotly_package, "find_spec", lambda _: None)
     with pytest.raises(ConfigError, match="plotly"):
         trace.plot()
 
@@ -190,6 +195,6 @@ def test_the_package_is_one_screen() -> None:
     assert [name for name in public if name not in canid.__doc__] == []
     assert all(getattr(canid, name).__doc__ for name in public)
     heavy = "{'scipy', 'cantools', 'can', 'pandas', 'plotly', 'pydantic'}"
-    code = f"import canid, canid.types, sys; canid.types.Interval(); print({heavy} & set(sys.modules))"
+    code = f"import canid, canid.values.types, sys; canid.values.types.Interval(); print({heavy} & set(sys.modules))"
     ran = subprocess.run([sys.executable, "-c", code], cwd=REPO, capture_output=True, text=True, check=True)
     assert ast.literal_eval(ran.stdout.replace("set()", "0")) == 0

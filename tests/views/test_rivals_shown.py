@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 
-from canid.findings import ClosedLoopError, Report, Rival, Verdict
-from canid.types import Interval
-from canid.views import diagnosis_json, diagnosis_text, json_values
-from canid.views.report import page
+from canid.values import json_values
+from canid.values.findings import ClosedLoopError, Report, Rival, Verdict
+from canid.values.types import Interval
+from canid.views import diagnosis_json, diagnosis_text
+from canid.views.diagnosis_document import page
 
 
 def text(report: Report) -> list[str]:
@@ -19,7 +20,9 @@ def text(report: Report) -> list[str]:
 
 
 def to_json(report: Report) -> dict[str, Any]:
-    return json.loads(json_values.line(diagnosis_json.to_json(report, "drive.blf", "Some car")))
+    return json.loads(
+        json_values.line(json_values.plain(diagnosis_json.document(report, "drive.blf", "Some car")))
+    )
 
 
 def test_published_models_stand_in_text_json_and_page(report_of: Callable[..., Report]) -> None:
@@ -48,5 +51,6 @@ def test_published_models_stand_in_text_json_and_page(report_of: Callable[..., R
     loop = to_json(report)["closed_loop"][0]
     assert loop["nrmse_after"] == pytest.approx(0.6 * loop["nrmse_before"])
     html = page(report)
-    assert all(text in html for text in ('<table id="rivals"', "1.50 [1.20, 1.80] s", "drive longer"))
-    assert '<table id="rivals"' not in page(named)
+    title = "published car-following models in closed loop"
+    assert all(text in html for text in (title, "1.50 [1.20, 1.80] s", "drive longer"))
+    assert title not in page(named)

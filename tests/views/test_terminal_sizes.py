@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from canid.types import (
+from canid.values import estimate_text
+from canid.values.types import (
     Channel,
     Estimate,
     Event,
@@ -24,13 +25,13 @@ from canid.types import (
     SignalReport,
     Status,
 )
-from canid.views import estimate_text
 from canid.views.terminal_view.digits import FONT, large
 from canid.views.terminal_view.headline import main_channel
 from canid.views.terminal_view.picture import LEFT_SHARE, TWO_FROM_COLUMNS, Overlay, render
-from canid.views.terminal_view.spans import Span, plain
+from canid.views.terminal_view.spans import Span
 from canid.views.terminal_view.state import HealthLine, View, frozen, update, with_status
 from canid.views.terminal_view.units import SpeedUnit
+from tests.terminal import plain
 
 SIZES = st.tuples(st.integers(40, 200), st.integers(15, 60))
 SOURCES = st.text(st.characters(codec="utf-8"), max_size=120)
@@ -129,6 +130,7 @@ def squeezed(text: str) -> str:
     return "".join(text.split())
 
 
+@pytest.mark.slow("pages in a browser")
 @settings(max_examples=80, deadline=None)
 @given(VIEWS, SIZES, OVERLAYS)
 def test_nothing_is_outside_and_what_matters_is_inside(
@@ -163,6 +165,18 @@ def test_nothing_is_outside_and_what_matters_is_inside(
             name = main_channel(e.channels)
             if name is not None and e.status is Status.OK:
                 assert squeezed(estimate_text.fixed(e.channels[name].K).partition(" ")[2]) in shown
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(200, 60), (160, 50), (120, 40), (100, 30)])
+def test_no_rows_are_left_empty_at_the_end(columns: int, rows: int) -> None:
+    """Where there are curves they take what is left: fewer rows are empty than there are curves."""
+    iv = Interval(5.0, 4.0, 6.0)
+    channels = {name: Channel(iv, iv, iv, iv, Identifiable.OK) for name in ("headway_error", "range_rate")}
+    view = View("x", lines=(HealthLine("recorder"),))
+    for t in range(60, 240):
+        view = update(view, Estimate(float(t), "fopdt", Status.OK, "all", channels, 80.0, headline=True))
+    picture = plain(render(view, columns, rows)).split("\n")
+    assert sum(not line.strip(" │") for line in reversed(picture[-10:])) < 3
 
 
 def test_both_estimators_fit_on_80x24() -> None:

@@ -7,11 +7,11 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canid.types import Event
-from canid.views.terminal_text import terminal_text
+from canid.values.terminal_text import terminal_text
+from canid.values.types import Event
 from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.spans import plain
 from canid.views.terminal_view.state import HealthLine, View
+from tests.terminal import plain
 
 # with lone surrogates: a file name that is not UTF-8 has them
 ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=60)
@@ -43,3 +43,15 @@ def test_the_live_view_shows_no_foreign_control_character(title: str, line: str,
     shown = plain(render(view, 100, 30)).replace("\n", "")
     assert not set(shown) & set(map(chr, [*range(0x20), *range(0x7F, 0xA0), 0x202E, 0x2028]))
     shown.encode("utf-8")
+
+
+def test_a_progress_bar_says_nothing_of_a_time_that_it_does_not_know() -> None:
+    from rich.progress import Progress
+
+    from canid.cli.output.progress import time_left
+
+    column = time_left()
+    bar = Progress(column)
+    bar.add_task("reading", total=None)
+    (task,) = bar.tasks
+    assert column.render(task).plain == ""

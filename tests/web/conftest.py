@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from websockets.sync.client import ClientConnection, connect
 
-from canid.controls import Controls
+from canid.recording.controls import Controls
 from canid.web import address
 from canid.web.access import Access
 from canid.web.live_page import LivePage
@@ -66,7 +67,7 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Replay]:
     while found is None:
         assert process.poll() is None
         time.sleep(0.05)
-        found = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+\n", says.read_text(encoding="utf-8"))
+        found = re.search(r"http://127\.0\.0\.1:\d+/#token=\S+\n", says.read_text(encoding="utf-8"))
     yield Replay(found[0].strip(), folder / "out.jsonl")
     process.send_signal(signal.SIGINT)
     assert process.wait(60) == 0  # after the end of the log it is how the page is closed
@@ -89,6 +90,12 @@ def opened() -> Page:
     start = {"mode": "live", "title": "test", "vehicle": "generic"}
     live = LivePage(sock, Access(where.host, where.port, token), start, controls, OF_SESSION, says.append)
     return Page(live, where.port, token, controls, says)
+
+
+def client(page: Page) -> ClientConnection:
+    """A websocket of the page's own."""
+    here = f"127.0.0.1:{page.port}"
+    return connect(f"ws://{here}/live", origin=f"http://{here}", subprotocols=["canid", page.token])  # type: ignore[arg-type, list-item]
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""Who may see the page: everything with a foreign Host, a foreign Origin or without the token is refused with 403."""
+"""Who may see the page: what has a foreign Host or Origin, and every websocket without the token, is refused with 403."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 
 from canid.web.requests import MAX_MESSAGE_BYTES
-from tests.web.conftest import Page
+from tests.web.conftest import Page, client
 
 WEBSOCKET = {
     "Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
@@ -38,9 +38,9 @@ def answer(page: Page, path: str, headers: dict[str, str], method: str = "GET") 
     }
 
 
-def until_closed(client: ClientConnection) -> None:
+def until_closed(own: ClientConnection) -> None:
     while True:
-        client.recv(timeout=30)
+        own.recv(timeout=30)
 
 
 # what is changed of a good request: name, and a function of the page that gives the value
@@ -53,16 +53,21 @@ FOREIGN: dict[str, tuple[str, Callable[[Page], str]]] = {
     "an origin of another port": ("Origin", lambda page: "http://127.0.0.1:1"),
     "a null origin": ("Origin", lambda page: "null"),
     "an encrypted origin": ("Origin", lambda page: f"https://127.0.0.1:{page.port}"),
-    "no token": ("Cookie", lambda page: ""),
-    "a wrong token": ("Cookie", lambda page: f"canid_{page.port}={page.token[:-1]}"),
-    "an empty token": ("Cookie", lambda page: f"canid_{page.port}="),
-    "a token under another name": ("Cookie", lambda page: f"canid_1={page.token}"),
+}
+# the subprotocols of a websocket
+UNKNOWN: dict[str, Callable[[Page], str]] = {
+    "no token": lambda page: "canid",
+    "nothing": lambda page: "",
+    "a wrong token": lambda page: f"canid, {page.token[:-1]}",
+    "a longer token": lambda page: f"canid, {page.token}x",
+    "the token in capitals": lambda page: f"canid, {page.token.swapcase()}",
+    "the token alone": lambda page: page.token,
 }
 
 
 def good(page: Page) -> dict[str, str]:
     here = f"127.0.0.1:{page.port}"
-    return {"Host": here, "Origin": f"http://{here}", "Cookie": f"canid_{page.port}={page.token}"}
+    return {"Host": here, "Origin": f"http://{here}", "Sec-WebSocket-Protocol": f"canid, {page.token}"}
 
 
 @pytest.mark.parametrize("what", FOREIGN)
@@ -84,15 +89,29 @@ def test_a_websocket_without_an_origin_is_refused(served: Page) -> None:
     assert answer(served, "/", headers)[0] == 200
 
 
-def test_the_token_of_the_address_becomes_a_cookie(served: Page) -> None:
-    """It is HttpOnly and SameSite=Strict; a wrong token sets none."""
+@pytest.mark.parametrize("what", UNKNOWN)
+def test_a_websocket_without_the_token_is_refused(what: str, served: Page) -> None:
+    """Nothing but the token among its subprotocols opens it, no address and no cookie; the token is never sent back."""
+    headers = good(served) | {"Sec-WebSocket-Protocol": UNKNOWN[what](served)} | WEBSOCKET
+    assert answer(served, "/live", headers)[0] == 403
+    assert answer(served, f"/live?token={served.token}", headers)[0] == 403
+    assert answer(served, "/live", headers | {"Cookie": f"canid_{served.port}={served.token}"})[0] == 403
+    status, given = answer(served, "/live", good(served) | WEBSOCKET)
+    assert status == 101
+    assert given["sec-websocket-protocol"] == "canid"
+
+
+def test_the_files_hold_nothing_of_a_session(served: Page) -> None:
+    """They are given without a token, and are those of the package; no answer sets a cookie or has the token in it."""
     host = {"Host": f"localhost:{served.port}"}
-    status, headers = answer(served, f"/?token={served.token}", host)
-    assert status == 200
-    assert headers["set-cookie"] == f"canid_{served.port}={served.token}; Path=/; HttpOnly; SameSite=Strict"
-    status, headers = answer(served, "/?token=wrong", host)
-    assert status == 403
-    assert "set-cookie" not in headers
+    for path in ("/", "/page.js", "/live", "/nothing", f"/?token={served.token}"):
+        with socket.create_connection(("127.0.0.1", served.port), timeout=30) as sock:
+            lines = [f"GET {path} HTTP/1.1", *(f"{name}: {value}" for name, value in host.items())]
+            sock.sendall("\r\n".join([*lines, "", ""]).encode())
+            data = b"".join(iter(lambda sock=sock: sock.recv(65536), b""))  # type: ignore[misc]
+        assert data.startswith(b"HTTP/1.1 404" if path in ("/live", "/nothing") else b"HTTP/1.1 200"), path
+        assert b"set-cookie" not in data.lower()
+        assert served.token.encode() not in data
 
 
 def test_every_answer_has_strict_headers(served: Page) -> None:
@@ -128,11 +147,10 @@ def test_every_answer_has_strict_headers(served: Page) -> None:
 )
 def test_what_is_no_request_ends_the_websocket(text: str, served: Page) -> None:
     """Too long, not JSON, too deep, unknown, of another mode, of another type: closed; the server goes on."""
-    here = f"127.0.0.1:{served.port}"
-    with connect(f"ws://{here}/live?token={served.token}", origin=f"http://{here}") as client:
-        client.send(text)
+    with client(served) as own:
+        own.send(text)
         with pytest.raises(ConnectionClosed) as closed:
-            until_closed(client)
+            until_closed(own)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code in (1008, 1009)
     assert answer(served, "/", good(served))[0] == 200

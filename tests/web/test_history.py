@@ -22,6 +22,7 @@ def sample(t: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@pytest.mark.slow("a session and its page in a browser")
 def test_eight_hours_are_bounded() -> None:
     """The snapshot of a day's driving is small, reaches from the first sample to the last, and has the last two minutes
     whole; between them the gaps are even."""
@@ -50,7 +51,7 @@ class Mute:
     def abort(self) -> None:
         self.aborted = True
 
-    async def accept(self) -> None:
+    async def accept(self, subprotocol: str) -> None:
         """Take it."""
 
     async def send_text(self, _: str) -> None:

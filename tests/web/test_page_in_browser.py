@@ -8,11 +8,14 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
+import can
+import cantools
 import pytest
 
-from canid.types import Interval
-from canid.views import numbers
-from tests.web.conftest import HOSTILE, HOSTILE_CAR, STOP_S, Page, Replay
+from canid.values import numbers
+from canid.values.signal_table import Row, SignalTable
+from canid.values.types import Interval
+from tests.web.conftest import HOSTILE, HOSTILE_CAR, ROOT, STOP_S, Page, Replay
 
 # ms; a busy machine may take its time, nothing here is about speed
 PATIENCE = 120_000
@@ -123,6 +126,7 @@ def check_numbers(opened: Opened, lines: list[dict[str, Any]]) -> None:
             assert float(cell["value"]) == of[what]["value"]
 
 
+@pytest.mark.slow("pages in a browser")
 def test_numbers_are_those_of_the_json_stream(opened: Opened, replay: Replay) -> None:
     """The large numbers, their intervals and the table of the estimators, to the last digit."""
     lines = replay.lines()
@@ -130,6 +134,7 @@ def test_numbers_are_those_of_the_json_stream(opened: Opened, replay: Replay) ->
     check_numbers(opened, lines)
 
 
+@pytest.mark.slow("pages in a browser")
 def test_names_are_text(opened: Opened) -> None:
     """A log and a vehicle whose names are markup stand on the page as they are, and nothing of them has run."""
     assert opened.page.text_content("#title") == HOSTILE
@@ -165,6 +170,7 @@ def test_prediction_is_the_textbook_response(opened: Opened) -> None:
     assert max(abs(v - y) for v, y in settled) < gain * 0.1 / tau
 
 
+@pytest.mark.slow("pages in a browser")
 def test_every_control_of_a_replay(opened: Opened, replay: Replay) -> None:
     """Buttons, seek bar and keys: pause, speeds, seeks; estimates after a seek are those of --json, which does not grow."""
     page, before = opened.page, replay.json.read_bytes()
@@ -231,6 +237,97 @@ def test_it_fits_from_a_phone_to_a_wide_screen(opened: Opened) -> None:
         ), width
 
 
+def test_a_laptop_shows_driver_prediction_and_measurement_without_scrolling(opened: Opened) -> None:
+    """At 1280x800 and 1366x768; and no panel of the estimates is an empty box: what is not known is said."""
+    above = ["headline", "plot-output", "plot-residual", "plot-lead", "plot-rate"]
+    for width, height, names in ((1280, 800, [*above, "plot-K"]), (1366, 768, above)):
+        opened.page.set_viewport_size({"width": width, "height": height})
+        opened.until("document.querySelectorAll('#plot-K path.js-line').length > 0")
+        fold = opened.evaluate("document.querySelector('#bar').getBoundingClientRect().top")
+        for name in names:
+            bottom = opened.evaluate(f"document.querySelector('#{name}').getBoundingClientRect().bottom")
+            assert bottom <= fold, (width, name)
+        empty = """[...document.querySelectorAll('#estimates .plot:not([hidden])')]
+          .filter((plot) => !plot.querySelector('path.js-line')).map((plot) => plot.id)"""
+        opened.until(f"{empty}.length === 0")
+        hidden = opened.evaluate("document.querySelectorAll('#estimates .plot[hidden]').length")
+        said = opened.page.text_content("#absent") or ""
+        assert len(said.partition(": ")[2].split(", ")) == hidden or not said
+
+
+def test_every_decoded_value_is_there_when_asked_for(opened: Opened) -> None:
+    """A table of all roles that came, with their units, in the numbers of the panel of what is now."""
+    rows = (
+        "[...document.querySelectorAll('#decoded-rows tr')].map(r => [...r.children].map(c => c.textContent))"
+    )
+    assert opened.evaluate(rows) == []
+    opened.page.click("#decoded summary")
+    opened.until("document.querySelectorAll('#decoded-rows tr').length > 10")
+    shown = {name: (value, unit) for name, value, unit in opened.evaluate(rows)}
+    now = opened.evaluate("parseFloat(document.querySelector('[data-of=gap] dd').textContent)")
+    assert float(shown["gap"][0]) == pytest.approx(now, abs=0.051)
+    assert shown["gap"][1] == "m"
+    assert shown["speed"][1] == "m/s"
+    opened.page.click("#decoded summary")
+
+
+SIGNALS = """({t: Number(document.querySelector('#signal-count').dataset.t),
+  rows: [...document.querySelectorAll('#signal-rows tr')].map(r => [...r.children].map(c => c.textContent))})"""
+
+
+def of_cantools(t: float) -> dict[str, float | str]:
+    """The last value of each signal up to a time of the log, by python-can and cantools."""
+    database = cantools.database.load_file(ROOT / "dbc/generic.dbc")
+    known = {message.frame_id: message for message in database.messages}
+    last: dict[str, float | str] = {}
+    frames = list(can.BLFReader(ROOT / "replay_logs/following_urban.blf"))
+    for frame in frames:
+        if frame.timestamp - frames[0].timestamp <= t + 0.0006 and frame.arbitration_id in known:
+            message = known[frame.arbitration_id]
+            for name, value in message.decode(frame.data).items():
+                last[f"{message.name}.{name}"] = value if isinstance(value, float | int) else str(value)
+    return last
+
+
+def check_signals(opened: Opened) -> float:
+    """The table against cantools; returns its time."""
+    shown = opened.evaluate(SIGNALS)
+    expected = of_cantools(shown["t"])
+    texts = {name: text for name, text, _, _ in shown["rows"]}
+    assert texts.keys() == expected.keys()
+    for name, value in expected.items():
+        if isinstance(value, str):
+            assert texts[name] == value
+        else:
+            assert float(texts[name].split()[0]) == pytest.approx(value, rel=1e-9), name
+    return float(shown["t"])
+
+
+@pytest.mark.slow("pages in a browser")
+def test_all_signals_are_those_of_cantools_at_the_end_and_after_a_seek_back(opened: Opened) -> None:
+    """Every signal of the DBC file with its last value; found by words; nothing is asked for once it is closed."""
+    page = opened.page
+    page.click("#decoded summary")
+    opened.until("Number(document.querySelector('#signal-count').dataset.t) > 44.9")
+    assert check_signals(opened) == pytest.approx(STOP_S, abs=0.1)
+    page.fill("#search", "speed ego")
+    opened.until("document.querySelectorAll('#signal-rows tr').length < 10")
+    names = opened.evaluate("[...document.querySelectorAll('#signal-rows tr')].map(r => r.dataset.signal)")
+    assert names
+    assert all("EGO" in name and "speed" in name.lower() for name in names)
+    page.fill("#search", "")
+    if page.text_content("#pause") == "Pause":
+        page.click("#pause")
+    page.fill("#seek", "20")
+    opened.until("Math.abs(Number(document.querySelector('#signal-count').dataset.t) - 20) < 0.2")
+    check_signals(opened)
+    page.click("#pause")
+    opened.shows("#playing", "end of the log")
+    opened.until("Number(document.querySelector('#signal-count').dataset.t) > 44.9")
+    check_signals(opened)
+    page.click("#decoded summary")
+
+
 def test_plots_are_drawn_and_nothing_was_wrong(opened: Opened, replay: Replay) -> None:
     """After all of the above: data in each plot, no message on the console, no violation of the policy, and no request but
     to the page's own server."""
@@ -245,9 +342,10 @@ def test_plots_are_drawn_and_nothing_was_wrong(opened: Opened, replay: Replay) -
     assert any(url.startswith("ws://") for url in opened.asked)
 
 
+@pytest.mark.slow("a session and its page in a browser")
 def test_marks_of_a_session(browser: Any, fresh: Page) -> None:
     """The button and the key make marks, with their text; a mark and an event with markup are text; the end is shown."""
-    from canid.types import Event
+    from canid.values.types import Event
 
     page = Opened(browser, fresh.live.url, color_scheme="dark")
     page.until("document.body.dataset.mode === 'live'")
@@ -280,6 +378,53 @@ def test_marks_of_a_session(browser: Any, fresh: Page) -> None:
     assert fresh.says == []
 
 
+@pytest.mark.slow("pages in a browser")
+def test_signals_of_several_buses_with_hostile_names_and_why_there_are_none(
+    browser: Any, fresh: Page
+) -> None:
+    """A column for the bus, names and values as text, old ones marked; of 1,200 the first 1,000; then what has failed."""
+    page = Opened(browser, fresh.live.url)
+    page.until("document.body.dataset.mode === 'live'")
+    page.page.click("#decoded summary")
+    rows = [
+        Row(0, "M.<img src=x onerror=window.pwned=1>", "<b>on</b>", 50.0, 0.02),
+        Row(1, "M.PEDAL", "12.5 %", math.nan, 75.0),
+        *(Row(1, f"M.S{k}", "1", 0.1234, 0.0) for k in range(1198)),
+    ]
+    shown = (
+        "[...document.querySelectorAll('#signal-rows tr')].map(r => [...r.children].map(c => c.textContent))"
+    )
+
+    def show(table: SignalTable, until: str) -> None:
+        """Until it is there: the page asks every 2 s."""
+        end = time.monotonic() + PATIENCE / 1000
+        while until not in (page.page.text_content("#signal-count") or ""):
+            assert time.monotonic() < end, until
+            fresh.live.table(table)
+            page.page.wait_for_timeout(200)
+
+    show(SignalTable(61.0, rows, 0.0), "1,200 of 1,200 signals at 1:01.0, the first 1,000 are shown")
+    first = page.evaluate(shown)
+    assert len(first) == 1000
+    assert first[0] == ["0", rows[0].name, "<b>on</b>", "50 1/s", "0.0 s"]
+    assert first[1] == ["1", "M.PEDAL", "12.5 %", "", "75 s"]
+    assert first[2][3] == "0.123 1/s"
+    assert page.evaluate(
+        "[...document.querySelectorAll('#signal-rows tr.old')].map(r => r.dataset.signal)"
+    ) == ["M.PEDAL"]
+    assert page.page.is_visible("#bus-head")
+    page.page.fill("#search", "pedal 12.5")
+    page.until("document.querySelectorAll('#signal-rows tr').length === 1")
+    page.page.fill("#search", "")
+    show(SignalTable(62.0, rows[:1], 0.0), "1 of 1 signals")
+    assert page.evaluate(shown) == [[rows[0].name, "<b>on</b>", "50 1/s", "0.0 s"]]
+    show(SignalTable(62.0, [], 0.0, "<b>no memory"), "no signals: <b>no memory")
+    assert page.evaluate("window.pwned === undefined && !document.querySelector('#decoded b, #decoded img')")
+    assert page.wrong == []
+    page.context.close()
+
+
+@pytest.mark.slow("a session and its page in a browser")
 def test_a_late_client_sees_the_whole_drive(replay: Replay, browser: Any) -> None:
     """A page that is opened at the end has the numbers of the end, and rows back to the first estimate."""
     late = Opened(browser, replay.url, viewport={"width": 390, "height": 844}, has_touch=True)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
@@ -20,7 +21,8 @@ from canid.buses.bus_opener import open_buses
 from canid.buses.send import onto
 from canid.cli import live_session
 from canid.logs import open_log
-from canid.types import Frame
+from canid.session.session import SessionSettings
+from canid.values.types import Frame
 from canid.views.terminal_view.state import View
 from tests.web.conftest import Page
 
@@ -41,14 +43,11 @@ def session(page: Page, folder: Path, ended: Callable[[], bool]) -> list[Frame]:
     end = time.monotonic() + PATIENCE_S
     code, _ = live_session.watch(
         buses,
-        None,
+        SessionSettings(record=folder / "drive.blf"),
         View("test"),
-        record=str(folder / "drive.blf"),
-        duration=None,
-        json=None,
         stop=lambda: (not sender.is_alive() and ended()) or time.monotonic() > end,
         controls=page.controls,
-        observers=[page.live],
+        others=[page.live],
     )
     assert time.monotonic() < end
     assert code == 0
@@ -75,14 +74,18 @@ class Clients(threading.Thread):
 
     def open(self) -> Any:
         return connect(
-            f"ws://{self.here}/live?token={self.token}", origin=f"http://{self.here}", max_size=2**26
-        )  # type: ignore[arg-type]
+            f"ws://{self.here}/live",
+            origin=f"http://{self.here}",  # type: ignore[arg-type]
+            subprotocols=["canid", self.token],  # type: ignore[list-item]
+            max_size=2**26,
+        )
 
     async def all(self) -> None:
         mute = socket.create_connection(("127.0.0.1", int(self.here.rpartition(":")[2])))
         with mute:
             mute.sendall(
-                f"GET /live?token={self.token} HTTP/1.1\r\nHost: {self.here}\r\nOrigin: http://{self.here}\r\n"
+                f"GET /live HTTP/1.1\r\nHost: {self.here}\r\nOrigin: http://{self.here}\r\n"
+                f"Sec-WebSocket-Protocol: canid, {self.token}\r\n"
                 "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
                 "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
             )
@@ -110,6 +113,7 @@ class Clients(threading.Thread):
             self.thrown_out.append(closed.rcvd.code if closed.rcvd else 0)
 
 
+@pytest.mark.slow("a session and its page in a browser")
 def test_clients_cost_no_frame(fresh: Page, tmp_path: Path) -> None:
     """18 that read, one that never does, one that floods: all frames are recorded, the flooding one is thrown out and has
     made few marks, and each of the others sees the session's end."""
@@ -127,6 +131,7 @@ def test_clients_cost_no_frame(fresh: Page, tmp_path: Path) -> None:
     assert 0 < journal.count("flood") < 10
 
 
+@pytest.mark.slow("pages in a browser")
 def test_a_server_that_is_killed_ends_nothing(fresh: Page, tmp_path: Path) -> None:
     """kill -9 of the server in mid-session: all frames are recorded, and one line says so."""
 

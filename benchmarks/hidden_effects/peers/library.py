@@ -22,8 +22,8 @@ from canid.diagnosis.driver.pedal_holds import MIN_HOLD_S
 from canid.diagnosis.fitting.fitted_model import extended
 from canid.diagnosis.prepared_drive import lacking, ready
 from canid.effects.effect import Effect, Kind
-from canid.findings import Flags
-from canid.types import Trace
+from canid.values.findings import Flags
+from canid.values.types import Trace
 from tests.plants.planted_drive import Array
 
 LEAST = 90.0  # s, as canid

@@ -12,7 +12,7 @@ from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answe
 from benchmarks.hidden_effects.peers.library import fitted, library, remembered, strongest
 from benchmarks.identification.peers.peer import ELSEWHERE, Peer, call, missing
 from canid.effects.effect import Effect
-from canid.types import Trace
+from canid.values.types import Trace
 
 Sets = tuple[tuple[str, ...], ...]
 

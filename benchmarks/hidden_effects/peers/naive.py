@@ -15,7 +15,7 @@ from canid.diagnosis.fitting.fitted_model import FittedModel, extended, problem,
 from canid.diagnosis.fitting.least_squares import fit
 from canid.diagnosis.fitting.likelihood import Noise
 from canid.effects.effect import Effect, Kind
-from canid.findings import Flags
+from canid.values.findings import Flags
 from tests.plants.planted_drive import Array
 
 # candidates that a step fits in full: those whose columns promise most

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Sample
+from canid.values.types import Sample
 
 # samples from one estimate of an online method to the next: 1 s
 EVERY = 10

@@ -10,7 +10,7 @@ from benchmarks.identification import acceleration, bus, canid_side, loop_a
 from benchmarks.identification.bounds import Lag
 from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseModel
 from benchmarks.identification.table import Settings, Table, each, held, text
-from canid.types import Channel, Driver
+from canid.values.types import Channel, Driver
 
 NOISES = (*NOISE_MODELS, REMNANT)
 MINUTES = (1.0, 3.0, 10.0, 20.0)

@@ -13,7 +13,7 @@ from benchmarks.identification.acceleration import DT
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.table import Settings, Table, each
 from benchmarks.identification.tables.filters import CASES, MINUTES, given
-from canid.types import Channel, Identifiable, Interval, OutputFilter, Trace
+from canid.values.types import Channel, Identifiable, Interval, OutputFilter, Trace
 
 DATA = Path(__file__).resolve().parents[3] / "../shared/data"
 VEHICLES = Path(__file__).resolve().parents[3] / "dbc"

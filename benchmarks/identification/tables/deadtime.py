@@ -10,7 +10,7 @@ from benchmarks.identification.noise_models import NoiseModel
 from benchmarks.identification.open_loop import Case
 from benchmarks.identification.peers import process
 from benchmarks.identification.table import Settings, Table, each, text
-from canid.types import Driver
+from canid.values.types import Driver
 
 # little noise, so that 200 runs resolve a bias of a millisecond
 CASE = Case(NoiseModel("OU 0.5 s", time_constant=0.5), cut=0.3, dead_time=0.237, decibel=30.0, seconds=60.0)

@@ -44,7 +44,7 @@ def table(settings: Settings) -> list[Table]:
     ]
 
 
-def _run(seed: int, ramp: float, walk: float) -> tuple[list[bool], int]:
+def _run(seed: int, ramp: float, walk: float) -> tuple[list[bool], float]:
     y, u, truth = drive(seed, ramp, walk)
     fit = canid_side.process(y, u, GRID)
     held = []

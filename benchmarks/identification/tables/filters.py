@@ -9,7 +9,7 @@ from benchmarks.identification.acceleration import DT, Measured
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.peers import gls
 from benchmarks.identification.table import Settings, Table, each
-from canid.types import Identifiable, OutputFilter
+from canid.values.types import Identifiable, OutputFilter
 
 MINUTES = (3.0, 10.0)  # in turn
 CASES = (

@@ -8,7 +8,7 @@ from benchmarks.identification import bus, canid_side, loop_b
 from benchmarks.identification.bus import Seen
 from benchmarks.identification.loops import Drive, Lead
 from benchmarks.identification.table import Settings, Table, each
-from canid.types import Driver
+from canid.values.types import Driver
 
 SECONDS = 125.0
 # how far the pedal stands above what level road needs, and the lead: more often at the floor from row to row

@@ -13,7 +13,7 @@ from benchmarks.identification.loops import Drive
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.open_loop import HISTORY
 from benchmarks.identification.table import Settings, Table, each, rmse, text
-from canid.types import Driver
+from canid.values.types import Driver
 
 # s used, then history before it, then what the gate takes to open and the smoothing to end
 WINDOW = 60.0

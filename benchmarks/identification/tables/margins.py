@@ -12,14 +12,14 @@ from benchmarks.identification import acceleration
 from benchmarks.identification.gain_drives import PUBLISHED
 from benchmarks.identification.noise_models import NOISE_MODELS
 from benchmarks.identification.table import Settings, Table, each
-from canid.drive_reader import read_trace
+from canid.drive.drive_reader import read_trace
 from canid.estimators.fopdt import FOPDT, FopdtSettings
 from canid.logs import write_log
 from canid.simulation import START_UTC, frames, simulate
 from canid.systems import following_loop
 from canid.systems.following_loop import FollowingLoop
 from canid.systems.identified_loop import identified_loop
-from canid.types import TASK_INPUTS, Interval, LearnGate, OutputFilter, Trace
+from canid.values.types import TASK_INPUTS, Interval, LearnGate, OutputFilter, Trace
 from canid.vehicle import read_vehicle
 
 MINUTES = 6.0

@@ -16,7 +16,7 @@ from benchmarks.identification.peers.estimators import BATCH, ONLINE
 from benchmarks.identification.peers.gls import Answer
 from benchmarks.identification.peers.rows import Rows, of_samples
 from benchmarks.identification.table import Settings, Table, each, rmse, text, timed
-from canid.types import Channel, Driver
+from canid.values.types import Channel, Driver
 
 SECONDS = 300.0
 # s; when a batch method is asked while the drive goes on, and when an online one is read

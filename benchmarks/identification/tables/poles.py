@@ -11,7 +11,7 @@ from benchmarks.identification.table import Settings, Table, each, held
 from benchmarks.identification.tables import filters
 from canid.estimators import armax_whole_drive
 from canid.identification.armax.armax_batch import Orders
-from canid.types import TASK_INPUTS, Channel, Identifiable, LearnGate, OutputFilter, Trace
+from canid.values.types import TASK_INPUTS, Channel, Identifiable, LearnGate, OutputFilter, Trace
 
 NAMES = TASK_INPUTS["car_following"]
 SECONDS = 180.0

@@ -10,7 +10,7 @@ from benchmarks.identification import acceleration, canid_side
 from benchmarks.identification.acceleration import DT
 from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT
 from benchmarks.identification.table import Settings, Table, each
-from canid.types import Channel, Identifiable, OutputFilter
+from canid.values.types import Channel, Identifiable, OutputFilter
 
 MINUTES = 20.0
 STEP = 1.12  # the drive grows by this factor from one fit to the next

@@ -11,7 +11,7 @@ from benchmarks.identification.bounds import Lag
 from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT
 from benchmarks.identification.table import Settings, Table, each, held
 from benchmarks.identification.tables import filters
-from canid.types import TASK_INPUTS, Channel, Estimate, OutputFilter, Status
+from canid.values.types import TASK_INPUTS, Channel, Estimate, OutputFilter, Status
 
 NAMES = TASK_INPUTS["car_following"]
 MINUTES = (3.0, 10.0, 20.0)

@@ -12,7 +12,7 @@ from benchmarks.identification.loops import Lead
 from benchmarks.identification.noise_models import NOISE_MODELS
 from benchmarks.identification.table import Settings, Table, each
 from canid.estimators.plausibility import MAX_LEFT_OVER
-from canid.types import Driver, OutputFilter
+from canid.values.types import Driver, OutputFilter
 
 SECONDS = 420.0
 SHORT = 60.0  # s, of a window

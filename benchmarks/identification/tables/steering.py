@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.identification.table import Settings, Table, each
-from canid import pipeline
-from canid.drive_reader import trace
 from canid.estimators import armax_whole_drive
-from canid.frame_columns import columns_of
 from canid.identification.armax.armax_batch import Orders
+from canid.pipeline import pipeline
+from canid.samples.trace_assembly import trace
 from canid.simulation import Simulation, frames
 from canid.simulation.car import Car
 from canid.simulation.lane import Steering, keep_lane
-from canid.types import Sample, Trace
+from canid.values.frame_columns import columns_of
+from canid.values.types import Sample, Trace
 from canid.vehicle import Vehicle, read_vehicle
 
 # Runs per length: an hour takes 15 s

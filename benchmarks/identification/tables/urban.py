@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.identification import bus, canid_side, loop_b
 from benchmarks.identification.loops import Lead
 from benchmarks.identification.table import Settings, Table, each
-from canid.types import Driver
+from canid.values.types import Driver
 
 MINUTES = 20.0
 LEAD = Lead("town", 2.0, 0.05)

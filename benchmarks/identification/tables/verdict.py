@@ -14,7 +14,7 @@ from benchmarks.identification.open_loop import HISTORY, Case
 from benchmarks.identification.table import Settings, Table, each
 from benchmarks.identification.tables.following import LOOPS, seen_by_canid
 from canid.estimators.fopdt import FopdtSettings
-from canid.types import Identifiable
+from canid.values.types import Identifiable
 
 ORDER = (Identifiable.OK, Identifiable.SUM_ONLY, Identifiable.GAIN_ONLY, Identifiable.NOT)
 CUTS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # Hz

@@ -23,16 +23,23 @@ TRIALS = 50
 FAMILIES = {
     "talk": "talk",
     "overwrite": "overwriting",
+    "links": "links",
     "listen-only": "listening",
     "impossible": "impossible_frames",
     "folder": "hostile_folder",
     "damage": "damaged_logs",
+    "tables": "damaged_tables",
+    "numbers": "impossible_numbers",
     "lost": "lost_files",
     "names": "hostile_names",
     "configuration": "hostile_configuration",
     "ring": "ring_files",
     "kill": "killed",
     "stop": "stopping",
+    "writes": "write_errors",
+    "clocks": "clocks",
+    "ages": "ring_clocks",
+    "page": "page",
 }
 # families that measure how long something takes, and need the machine for themselves
 ALONE = ("kill", "stop")

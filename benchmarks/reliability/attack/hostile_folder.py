@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.vehicle.vehicle_file import shipped
+from canid.values.shipped_files import shipped
 
 PROMISE = "no code from the current folder, in any verb or child process"
 VERBS = 2  # in a round

@@ -20,7 +20,7 @@ from pathlib import Path
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.vehicle.vehicle_file import shipped
+from canid.values.shipped_files import shipped
 
 PROMISE = "names are data: no control character of a name reaches a terminal or a pipe, JSON stays intact"
 COMMANDS = 2  # in a round

@@ -1,22 +1,18 @@
-"""kill -9 of text logs and .blf on a busy machine, and disks that become full: what is stated is in the file."""
+"""kill -9 of text logs and .blf on a busy machine."""
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.reliability.attack import judging
 from benchmarks.reliability.attack.traffic_process import Sender
-from benchmarks.reliability.disks import tmpfs
 from benchmarks.reliability.load import load
-from benchmarks.reliability.needs import root
 from benchmarks.reliability.outcome import Outcome, after_an_end
-from benchmarks.reliability.recording import Recording, until
-from tests.fixtures.readers import by_canid
+from benchmarks.reliability.recording import Recording
 
-PROMISE = "kill -9 costs at most 0.25 s in .asc and .log as in .blf; the count after a full disk is that of the file"
+PROMISE = "kill -9 costs at most 0.25 s in .asc and .log as in .blf"
 MAX_LOSS_S = 0.25  # s
 RATES = (100, 2000, 8000)  # frames/s
 MAX_LOAD = 4  # busy processes in addition
@@ -24,10 +20,8 @@ FORMATS = (".asc", ".asc", ".log", ".log", ".blf")
 
 
 def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
-    """A kill, and a full disk."""
+    """A kill."""
     yield _kill(folder, rng)
-    if not root():
-        yield _full(folder, rng)
 
 
 def _kill(folder: Path, rng: random.Random) -> Outcome:
@@ -42,28 +36,3 @@ def _kill(folder: Path, rng: random.Random) -> Outcome:
     outcome = after_an_end(path, sender, instant, group).within(MAX_LOSS_S * judging.busy())  # type: ignore[arg-type]
     about = f" ({suffix}, {rate}/s, load {busy})" if outcome.wrong else ""
     return outcome._replace(wrong=outcome.wrong + about, measure="lost at most")
-
-
-def _full(folder: Path, rng: random.Random) -> Outcome:
-    suffix, size = rng.choice((".blf", ".asc", ".log")), rng.randrange(60, 400)
-    wrong = []
-    sender = Sender(folder, 8000)
-    with (
-        tmpfs(folder / "small", f"{size}k") as disk,
-        Recording(disk / f"y{suffix}", talk=folder, bus=sender.words) as recording,
-        sender,
-    ):
-        until(lambda: "RECORDING failed" in recording.said or recording.process.poll() is not None)
-        sender.wait(rng.uniform(0.0, 0.5), since_now=True)
-        code = recording.end() if recording.process.poll() is None else recording.process.returncode
-        sender.end()
-        reported = recording.reported()
-        path = disk / f"y{suffix}"
-        kept = len(by_canid(path).frames)
-        wrong += judging.missing(judging.read([path]), sender, 0.0, 0.0)
-    if code != 5:
-        wrong.append(f"exit code {code}")
-    if reported["written"] != kept or not kept:
-        wrong.append(f"{reported['written']} frames stated, {kept} in the file")
-    about = f" ({suffix}, {size} kB)" if wrong else ""
-    return Outcome("a small tmpfs becomes full", math.nan, 0, "; ".join(wrong) + about)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.vehicle.vehicle_file import shipped
+from canid.values.shipped_files import shipped
 
 PROMISE = "no option overwrites a recording, a vehicle, a database or its own input; what is refused leaves nothing behind"
 # commands in a round: they share a process, since imports take longer than they do

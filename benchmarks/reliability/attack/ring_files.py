@@ -244,7 +244,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
 def _earlier(ring: Ring) -> None:
     from canid.recording.file_series import Series
     from canid.recording.rotation import Rotation
-    from canid.types import Frame
+    from canid.values.types import Frame
 
     series = Series(ring.folder / f"x{ring.suffix}", Rotation(time=1.0))
     for k in range(3):

@@ -13,16 +13,15 @@ from canid.cli.output.live_display import LiveDisplay as LiveDisplay
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.outputs import TextOutput
 from canid.cli.output.progress import is_terminal
-from canid.controls import Controls
-from canid.types import Estimate, Event, MonitorReport, SignalReport, Status
-from canid.views import estimate_text, json_values, signal_text
+from canid.recording.controls import Controls
+from canid.values import estimate_text, json_values
+from canid.values.types import Estimate, Event, MonitorReport, Sample, SignalReport
+from canid.views import signal_text
 from canid.views.terminal_view.state import HealthLine, View
 from canid.views.terminal_view.state import Item as Item
 
 # s of the log between two plain lines of the same estimator with the same status
-LINE_INTERVAL_S = 5.0
-# the same where nothing is estimated and the sentence stays the same: enough to see that time passes
-SAME_LINE_INTERVAL_S = 30.0
+LINE_INTERVAL_S = 60.0
 # s between two plain lines of the same trouble
 TROUBLE_INTERVAL_S = 10.0
 
@@ -37,19 +36,14 @@ class Observer(Protocol):
         """Show the state of buses, recorder and estimators; `output` is the role of the driver's output."""
 
     def status(self, values: dict[str, Any]) -> None:
-        """Take numbers on the session (`live_session.to_json`) or on the replay, a few times a second."""
+        """Take numbers on the session (`live_session.Recorded`) or on the replay, a few times a second."""
 
     def close(self) -> None:
         """End: leave the terminal as it was, close sockets."""
 
 
-class EventsOnly:
-    """Events on standard error; the estimates go to standard output as JSON."""
-
-    def put(self, item: Item) -> None:
-        """Report an event, drop everything else."""
-        if isinstance(item, Event):
-            info(item.says)
+class Unshown:
+    """What the displays below leave out."""
 
     def lines(self, lines: Iterable[HealthLine], output: str = "") -> None:
         """Drop them."""
@@ -61,8 +55,34 @@ class EventsOnly:
         """Nothing to restore."""
 
 
-class PlainLines:
-    """One line per change of status, and one every few seconds of the log."""
+class EventsOnly(Unshown):
+    """Events on standard error; the estimates go to standard output as JSON."""
+
+    def put(self, item: Item) -> None:
+        """Report an event, drop everything else."""
+        if isinstance(item, Event):
+            info(item.says)
+
+
+class JsonLines(Unshown):
+    """Estimates and reports as one line of JSON each."""
+
+    def __init__(self, file: TextOutput | None) -> None:
+        """Write to this file; None: nowhere."""
+        self._file = file
+
+    def put(self, item: Item) -> None:
+        """Write an estimate or a report; the monitor has none before the first misfit."""
+        if self._file is None or isinstance(item, Sample | Event):
+            return
+        if isinstance(item, MonitorReport) and item.since != item.since:
+            return
+        line = json_values.MonitorLine(item.t, item) if isinstance(item, MonitorReport) else item
+        self._file.write(json_values.document("replay", line) + "\n")
+
+
+class PlainLines(Unshown):
+    """One line per change of status, and one a minute of the log."""
 
     def __init__(self, output: str = "") -> None:
         """Nothing is shown yet; `output`: role of the driver's output, for the unit of K."""
@@ -79,9 +99,11 @@ class PlainLines:
             self._trouble[_without_numbers(item.says)] = item.says, time.monotonic()
         elif isinstance(item, Estimate):
             before = self._shown.get(item.estimator)
-            same = before is not None and before.says == item.says and item.status is not Status.OK
-            interval = SAME_LINE_INTERVAL_S if same else LINE_INTERVAL_S
-            if before is None or before.status is not item.status or item.t - before.t >= interval - 1e-6:
+            if (
+                before is None
+                or before.status is not item.status
+                or item.t - before.t >= LINE_INTERVAL_S - 1e-6
+            ):
                 self._shown[item.estimator] = item
                 print_line(estimate_text.estimate(item, self._output))
         elif isinstance(item, MonitorReport) and item.block != self._suspected:
@@ -104,12 +126,6 @@ class PlainLines:
                 self._trouble[key] = line.text, now
                 info(line.text)
 
-    def status(self, values: dict[str, Any]) -> None:
-        """Drop them."""
-
-    def close(self) -> None:
-        """Nothing to restore."""
-
 
 def _without_numbers(text: str) -> str:
     return re.sub(r"[\d.,]+", "#", text)
@@ -124,16 +140,3 @@ def display(view: View, *, json: str | None, controls: Controls | None = None) -
     if is_terminal(stream):
         return LiveDisplay(view, stream, controls)
     return EventsOnly() if json == "-" else PlainLines(view.output)
-
-
-def write_json(file: TextOutput | None, item: Estimate | MonitorReport | SignalReport) -> None:
-    """Write an estimate or a report as one line; the monitor has none before the first misfit."""
-    if file is None or (isinstance(item, MonitorReport) and item.since != item.since):
-        return
-    if isinstance(item, SignalReport):
-        value = json_values.signal_report(item)
-    elif isinstance(item, MonitorReport):
-        value = json_values.monitor_report(item)
-    else:
-        value = json_values.estimate(item)
-    file.write(json_values.document("replay", value) + "\n")

@@ -35,8 +35,8 @@ def parsed(text: str) -> list[str]:
         >>> parsed("aß \n\x1b[A\x1b\x03")
         ['a', 'ß', ' ', 'enter', 'escape']
     """
-    found = _KEY.findall(text)
-    return [NAMED.get(key, key) for key in found if key in NAMED or (len(key) == 1 and key.isprintable())]
+    keys = _KEY.findall(text)
+    return [NAMED.get(key, key) for key in keys if key in NAMED or (len(key) == 1 and key.isprintable())]
 
 
 def in_foreground(fd: int) -> bool:
@@ -55,6 +55,9 @@ class Keyboard:
         self._take = take
         self._fd = fd
         self._closing = threading.Event()
+        self._closed = False
+        # of who sets the terminal: once it is restored, the thread takes it no more. A signal's handler may come between
+        self._setting = threading.RLock()
         self._thread: threading.Thread | None = None
         self._wake: tuple[int, int] | None = None  # a pipe: ends the wait for a key
         self._saved: list[Any] | None = None  # the terminal's settings before
@@ -84,8 +87,9 @@ class Keyboard:
 
     def close(self) -> None:
         """Read no more, and restore the terminal."""
-        if self._thread is None or self._closing.is_set():
+        if self._thread is None or self._closed:
             return
+        self._closed = True
         self._closing.set()
         if self._wake is not None:
             os.write(self._wake[1], b"x")
@@ -99,14 +103,18 @@ class Keyboard:
             signal.signal(signal.SIGTTIN, self._ignored_before)
 
     def restore(self) -> None:
-        """Restore the terminal's settings; what was typed and not read does not go to the shell."""
+        """Read no more, and restore the terminal's settings; what was typed and not read does not go to the shell."""
+        self._closing.set()
         if sys.platform != "win32" and self._saved is not None and in_foreground(self._fd):
             import termios
 
+            has_lock = self._setting.acquire(timeout=CHECK_INTERVAL_S)
             with suppress(termios.error, OSError):
                 termios.tcflush(self._fd, termios.TCIFLUSH)
                 # at once: not after output that a stuck terminal does not take
                 termios.tcsetattr(self._fd, termios.TCSANOW, self._saved)
+            if has_lock:
+                self._setting.release()
 
     def grab(self) -> None:
         """Give keys singly from this call on, before a picture invites to press them; the process is in the foreground."""
@@ -148,6 +156,11 @@ class Keyboard:
 
     def _single_keys(self) -> None:
         """Give keys at once and without echo; again where a shell has changed that while we were stopped."""
+        with self._setting:
+            if not self._closing.is_set():
+                self._set_single_keys()
+
+    def _set_single_keys(self) -> None:
         if sys.platform == "win32":
             return
         import termios

@@ -14,9 +14,9 @@ from canid.cli.output import open_terminal
 from canid.cli.output.keys import Keyboard, in_foreground
 from canid.cli.output.messages import info
 from canid.cli.output.progress import REDRAW_HZ
-from canid.controls import MAX_MARK_TEXT, Controls
-from canid.types import Event
-from canid.views.numbers import clock
+from canid.recording.controls import MAX_MARK_TEXT, Controls
+from canid.values.numbers import clock
+from canid.values.types import Event
 from canid.views.terminal_view import ansi, sections
 from canid.views.terminal_view.picture import Overlay, render
 from canid.views.terminal_view.spans import Line, Span, cells, cut
@@ -156,6 +156,8 @@ class LiveDisplay:
                 self._controls.stop()
             elif key == "m" and self._controls is not None:
                 self._prompt = ""
+            elif key == "d" and self._controls is not None:
+                self._controls.diagnose()
             elif key == " ":
                 self._paused = self._view if self._paused is None else None
             elif key == "u":

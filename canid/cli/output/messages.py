@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from canid.views.terminal_text import terminal_text
+from canid.values.terminal_text import terminal_text
 
 
 def info(text: str) -> None:

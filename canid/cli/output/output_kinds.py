@@ -118,6 +118,11 @@ def study_table(header: str) -> Kind:
     return Kind("a table of canid study", (".csv",), lambda head: head.partition(b"\n")[0] == first)
 
 
+def is_junit(head: bytes) -> bool:
+    """JUnit XML of `canid identify`."""
+    return b'<testsuites name="canid identify"' in head[:200]
+
+
 def is_plot(head: bytes) -> bool:
     """A plot of `canid identify`."""
     return head.lstrip()[:4] == b"<svg" and b"canid identify" in head
@@ -161,6 +166,7 @@ JSON = Kind("JSON text", (".json", ".jsonl", ".ndjson"), is_json)
 TRUTH = Kind("the truth of a simulated drive", (".truth.json",), is_truth)
 PAGE = Kind("a page of canid diagnose", (".html", ".htm"), is_page)
 COMPARISON_PAGE = Kind("a page of canid compare", (".html", ".htm"), is_comparison_page)
+JUNIT = Kind("JUnit XML of canid identify", (".xml",), is_junit)
 PLOT = Kind("a plot of canid identify", (".svg",), is_plot)
 STUDY_PAGE = Kind("a page of canid study", (".html", ".htm"), is_study_page)
 STUDY_FIGURE = Kind("a figure of canid study", (".svg",), is_study_figure)
@@ -190,6 +196,18 @@ VBO = Kind(
     ),
 )
 LAYOUT = Kind("a layout of canid export", (".xml",), lambda head: b"<!-- canid export -->" in head[:200])
+# the first lines of canid.export.driver_models
+CONTROL = Kind(
+    "a driver for python-control", (".py",), lambda head: head.startswith(b'"""Driver identified by canid')
+)
+IDTF = Kind("a driver for MATLAB", (".mat",), lambda head: b"driver identified by canid" in head[:116])
+LATEX = Kind("a table of a driver", (".tex",), lambda head: head.startswith(b"% Driver identified by canid"))
+# the first member of the archive of canid.export.driver_fmu
+FMU = Kind(
+    "a driver as an FMU",
+    (".fmu",),
+    lambda head: head[:4] == b"PK\x03\x04" and head[30:51] == b"resources/driver.json",
+)
 # the mark of canid.sumo.vehicle_types, behind the XML declaration
 SUMO = Kind(
     "vehicle types of canid export",
@@ -204,7 +222,7 @@ PRIOR = Kind(
 )
 # canid.files.state_file replaces saved states only
 STATE = Kind("a saved state", (".json", ".state"), None)
-# canid.cli.simulate replaces simulated logs only
+# canid.cli.commands.simulate replaces simulated logs only
 SIMULATED = Kind("a simulated log", (".blf", ".asc", ".log"), None)
 # canid.logs never overwrites: it takes the next free name
 RECORDING = Kind("a recording", (".blf", ".asc", ".log"), None)

@@ -1,4 +1,4 @@
-"""Output files: the only place that opens files which options name for writing.
+"""Output files: those that options name for writing.
 
 A command declares all its outputs, and `check` refuses them together before anything is opened. A new file is created
 exclusively. An existing one is opened without truncation, recognised by its content through that descriptor, and
@@ -8,6 +8,7 @@ truncated by the first write only; inputs and files of another kind are never wr
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import sys
@@ -20,7 +21,8 @@ from typing import NamedTuple, Protocol
 from canid.cli.output.detached_writer import DetachedWriter
 from canid.cli.output.output_kinds import HEAD_BYTES, RECORDING, SIMULATED, Kind, foreign_kind
 from canid.cli.output.streams import Stream
-from canid.errors import ConfigError, OutputError
+from canid.files import opening
+from canid.values.errors import ConfigError, OutputError
 
 # bytes of JSON lines that may wait for a reader that does not read: some hours of estimates
 LINES_LIMIT_BYTES = 16 * 1024 * 1024
@@ -56,8 +58,11 @@ def check(outputs: Iterable[Output | None], inputs: Iterable[str | os.PathLike[s
         _name_fits(output)
     read = [(f"the input {path}", str(path)) for path in inputs if path is not None and os.path.exists(path)]
     named = [(output.option, output.path) for output in files]
-    for (option, path), (other, of) in [*combinations(named, 2), *((o, i) for o in named for i in read)]:
-        if same_file(path, of):
+    for (option, path), (other, other_path) in [
+        *combinations(named, 2),
+        *((o, i) for o in named for i in read),
+    ]:
+        if same_file(path, other_path):
             raise ConfigError(f"{option} {path}: is the same file as {other}; choose another name")
     for output in files:
         if output.kind.recognise is None:
@@ -65,7 +70,7 @@ def check(outputs: Iterable[Output | None], inputs: Iterable[str | os.PathLike[s
         if not os.path.exists(output.path):
             _creatable(output.path)
         elif not is_stream(output.path):
-            os.close(_existing(output, os.O_RDONLY))
+            os.close(_existing(output, write=False))
             if not os.access(output.path, os.W_OK):
                 raise OutputError(f"{output.path}: cannot be written (it is write-protected)")
 
@@ -88,22 +93,12 @@ def same_file(path: str, other: str) -> bool:
 
 
 @contextmanager
-def opened(output: Output | None) -> Iterator[TextOutput | None]:
-    """Open an output whose writes may block; None gives None.
+def opened_file(output: Output) -> Iterator[OutputFile]:
+    """Open an output that is a file, and whose writes may block.
 
     Raises:
         OutputError: it cannot be written, or a file that must not be replaced has appeared under this name.
     """
-    if output is None or output.stdout:
-        yield StandardOutput() if output else None
-        return
-    with opened_file(output) as file:
-        yield file
-
-
-@contextmanager
-def opened_file(output: Output) -> Iterator[OutputFile]:
-    """Open an output that is a file, as `opened` does."""
     file = OutputFile(output)
     try:
         yield file
@@ -179,15 +174,14 @@ class OutputFile:
 
     def _open(self) -> None:
         path = self._output.path
-        flags = os.O_WRONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
         try:
-            self._fd = os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o666)
+            self._fd = opening.create(path)
             self._created = True
         except FileExistsError:
             if is_stream(path):
-                self._fd = os.open(path, flags)
+                self._fd = opening.stream(path)
             else:
-                self._fd = _existing(self._output, os.O_RDWR)
+                self._fd = _existing(self._output, write=True)
         except OSError as error:
             raise unwritable(path, error) from error
 
@@ -248,19 +242,20 @@ def _name_fits(output: Output) -> None:
         )
 
 
-def _existing(output: Output, flags: int) -> int:
+def _existing(output: Output, *, write: bool) -> int:
     """Open an existing regular file, recognised by its content. Raises OutputError."""
     path = output.path
     try:
-        fd = os.open(path, flags | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
+        fd = opening.existing_named(path, write=write)
     except FileNotFoundError as error:
         raise OutputError(f"{path}: is a link to nothing; choose another name") from error
     except OSError as error:
+        if error.errno == errno.EMLINK:
+            raise OutputError(
+                f"{path}: exists under another name as well (a hard link): it is left as it is; choose another name"
+            ) from error
         raise unwritable(path, error) from error
     try:
-        found = os.fstat(fd)
-        if not stat.S_ISREG(found.st_mode):
-            raise OutputError(f"{path}: cannot be written (not a regular file)")
         # read and seek back: Windows has no pread
         head = os.read(fd, HEAD_BYTES)
         os.lseek(fd, 0, os.SEEK_SET)
@@ -285,8 +280,8 @@ def _creatable(path: str) -> None:
     if os.path.islink(path):
         raise OutputError(f"{path}: is a link to nothing; choose another name")
     folder = Path(path).parent
-    if not folder.is_dir():
-        why = "Not a directory" if folder.exists() else "No such file or directory"
+    if not os.path.isdir(folder):
+        why = "Not a directory" if os.path.exists(folder) else "No such file or directory"
         raise OutputError(f"{path}: cannot be written ({why})")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: cannot be written (Permission denied)")

@@ -7,7 +7,7 @@ import sys
 import time
 from typing import Any, TextIO
 
-from canid.views.terminal_text import terminal_text
+from canid.values.terminal_text import terminal_text
 
 # redraws per second: readable, and a few per cent of a core
 REDRAW_HZ = 5.0
@@ -16,6 +16,18 @@ REDRAW_HZ = 5.0
 def is_terminal(stream: TextIO) -> bool:
     """Whether the display can be drawn there."""
     return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+def time_left() -> Any:
+    """The column of the time that is left: empty until it is known, where rich has "-:--:--"."""
+    from rich.progress import Task, TimeRemainingColumn
+    from rich.text import Text
+
+    class TimeLeft(TimeRemainingColumn):
+        def render(self, task: Task) -> Text:
+            return Text("") if task.time_remaining is None else super().render(task)
+
+    return TimeLeft()
 
 
 class Progress:
@@ -27,14 +39,14 @@ class Progress:
         self._drawn = 0.0
         if is_terminal(sys.stderr):
             from rich.console import Console
-            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+            from rich.progress import BarColumn, TextColumn
             from rich.progress import Progress as Bar
 
             columns = (
                 TextColumn("{task.description}", markup=False),
                 BarColumn(),
                 TextColumn("{task.fields[count]}", markup=False),
-                TimeRemainingColumn(),
+                time_left(),
             )
             self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
             self._task = self._bar.add_task(terminal_text(label), total=None, count="")

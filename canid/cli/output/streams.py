@@ -31,7 +31,7 @@ PIPE_LIMIT_BYTES = 16 * 1024 * 1024
 # pieces of text that are kept while a view covers the screen
 MAX_HELD_PIECES = 1000
 # s in total that the end of a command waits for readers that do not read. 2 s are promised from a signal to the end;
-# with those of the estimators (canid.session.FINISH_S) and of --json (canid.cli.live_session.JSON_PATIENCE_S): 1.7 s
+# with those of the estimators (canid.session.session.FINISH_S) and of --json (canid.cli.live_session.JSON_PATIENCE_S): 1.7 s
 STREAM_PATIENCE_S = 0.4
 
 
@@ -212,10 +212,10 @@ def installed() -> Iterator[list[Stream]]:
 
 def detach() -> bool:
     """From now on no write to standard output or standard error blocks or raises; False: they are not `Stream`s."""
-    own = [stream for stream in (sys.stdout, sys.stderr) if isinstance(stream, Stream)]
-    for stream in own:
+    streams = [stream for stream in (sys.stdout, sys.stderr) if isinstance(stream, Stream)]
+    for stream in streams:
         stream.detach_writes()
-    return bool(own)
+    return bool(streams)
 
 
 def standard_output_error() -> OSError | None:

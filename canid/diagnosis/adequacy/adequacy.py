@@ -25,7 +25,7 @@ from canid.diagnosis.fitting.fitted_model import FittedModel, M
 from canid.diagnosis.fitting.likelihood import whitened
 from canid.diagnosis.fitting.model import Columns
 from canid.diagnosis.fitting.score_test import independent, score_test
-from canid.types import Array
+from canid.values.types import Array
 
 # probability that a drive without a cause fails in any family, and that a drive with the right cause named does
 FAMILY_CHANCE, NAMED_CHANCE = 0.005, 0.02
@@ -68,25 +68,25 @@ class Adequacy(NamedTuple):
     share: float  # of the residual's variance, the largest of a failed family
 
 
-def assess(found: Search, original: DriverData, explained: float = 0.0) -> Adequacy:
+def assess(search: Search, original: DriverData, explained: float = 0.0) -> Adequacy:
     """Test what a model leaves against every family.
 
     Args:
-        found: what the search ended with.
+        search: what the search ended with.
         original: the drive, with nothing taken out of it.
         explained: variance that its causes took from the residual, over what they left. The remainder is compared with
             that, because the true form of a cause never is exactly the one that is fitted.
     """
-    data, solved = found.data, found.solved
+    data, solved = search.data, search.solved
     families = shapes(data, solved)
     families_tested = [*spanned(families, data, solved), _unsteady(data, solved)]
     families_tested += [
-        Family(one.name, one.says, one.p, one.statistic, 1, one.share)
-        for one in unnamed_patterns.detect(found, original)
+        Family(pattern.name, pattern.says, pattern.p, pattern.statistic, 1, pattern.share)
+        for pattern in unnamed_patterns.detect(search, original)
     ]
-    bound = (NAMED_CHANCE if found.named else FAMILY_CHANCE) / len(families_tested)
+    bound = (NAMED_CHANCE if search.named else FAMILY_CHANCE) / len(families_tested)
     # movements between two decisions are not simulated and stay in the residual
-    decides = any(one.effect.intermittent for one in found.named)
+    decides = any(named.effect.intermittent for named in search.named)
     material = max(MATERIAL_RESIDUAL_SHARE, LEFT_BEHIND_SHARE * max(explained, float(decides)))
     failed = [
         family
@@ -112,7 +112,7 @@ def spanned(families: list[Shapes], data: Columns, solved: FittedModel[M]) -> li
     J = solved.fitted.jacobian
     Q = np.column_stack([memory, qr(J - memory @ (memory.T @ J), mode="economic")[0]])
     e = solved.fitted.scored.e / np.sqrt(max(_even(solved), 1e-300))
-    own: Array | None = None
+    model_directions: Array | None = None
     plain, out = 0.0, []
     for name, says, columns in families:
         X = _white(columns, solved)
@@ -129,10 +129,12 @@ def spanned(families: list[Shapes], data: Columns, solved: FittedModel[M]) -> li
         tested = score_test(X, turn, e, round(WHITENED_SCORE_LAG_S / data.output.dt))
         p, statistic = min(tested.best, tested.p), tested.statistic
         if p < REFIT_CHANCE:
-            if own is None:
-                own = directions(data, solved)
-                plain = refit_noise.refit(data, solved, own, memory).deviance
-            again = refit_noise.refit(data, solved, np.column_stack([own, columns[:, kept] @ turn]), memory)
+            if model_directions is None:
+                model_directions = directions(data, solved)
+                plain = refit_noise.refit(data, solved, model_directions, memory).deviance
+            again = refit_noise.refit(
+                data, solved, np.column_stack([model_directions, columns[:, kept] @ turn]), memory
+            )
             won = max(plain - again.deviance, 0.0) / tested.variance_inflation
             p, statistic = min(p, float(chi2.sf(won, k))), max(statistic, won)
         # the best of two tests
@@ -150,9 +152,17 @@ def _unsteady(data: DriverData, solved: FittedDriver) -> Family:
     """Answers that come and go."""
     scored = solved.fitted.scored
     seen = {name: _white(x[:, None], solved)[:, 0] for name, x in answers(data, solved).items()}
-    found = intermittent_gain.detect(seen, scored.e, solved.rows & (scored.slope == -1.0), data.output.dt)
-    says = f"answers that come and go ({found.answer})" if found.answer else "answers that come and go"
-    return Family("unsteady", says, found.p, found.score, 1, _share(found.gain, data, solved))
+    intermittent = intermittent_gain.detect(
+        seen, scored.e, solved.rows & (scored.slope == -1.0), data.output.dt
+    )
+    says = (
+        f"answers that come and go ({intermittent.answer})"
+        if intermittent.answer
+        else "answers that come and go"
+    )
+    return Family(
+        "unsteady", says, intermittent.p, intermittent.score, 1, _share(intermittent.gain, data, solved)
+    )
 
 
 def _share(gain: float, data: Columns, solved: FittedModel[M]) -> float:

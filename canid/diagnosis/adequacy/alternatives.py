@@ -14,8 +14,8 @@ from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1, K2, TAU2, THETA2, delayed, lagged, parts, seen_late
 from canid.effects.effect import Seen
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # standard deviations; beyond, a power of an input is a few samples
 OUTLIER_SIGMAS = 4.0
@@ -69,7 +69,9 @@ def shapes(data: DriverData, solved: FittedDriver) -> list[Shapes]:
         *_of_output(solved.fitted.model, fine, data.output.dt),
     ]
     # where the output is the car's own acceleration, that is no input to it
-    return families if data.pedal else [one for one in families if one.name not in OWN_MOTION_FAMILIES]
+    return (
+        families if data.pedal else [family for family in families if family.name not in OWN_MOTION_FAMILIES]
+    )
 
 
 class Inputs(NamedTuple):

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # s; from a distraction up to a manoeuvre
 GAIN_WINDOWS_S = (2.0, 4.0, 10.0)
@@ -58,9 +58,9 @@ def detect(answers: dict[str, Array], e: Array, rows: Flags, dt: float) -> Inter
             if k < 2 or np.count_nonzero(whole) < MIN_WINDOWS:
                 continue
             tests += 1
-            found = _follows(_cut(x, k)[whole], _cut(e, k)[whole])
-            if found.p < best.p:
-                best = found._replace(answer=f"{name}, {length:g} s")
+            tested = _follows(_cut(x, k)[whole], _cut(e, k)[whole])
+            if tested.p < best.p:
+                best = tested._replace(answer=f"{name}, {length:g} s")
     return best._replace(p=min(1.0, best.p * max(tests, 1)))
 
 

@@ -15,7 +15,7 @@ from canid.diagnosis.fitting.fitted_model import FittedModel, M, problem
 from canid.diagnosis.fitting.least_squares import derivatives
 from canid.diagnosis.fitting.likelihood import fit_noise, score, whitened
 from canid.diagnosis.fitting.model import Columns
-from canid.types import Array
+from canid.values.types import Array
 
 # of "coefficients given the noise model, noise model given the coefficients"
 NOISE_ALTERNATIONS = 4
@@ -27,8 +27,8 @@ RANK_TOLERANCE = 1e-10
 
 def directions(data: Columns, solved: FittedModel[M]) -> Array:
     """Derivatives of the output by the model's free parameters, (n, k), not whitened."""
-    of = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
-    J = derivatives(of, solved.q, solved.fitted.model)
+    fitted_problem = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
+    J = derivatives(fitted_problem, solved.q, solved.fitted.model)
     length = np.linalg.norm(J, axis=0)
     out: Array = J[:, length > 0] / length[length > 0]
     return out
@@ -80,7 +80,8 @@ def refit(data: Columns, solved: FittedModel[M], columns: Array, memory: Array) 
         # by the normal equations: a direction within rounding is left alone
         b = b - np.linalg.lstsq(J.T @ J, J.T @ scored.e, rcond=RANK_TOLERANCE)[0] / length
         model = solved.fitted.model + columns @ b
-        noise = fit_noise(output, output.y - model, p, solved.noise.size)
+        noise = fit_noise(output, output.y - model, p, solved.noise.size, solved.noise.freedom)
     scored = score(output, rows, noise, model)
-    left = scored.e - memory @ (memory.T @ scored.e)
-    return Refit(float(left @ left) + 2.0 * scored.free * float(np.log(noise.sd)), columns @ b)
+    remembered = memory.T @ scored.e
+    cost = scored.cost - float(remembered @ remembered)
+    return Refit(cost + 2.0 * scored.free * float(np.log(noise.sd)), columns @ b)

@@ -13,8 +13,8 @@ from scipy.stats import chi2
 
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # s over which the residual is smoothed: shorter than the pushes, so that quick noise is averaged out
 SMOOTHING_WINDOWS_S = (1.0, 2.0)

@@ -16,7 +16,7 @@ from canid.diagnosis.driver import intermittent_control, pedal_holds, random_wal
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_search import Search
 from canid.effects.effect import Detector
-from canid.types import Array
+from canid.values.types import Array
 
 # bins either side of a line's highest whose power is the line's
 LINE_HALF_WIDTH_BINS = 1
@@ -35,25 +35,25 @@ class Pattern(NamedTuple):
     share: float  # of the residual's variance
 
 
-def detect(found: Search, original: DriverData) -> list[Pattern]:
+def detect(search: Search, original: DriverData) -> list[Pattern]:
     """Test for patterns that the search has not named.
 
     Args:
-        found: what the search ended with.
+        search: what the search ended with.
         original: the drive, with nothing taken out of it.
     """
-    data, solved = found.data, found.solved
-    named = {detector for one in found.named for detector in one.effect.detectors}
-    if any(one.effect.intermittent for one in found.named):
+    data, solved = search.data, search.solved
+    named = {detector for cause in search.named for detector in cause.effect.detectors}
+    if any(cause.effect.intermittent for cause in search.named):
         return []  # a sawtooth has a line, a rhythm and standstills of its own
     out = []
     left = np.where(solved.rows & ~data.output.hidden, data.output.y - solved.fitted.model, 0.0)
-    out.append(_still(data._replace(output=data.output._replace(y=original.output.y)), found, left, named))
+    out.append(_still(data._replace(output=data.output._replace(y=original.output.y)), search, left, named))
     if Detector.SPECTRAL_LINE not in named:
         out.append(_line(left, solved.fitted.scored.e, data.output.dt))
-    out.append(_rhythm(found))
-    if found.random_walk is None:
-        out.append(_random_walk(found, left))
+    out.append(_rhythm(search))
+    if search.random_walk is None:
+        out.append(_random_walk(search, left))
     # an acceleration is skewed by itself: brakes are stronger than engines
     if data.pedal:
         side = skewness.detect(data, solved)
@@ -62,9 +62,9 @@ def detect(found: Search, original: DriverData) -> list[Pattern]:
     return out
 
 
-def _still(data: DriverData, found: Search, left: Array, named: set[Detector]) -> Pattern:
+def _still(data: DriverData, search: Search, left: Array, named: set[Detector]) -> Pattern:
     """Standstills of the pedal where the model moves it."""
-    held = pedal_holds.detect(data, found.solved, found.holds)
+    held = pedal_holds.detect(data, search.solved, search.holds)
     share = 0.0
     for start, stop in held.episodes:
         share += float(np.sum(left[start:stop] ** 2))
@@ -85,17 +85,17 @@ def _line(left: Array, e: Array, dt: float) -> Pattern:
     p = float(2 * f.size * (1 + 0.5 * tall[at] / MEAN_BINS) ** -MEAN_BINS)
     power = np.abs(np.fft.rfft(left)) ** 2
     k = round(float(f[at]) * left.size * dt)
-    own = float(np.sum(power[max(k - LINE_HALF_WIDTH_BINS, 0) : k + LINE_HALF_WIDTH_BINS + 1])) / max(
+    line_share = float(np.sum(power[max(k - LINE_HALF_WIDTH_BINS, 0) : k + LINE_HALF_WIDTH_BINS + 1])) / max(
         0.5 * left.size * float(left @ left), 1e-12
     )
-    return Pattern("line", says, min(p, 1.0), float(tall[at]), min(own, 1.0))
+    return Pattern("line", says, min(p, 1.0), float(tall[at]), min(line_share, 1.0))
 
 
-def _rhythm(found: Search) -> Pattern:
+def _rhythm(search: Search) -> Pattern:
     """A residual that follows the model's slope in a rhythm."""
-    scored = found.solved.fitted.scored
+    scored = search.solved.fitted.scored
     e = np.where(scored.slope == -1.0, scored.e, 0.0)
-    intervals, over = intermittent_control.spectrum(e, found.solved.fitted.model, found.data.output.dt)
+    intervals, over = intermittent_control.spectrum(e, search.solved.fitted.model, search.data.output.dt)
     if not intervals.size:
         return Pattern("rhythm", "decisions in a rhythm", 1.0, 0.0, 0.0)
     # relative to its surroundings as well: a band in which a smoothed output has no content is no rhythm
@@ -104,13 +104,13 @@ def _rhythm(found: Search) -> Pattern:
     return Pattern("rhythm", "decisions in a rhythm", p, most, most / max(scored.free, 1))
 
 
-def _random_walk(found: Search, left: Array) -> Pattern:
+def _random_walk(search: Search, left: Array) -> Pattern:
     """A random walk of the desired headway."""
-    drift = random_walk.detect(found.data, found.solved)
+    drift = random_walk.detect(search.data, search.solved)
     says = "a random walk of the desired headway"
     if drift is None or drift.evidence <= 0.0:
         return Pattern("wander", says, 1.0, 0.0, 0.0)
-    rows = found.solved.rows & ~found.data.output.hidden
+    rows = search.solved.rows & ~search.data.output.hidden
     ratio = float(np.var(drift.added[rows])) / max(float(np.var(left[rows])), 1e-12)
     # a variance is not negative: half of the chances are none (Self & Liang 1987)
     return Pattern("wander", says, 0.5 * float(chi2.sf(drift.evidence, 1)), drift.evidence, min(ratio, 1.0))

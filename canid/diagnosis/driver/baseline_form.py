@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.driver import closed_loop, delay_grid, driver_candidates
-from canid.diagnosis.driver.driver_candidates import EVIDENCE_PER_PARAMETER
+from canid.diagnosis.driver import closed_loop, driver_candidates, local_minima, noise_law
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import (
@@ -32,21 +31,22 @@ from canid.diagnosis.driver.driver_model import (
     DriverModel,
     with_effects,
 )
-from canid.diagnosis.fitting.fitted_model import polished, scaled_by_state, solve
-from canid.diagnosis.fitting.robust_covariance import inflation, needed, sandwich
+from canid.diagnosis.fitting.candidates import EVIDENCE_PER_PARAMETER
+from canid.diagnosis.fitting.fitted_model import polished, solve
 from canid.diagnosis.fitting.search import RIVAL
+from canid.diagnosis.fitting.uncertainty import inflation, needed, sandwich
 from canid.effects.effect import Effect, Kind
 from canid.effects.wanted_gap import REFERENCE_SPEED, Form
-from canid.findings import BaselineForm
 from canid.identification.confidence import SIGMAS
-from canid.types import Array, Interval, Trace
+from canid.values.findings import BaselineForm
+from canid.values.types import Array, Interval, Trace
 
 # s, m, and parts of the highest driven speed: where the fit of a form begins, after screening with its gains refitted
 INITIAL_T, INITIAL_S0, INITIAL_V0 = (0.7, 1.2, 1.8, 2.5), (0.0, 4.0), (1.05, 1.3, 2.0)
 # the forms that are compared with a constant time headway
 OTHERS = (Form.GAP, Form.FREE_SPEED)
 # of a parameter's range; a form with a parameter nearer than this to its bound is another form
-BOUND_RANGE_SHARE = 0.01
+BOUND_FORM_SHARE = 0.01
 # of the screened initial guesses, fitted in full
 FULL_FITS = 2
 # of parameters and noise, in each of these fits
@@ -78,21 +78,20 @@ def choose(trace: Trace, data: DriverData, fitted: FittedDriver, effects: tuple[
         return Choice(fitted, "the form for a pedal")
     best: _Fitted | None = None
     for form in OTHERS:
-        one = _fitted(trace, data, fitted, form)
-        if one is not None and (best is None or one.gap_error < best.gap_error):
-            best = one
+        candidate = _fitted(trace, data, fitted, form)
+        if candidate is not None and (best is None or candidate.gap_error < best.gap_error):
+            best = candidate
     if best is None:
         return Choice(fitted, "no other form explains more than chance")
     rivals = tuple(effect for effect in effects if effect.wanted_gap and effect.kind is Kind.PARAMETRIC)
     for effect in rivals:
-        found = driver_candidates.tried(effect, data, fitted, driver_candidates.screen(effect, data, fitted))
-        margin = fitted.deviance - found.solved.deviance - EVIDENCE_PER_PARAMETER * found.parameters
+        rival = driver_candidates.tried(effect, data, fitted, driver_candidates.screen(effect, data, fitted))
+        margin = fitted.deviance - rival.solved.deviance - EVIDENCE_PER_PARAMETER * rival.parameters
         # of two that explain the same, the one with fewer parameters; of two equals, the form
-        if margin > best.margin + (RIVAL if found.parameters >= best.extra else 0.0):
+        if margin > best.margin + (RIVAL if rival.parameters >= best.extra else 0.0):
             return Choice(fitted, "another wanted gap explains more than the other forms")
     best_fit = best.solved
-    noise = scaled_by_state(data, best_fit.model, best_fit.fitted, best_fit.noise, best_fit.rows)
-    chosen = polished(data, solve(data, best_fit.model, best_fit.q, noise, best_fit.rows))
+    chosen = polished(data, noise_law.again(data, best_fit))
     return Choice(
         chosen, f"evidence {best.evidence:.0f} over a constant time headway, {best.needed:.0f} needed"
     )
@@ -114,10 +113,11 @@ def _fitted(trace: Trace, data: DriverData, fitted: FittedDriver, form: Form) ->
     if solved is None:
         return None
     extra = len(solved.fitted.free) - len(fitted.fitted.free)
-    own = [k for k in OWN[form] if k in solved.fitted.free and k != OFFSET]
-    near = [BOUND_RANGE_SHARE * (HIGH[k] - LOW[k]) for k in own]
+    form_places = [k for k in OWN[form] if k in solved.fitted.free and k != OFFSET]
+    near = [BOUND_FORM_SHARE * (HIGH[k] - LOW[k]) for k in form_places]
     if any(
-        min(solved.q[k] - LOW[k], HIGH[k] - solved.q[k]) < edge for k, edge in zip(own, near, strict=True)
+        min(solved.q[k] - LOW[k], HIGH[k] - solved.q[k]) < edge
+        for k, edge in zip(form_places, near, strict=True)
     ):
         return None
     standstill = stated(data, solved, "").parameters.get("s0")
@@ -125,10 +125,10 @@ def _fitted(trace: Trace, data: DriverData, fitted: FittedDriver, form: Form) ->
     if standstill is not None and not LOW[STANDSTILL] <= standstill.value <= HIGH[STANDSTILL]:
         return None
     won = fitted.deviance - solved.deviance
-    evidence, bound = won / inflation(solved.fitted, own, data.output.dt), needed(extra, len(OTHERS))
+    evidence, bound = won / inflation(solved.fitted, form_places, data.output.dt), needed(extra, len(OTHERS))
     if evidence < bound:
         return None
-    square, before = (closed_loop.gap_error(trace, data, one) for one in (solved, fitted))
+    square, before = (closed_loop.gap_error(trace, data, model_fit) for model_fit in (solved, fitted))
     # not <=: NaN, no stretch to compare on
     if not square <= before:
         return None
@@ -138,14 +138,14 @@ def _fitted(trace: Trace, data: DriverData, fitted: FittedDriver, form: Form) ->
 def of_form(data: DriverData, fitted: FittedDriver, form: Form) -> FittedDriver | None:
     """Fit a baseline of another form, from its best initial guesses."""
     model = with_effects((), form, fitted.model.begins, fitted.model.tied)
-    guesses = [delay_grid.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
+    guesses = [local_minima.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
     guesses.sort(key=lambda guess: -guess.explains)
     # another wanted gap leaves another noise: with the baseline's, the fit ends far from the optimum
-    found = [
+    fits = [
         polished(data, solve(data, model, guess.q, fitted.noise, fitted.rows, FORM_TURNS))
         for guess in guesses[:FULL_FITS]
     ]
-    return min(found, key=lambda one: one.deviance, default=None)
+    return min(fits, key=lambda fit: fit.deviance, default=None)
 
 
 def _starts(data: DriverData, fitted: FittedDriver, model: DriverModel) -> Iterator[Array]:
@@ -180,21 +180,21 @@ def stated(data: DriverData, solved: FittedDriver, why: str) -> BaselineForm:
         sd = float(np.sqrt(g @ C @ g))
         return Interval(value, value - SIGMAS * sd, value + SIGMAS * sd)
 
-    def own(k: int) -> Interval:
+    def of_place(k: int) -> Interval:
         return interval(float(q[k]), {k: 1.0})
 
     if form is Form.FREE_SPEED:
-        found = {"T": own(DESIRED), "s0": own(STANDSTILL), "v0": own(FREE_SPEED)}
+        estimates = {"T": of_place(DESIRED), "s0": of_place(STANDSTILL), "v0": of_place(FREE_SPEED)}
     else:
         # K1 e + offset = 0
         K, offset = float(q[K1]) or np.nan, float(q[OFFSET])
         away = -offset / K
         slopes = {OFFSET: -1.0 / K, K1: offset / K**2}
         if form is Form.TIME_HEADWAY:
-            found = {"T": interval(float(q[DESIRED]) + away, slopes | {DESIRED: 1.0})}
+            estimates = {"T": interval(float(q[DESIRED]) + away, slopes | {DESIRED: 1.0})}
         else:
             scaled = {k: REFERENCE_SPEED * slope for k, slope in slopes.items()}
-            found = {"T": own(DESIRED), "s0": interval(REFERENCE_SPEED * away, scaled)}
+            estimates = {"T": of_place(DESIRED), "s0": interval(REFERENCE_SPEED * away, scaled)}
     sure = float(q[K1]) > SIGMAS * float(np.sqrt(C[place[K1], place[K1]]))
-    known = found if sure else {}
+    known = estimates if sure else {}
     return BaselineForm(form.value, known, {name: units[name] for name in known}, says)

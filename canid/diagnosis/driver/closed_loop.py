@@ -13,22 +13,22 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis.driver import pedal_holds
-from canid.diagnosis.driver.driver_data import DriverData, braking
+from canid.diagnosis.driver.driver_data import DriverData, braking, filled
 from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_model import K1, K2, TAU1, TAU2, lagged, parts
+from canid.diagnosis.driver.driver_model import K1, K2, TAU1, TAU2, DriverModel, lagged, parts
 from canid.diagnosis.driver.driver_simulation import HISTORY_S, Late, SimulatedDriver, driver
 from canid.diagnosis.driver.held_out import FOLD_BLOCK_S, Fold
 from canid.diagnosis.driver.pedal_holds import Holds
-from canid.diagnosis.fitting import jackknife
+from canid.diagnosis.fitting import uncertainty
 from canid.diagnosis.fitting.held_out_gain import gain
 from canid.diagnosis.masks import extended as followed_by
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.diagnosis.vehicle.vehicle_data import AFTER_BRAKE_S
-from canid.diagnosis.vehicle.vehicle_fit import FittedVehicle
 from canid.diagnosis.vehicle.vehicle_model import STRENGTH, FittedCar, drivable
-from canid.findings import Flags, Trajectory
-from canid.runs import runs
-from canid.types import NAN, Array, Interval, Trace
+from canid.diagnosis.vehicle.vehicle_search import FittedVehicle
+from canid.values.findings import Flags, Trajectory
+from canid.values.runs import runs
+from canid.values.types import NAN, Array, Interval, Trace
 
 # s; in a shorter stretch gap and speed hardly leave their initial values
 MIN_STRETCH_S = 12.0
@@ -87,7 +87,7 @@ def simulate(
     trace: Trace,
     data: DriverData,
     role: str,
-    folds: tuple[Fold, ...],
+    folds: tuple[Fold[DriverModel], ...],
     held: tuple[Holds, ...],
     vehicle: Vehicle,
 ) -> tuple[Trajectory, ...]:
@@ -110,7 +110,7 @@ def simulate(
         return ()
     brake = braking(trace)
     usable = data.output.usable.copy()
-    for start, stop in (span for one in held for span in one.episodes):
+    for start, stop in (span for episodes in held for span in episodes.episodes):
         usable[start:stop] = True
     where = stretches(usable & ~_after_brake(brake, dt), dt)
     if not where:
@@ -118,10 +118,12 @@ def simulate(
     cars: tuple[Car | None, Car | None] = (None, None)
     if vehicle.cars is not None and role == PEDAL:
         demand = folds[0].base.fitted.model
-        one = car(vehicle.cars[0], vehicle, demand, brake, dt)
+        baseline_car = car(vehicle.cars[0], vehicle, demand, brake, dt)
         cars = (
-            one,
-            one if vehicle.cars[0] is vehicle.cars[1] else car(vehicle.cars[1], vehicle, demand, brake, dt),
+            baseline_car,
+            baseline_car
+            if vehicle.cars[0] is vehicle.cars[1]
+            else car(vehicle.cars[1], vehicle, demand, brake, dt),
         )
     road = Road(data, data.seen.speed + data.seen.range_rate, trace.output)
     same = cars[0] is cars[1] and all(fold.extended is fold.base for fold in folds)
@@ -140,7 +142,7 @@ def simulate(
         ("gap", "speed"), (data.seen.gap, data.seen.speed), before, after, strict=True
     ):
         errors = (old - measured)[inside] ** 2, (new - measured)[inside] ** 2
-        gained = Interval() if same else gain(*errors, number[inside], jackknife.MIN_BLOCKS)
+        gained = Interval() if same else gain(*errors, number[inside], uncertainty.MIN_BLOCKS)
         out.append(Trajectory(name, measured, old, new, gained))
     return tuple(out)
 
@@ -182,10 +184,10 @@ def stretches(usable: Flags, dt: float, block_s: float = FOLD_BLOCK_S) -> tuple[
     """
     size, out = round(block_s / dt), []
     for block, start in enumerate(range(0, usable.size, size)):
-        found = runs(usable[start : start + size])
-        if not found:
+        usable_runs = runs(usable[start : start + size])
+        if not usable_runs:
             continue
-        first, stop = max(found, key=lambda run: run[1] - run[0])
+        first, stop = max(usable_runs, key=lambda run: run[1] - run[0])
         if (stop - first) * dt >= MIN_STRETCH_S:
             out.append(Stretch(start + first, start + stop, block))
     return tuple(out)
@@ -234,10 +236,10 @@ def drive(road: Road, ride: Ride, where: tuple[Stretch, ...]) -> tuple[Array, Ar
     n = road.output.size
     late, _, past = driven(road, ride, where)
     gap, speed = np.full(n, NAN), np.full(n, NAN)
-    for m, one in enumerate(where):
-        here = slice(past, past + one.stop - one.start)
-        gap[one.start : one.stop] = late.gap[here, m]
-        speed[one.start : one.stop] = late.speed[here, m]
+    for m, stretch in enumerate(where):
+        here = slice(past, past + stretch.stop - stretch.start)
+        gap[stretch.start : stretch.stop] = late.gap[here, m]
+        speed[stretch.start : stretch.stop] = late.speed[here, m]
     return gap, speed
 
 
@@ -251,16 +253,17 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
         noise: of the driver; None: none.
     """
     data, dt, n = road.data, road.data.output.dt, road.output.size
-    past, length = round(HISTORY_S / dt), max(one.stop - one.start for one in where)
+    past, length = round(HISTORY_S / dt), max(stretch.stop - stretch.start for stretch in where)
     # (past + length, m) into the drive; what lies behind a stretch's end is computed and thrown away
-    rows = np.arange(-past, length)[:, None] + np.array([one.start for one in where])[None, :]
+    rows = np.arange(-past, length)[:, None] + np.array([stretch.start for stretch in where])[None, :]
     rows = np.clip(rows, 0, n - 1)
     lead = road.lead_speed[rows]
     seen = data.seen
     late = Late(seen.gap[rows], seen.range_rate[rows], seen.speed[rows], seen.lead_accel[rows], seen.t[rows])
     init, step = driver(_drivers(road, ride, where, rows), dt)
     person = init()
-    pressed = np.maximum(road.output[rows], 0.0)
+    # before a stretch the log may hold nothing, as between two drives
+    pressed = np.maximum(filled(road.output)[rows], 0.0)
     engine = None
     if ride.car is not None:
         # the engine's lags hold what was pressed before
@@ -271,12 +274,12 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
                 engine, pressed[k], late.speed[k], ride.car.slope[at], ride.car.gear[at]
             )
     output = np.full(rows.shape, NAN)
-    own = np.zeros(rows.shape[1])
+    own_accel = np.zeros(rows.shape[1])
     last: Array | None = None
     for k in range(past, past + length - 1):
         person, demand = step(person, late, k)
         if noise is not None:
-            demand = np.minimum(demand + noise(k, own), pedal_holds.ceiling(ride.held))
+            demand = np.minimum(demand + noise(k, own_accel), pedal_holds.ceiling(ride.held))
         output[k] = demand
         accel = demand
         if ride.car is not None and engine is not None:
@@ -289,7 +292,7 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
             accel = accel + road.push[rows[k]]
         # Adams and Bashforth's second order: the driver answers what the car has done, so nothing ahead is known
         mean = accel if last is None else 1.5 * accel - 0.5 * last
-        last = own = accel
+        last = own_accel = accel
         late.speed[k + 1] = np.maximum(late.speed[k] + dt * mean, 0.0)
         np.minimum(late.speed[k + 1], MAX_SPEED, out=late.speed[k + 1])
         opening = 0.5 * (lead[k] + lead[k + 1] - late.speed[k] - late.speed[k + 1])
@@ -301,18 +304,19 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
 def _drivers(road: Road, ride: Ride, where: tuple[Stretch, ...], rows: Rows) -> SimulatedDriver:
     """The driver of each stretch: fitted to the other folds, lags filled with what was measured before."""
     data, dt, n = road.data, road.data.output.dt, road.output.size
-    folds = [one.block % len(ride.fits) for one in where]
+    folds = [stretch.block % len(ride.fits) for stretch in where]
     states = {}
     for fold in set(folds):
         solved = ride.fits[fold]
-        of = parts(solved.model, data, solved.q)
-        gain = of.gain * np.ones(n)
+        inputs = parts(solved.model, data, solved.q)
+        gain = inputs.gain * np.ones(n)
         states[fold] = (
-            lagged(gain * solved.q[K1] * of.e, float(solved.q[TAU1]), dt),
-            lagged(gain * solved.q[K2] * of.w + of.extra, float(solved.q[TAU2]), dt),
+            lagged(gain * solved.q[K1] * inputs.e, float(solved.q[TAU1]), dt),
+            lagged(gain * solved.q[K2] * inputs.w + inputs.extra, float(solved.q[TAU2]), dt),
         )
     first, second = (
-        np.array([states[fold][k][one.start] for fold, one in zip(folds, where, strict=True)]) for k in (0, 1)
+        np.array([states[fold][k][stretch.start] for fold, stretch in zip(folds, where, strict=True)])
+        for k in (0, 1)
     )
     added = np.zeros(rows.shape)
     for m, fold in enumerate(folds):

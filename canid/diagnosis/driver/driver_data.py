@@ -9,8 +9,8 @@ import numpy as np
 from canid.diagnosis.causal_smoothing import Lagged, lagged
 from canid.diagnosis.fitting.likelihood import Output
 from canid.effects.effect import Seen
-from canid.findings import Flags
-from canid.types import Array, LearnGate, Trace
+from canid.values.findings import Flags
+from canid.values.types import Array, LearnGate, Trace
 
 # %; one step of an 8-bit pedal sensor: at or below it the pedal may be released (as `canid.learning_gate`)
 PEDAL_FLOOR_PERCENT = 0.5
@@ -30,6 +30,15 @@ class DriverData(NamedTuple):
     output: Output
     pedal: bool  # is the output a pedal, with a floor?
     begins: tuple[float, ...] = ()  # s, of each further drive
+
+    @property
+    def t(self) -> Array:
+        """(n,) s since the first sample."""
+        return np.asarray(self.seen.t)
+
+    def with_output(self, output: Output) -> DriverData:
+        """Return the same drive with another output."""
+        return self._replace(output=output)
 
 
 def filled(x: Array) -> Array:

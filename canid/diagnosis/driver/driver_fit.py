@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
-from canid.diagnosis.driver import delay_grid
+from canid.diagnosis.driver import local_minima
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_model import (
     BASE,
@@ -24,6 +24,7 @@ from canid.diagnosis.driver.driver_model import (
 )
 from canid.diagnosis.fitting import fitted_model
 from canid.diagnosis.fitting.fitted_model import MIN_FIT_IMPROVEMENT, FittedModel, Start, polished, solve
+from canid.values.findings import Flags
 
 FittedDriver = FittedModel[DriverModel]
 
@@ -94,7 +95,9 @@ def _lowest(data: DriverData, fitted: FittedDriver) -> FittedDriver:
     ended 6 above it.
     """
     for _ in range(MAX_ROUNDS):
-        lower = min(delay_grid.minima(fitted.model, data, fitted, fitted.q), key=lambda one: one.deviance)
+        lower = min(
+            local_minima.minima(fitted.model, data, fitted, fitted.q), key=lambda minimum: minimum.deviance
+        )
         if lower.deviance > fitted.deviance - MIN_FIT_IMPROVEMENT:
             break
         fitted = polished(data, lower)
@@ -106,10 +109,18 @@ def answered(data: DriverData, fitted: FittedDriver) -> bool:
 
     Without an answer there is nothing that a cause could change.
     """
+    constants = {*OWN[fitted.model.form], *_offsets(data)}
+    freed = len(fitted.fitted.free) - len(constants)
+    without = silent(data, fitted, fitted.rows)
+    return without.deviance - fitted.deviance > float(chi2.isf(ANSWER_CHANCE, freed))
+
+
+def silent(data: DriverData, fitted: FittedDriver, rows: Flags) -> FittedDriver:
+    """The driver who answers nothing: offsets and noise alone, fitted to some rows."""
     q = fitted.q.copy()
     q[[K1, K2]] = 0.0
-    offsets = (OFFSET, *range(len(BASE), len(BASE) + len(data.begins)))
-    own = {*OWN[fitted.model.form], *offsets}
-    silent = solve(data, fitted.model.with_effects(()), q, fitted.noise, fitted.rows, free=offsets)
-    freed = len(fitted.fitted.free) - len(own)
-    return silent.deviance - fitted.deviance > float(chi2.isf(ANSWER_CHANCE, freed))
+    return solve(data, fitted.model.with_effects(()), q, fitted.noise, rows, free=_offsets(data))
+
+
+def _offsets(data: DriverData) -> tuple[int, ...]:
+    return (OFFSET, *range(len(BASE), len(BASE) + len(data.begins)))

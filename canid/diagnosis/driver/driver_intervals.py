@@ -6,17 +6,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from canid.diagnosis.driver import change_point, spectral_line
+from canid.diagnosis.driver import local_minima, spectral_line
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import HIGH, K1, K2, SCALE, TAU1, TAU2, THETA1, THETA2
 from canid.diagnosis.driver.model_averaging import Alternative, Spread, averaged
-from canid.diagnosis.fitting.profile_likelihood import widened
-from canid.diagnosis.fitting.robust_covariance import sandwich
-from canid.effects.effect import Kind
+from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.fitting.uncertainty import profiled, sandwich, widened
+from canid.effects.effect import Detector, Kind
 from canid.identification import identifiability
 from canid.identification.confidence import SIGMAS
-from canid.types import Channel, Interval
+from canid.identification.movement_rhythm import RHYTHM_STEP_HZ
+from canid.values.types import NAN, Channel, Interval
 
 # A sandwich from one drive is too narrow, most for delays: a radar and a bus have some of their own, and the split into
 # lag and dead time is no parabola. By how much was measured on 188 clean drives of two simulators that are not canid's:
@@ -38,7 +39,7 @@ def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf
 
 def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, Interval]]:
     """Intervals of every cause's parameters: effect id -> name -> interval."""
-    of = sandwich(solved.fitted, data.output.dt)
+    robust = sandwich(solved.fitted, data.output.dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
     estimates: dict[str, dict[str, Interval]] = {}
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
@@ -48,12 +49,15 @@ def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, In
                 continue
             i = place[k]
             if p.change_point:
-                estimates[effect.id][p.name] = change_point.interval(
-                    data, solved, k, float(of.variance_inflation[i])
+                estimates[effect.id][p.name] = local_minima.interval(
+                    data, solved, k, float(robust.variance_inflation[i])
                 )
                 continue
-            narrow = interval(solved.q[k], float(np.sqrt(of.C[i, i])), p.low, p.high)
-            estimates[effect.id][p.name] = widened(data, solved, k, narrow, float(of.variance_inflation[i]))
+            narrow = interval(solved.q[k], float(np.sqrt(robust.C[i, i])), p.low, p.high)
+            # an interval that holds "no effect" although the likelihood has found one is of a curvature that says little
+            none = bool(p.typical) and narrow.low <= 0.0 <= narrow.high
+            ends = profiled if none else widened
+            estimates[effect.id][p.name] = ends(data, solved, k, narrow, float(robust.variance_inflation[i]))
         if effect.kind is Kind.LINE:
             estimates[effect.id] = spectral_line.with_phase_drift(data, solved, where, estimates[effect.id])
     return estimates
@@ -70,12 +74,12 @@ def channels(
         data: what was fitted; given, the intervals follow the likelihood instead of its curvature.
         others: models with one more effect, that widen the intervals.
     """
-    of = sandwich(solved.fitted, dt)
+    robust = sandwich(solved.fitted, dt)
     place = {k: i for i, k in enumerate(solved.fitted.free)}
 
     def sd(*these: int) -> float:
         index = [place[k] for k in these]
-        return wider(these[0]) * float(np.sqrt(of.C[np.ix_(index, index)].sum()))
+        return wider(these[0]) * float(np.sqrt(robust.C[np.ix_(index, index)].sum()))
 
     def spread(*these: int, quoted: bool = False) -> Spread:
         gain = these[0] in (K1, K2)
@@ -83,7 +87,9 @@ def channels(
         narrow = interval(sum(q[k] for k in these), sd(*these), low, high)
         # a profile interval takes several fits: only of what is quoted
         if quoted and data is not None:
-            narrow = widened(data, solved, these[0], narrow, float(of.variance_inflation[place[these[0]]]))
+            narrow = widened(
+                data, solved, these[0], narrow, float(robust.variance_inflation[place[these[0]]])
+            )
         return averaged(narrow, sd(*these), others, these, wider(these[0]), low, high)
 
     q = solved.q
@@ -106,3 +112,22 @@ def channels(
 def wider(k: int) -> float:
     """By how much the sandwich of a parameter is too narrow."""
     return GAINS_WIDER if k in (K1, K2) else DELAYS_WIDER
+
+
+def episode_parameters(named: Named, seconds: float) -> dict[str, Interval]:
+    """How often and how long, or at what interval, from the episodes themselves."""
+    lengths = np.array([stop - start for start, stop in named.episodes])
+    n = len(lengths)
+    names = [parameter.name for parameter in named.effect.parameters]
+    if Detector.PEDAL_RHYTHM in named.effect.detectors:
+        # half a step of the frequency grid to either side
+        half = 0.5 * RHYTHM_STEP_HZ * named.level**2
+        return {names[0]: Interval(named.level, named.level - half, named.level + half)}
+    rate = 60 * n / seconds
+    # the standard deviation of a count is its square root; that of a mean is its values' over the root of their number
+    wide = SIGMAS * rate / np.sqrt(n)
+    mean, sd = float(lengths.mean()), float(lengths.std(ddof=1) / np.sqrt(n)) if n > 1 else NAN
+    return {
+        names[0]: Interval(rate, max(rate - wide, 0.0), rate + wide),
+        names[1]: Interval(mean, mean - SIGMAS * sd, mean + SIGMAS * sd),
+    }

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.signal import lfilter
 
 from canid.diagnosis.driver.driver_data import DriverData
-from canid.diagnosis.driver.recent_values import RecentValues
-from canid.diagnosis.fitting.model import box
+from canid.diagnosis.fitting.model import RecentValues, box
 from canid.effects.effect import Effect, Params, Seen, Value
 from canid.effects.wanted_gap import Form, error
-from canid.identified_model import DRIVER
-from canid.types import Array
+from canid.values.identified_model import DRIVER
+from canid.values.types import Array
 
 # of the baseline, in this order, before those of the causes
 BASE = DRIVER
@@ -35,12 +34,15 @@ OWN = {
 # and the same pedal, and each is a second at most (reaction times in following: Grover 2021, Tables 1 and 2; Green 2000). A
 # steady drive shows little of the headway's, and late there is the same as more of K2: error(t − δ) = error − δ·rate/v
 TIE_SD_S = 0.5
+# s; no lag. Far below the step of a derivative: a lag at its bound of 0 would not be seen to matter, and no fit left it
+LEAST_LAG_S = 1e-9
 # m/s; below it a headway means nothing
 MIN_HEADWAY_SPEED = 1.0
 # of a standard normal (Abramowitz & Stegun 1964, table 25.10, scaled)
 NODES = ((-math.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (math.sqrt(3.0), 1 / 6))
 SCALE = (5.0, 2.0, 2.0, 0.3, 0.3, 0.3, 0.3, 0.5, 3.0, 10.0)
 
+Counts = npt.NDArray[np.int64]
 Bend = Callable[[Params, Value, Seen], Value]
 
 
@@ -85,8 +87,8 @@ class DriverModel(NamedTuple):
             for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
             if p.fixed
         }
-        own = (OFFSET, DESIRED, STANDSTILL, FREE_SPEED)
-        fixed |= {k for k in own if k not in OWN[self.form] and (k != DESIRED or not self.centred)}
+        constants = (OFFSET, DESIRED, STANDSTILL, FREE_SPEED)
+        fixed |= {k for k in constants if k not in OWN[self.form] and (k != DESIRED or not self.centred)}
         return tuple(k for k in range(len(self.low)) if k not in fixed)
 
     def bind(self, data: DriverData) -> Callable[[Array], Array]:
@@ -99,8 +101,8 @@ class DriverModel(NamedTuple):
         if not self.tied:
             return None
         out = np.zeros((2, self.low.size))
-        for row, (one, other) in zip(out, ((TAU1, TAU2), (THETA1, THETA2)), strict=True):
-            row[one], row[other] = 1 / TIE_SD_S, -1 / TIE_SD_S
+        for row, (first, other) in zip(out, ((TAU1, TAU2), (THETA1, THETA2)), strict=True):
+            row[first], row[other] = 1 / TIE_SD_S, -1 / TIE_SD_S
         return out
 
     def noise_features(self, data: DriverData, simulated: Array) -> Array | None:
@@ -123,24 +125,39 @@ def with_effects(
     tied: bool = True,
 ) -> DriverModel:
     """Return the driver with some effects, on a baseline of one form; on one drive, or on several one after the other."""
-    low, high, scale = (of + (of[OFFSET],) * len(begins) for of in (LOW, HIGH, SCALE))
+    low, high, scale = (values + (values[OFFSET],) * len(begins) for values in (LOW, HIGH, SCALE))
     return DriverModel(*box(effects, low, high, scale), form, begins, tied)
 
 
 def offset(model: DriverModel, q: Array, t: Value) -> Value:
     """Output without an answer, at times t: that of the first drive, and by how much a further one's differs.
 
+    Of q (k, m): at one time of each of m drivers.
+
     Example:
         >>> model = with_effects((), begins=(100.0,))
         >>> offset(model, np.r_[2.0, np.zeros(len(BASE) - 1), 0.5], np.array([50.0, 150.0])).tolist()
         [2.0, 2.5]
     """
+    if not model.begins:
+        return q[OFFSET]
+    further = q[len(BASE) : len(BASE) + len(model.begins)]
+    drive = np.searchsorted(model.begins, t, side="right")
+    differs = np.concatenate([np.zeros_like(further[:1]), further])
+    return q[OFFSET] + (differs[drive] if q.ndim == 1 else differs[drive, np.arange(q.shape[1])])
+
+
+def _offsets(model: DriverModel, q: Array, samples: Counts) -> Value:
+    """The same of drives with so many samples each, one after the other: of q (k,), 5 times as fast as by times."""
     out: Value = q[OFFSET]
     if not model.begins:
         return out
-    for k, (begin, end) in enumerate(itertools.pairwise((*model.begins, math.inf))):
-        out = out + np.where((t >= begin) & (t < end), q[len(BASE) + k], 0.0)
-    return out
+    return np.repeat(np.r_[out, out + q[len(BASE) : len(BASE) + len(model.begins)]], samples)
+
+
+def _samples(model: DriverModel, t: Array) -> Counts:
+    """Samples of each drive."""
+    return np.diff(np.searchsorted(t, model.begins), prepend=0, append=t.size)
 
 
 def delayed(x: Array, delay: float, dt: float) -> Array:
@@ -153,9 +170,12 @@ def delayed(x: Array, delay: float, dt: float) -> Array:
     steps = delay / dt
     whole = math.floor(steps)
     part = steps - whole
-    n = x.size
-    padded = np.concatenate([np.full(min(whole + 1, n), x[0]), x[: max(n - whole, 0)]])[: n + 1]
-    out: Array = part * padded[:n] + (1 - part) * padded[1 : n + 1]
+    out = np.full(x.size, part * x[0] + (1 - part) * x[0])
+    late = x.size - whole - 1
+    if late > 0:
+        here = out[whole + 1 :]
+        np.multiply(x[:late], part, out=here)
+        here += (1 - part) * x[1 : late + 1]
     return out
 
 
@@ -171,6 +191,13 @@ def seen_late(data: DriverData, delay: float | Array) -> Seen:
         speed = np.interp(seen.t - delay, seen.t, seen.speed)
     headway = gap / np.maximum(speed, MIN_HEADWAY_SPEED)
     return seen._replace(headway=headway, range_rate=rate, gap=gap, speed=speed, lead_accel=accel)
+
+
+def _gap_late(data: DriverData, delay: float) -> Seen:
+    """What the wanted gap depends on, where nothing else enters."""
+    gap = _recalled(data.known.gap, delay, data.output.dt)
+    speed = delayed(data.seen.speed, delay, data.output.dt)
+    return data.seen._replace(headway=gap / np.maximum(speed, MIN_HEADWAY_SPEED), gap=gap, speed=speed)
 
 
 def _doubt(sd: Array, delay: float | Array, dt: float) -> float:
@@ -207,7 +234,7 @@ def lagged(x: Array, tau: float, dt: float) -> Array:
         >>> lagged(np.array([1.0, 1.0, 1.0]), 0.5, 0.1)
         array([1., 1., 1.])
     """
-    if tau < 1e-4:
+    if tau < LEAST_LAG_S:
         return x
     decay = math.exp(-dt / tau)
     ramp = tau / dt * (1 - decay)
@@ -255,28 +282,46 @@ NO_PARAMETERS = np.empty(0)
 class _Inputs(NamedTuple):
     """Parameters that each part depends on, as indices into q."""
 
-    e: list[int]
-    w: list[int]
-    gain: list[int]
-    extra: list[int]
+    e: Counts
+    w: Counts
+    gain: Counts
+    extra: Counts
+    first: Counts
+    second: Counts
+    behind: Counts
+    offsets: Counts
+    # are gap and speed alone used after the first dead time, and the relative speed alone after the second?
+    gap_alone: bool
+    rate_alone: bool
 
 
 def _inputs(model: DriverModel) -> _Inputs:
     e, w, gain, extra = [THETA1, DESIRED, STANDSTILL, FREE_SPEED], [THETA2], list[int](), list[int]()
     for effect, where in zip(model.effects, model.where, strict=True):
-        own = range(where.start, where.stop)
+        indices = range(where.start, where.stop)
         if effect.headway is not None or effect.dead_time is not None:
-            e += own
+            e += indices
         if effect.range_rate is not None or effect.dead_time is not None:
-            w += own
+            w += indices
         if effect.gain is not None:
-            gain += own
+            gain += indices
         if effect.extra is not None:
-            extra += own
+            extra += indices
     # both act on what is seen after the second dead time
     late = [k for effect, k in zip(model.effects, model.where, strict=True) if effect.dead_time is not None]
     seen = [THETA2, *(k for where in late for k in range(where.start, where.stop))]
-    return _Inputs(e, w, gain + seen if gain else [], extra + seen if extra else [])
+    gain, extra = gain + seen if gain else [], extra + seen if extra else []
+    drives = range(len(BASE), len(BASE) + len(model.begins))
+
+    def at(*indices: int) -> Counts:
+        return np.array(indices, dtype=np.int64)
+
+    return _Inputs(
+        at(*e), at(*w), at(*gain), at(*extra),
+        at(TAU1, *e, *gain), at(TAU2, *w, *gain), at(TAU2, *extra), at(OFFSET, *drives),
+        gap_alone=not late and all(effect.headway is None for effect in model.effects),
+        rate_alone=not (late or gain or extra) and all(effect.range_rate is None for effect in model.effects),
+    )  # fmt: skip
 
 
 def _dead_times(model: DriverModel, data: DriverData, q: Array) -> tuple[float | Array, float | Array]:
@@ -300,7 +345,7 @@ def parts(model: DriverModel, data: DriverData, q: Array, recent: RecentValues |
     """
     kept = recent or RecentValues()
     theta1, theta2 = _dead_times(model, data, q)
-    of = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
+    inputs = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
     acting = [(effect, q[where]) for effect, where in zip(model.effects, model.where, strict=True)]
 
     def seen(delay: float | Array) -> Seen:
@@ -309,7 +354,7 @@ def parts(model: DriverModel, data: DriverData, q: Array, recent: RecentValues |
         return seen_late(data, delay)
 
     def e() -> Array:
-        first = seen(theta1)
+        first = _gap_late(data, theta1) if inputs.gap_alone and isinstance(theta1, float) else seen(theta1)
         out: Array = error(model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
         for effect, p in acting:
             if effect.headway is not None:
@@ -318,6 +363,8 @@ def parts(model: DriverModel, data: DriverData, q: Array, recent: RecentValues |
         return out
 
     def w() -> Array:
+        if inputs.rate_alone and isinstance(theta2, float):
+            return _recalled(data.known.range_rate, theta2, data.output.dt)
         second = seen(theta2)
         out: Array = second.range_rate
         for effect, p in acting:
@@ -341,10 +388,10 @@ def parts(model: DriverModel, data: DriverData, q: Array, recent: RecentValues |
         return out
 
     return Parts(
-        kept.value("e", q[of.e], e),
-        kept.value("w", q[of.w], w),
-        kept.value("gain", q[of.gain], gain),
-        kept.value("extra", q[of.extra], extra),
+        kept.value("e", q[inputs.e], e),
+        kept.value("w", q[inputs.w], w),
+        kept.value("gain", q[inputs.gain], gain),
+        kept.value("extra", q[inputs.extra], extra),
     )
 
 
@@ -354,15 +401,15 @@ def responses(
     """Answers behind the lags; arguments as in `parts`."""
     kept, dt = recent or RecentValues(), data.output.dt
     used = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
-    of, zeros = parts(model, data, q, kept), np.zeros(data.seen.t.size)
+    entering, zeros = parts(model, data, q, kept), np.zeros(data.seen.t.size)
 
-    def behind(name: str, x: Callable[[], Array | float], tau: int, inputs: list[int]) -> Array:
-        return kept.value(name, q[[tau, *inputs]], lambda: lagged(x() + zeros, float(q[tau]), dt))
+    def behind(name: str, x: Callable[[], Array | float], tau: int, inputs: Counts) -> Array:
+        return kept.value(name, q[inputs], lambda: lagged(x() + zeros, float(q[tau]), dt))
 
     return Responses(
-        behind("first", lambda: of.gain * of.e, TAU1, used.e + used.gain),
-        behind("second", lambda: of.gain * of.w, TAU2, used.w + used.gain),
-        behind("behind", lambda: of.extra, TAU2, used.extra) if used.extra else 0.0,
+        behind("first", lambda: entering.gain * entering.e, TAU1, used.first),
+        behind("second", lambda: entering.gain * entering.w, TAU2, used.second),
+        behind("behind", lambda: entering.extra, TAU2, used.behind) if used.extra.size else 0.0,
     )
 
 
@@ -378,8 +425,18 @@ def pedal(model: DriverModel, data: DriverData, q: Array, recent: RecentValues |
     Returns:
         (n,) output unit.
     """
-    dt, of = data.output.dt, responses(model, data, q, recent)
-    out: Array = offset(model, q, data.seen.t) + q[K1] * of.first + q[K2] * of.second + of.extra
+    kept, dt = recent or RecentValues(), data.output.dt
+    answers = responses(model, data, q, kept)
+    level = q[OFFSET]
+    if model.begins:
+        used = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
+        samples = kept.value("samples", NO_PARAMETERS, lambda: _samples(model, data.seen.t))
+        level = kept.value("level", q[used.offsets], lambda: _offsets(model, q, samples))
+    out: Array = q[K1] * answers.first
+    # no more arrays than one: they are what a sum of some costs
+    out += level
+    out += q[K2] * answers.second
+    out += answers.extra
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.pedal is None:
             continue

@@ -28,8 +28,8 @@ from canid.diagnosis.driver.driver_model import (
 )
 from canid.effects.effect import Effect, Seen, Value
 from canid.effects.wanted_gap import error
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # s of what was seen before a stretch begins: the longest dead time, and its drift
 HISTORY_S = 4.0
@@ -70,7 +70,7 @@ Step = Callable[[State, Late, int], tuple[State, Array]]
 
 
 class Between(NamedTuple):
-    """An instant between two samples, of each column."""
+    """An instant between two samples, of each column; (1,) where it is the same of all."""
 
     before: npt.NDArray[np.int64]  # (m,) rows
     after: npt.NDArray[np.int64]
@@ -79,8 +79,9 @@ class Between(NamedTuple):
 
 def earlier(k: int, delay: Array, dt: float) -> Between:
     """The instant t_k − delay (m,)."""
+    same = delay[:1] if (delay == delay[0]).all() else delay
     # a delay of whole samples must not fall between two by rounding
-    at = np.round(k - delay / dt, 9)
+    at = np.round(k - same / dt, 9)
     whole = np.floor(at).astype(np.int64)
     return Between(whole, np.minimum(whole + 1, k), 1 - (at - whole))
 
@@ -93,40 +94,50 @@ def recalled(x: Array, at: Between) -> Array:
         >>> recalled(x, earlier(4, np.array([0.15, 0.2]), 0.1)).tolist()
         [2.5, 20.0]
     """
-    columns = np.arange(x.shape[1])
-    out: Array = at.part * x[at.before, columns] + (1 - at.part) * x[at.after, columns]
+    if at.before.size == 1:
+        # a row is taken faster than an element of each column
+        before, after = x[at.before[0]], x[at.after[0]]
+    else:
+        columns = np.arange(x.shape[1])
+        before, after = x[at.before, columns], x[at.after, columns]
+    out: Array = at.part * before + (1 - at.part) * after
     return out
 
 
-def _own_parameters(of: SimulatedDriver) -> list[tuple[Array, Effect]]:
+def _own_parameters(simulated: SimulatedDriver) -> list[tuple[Array, Effect]]:
     """Each effect of the model with its parameters (k, m)."""
-    return [(of.q[where], effect) for effect, where in zip(of.model.effects, of.model.where, strict=True)]
+    return [
+        (simulated.q[where], effect)
+        for effect, where in zip(simulated.model.effects, simulated.model.where, strict=True)
+    ]
 
 
-def _seen(of: SimulatedDriver, late: Late, k: int, delay: Array, dt: float) -> Seen:
+def _seen(simulated: SimulatedDriver, late: Late, k: int, delay: Array, dt: float) -> Seen:
     """Inputs at sample k, `delay` (m,) s earlier."""
     columns = (late.gap, late.range_rate, late.speed, late.lead_accel)
     at = earlier(k, delay, dt)
     gap, rate, speed, accel = (recalled(x, at) for x in columns)
-    return Seen(late.t[k], of.duration, gap / np.maximum(speed, MIN_HEADWAY_SPEED), rate, gap, speed, accel)
+    return Seen(
+        late.t[k], simulated.duration, gap / np.maximum(speed, MIN_HEADWAY_SPEED), rate, gap, speed, accel
+    )
 
 
 def _lag_inputs(
-    of: SimulatedDriver, own: list[tuple[Array, Effect]], late: Late, k: int, dt: float
+    simulated: SimulatedDriver, effects: list[tuple[Array, Effect]], late: Late, k: int, dt: float
 ) -> tuple[Array, Array]:
     """Inputs of both lags at sample k, (m,) each."""
-    q = of.q
-    clock = Seen(late.t[k], of.duration, 0.0, 0.0, 0.0, 0.0, 0.0)
+    q = simulated.q
+    clock = Seen(late.t[k], simulated.duration, 0.0, 0.0, 0.0, 0.0, 0.0)
     delays = [q[THETA1], q[THETA2]]
-    for p, effect in own:
+    for p, effect in effects:
         if effect.dead_time is not None:
             delays = [delay + effect.dead_time(p, clock) for delay in delays]
-    first, second = (_seen(of, late, k, np.clip(delay, 0.0, HISTORY_S - dt), dt) for delay in delays)
-    e: Value = error(of.model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
+    first, second = (_seen(simulated, late, k, np.clip(delay, 0.0, HISTORY_S - dt), dt) for delay in delays)
+    e: Value = error(simulated.model.form, q[DESIRED], q[STANDSTILL], q[FREE_SPEED], first)
     w: Value = second.range_rate
     gain: Value = 1.0
     extra: Value = 0.0
-    for p, effect in own:
+    for p, effect in effects:
         if effect.headway is not None:
             e = effect.headway(p, e, first)
         if effect.range_rate is not None:
@@ -138,25 +149,25 @@ def _lag_inputs(
     return gain * q[K1] * e, gain * q[K2] * w + extra
 
 
-def driver(of: SimulatedDriver, dt: float) -> tuple[Callable[[], State], Step]:
+def driver(simulated: SimulatedDriver, dt: float) -> tuple[Callable[[], State], Step]:
     """Return `init()` and `step(state, late, k)` -> state, demand (m,) in the output's unit, before the floor.
 
     Args:
-        of: the drivers.
+        simulated: the drivers.
         dt: s.
     """
-    q = of.q
-    own = _own_parameters(of)
-    pedals = [(p, effect.pedal) for p, effect in own if effect.pedal is not None]
+    q = simulated.q
+    effects = _own_parameters(simulated)
+    pedals = [(p, effect.pedal) for p, effect in effects if effect.pedal is not None]
     tau = np.maximum(q[[TAU1, TAU2]], 1e-4)
     decay = np.exp(-dt / tau)
     ramp = tau / dt * (1 - decay)
 
     def init() -> State:
-        return State(None, of.begun, (), None)
+        return State(None, simulated.begun, (), None)
 
     def step(state: State, late: Late, k: int) -> tuple[State, Array]:
-        now = _lag_inputs(of, own, late, k, dt)
+        now = _lag_inputs(simulated, effects, late, k, dt)
         lags = state.lags
         if state.inputs is not None:
             # exact for an input that is straight between samples
@@ -165,21 +176,21 @@ def driver(of: SimulatedDriver, dt: float) -> tuple[Callable[[], State], Step]:
                 for c in (0, 1)
             )
             lags = (first, second)
-        demand: Array = offset(of.model, q, late.t[k]) + lags[0] + lags[1]
+        demand: Array = offset(simulated.model, q, late.t[k]) + lags[0] + lags[1]
         before = state.pedals or tuple(
             tuple(pedal.init(p[:, m], float(x)) for m, x in enumerate(demand)) for p, pedal in pedals
         )
         after = []
         for (p, pedal), states in zip(pedals, before, strict=True):
             moved = [
-                pedal.step(p[:, m], one, float(x), dt)
-                for m, (one, x) in enumerate(zip(states, demand, strict=True))
+                pedal.step(p[:, m], pedal_state, float(x), dt)
+                for m, (pedal_state, x) in enumerate(zip(states, demand, strict=True))
             ]
-            after.append(tuple(one for one, _ in moved))
+            after.append(tuple(pedal_state for pedal_state, _ in moved))
             demand = np.array([y for _, y in moved])
-        demand = np.minimum(demand + of.added[k], of.ceiling)
+        demand = np.minimum(demand + simulated.added[k], simulated.ceiling)
         if state.output is not None:
-            demand = np.where(of.held[k], state.output, demand)
+            demand = np.where(simulated.held[k], state.output, demand)
         return State(now, lags, tuple(after), demand), demand
 
     return init, step

@@ -16,9 +16,9 @@ from canid.diagnosis.driver.spectral_line import SCREEN_SHARE
 from canid.diagnosis.fitting.candidates import model_directions, price
 from canid.diagnosis.fitting.fitted_model import extended, polished, solve
 from canid.diagnosis.fitting.likelihood import whitened
-from canid.diagnosis.fitting.robust_covariance import needed
+from canid.diagnosis.fitting.uncertainty import needed
 from canid.effects.effect import Effect
-from canid.types import Array
+from canid.values.types import Array
 
 # s between decisions: faster is continuous control (Gawthrop 2011), slower is looking away
 MIN_INTERVAL_S, MAX_INTERVAL_S = 0.4, 4.0
@@ -83,16 +83,19 @@ def detect(
     intervals = interval + shift * np.arange(-INTERVAL_STEPS, INTERVAL_STEPS + 1)
     Q = model_directions(without)
     owns = [(float(d), float(phase)) for d in intervals for phase in np.arange(PHASE_STEPS) / PHASE_STEPS * d]
-    explained = [_explains(effect, data, without, Q, own) for own in owns]
+    explained = [_explains(effect, data, without, Q, rhythm) for rhythm in owns]
     if max(explained) < MIN_DIRECTION_SHARE * bound:
         return None, bound
     interval, near = owns[int(np.argmax(explained))]
 
     def fitted(phase: float, begin: Array, longer: float = 0.0) -> FittedDriver:
         """Fit at a phase; an interval that is longer keeps its step in the middle of the drive."""
-        own = interval + longer
+        fitted_interval = interval + longer
         q = np.r_[
-            begin, own, (phase - longer * round(0.5 * data.seen.duration / interval)) % own, INITIAL_RELEASE_S
+            begin,
+            fitted_interval,
+            (phase - longer * round(0.5 * data.seen.duration / interval)) % fitted_interval,
+            INITIAL_RELEASE_S,
         ]
         return solve(
             data,
@@ -109,7 +112,7 @@ def detect(
     base[[THETA1, THETA2]] = np.maximum(base[[THETA1, THETA2]] - 0.5 * interval, 0.0)
     best = min(
         (fitted(near + k / PHASE_STEPS * interval, base) for k in range(PHASE_STEPS)),
-        key=lambda one: one.deviance,
+        key=lambda fit: fit.deviance,
     )
     for step in PHASE_REFINEMENTS:
         k = best.q.size - 2
@@ -117,26 +120,26 @@ def detect(
             fitted(float(best.q[k]) + side * step / PHASE_STEPS * interval, best.q[: without.q.size])
             for side in (-1, 1)
         )
-        best = min((best, *neighbours), key=lambda one: one.deviance)
+        best = min((best, *neighbours), key=lambda fit: fit.deviance)
     # the interval itself, to where both ends of the drive are in step
     phase, longer = float(best.q[best.q.size - 2]), 0.0
     for step in INTERVAL_REFINEMENTS:
         some = [longer + side * step * shift for side in (-1, 1)]
         tried_there = [(fitted(phase, best.q[: without.q.size], each), each) for each in some]
-        nearer, there = min(tried_there, key=lambda one: one[0].deviance)
+        nearer, there = min(tried_there, key=lambda pair: pair[0].deviance)
         if nearer.deviance < best.deviance:
             best, longer = nearer, there
     best = polished(data, solve(data, best.model, best.q, without.noise, without.rows))
-    found = price(effect, best, without, data.output.dt)
-    return found._replace(parameters=3), bound
+    priced = price(effect, best, without, data.output.dt)
+    return priced._replace(parameters=3), bound
 
 
 def _explains(
-    effect: Effect, data: DriverData, without: FittedDriver, Q: Array, own: tuple[float, float]
+    effect: Effect, data: DriverData, without: FittedDriver, Q: Array, rhythm: tuple[float, float]
 ) -> float:
     """Evidence of a rhythm along its own direction, the model's directions (n, k) projected out."""
     model = extended(without.model, effect)
-    held = pedal(model, data, np.r_[without.q, own, INITIAL_RELEASE_S])
+    held = pedal(model, data, np.r_[without.q, rhythm, INITIAL_RELEASE_S])
     scored = without.fitted.scored
     d = whitened(without.noise, held - without.fitted.model) * scored.slope
     d[scored.slope != -1.0] = 0.0

@@ -22,10 +22,10 @@ from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import BASE
 from canid.diagnosis.fitting.model import place
-from canid.diagnosis.fitting.robust_covariance import sandwich
+from canid.diagnosis.fitting.uncertainty import sandwich
 from canid.effects.effect import Effect, Kind
 from canid.identification.confidence import SIGMAS, TAIL
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 # of an effect against the model without it, before the drive
 PRIOR_ODDS = 1.0
@@ -55,40 +55,44 @@ def alternatives(
         solved: the final model.
     """
     out = [
-        _alternative(one, data)
-        for one in candidates
-        if one.solved.model.effects == (*solved.model.effects, one.effect)
+        _alternative(candidate, data)
+        for candidate in candidates
+        if candidate.solved.model.effects == (*solved.model.effects, candidate.effect)
     ]
     for effect in withdrawn:
         if effect.kind is Kind.PARAMETRIC and detectability.strength(effect) is not None:
             guesses = driver_candidates.screen(effect, data, solved)
             again = _alternative(driver_candidates.tried(effect, data, solved, guesses), data)
             out.append(None if again is None else again._replace(odds=min(again.odds, PRIOR_ODDS)))
-    return tuple(one for one in out if one is not None and one.odds > LEAST_ODDS)
+    return tuple(
+        alternative for alternative in out if alternative is not None and alternative.odds > LEAST_ODDS
+    )
 
 
-def _alternative(one: DriverCandidate, data: DriverData) -> Alternative | None:
-    own = detectability.strength(one.effect)
-    if own is None:
+def _alternative(candidate: DriverCandidate, data: DriverData) -> Alternative | None:
+    strength = detectability.strength(candidate.effect)
+    if strength is None:
         return None
-    at = place(one.solved.model, one.effect.id).start + one.effect.parameters.index(own)
-    free = one.solved.fitted.free
+    at = place(candidate.solved.model, candidate.effect.id).start + candidate.effect.parameters.index(
+        strength
+    )
+    free = candidate.solved.fitted.free
     if at not in free:
         return None
     C = np.zeros((len(BASE) + 1, len(BASE) + 1))
-    robust = sandwich(one.solved.fitted, data.output.dt).C
+    robust = sandwich(candidate.solved.fitted, data.output.dt).C
     here = [k for k, q in enumerate((*range(len(BASE)), at)) if q in free]
     columns = [free.index(q) for q in (*range(len(BASE)), at) if q in free]
     C[np.ix_(here, here)] = robust[np.ix_(columns, columns)]
-    value, variance = float(one.solved.q[at]), float(C[-1, -1])
-    prior = detectability.typical(own, data) ** 2
+    value, variance = float(candidate.solved.q[at]), float(C[-1, -1])
+    prior = detectability.typical(strength, data) ** 2
     total = variance + prior
-    log_odds = 0.5 * (one.evidence + np.log(variance / total) - value**2 / total)
+    log_odds = 0.5 * (candidate.evidence + np.log(variance / total) - value**2 / total)
     # the strength moves towards 0 by the prior, and the driver's parameters along with it
     slope = C[:-1, -1] / variance
-    mean = one.solved.q[: len(BASE)] - slope * value * variance / total
+    mean = candidate.solved.q[: len(BASE)] - slope * value * variance / total
     covariance = C[:-1, :-1] - np.outer(slope, slope) * variance**2 / total
-    return Alternative(one.effect.id, PRIOR_ODDS * float(np.exp(min(log_odds, 50.0))), mean, covariance)
+    return Alternative(candidate.effect.id, PRIOR_ODDS * float(np.exp(min(log_odds, 50.0))), mean, covariance)
 
 
 class Spread(NamedTuple):
@@ -132,10 +136,10 @@ def averaged(
     index = list(parameters)
     # no parameter is less known than by its bounds alone
     widest = (high - low) / np.sqrt(12.0)
-    means = np.array([narrow.value, *(float(one.mean[index].sum()) for one in others)])
-    variances = [float(one.covariance[np.ix_(index, index)].sum()) for one in others]
+    means = np.array([narrow.value, *(float(other.mean[index].sum()) for other in others)])
+    variances = [float(other.covariance[np.ix_(index, index)].sum()) for other in others]
     sds = np.array([sd, *(min(wider * np.sqrt(max(x, 0.0)), widest) for x in variances)])
-    weights = np.array([1.0, *(one.odds for one in others)])
+    weights = np.array([1.0, *(other.odds for other in others)])
     weights /= weights.sum()
     below = np.maximum(np.r_[(narrow.value - narrow.low) / SIGMAS, sds[1:]], 1e-9)
     above = np.maximum(np.r_[(narrow.high - narrow.value) / SIGMAS, sds[1:]], 1e-9)

@@ -18,9 +18,10 @@ from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.fitting.fitted_model import FittedModel, M
 from canid.diagnosis.fitting.likelihood import Output
 from canid.effects.effect import Detector
-from canid.findings import Flags
-from canid.runs import runs
-from canid.types import Array
+from canid.identification import movement_rhythm
+from canid.values.findings import Flags
+from canid.values.runs import runs
+from canid.values.types import Array
 
 # s; a shorter standstill is the turning point of a movement
 MIN_HOLD_S = 1.3
@@ -33,20 +34,6 @@ TREMBLE_STEPS = 0.35
 NEEDED_EVIDENCE = 30.0
 # and so many episodes, as a single one may be a rest
 MIN_EPISODES = 2
-# of the drive that a rhythm of holds fills at least; looking away does not
-MIN_RHYTHM_SHARE = 0.5
-# standard deviations of chance's chi-squared above its mean that the evidence of a rhythm must have: the best of 300
-# frequencies is tested
-RHYTHM_SIGMAS = 8.0
-# 1/s, frequencies of a rhythm: decisions every 0.3 to 4 s, as far apart as half a minute distinguishes
-RHYTHM_STEP_HZ = 0.01
-RHYTHM_HZ = np.arange(0.25, 3.2, RHYTHM_STEP_HZ)
-# of its refinement; and of an overtone's evidence that the fundamental must have: it has all of it but for the grid's errors
-RHYTHM_FINE_STEPS, FUNDAMENTAL_SHARE = 21, 0.7
-# s; movements keep step with a rhythm for so long
-RHYTHM_WINDOW_S = 30.0
-# movements; with fewer no rhythm is distinguished from chance
-MIN_MOVES = 20
 # log likelihood of a sample at most: a jump of twenty sensor steps says no more against holding than a larger one
 MAX_SQUARED_JUMP = 400.0
 # log likelihood of holding where the demand is hidden or a row does not count: never
@@ -78,28 +65,12 @@ NONE = Holds(None, (), 0.0, np.nan)
 
 def ceiling(held: tuple[Holds, ...]) -> float:
     """Level of the ceiling among what was found; infinite where there is none."""
-    return next((one.level for one in held if one.pattern is Detector.PEDAL_CEILING), np.inf)
+    return next((holds.level for holds in held if holds.pattern is Detector.PEDAL_CEILING), np.inf)
 
 
 def away(held: tuple[Holds, ...]) -> tuple[tuple[int, int], ...]:
     """Episodes of looking away among what was found: [start, stop) samples."""
-    return next((one.episodes for one in held if one.pattern is Detector.PEDAL_HOLDS), ())
-
-
-def step_size(y: Array) -> float:
-    """Return the sensor's step: the least distance between two levels at which it stood still.
-
-    Example:
-        >>> round(step_size(np.repeat(0.4 * np.arange(12), 2)), 3)
-        0.4
-    """
-    # between two messages a sample is interpolated; a repeat is a level of the sensor itself
-    levels = np.unique(np.round(y[1:][np.diff(y) == 0], 6))
-    if levels.size >= 10:
-        return float(np.quantile(np.diff(levels), 0.1))
-    d = np.abs(np.diff(y))
-    d = d[d > 1e-6]
-    return float(np.quantile(d, 0.1)) if d.size else 1e-3
+    return next((holds.episodes for holds in held if holds.pattern is Detector.PEDAL_HOLDS), ())
 
 
 def detect(data: DriverData, solved: FittedDriver, before: tuple[Holds, ...] = ()) -> Holds:
@@ -110,18 +81,20 @@ def detect(data: DriverData, solved: FittedDriver, before: tuple[Holds, ...] = (
         solved: the model.
         before: what was found already. With a ceiling only episodes of looking away can follow; after those, nothing.
     """
-    if not data.pedal or any(one.pattern is not Detector.PEDAL_CEILING for one in before):
+    if not data.pedal or any(holds.pattern is not Detector.PEDAL_CEILING for holds in before):
         return NONE  # an acceleration never stands still
     y = data.output.y
-    step = step_size(y[data.output.usable])
+    step = movement_rhythm.step_size(y[data.output.usable])
     free = data.output.usable & ~data.output.hidden
     gain = holding(data.output, solved, step)
     top = NONE if before else _ceiling(data, y, step)
     if top.pattern is not None:
         return top
-    interval, beats, bound = (0.0, 0.0, np.inf) if before else _rhythm(y, free, step, data.output.dt)
+    interval, beats, bound = (
+        (0.0, 0.0, np.inf) if before else movement_rhythm.rhythm(y, free, step, data.output.dt)
+    )
     if beats > bound:
-        moves = np.flatnonzero((np.abs(np.diff(y, prepend=y[0])) > 0.5 * step) & free)
+        moves = np.flatnonzero(movement_rhythm.moving(y, step) & free)
         spans = tuple((int(a), int(b)) for a, b in pairwise(moves.tolist()))
         return Holds(Detector.PEDAL_RHYTHM, spans, beats, interval, bound)
     spans, evidence = episodes(gain, data.output.dt)
@@ -247,38 +220,3 @@ def _ceiling(data: DriverData, y: Array, step: float) -> Holds:
     if len(spans) < MIN_TOUCHES or evidence < NEEDED_EVIDENCE:
         return NONE
     return Holds(Detector.PEDAL_CEILING, spans, evidence, level)
-
-
-def _rhythm(y: Array, free: Flags, step: float, dt: float) -> tuple[float, float, float]:
-    """Interval (s) of the rhythm in which the pedal moves, the evidence for it, and what is needed; (0, 0, inf): none.
-
-    The times at which it moves, as points on a circle of the rhythm's length, within half a minute each: twice the
-    squared length of their mean direction over their number is 2 Δ log likelihood against no rhythm (Rayleigh's test;
-    Mardia & Jupp 2000, sec. 6.3.1), with two degrees of freedom, a direction and a strength, in every window.
-    """
-    moves = np.flatnonzero((np.abs(np.diff(y, prepend=y[0])) > 0.5 * step) & free)
-    share = moves.size / max(int(free.sum()), 1)
-    if moves.size < MIN_MOVES or share > 1 - MIN_RHYTHM_SHARE:
-        return 0.0, 0.0, np.inf
-    window = moves // round(RHYTHM_WINDOW_S / dt)
-    times = [moves[window == w] * dt for w in np.unique(window)]
-    by_chance = 2.0 * len(times)
-    found, power = _strongest(RHYTHM_HZ, times)
-    # movements in a rhythm are in that of its overtones too; those of an overtone cancel at the fundamental
-    for part in range(int(found / RHYTHM_HZ[0]), 1, -1):
-        near = found / part + RHYTHM_STEP_HZ * np.linspace(-1, 1, RHYTHM_FINE_STEPS)
-        slower, as_strong = _strongest(near, times)
-        if as_strong > FUNDAMENTAL_SHARE * power:
-            found, power = slower, as_strong
-            break
-    found, power = _strongest(found + RHYTHM_STEP_HZ * np.linspace(-1, 1, RHYTHM_FINE_STEPS), times)
-    return 1 / found, power, by_chance + RHYTHM_SIGMAS * float(np.sqrt(2 * by_chance))
-
-
-def _strongest(hz: Array, times: list[Array]) -> tuple[float, float]:
-    """The frequency (Hz) at which the times in each window agree most, and its evidence."""
-    power = np.zeros(hz.size)
-    for t in times:
-        power += 2 * np.abs(np.exp(2j * np.pi * np.outer(hz, t)).sum(axis=1)) ** 2 / t.size
-    k = int(np.argmax(power))
-    return float(hz[k]), float(power[k])

@@ -20,9 +20,9 @@ from canid.diagnosis.fitting.fitted_model import problem
 from canid.diagnosis.fitting.least_squares import derivatives
 from canid.diagnosis.fitting.likelihood import Noise, fit_noise, score, whitened
 from canid.effects.effect import KNOT_SPACING_S
-from canid.findings import Flags
 from canid.identification.confidence import CHI_SQUARED_QUANTILE
-from canid.types import Array, Interval
+from canid.values.findings import Flags
+from canid.values.types import Array, Interval
 
 # s per knot, steps of the desired headway that are tried: from invisible ones to erratic ones
 STEP_SIZES_S = np.geomspace(0.01, 1.0, 25)
@@ -74,24 +74,36 @@ def detect(data: DriverData, solved: FittedDriver) -> RandomWalk | None:
     ridge = float(np.var(left[solved.rows])) / BRISK_STEP_S**2 * np.eye(knots - 1)
     away = shape @ np.linalg.solve(within.T @ within + ridge, within.T @ left)
     p = solved.noise.A.size - 1
-    of = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
-    own = derivatives(of, solved.q, solved.fitted.model)
-    quicker = fit_noise(data.output, data.output.y - solved.fitted.model - away, p, solved.noise.size)
+    fitted_problem = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
+    directions = derivatives(fitted_problem, solved.q, solved.fitted.model)
+    left_then = data.output.y - solved.fitted.model - away
+    quicker = fit_noise(data.output, left_then, p, solved.noise.size, solved.noise.freedom)
+    plain = _explained(data, solved, directions, shape, solved.noise)
+    first = plain, _explained(data, solved, directions, shape, quicker)
     return max(
-        (_found(data, solved, own, shape, walk, noise) for noise in (solved.noise, quicker)),
-        key=lambda found: found.evidence,
+        (
+            _found(data, solved, directions, shape, walk, noise, begins, plain.without)
+            for noise, begins in zip((solved.noise, quicker), first, strict=True)
+        ),
+        key=lambda walk: walk.evidence,
     )
 
 
 def _found(
-    data: DriverData, solved: FittedDriver, own: Array, shape: Array, walk: Array, noise: Noise
+    data: DriverData,
+    solved: FittedDriver,
+    directions: Array,
+    shape: Array,
+    walk: Array,
+    noise: Noise,
+    explained: Explained,
+    plain: float,
 ) -> RandomWalk:
-    """Estimate from one initial noise model."""
-    plain = _explained(data, solved, own, shape, solved.noise).without
+    """Estimate from one initial noise model, and what it explains; `plain` is −2 log likelihood without any walk."""
     best: RandomWalk | None = None
     profile = np.empty(STEP_SIZES_S.size)
-    for _ in range(WALK_ALTERNATIONS):
-        gram, b, without = _explained(data, solved, own, shape, noise)
+    for turn in range(WALK_ALTERNATIONS):
+        gram, b, without = explained if turn == 0 else _explained(data, solved, directions, shape, noise)
         for k, q in enumerate(STEP_SIZES_S):
             factor = cho_factor(np.eye(len(b)) + q * q * gram)
             won = q * q * float(b @ cho_solve(factor, b))
@@ -101,7 +113,11 @@ def _found(
         steps = variance**2 * cho_solve(cho_factor(np.eye(len(b)) + variance**2 * gram), b)
         added, headway = shape @ steps, walk @ steps
         noise = fit_noise(
-            data.output, data.output.y - solved.fitted.model - added, noise.A.size - 1, noise.size
+            data.output,
+            data.output.y - solved.fitted.model - added,
+            noise.A.size - 1,
+            noise.size,
+            noise.freedom,
         )
         evidence = float(plain - profile[k])
         if best is None or evidence > best.evidence:
@@ -124,26 +140,28 @@ class Explained(NamedTuple):
     without: float  # −2 log likelihood of no step at all
 
 
-def scores_of_walk(data: DriverData, solved: FittedDriver, found: RandomWalk, rows: Flags) -> Array:
+def scores_of_walk(data: DriverData, solved: FittedDriver, walk: RandomWalk, rows: Flags) -> Array:
     """What a filtered random walk adds to the log density of each sample, (n,) nats (Schweppe 1965).
 
     Args:
         data: what is explained.
         solved: the model with the walk taken out of the output.
-        found: the walk; the size of its steps and the noise next to it are used, its path is not.
+        walk: the walk; the size of its steps and the noise next to it are used, its path is not.
         rows: (n,) samples that count.
     """
     B = shapes(data, solved.q)
     knots = B.shape[1]
-    shape = B @ np.tril(np.ones((knots, knots)))[:, 1:] * found.step
+    shape = B @ np.tril(np.ones((knots, knots)))[:, 1:] * walk.step
     left = data.output.y - solved.fitted.model
-    plain = fit_noise(data.output, left, found.noise.A.size - 1, found.noise.size)
+    # a linear filter: Gaussian innovations, of the standard deviation that they have
+    noise = walk.noise._replace(sd=walk.noise.sd * walk.noise.deviation, freedom=math.inf)
+    plain = fit_noise(data.output, left, noise.A.size - 1, noise.size)
     free = rows & ~data.output.hidden
-    X, e, e0 = whitened(found.noise, shape), whitened(found.noise, left), whitened(plain, left)
+    X, e, e0 = whitened(noise, shape), whitened(noise, left), whitened(plain, left)
     # recursive Bayesian regression of the steps, each normal with variance 1
     mean, P = np.zeros(knots - 1), np.eye(knots - 1)
     out = np.zeros(e.size)
-    level = math.log(plain.sd / found.noise.sd)
+    level = math.log(plain.sd / noise.sd)
     for t in np.flatnonzero(free):
         x = X[t]
         Px = P @ x
@@ -156,15 +174,18 @@ def scores_of_walk(data: DriverData, solved: FittedDriver, found: RandomWalk, ro
     return out
 
 
-def _explained(data: DriverData, solved: FittedDriver, own: Array, shape: Array, noise: Noise) -> Explained:
-    """Normal equations under a noise model; `own` (n, k) are the model's own derivatives."""
+def _explained(
+    data: DriverData, solved: FittedDriver, directions: Array, shape: Array, noise: Noise
+) -> Explained:
+    """Normal equations under a noise model; `directions` (n, k) are the derivatives of the model."""
     scored = score(data.output, solved.rows, noise, solved.fitted.model)
     rows = scored.slope == -1.0
     X = np.where(rows[:, None], whitened(noise, shape), 0.0)
     # the model's directions as this noise model weighs them
-    J = np.where(rows[:, None], whitened(noise, own) * scored.slope[:, None], 0.0)
+    J = np.where(rows[:, None], whitened(noise, directions) * scored.slope[:, None], 0.0)
     Q = qr(J, mode="economic")[0]
     e = np.where(rows, scored.e, 0.0)
-    e = e - Q @ (Q.T @ e)
+    along = Q.T @ e
     X = X - Q @ (Q.T @ X)
-    return Explained(X.T @ X, X.T @ e, 2 * int(rows.sum()) * float(np.log(noise.sd)) + float(e @ e))
+    without = float(scored.loss[rows].sum()) - float(along @ along)
+    return Explained(X.T @ X, X.T @ e, 2 * int(rows.sum()) * float(np.log(noise.sd)) + without)

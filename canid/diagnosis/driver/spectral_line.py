@@ -16,10 +16,10 @@ from canid.diagnosis.driver.driver_model import pedal
 from canid.diagnosis.fitting.candidates import price
 from canid.diagnosis.fitting.fitted_model import extended, solve
 from canid.diagnosis.fitting.likelihood import fit_noise
-from canid.diagnosis.fitting.robust_covariance import needed
+from canid.diagnosis.fitting.uncertainty import needed
 from canid.effects.effect import Effect
 from canid.identification.confidence import SIGMAS
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 # Hz; slower is a drift, and no driver swings faster
 MIN_LINE_HZ, MAX_LINE_HZ = 0.03, 1.2
@@ -100,16 +100,17 @@ def detect(
     phase = 2 * np.pi * f[at] * t
     shape = np.stack([np.sin(phase), np.cos(phase)], axis=1)
     a, b = np.linalg.lstsq(shape[rows], residual[rows], rcond=None)[0]
-    own = [float(np.hypot(a, b)), float(f[at]), float(np.arctan2(b, a))]
+    line = [float(np.hypot(a, b)), float(f[at]), float(np.arctan2(b, a))]
     model = extended(without.model, effect)
     left = data.output.y - without.fitted.model - shape @ np.array([a, b])
-    bare = fit_noise(data.output, left, without.noise.A.size - 1, without.noise.size)
+    noise_before = without.noise
+    bare = fit_noise(data.output, left, noise_before.A.size - 1, noise_before.size, noise_before.freedom)
     begins = (without.noise, bare._replace(state=without.noise.state))
-    tried_fits = [solve(data, model, np.r_[without.q, own], noise, rows) for noise in begins]
-    solved = min(tried_fits, key=lambda one: one.deviance)
-    found = price(effect, solved, without, dt)
+    tried_fits = [solve(data, model, np.r_[without.q, line], noise, rows) for noise in begins]
+    solved = min(tried_fits, key=lambda fitted: fitted.deviance)
+    priced = price(effect, solved, without, dt)
     # limited by its height above the surroundings: a broad peak of the noise is no line
-    return found._replace(evidence=min(found.evidence, float(over[at]) * MAX_FIT_EXCESS)), bound
+    return priced._replace(evidence=min(priced.evidence, float(over[at]) * MAX_FIT_EXCESS)), bound
 
 
 def with_phase_drift(
@@ -173,10 +174,10 @@ def walk_variance(steps: Array) -> tuple[float, float]:
         np.linspace(0.0, MAX_STEP_RAD, 51) ** 2, np.geomspace(1e-3, 1.0, 31), indexing="ij"
     )
     variance = walks[..., None] + errors[..., None] * (2 - 2 * np.cos(np.pi * order / (n + 1)))
-    seen, one = basis @ steps, basis.sum(axis=1)
-    known = (one**2 / variance).sum(axis=-1)
-    mean = (one * seen / variance).sum(axis=-1) / known
-    spread = ((seen - mean[..., None] * one) ** 2 / variance).sum(axis=-1)
+    seen, constant = basis @ steps, basis.sum(axis=1)
+    known = (constant**2 / variance).sum(axis=-1)
+    mean = (constant * seen / variance).sum(axis=-1) / known
+    spread = ((seen - mean[..., None] * constant) ** 2 / variance).sum(axis=-1)
     log_likelihood = -0.5 * (np.log(variance).sum(axis=-1) + np.log(known) + spread)
     weight = np.exp(log_likelihood - log_likelihood.max()).sum(axis=1)
     return float(walks[np.argmax(weight), 0]), float(weight @ walks[:, 0] / weight.sum())

@@ -10,10 +10,10 @@ import numpy as np
 from canid.diagnosis.fitting import likelihood
 from canid.diagnosis.fitting.least_squares import ITERATIONS, ROUGH_TOLERANCE, TOLERANCE, Fitted, Problem, fit
 from canid.diagnosis.fitting.likelihood import Noise
-from canid.diagnosis.fitting.model import Columns, Model
+from canid.diagnosis.fitting.model import Along, Columns, Model
 from canid.effects.effect import Effect
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # turns of "parameters given the noise, noise given the parameters"; the third moves an evidence by less than 0.1
 FIT_TURNS = 3
@@ -23,6 +23,7 @@ LAG_SHARES = (0.1, 0.5, 0.85)
 MIN_FIT_IMPROVEMENT = 0.1
 
 M = TypeVar("M", bound=Model)
+D = TypeVar("D", bound=Along)
 
 
 class FittedModel(NamedTuple, Generic[M]):
@@ -85,13 +86,13 @@ def solve(
         tolerance: of the last turn.
     """
     fitted, noise = _by_turns(data, problem(data, model, noise, rows, free), q, turns, iterations, tolerance)
-    noise, fitted = _rescaled(fitted, noise)
+    noise, fitted = _rescaled(data, fitted, noise)
     return FittedModel(model, fitted, noise, rows, _deviance(fitted, noise))
 
 
 def _by_turns(
     data: Columns,
-    of: Problem,
+    to_fit: Problem,
     q: Array,
     turns: int,
     iterations: int = ITERATIONS,
@@ -100,31 +101,34 @@ def _by_turns(
     def ends(turn: int) -> float:
         return tolerance if turn == turns - 1 else ROUGH_TOLERANCE
 
-    fitted = fit(of, q, iterations, ends(0))
+    fitted = fit(to_fit, q, iterations, ends(0))
     for turn in range(1, turns):
-        of = of._replace(noise=refitted(data, fitted, of.noise))
-        fitted = fit(of, fitted.q, tolerance=ends(turn))
-    return fitted, of.noise
+        to_fit = to_fit._replace(noise=refitted(data, fitted, to_fit.noise))
+        fitted = fit(to_fit, fitted.q, tolerance=ends(turn))
+    return fitted, to_fit.noise
 
 
 def refitted(data: Columns, fitted: Fitted, noise: Noise) -> Noise:
     """Fit the noise model again to what the model leaves, of the same order and scale."""
-    found = likelihood.fit_noise(data.output, data.output.y - fitted.model, noise.A.size - 1, noise.size)
-    return found._replace(state=noise.state)
+    left, p = data.output.y - fitted.model, noise.A.size - 1
+    return likelihood.fit_noise(data.output, left, p, noise.size, noise.freedom)._replace(state=noise.state)
 
 
-def _rescaled(fitted: Fitted, noise: Noise) -> tuple[Noise, Fitted]:
+def _rescaled(data: Columns, fitted: Fitted, noise: Noise) -> tuple[Noise, Fitted]:
     """Put the standard deviation at its best for the fit, hidden samples left where they are."""
     scored = fitted.scored
-    free = max(scored.free, 1)
-    hidden = (scored.slope != 0) & (scored.slope != -1.0)
-    square = float(scored.e[~hidden] @ scored.e[~hidden]) / free
-    ratio = float(np.sqrt(max(square, 1e-12)))
-    e = np.where(hidden, scored.e, scored.e / ratio)
+    rows, hidden = scored.slope != 0, (scored.slope != 0) & (scored.slope != -1.0)
+    free = rows & ~hidden
+    if np.isfinite(noise.freedom):
+        white = np.where(free, likelihood.whitened(noise, data.output.y - fitted.model), scored.e)
+        ratio = likelihood.scaled(white[free], noise.freedom) / noise.stretch if free.any() else 1.0
+    else:
+        white = scored.e
+        ratio = float(np.sqrt(max(float(white[~hidden] @ white[~hidden]) / max(scored.free, 1), 1e-12)))
+    white = np.where(hidden, white, white / ratio)
+    again = likelihood.laid_out(white, scored.slope, rows, free, noise.freedom)
     J = np.where(hidden[:, None], fitted.jacobian, fitted.jacobian / ratio)
-    return noise._replace(sd=noise.sd * ratio), fitted._replace(
-        scored=scored._replace(e=e, cost=float(e @ e)), jacobian=J
-    )
+    return noise._replace(sd=noise.sd * ratio), fitted._replace(scored=again, jacobian=J)
 
 
 def _deviance(fitted: Fitted, noise: Noise) -> float:
@@ -176,17 +180,17 @@ def baseline(data: Columns, model: M, start: Start) -> FittedModel[M] | None:
     """Fit a model without effects, choose the noise's order and how its scale follows the state; None: too few rows."""
     output, ones = data.output, np.ones(data.output.y.size)
     rows = likelihood.counted(output, start.A.size - 1)
-    of = problem(data, model, Noise(start.A, start.sd, ones, np.empty(0)), rows)
+    to_fit = problem(data, model, Noise(start.A, start.sd, ones, np.empty(0)), rows)
     best: Fitted | None = None
     for q in start.initial:
-        fitted = _by_turns(data, of, q, start.turns)[0]
+        fitted = _by_turns(data, to_fit, q, start.turns)[0]
         if best is None or fitted.scored.cost + fitted.tied < best.scored.cost + best.tied:
             best = fitted
     assert best is not None
-    noise = of.noise
+    noise = to_fit.noise
     for _ in range(start.rounds):
         noise, rows = _ordered(data, best)
-        best = _by_turns(data, of._replace(noise=noise, rows=rows), best.q, start.turns)[0]
+        best = _by_turns(data, to_fit._replace(noise=noise, rows=rows), best.q, start.turns)[0]
     if model.noise_features(data, best.model) is None:
         noise, rows = _ordered(data, best)
     else:
@@ -202,6 +206,12 @@ def _ordered(data: Columns, fitted: Fitted) -> tuple[Noise, Flags]:
     p = likelihood.order(data.output, residual)
     noise = likelihood.fit_noise(data.output, residual, p, np.ones(residual.size))
     return noise, likelihood.counted(data.output, p)
+
+
+def rescaled(data: Columns, solved: FittedModel[M], turns: int = FIT_TURNS) -> FittedModel[M]:
+    """Fit how the noise scale follows the state anew, then the model."""
+    noise = scaled_by_state(data, solved.model, solved.fitted, solved.noise, solved.rows)
+    return solve(data, solved.model, solved.q, noise, solved.rows, turns)
 
 
 def scaled_by_state(data: Columns, model: Model, fitted: Fitted, noise: Noise, rows: Flags) -> Noise:

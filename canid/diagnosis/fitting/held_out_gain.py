@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.identification.confidence import QUANTILES
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 DRAWS = 800
 

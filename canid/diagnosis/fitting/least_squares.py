@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.diagnosis.fitting.likelihood import Noise, Output, Scored, score, whitened
-from canid.findings import Flags
 from canid.identification.levenberg_marquardt import Damping, Local, minimise
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # of a parameter's scale; a difference smaller than this drowns in rounding, a larger one bends with the model
 DIFFERENCE_STEP = 1e-4
@@ -60,37 +60,37 @@ class Fitted(NamedTuple):
     tied: float  # −2 log of its density at q
 
 
-def jacobian(of: Problem, q: Array, at: Array, slope: Array) -> Array:
+def jacobian(problem: Problem, q: Array, at: Array, slope: Array) -> Array:
     """Derivatives of the whitened residuals (n, free), by forward differences away from the bounds.
 
     Args:
-        of: the problem.
+        problem: the problem.
         q: (k,) parameters.
         at: (n,) the model's output there.
         slope: (n,) d whitened residual / d whitened model.
     """
-    out = whitened(of.noise, derivatives(of, q, at)) * slope[:, None]
-    out[~of.rows] = 0.0
+    out = whitened(problem.noise, derivatives(problem, q, at)) * slope[:, None]
+    out[~problem.rows] = 0.0
     return out
 
 
-def derivatives(of: Problem, q: Array, at: Array) -> Array:
+def derivatives(problem: Problem, q: Array, at: Array) -> Array:
     """Derivatives of the model's output (n, free); arguments as in `jacobian`."""
-    out = np.empty((len(of.free), of.output.y.size))
-    for row, k in zip(out, of.free, strict=True):
-        h = DIFFERENCE_STEP * of.scale[k]
+    out = np.empty((len(problem.free), problem.output.y.size))
+    for row, k in zip(out, problem.free, strict=True):
+        h = DIFFERENCE_STEP * problem.scale[k]
         moved = q.copy()
-        moved[k] += -h if q[k] + h > of.high[k] else h
-        np.subtract(of.model(moved), at, out=row)
+        moved[k] += -h if q[k] + h > problem.high[k] else h
+        np.subtract(problem.model(moved), at, out=row)
         row /= moved[k] - q[k]
     return out.T
 
 
-def fit(of: Problem, q: Array, iterations: int = ITERATIONS, tolerance: float = TOLERANCE) -> Fitted:
+def fit(problem: Problem, q: Array, iterations: int = ITERATIONS, tolerance: float = TOLERANCE) -> Fitted:
     """Fit the free parameters.
 
     Args:
-        of: the problem.
+        problem: the problem.
         q: (k,) initial guess.
         iterations: at most so many steps.
         tolerance: relative fall of the cost at which it ends.
@@ -98,26 +98,26 @@ def fit(of: Problem, q: Array, iterations: int = ITERATIONS, tolerance: float = 
     Returns:
         the best that was found: never worse than the initial guess.
     """
-    index, low, high = list(of.free), of.low, of.high
-    ties = np.zeros((0, q.size)) if of.ties is None else of.ties
-    own = ties[:, index]
+    index, low, high = list(problem.free), problem.low, problem.high
+    ties = np.zeros((0, q.size)) if problem.ties is None else problem.ties
+    free_ties = ties[:, index]
     J = np.empty((0, 0))
 
     def point(q: Array) -> _Point:
-        at = of.model(q)
-        scored = score(of.output, of.rows, of.noise, at)
+        at = problem.model(q)
+        scored = score(problem.output, problem.rows, problem.noise, at)
         return _Point(q, at, scored, scored.cost + float(np.sum((ties @ q) ** 2)))
 
     def local(here: _Point) -> Local[_Point] | None:
         nonlocal J
-        J = jacobian(of, here.q, here.model, here.scored.slope)
-        q, gradient = here.q, J.T @ here.scored.e + own.T @ (ties @ here.q)
+        J = jacobian(problem, here.q, here.model, here.scored.slope)
+        q, gradient = here.q, J.T @ here.scored.e + free_ties.T @ (ties @ here.q)
         # a parameter that stands at its bound and wants beyond it does not move
         stuck = ((q[index] <= low[index]) & (gradient > 0)) | ((q[index] >= high[index]) & (gradient < 0))
         moving = np.flatnonzero(~stuck)
         if not moving.size:
             return None
-        H = (J.T @ J + own.T @ own)[np.ix_(moving, moving)]
+        H = (J.T @ J + free_ties.T @ free_ties)[np.ix_(moving, moving)]
         where = [index[m] for m in moving]
 
         def move(step: Array) -> _Point:
@@ -128,11 +128,11 @@ def fit(of: Problem, q: Array, iterations: int = ITERATIONS, tolerance: float = 
         return Local(gradient[moving], H, np.diag(H) + 1e-12 * (np.trace(H) + 1.0), move)
 
     damping = DAMPING._replace(iterations=iterations, tolerance=tolerance)
-    found = minimise(point(np.clip(q, low, high)), lambda at: at.cost, local, damping)
-    q, at, scored, _ = found.point
-    if found.exhausted:
-        J = jacobian(of, q, at, scored.slope)
-    return Fitted(q, of.free, at, scored, J, own, float(np.sum((ties @ q) ** 2)))
+    minimum = minimise(point(np.clip(q, low, high)), lambda at: at.cost, local, damping)
+    q, at, scored, _ = minimum.point
+    if minimum.exhausted:
+        J = jacobian(problem, q, at, scored.slope)
+    return Fitted(q, problem.free, at, scored, J, free_ties, float(np.sum((ties @ q) ** 2)))
 
 
 class _Point(NamedTuple):

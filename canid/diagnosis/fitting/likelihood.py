@@ -5,20 +5,58 @@ when itself and the p samples before it are known and free; what it is then cond
 on, and which samples count is known before they are seen (a partial likelihood, Cox 1975): no selection on the output.
 A counted sample that has run into the floor shows only that the demand was below it: log Φ instead of a density (Tobin
 1958). So the samples at the floor neither bias the fit, as they do when they are masked, nor are lost altogether.
+
+e is Gaussian, or Student's t (Lange, Little & Taylor 1989): then the score of each sample is bounded, and one outlier of a
+person decides nothing. It is written as a residual with variance 1 and slope −1 in expectation (Fisher scoring), so that
+whatever is made of whitened residuals is made of scores.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve
+from scipy.signal import lfilter
 
-from canid.diagnosis.fitting.fir_filter import filtered
-from canid.findings import Flags
 from canid.identification import censoring
 from canid.identification.autoregression import preceded
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
+
+# coefficients up to which numpy's convolution is the faster one
+SHORT = 12
+# samples per block; a longer filter than this is applied sample by sample
+BLOCK = 32
+# coefficient of the sample of a column in that of a row, in the same block
+LAG = np.arange(BLOCK)[:, None] - np.arange(BLOCK)
+
+
+def filtered(A: Array, rows: Array) -> Array:
+    """Filter each row (k, n) by A (p + 1,); before its first sample it was 0.
+
+    Example:
+        >>> filtered(np.array([1.0, -0.5]), np.array([[2.0, 2.0, 4.0]]))
+        array([[2., 1., 3.]])
+    """
+    (k, n), p = rows.shape, A.size - 1
+    if p < SHORT:
+        return np.stack([np.convolve(row, A)[:n] for row in rows])
+    if p > BLOCK:
+        return np.asarray(lfilter(A, [1.0], rows, axis=1))
+    blocks = -(-n // BLOCK)
+    padded = np.zeros((k, blocks * BLOCK))
+    padded[:, :n] = rows
+    by_lag = np.r_[A, np.zeros(2 * BLOCK - A.size)]
+    # a lag below 0 takes one of the zeros
+    whole = padded.reshape(-1, BLOCK) @ by_lag[LAG].T
+    before = padded.reshape(k, blocks, BLOCK)[:, :-1, BLOCK - p :]
+    of_before = by_lag[np.minimum(LAG[:, BLOCK - p :] + BLOCK, 2 * BLOCK - 1)]
+    whole.reshape(k, blocks, BLOCK)[:, 1:] += before @ of_before.T
+    out: Array = whole.reshape(k, -1)[:, :n]
+    return out
+
 
 # orders that are compared, in samples; above them the recovery after each masked stretch costs more than it brings
 ORDERS = (2, 4, 6, 9, 13, 18, 25)
@@ -29,6 +67,8 @@ MAX_LOG_SCALE = 1.6
 MAX_NOISE_MEMORY_S = 60.0
 # squared innovations beyond this many variances count as so many: one outlier is no state
 MAX_SQUARE = 9.0
+# where innovations are Student's t: of weights and coefficients in turn, and of the fixed point of a scale
+WEIGHINGS, SCALINGS = 3, 8
 
 
 class Output(NamedTuple):
@@ -49,20 +89,34 @@ class Output(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """A(q) n(t) = sd · size(t) · e(t), e white with variance 1."""
+    """A(q) n(t) = sd · size(t) · e(t), e white; Gaussian with variance 1, or Student's t with Fisher's information 1."""
 
     A: Array  # (p + 1,), A[0] = 1
     sd: float
     size: Array  # (n,) relative, mean of its square about 1
     state: Array  # coefficients of log size² over the state's features; empty: the same everywhere
+    freedom: float = math.inf  # of Student's t; inf: Gaussian
+
+    @property
+    def stretch(self) -> float:
+        """Scale of Student's t, over the standard deviation of the Gaussian that shows its mean as well."""
+        return math.sqrt((self.freedom + 1.0) / (self.freedom + 3.0)) if math.isfinite(self.freedom) else 1.0
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of an innovation, over `sd`."""
+        if not math.isfinite(self.freedom):
+            return 1.0
+        return self.stretch * math.sqrt(self.freedom / (self.freedom - 2.0))
 
 
 class Scored(NamedTuple):
     """Whitened residuals."""
 
-    e: Array  # (n,) / (sd·size); where it does not count: 0
-    slope: Array  # (n,) d e / d whitened model, sign included (−1 where free)
-    cost: float  # Σ e²: −2 log likelihood up to what does not depend on the model
+    e: Array  # (n,) / (sd·size), of Student's t the score in its place; where it does not count: 0
+    slope: Array  # (n,) d e / d whitened model, sign included (−1 where free, of Student's t in expectation)
+    loss: Array  # (n,) −2 log density up to what does not depend on the model; of a Gaussian e²
+    cost: float  # its sum
     free: int  # samples that count with a density
 
 
@@ -109,12 +163,36 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
         of_bound = censoring.surprise(sign * e[hidden])
         e[hidden] = of_bound.value
         slope[hidden] = -sign * of_bound.slope
-    e = np.where(rows, e, 0.0)
-    free = int(np.count_nonzero(rows & ~hidden))
-    return Scored(e, np.where(rows, slope, 0.0), float(e @ e), free)
+    free = rows & ~hidden
+    return laid_out(e, slope, rows, free, noise.freedom)
 
 
-def fit_noise(output: Output, residual: Array, p: int, size: Array) -> Noise:
+def laid_out(white: Array, slope: Array, rows: Flags, free: Flags, freedom: float) -> Scored:
+    """Scores of whitened residuals.
+
+    Args:
+        white: (n,) whitened residuals; of hidden samples the surprise.
+        slope: (n,) as in `Scored`.
+        rows: (n,) samples that count.
+        free: (n,) those of them that have a density.
+        freedom: of Student's t; inf: Gaussian.
+
+    Example:
+        >>> all_ = np.ones(2, dtype=bool)
+        >>> laid_out(np.array([0.5, 50.0]), -np.ones(2), all_, all_, 4.0).e.round(2)
+        array([0.8, 0.1])
+    """
+    e = np.where(rows, white, 0.0)
+    loss = e * e
+    if math.isfinite(freedom):
+        information = (freedom + 1.0) / (freedom + 3.0)
+        square = e[free] ** 2 / information
+        loss[free] = (freedom + 1.0) * np.log1p(square / freedom)
+        e[free] *= (freedom + 1.0) / ((freedom + square) * information)
+    return Scored(e, np.where(rows, slope, 0.0), loss, float(loss.sum()), int(np.count_nonzero(free)))
+
+
+def fit_noise(output: Output, residual: Array, p: int, size: Array, freedom: float = math.inf) -> Noise:
     """Fit A of order p to a residual (n,), by least squares over the samples that count, each weighted by its size.
 
     The residual has a mean of its own while the offset is not at its best. Without an intercept the noise model takes that
@@ -123,22 +201,60 @@ def fit_noise(output: Output, residual: Array, p: int, size: Array) -> Noise:
     """
     rows = counted(output, p) & ~output.hidden
     index = np.flatnonzero(rows)
+    none: Array = np.empty(0)
     if index.size < 4 * (p + 1):
-        return Noise(
-            np.r_[1.0, np.zeros(p)], max(float(np.std(residual[output.usable])), 1e-9), size, np.empty(0)
+        sd = max(float(np.std(residual[output.usable])), 1e-9)
+        return Noise(np.r_[1.0, np.zeros(p)], sd, size, none, freedom)
+    past = np.ones((index.size, p + 2))
+    for k in range(p + 1):
+        past[:, k] = residual[index - k]
+    A, e = _coefficients(past, 1.0 / size[index], output.dt)
+    if not math.isfinite(freedom):
+        return Noise(A, max(float(np.sqrt(np.mean(e * e))), 1e-9), size, none)
+    for _ in range(WEIGHINGS):
+        # of Student's t, the weights at its likeliest scale
+        scale = scaled(e, freedom)
+        weight = np.sqrt((freedom + 1.0) / (freedom + (e / scale) ** 2)) / size[index]
+        A, left = _coefficients(past, weight, output.dt)
+        e = left / (weight * size[index])
+    plain = Noise(A, 1.0, size, none, freedom)
+    return plain._replace(sd=max(scaled(e, freedom) / plain.stretch, 1e-9))
+
+
+def scaled(e: Array, freedom: float) -> float:
+    """Likeliest scale of Student's t.
+
+    Example:
+        >>> round(scaled(np.random.default_rng(0).standard_t(5, 20000), 5.0), 1)
+        1.0
+    """
+    square = e * e
+    scale = float(np.mean(square)) * max(1.0 - 2.0 / freedom, 0.3)
+    for _ in range(SCALINGS):
+        scale = max(
+            float(np.mean(square * (freedom + 1.0) / (freedom + square / max(scale, 1e-300)))), 1e-300
         )
-    weight = 1.0 / size[index]
-    lags = np.stack([*(residual[index - k] * weight for k in range(1, p + 1)), weight], axis=1)
-    now = residual[index] * weight
+    return math.sqrt(scale)
+
+
+def _coefficients(past: Array, weight: Array, dt: float) -> tuple[Array, Array]:
+    """A (p + 1,) by least squares, each sample with its weight; and what it leaves, weighed.
+
+    Args:
+        past: (n, p + 2) residuals: the sample's own, those before it, and 1.
+        weight: (n,).
+        dt: s.
+    """
+    weighed, p = past * weight[:, None], past.shape[1] - 2
+    now, lags = weighed[:, 0], weighed[:, 1:]
     gram = lags.T @ lags
     # a residual that is nothing but 0 has no spectrum, and none is singular
-    own = np.arange(p)
-    gram[own, own] += 1e-9 * max(float(np.trace(gram[:p, :p])) / max(p, 1), 1e-12)
+    diagonal = np.arange(p)
+    gram[diagonal, diagonal] += 1e-9 * max(float(np.trace(gram[:p, :p])) / max(p, 1), 1e-12)
     a = solve(gram, lags.T @ now, assume_a="pos")
-    A = stationary(np.r_[1.0, -a[:p]], output.dt)
+    A = stationary(np.r_[1.0, -a[:p]], dt)
     e = now + lags[:, :p] @ A[1:]
-    e = e - weight * float(weight @ e) / float(weight @ weight)
-    return Noise(A, max(float(np.sqrt(np.mean(e * e))), 1e-9), size, np.empty(0))
+    return A, e - weight * float(weight @ e) / float(weight @ weight)
 
 
 def stationary(A: Array, dt: float) -> Array:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis.fitting.held_out_gain import DRAWS
-from canid.findings import Flags
 from canid.identification.confidence import QUANTILES
-from canid.types import Array, Interval
+from canid.values.findings import Flags
+from canid.values.types import Array, Interval
 
 # s; longer than the memory of the noise's scale
 STRETCH_S = 15.0

@@ -6,13 +6,13 @@ Two blocks answer: `DriverModel` and `VehicleModel`. Where they differ on purpos
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
 from canid.diagnosis.fitting.likelihood import Output
 from canid.effects.effect import Effect
-from canid.types import Array
+from canid.values.types import Array
 
 
 class Columns(Protocol):
@@ -21,6 +21,19 @@ class Columns(Protocol):
     @property
     def output(self) -> Output:
         """What is explained."""
+        ...
+
+
+class Along(Columns, Protocol):
+    """The data of a driver's block: what is explained, over time."""
+
+    @property
+    def t(self) -> Array:
+        """(n,) s since the first sample."""
+        ...
+
+    def with_output(self, output: Output) -> Self:
+        """Return the same drive with another output, or with other samples usable."""
         ...
 
 
@@ -114,4 +127,40 @@ def box(
 
 def place(model: Model, effect: str) -> slice:
     """Parameters in q of one of a model's effects, by its id."""
-    return model.where[[one.id for one in model.effects].index(effect)]
+    return model.where[[each.id for each in model.effects].index(effect)]
+
+
+# of each name: those of a point, and of the steps around it
+KEPT_VALUES = 6
+
+T = TypeVar("T")
+
+
+class RecentValues:
+    """The most recently used values of each name.
+
+    Example:
+        >>> import numpy as np
+        >>> recent = RecentValues()
+        >>> recent.value("x", np.array([1.0]), lambda: 2.0), recent.value("x", np.array([1.0]), lambda: 3.0)
+        (2.0, 2.0)
+    """
+
+    def __init__(self) -> None:
+        self._values: dict[str, dict[bytes, Any]] = {}
+
+    def value(self, name: str, parameters: Array, compute: Callable[[], T]) -> T:
+        """Compute a value, or take it from those that were computed before.
+
+        Args:
+            name: of the function.
+            parameters: (k,) all that it depends on.
+            compute: what computes it.
+        """
+        kept, key = self._values.setdefault(name, {}), parameters.tobytes()
+        # the latest is last
+        out: T = kept.pop(key) if key in kept else compute()
+        if len(kept) >= KEPT_VALUES:
+            kept.pop(next(iter(kept)))
+        kept[key] = out
+        return out

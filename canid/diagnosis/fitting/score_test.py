@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from canid.diagnosis.fitting.robust_covariance import newey_west
-from canid.types import Array
+from canid.diagnosis.fitting.uncertainty import newey_west
+from canid.values.types import Array
 
 # directions that are smaller than this share of the largest hold nothing of their own
 INDEPENDENT = 0.05

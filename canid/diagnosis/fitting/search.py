@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from canid.effects.effect import Effect
-from canid.types import Interval
+from canid.values.types import Interval
 
 # effects named at most: an hour of driving does not distinguish more
 MAX_EFFECTS = 4

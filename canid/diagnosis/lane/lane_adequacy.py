@@ -22,11 +22,10 @@ from canid.diagnosis.adequacy.alternatives import (
     hats,
 )
 from canid.diagnosis.driver.driver_model import delayed, lagged
-from canid.diagnosis.lane.lane_data import LaneData
 from canid.diagnosis.lane.lane_fit import FittedLane
-from canid.diagnosis.lane.lane_model import KD, PRODUCT, TAU, K, parts, second_order
-from canid.diagnosis.lane.lane_search import Search
-from canid.types import Array
+from canid.diagnosis.lane.lane_model import KD, PRODUCT, TAU, K, LaneData, parts, second_order
+from canid.diagnosis.lane.lane_search import LaneSearch
+from canid.values.types import Array
 
 # s after the dead time, answers that one lag does not make
 LATER_S = (1.0, 2.5)
@@ -34,15 +33,15 @@ LATER_S = (1.0, 2.5)
 AHEAD_S = (0.0, 1.0, 2.0)
 
 
-def assess(found: Search, explained: float = 0.0) -> Adequacy:
+def assess(search: LaneSearch, explained: float = 0.0) -> Adequacy:
     """Test what a model leaves against every family.
 
     Args:
-        found: what the search ended with.
+        search: what the search ended with.
         explained: variance that its causes took from the residual, over what they left.
     """
-    tested = tuple(spanned(shapes(found.data, found.solved), found.data, found.solved))
-    bound = (NAMED_CHANCE if found.named else FAMILY_CHANCE) / len(tested)
+    tested = tuple(spanned(shapes(search.data, search.solved), search.data, search.solved))
+    bound = (NAMED_CHANCE if search.named else FAMILY_CHANCE) / len(tested)
     material = max(MATERIAL_RESIDUAL_SHARE, LEFT_BEHIND_SHARE * explained)
     failed = tuple(family for family in tested if family.p < bound and family.share >= material)
     share = max((family.share for family in failed), default=0.0)

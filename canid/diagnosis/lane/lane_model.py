@@ -17,11 +17,64 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from canid.diagnosis.driver.driver_data import filled
 from canid.diagnosis.driver.driver_model import delayed
+from canid.diagnosis.fitting.likelihood import Output
 from canid.diagnosis.fitting.model import box
-from canid.diagnosis.lane.lane_data import LaneData
+from canid.diagnosis.masks import extended
 from canid.effects.effect import Effect, Seen
-from canid.types import NAN, Array
+from canid.values.findings import Flags
+from canid.values.types import NAN, Array, LearnGate, Trace
+
+# s; the longest memory of the driver that is modelled: dead time and lags
+DRIVER_MEMORY_S = 2.5
+
+
+class LaneData(NamedTuple):
+    """Columns (n,) of one drive on its grid."""
+
+    t: Array  # s since its first sample
+    offset: Array  # m, from the middle of the lane, positive to the left; holes filled
+    speed: Array  # m/s; zeros where it is not measured
+    curvature: Array | None  # 1/m, of the road, positive to the left; None: not measured
+    output: Output  # steering wheel angle, °
+
+    @property
+    def duration(self) -> float:
+        """Of the whole drive, s."""
+        return float(self.t[-1]) if self.t.size else 0.0
+
+    def with_output(self, output: Output) -> LaneData:
+        """Return the same drive with another output."""
+        return self._replace(output=output)
+
+
+def prepare(trace: Trace, usable: Flags) -> LaneData:
+    """Lay out the columns.
+
+    Args:
+        trace: of a drive.
+        usable: (n,) samples that no mask has taken.
+    """
+    n = trace.t.size
+    offset = trace.inputs[:, 0] if n else np.zeros(0)
+    known = np.isfinite(offset) & np.isfinite(trace.output)
+    open_ = np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool)
+    # where the samples' own history ends, the driver's memory is not known either
+    begins = np.r_[True, np.diff(trace.segment) != 0] if n else np.zeros(0, dtype=bool)
+    settled = ~extended(~(open_ & known & usable) | begins, round(DRIVER_MEMORY_S / trace.dt))
+    nowhere = np.zeros(n, dtype=bool)
+    output = Output(filled(trace.output), settled, nowhere, -np.inf, nowhere, np.inf, trace.dt)
+    road = trace.signals.get("curvature")
+    measured = road is not None and bool(np.isfinite(road[settled]).mean() > 0.5) if settled.any() else False
+    return LaneData(
+        trace.t - trace.t[0] if n else trace.t,
+        filled(offset),
+        filled(trace.signals.get("speed", np.zeros(n))),
+        filled(road) if measured and road is not None else None,
+        output,
+    )
+
 
 # of the baseline, in this order, before those of the causes
 OFFSET, K, KD, TAU, PRODUCT, THETA, WANTED = range(7)
@@ -178,8 +231,8 @@ def steered(model: LaneModel, data: LaneData, q: Array) -> Array:
     Returns:
         (n,) °.
     """
-    dt, of = data.output.dt, parts(model, data, q)
-    demand = of.gain * (q[K] * of.position + q[KD] * of.rate) + of.added
+    dt, entering = data.output.dt, parts(model, data, q)
+    demand = entering.gain * (q[K] * entering.position + q[KD] * entering.rate) + entering.added
     out: Array = q[OFFSET] + second_order(demand, float(q[TAU]), float(q[PRODUCT]), dt)
     for effect, where in zip(model.effects, model.where, strict=True):
         if effect.pedal is not None and effect.pedal.column is not None:

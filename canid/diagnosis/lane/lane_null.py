@@ -7,21 +7,40 @@ angles the recorded offsets come out, and with the noise of a replicate another 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from canid.diagnosis.fitting import likelihood
-from canid.diagnosis.fitting.fitted_model import scaled_by_state, solve
-from canid.diagnosis.lane import lane_candidates, lane_held_out
-from canid.diagnosis.lane.lane_data import LaneData
+from canid.diagnosis.driver import held_out
+from canid.diagnosis.driver.held_out import Fold
+from canid.diagnosis.fitting import likelihood, log_score_gain
+from canid.diagnosis.fitting.fitted_model import dropped, scaled_by_state, solve
+from canid.diagnosis.fitting.search import Named
+from canid.diagnosis.lane import lane_search
 from canid.diagnosis.lane.lane_fit import FittedLane
-from canid.diagnosis.lane.lane_model import KD, OFFSET, PRODUCT, TAU, THETA, WANTED, K, polynomial
-from canid.diagnosis.null.names import Statistics
+from canid.diagnosis.lane.lane_model import (
+    KD,
+    OFFSET,
+    PRODUCT,
+    TAU,
+    THETA,
+    WANTED,
+    K,
+    LaneData,
+    LaneModel,
+    polynomial,
+)
+from canid.diagnosis.lane.lane_search import LaneSearch
+from canid.diagnosis.null import predictive_score, sequential
+from canid.diagnosis.null.confirmed_search import Checked
 from canid.diagnosis.null.noise_source import BLOCK_S, resampled
-from canid.effects.effect import Effect
-from canid.findings import Flags
-from canid.types import Array
+from canid.diagnosis.null.sequential import Statistics
+from canid.effects.effect import Effect, Kind
+from canid.identification import movement_rhythm
+from canid.values.findings import Flags
+from canid.values.types import Array, Interval
 
 # s of past offsets and angles that the next offset depends on: a car's yaw and slip, and the smoothing of a camera
 CAR_MEMORY_S = 1.0
@@ -48,9 +67,9 @@ def road(data: LaneData) -> Road | None:
     rows = data.output.usable & np.r_[np.zeros(p, dtype=bool), np.ones(y.size - p, dtype=bool)]
     if int(rows.sum()) < MIN_ROWS_PER_COEFFICIENT * past.shape[1]:
         return None
-    found = np.linalg.lstsq(past[rows], y[rows], rcond=None)[0]
-    found[-1] = 0.0
-    return Road(found[:p], found[p : 2 * p], y - past @ found)
+    coefficients = np.linalg.lstsq(past[rows], y[rows], rcond=None)[0]
+    coefficients[-1] = 0.0
+    return Road(coefficients[:p], coefficients[p : 2 * p], y - past @ coefficients)
 
 
 def simulated(data: LaneData, driver: FittedLane, on: Road, count: int, seed: list[int]) -> list[LaneData]:
@@ -100,18 +119,109 @@ def simulated(data: LaneData, driver: FittedLane, on: Road, count: int, seed: li
     ]
 
 
-def statistics(replicate: LaneData, null: FittedLane, effects: list[Effect]) -> Statistics | None:
-    """Fit null and effects to a replicate, one after the other; None: too few samples."""
+def refitted(replicate: LaneData, null: FittedLane) -> FittedLane | None:
+    """Fit the null's model to a replicate; None: too few samples."""
     rows: Flags = likelihood.counted(replicate.output, null.noise.A.size - 1)
     if not rows.any():
         return None
     first = solve(replicate, null.model, null.q, null.noise, rows, turns=1)
     noise = scaled_by_state(replicate, null.model, first.fitted, null.noise, rows)
-    base = solve(replicate, null.model, first.q, noise, rows, turns=2)
-    evidence, extended = {}, base
-    for effect in effects:
-        found = lane_candidates.tried(effect, replicate, extended)
-        evidence[effect.id] = found.evidence if found is not None else 0.0
-        extended = found.solved if found is not None else extended
-    won = lane_held_out.gain(replicate, base, replicate, extended).value if extended is not base else 0.0
-    return Statistics(evidence, won)
+    return solve(replicate, null.model, first.q, noise, rows, turns=2)
+
+
+def gain(replicate: LaneData, base: FittedLane, named: Sequence[Named]) -> float:
+    """Gain of the simulation on held-out data, of effects that are fitted one after the other."""
+    extended = base
+    for cause in named:
+        extended = lane_search.again(cause.effect, replicate, extended)
+    if extended is base:
+        return 0.0
+    search = LaneSearch(base, replicate, extended, tuple(named))
+    errors = held_out.errors(replicate, search, held_out.folds(replicate, search, lane_search.again))
+    return held_out.gain(*errors, replicate.output.dt).value
+
+
+class Keeping:
+    """A driver who keeps the lane: `confirmed_search.Block`.
+
+    Args:
+        data: the recorded drive.
+        fitted: the baseline.
+        effects: all that are searched for.
+        seed: of the draws.
+    """
+
+    where = "on this road"
+
+    def __init__(self, data: LaneData, fitted: FittedLane, effects: tuple[Effect, ...], seed: int) -> None:
+        self._data, self._fitted, self._effects, self._seed = data, fitted, effects, seed
+
+    def search(self, effects: tuple[Effect, ...]) -> Checked[LaneData, LaneModel]:
+        """Search, without cross-validation: every name is held against held-out data by its log score."""
+        search = lane_search.search_causes(self._data, effects, self._fitted)
+        if not search.named:
+            return Checked(search, (), Interval())
+        folds = held_out.folds(self._data, search, lane_search.again)
+        errors = held_out.errors(self._data, search, folds)
+        return Checked(search, folds, held_out.gain(*errors, self._data.output.dt))
+
+    def scores(
+        self, search: LaneSearch, folds: Sequence[Fold[LaneModel]]
+    ) -> tuple[Interval, Mapping[str, Interval]]:
+        """Gain in one-step log score; what standstills are worth is apart from that of all fitted causes."""
+        each = {cause.effect.id: _predicted(self._data, search, folds, cause) for cause in search.named}
+        whole = _predicted_by_all(search, folds) if len(search.named) > 1 else next(iter(each.values()))
+        return whole, each
+
+    def replicates(self, search: LaneSearch, tested: Sequence[Named]) -> Iterator[Statistics]:
+        """Simulate the baseline's driver again."""
+        data, driver, on = self._data, search.baseline, road(self._data)
+        if on is None:
+            return
+        for batch, count in enumerate(sequential.BATCHES):
+            for drive in simulated(data, driver, on, count, [self._seed, batch]):
+                base = refitted(drive, driver)
+                if base is not None:
+                    margin = lane_search.largest_margin(drive, base, self._effects, len(search.among))
+                    yield Statistics(margin, partial(gain, drive, base, tested))
+
+    def testable(self, effect: Effect) -> bool:
+        """Is it fitted to an offset that the loop feeds back?"""
+        return effect.kind is Kind.PARAMETRIC
+
+
+def _predicted(
+    data: LaneData, search: LaneSearch, folds: Sequence[Fold[LaneModel]], cause: Named
+) -> Interval:
+    """Gain of one cause in log score on held-out data, nats/min."""
+    if cause.effect.kind is not Kind.PARAMETRIC:
+        return _held(data)
+    left = dropped(search.data, search.solved, cause.effect.id)
+    return _gain(search, folds, left)
+
+
+def _predicted_by_all(search: LaneSearch, folds: Sequence[Fold[LaneModel]]) -> Interval:
+    """Gain of all fitted causes; that of standstills is apart."""
+    ids = [effect.id for effect in search.solved.model.effects]
+    return _gain(search, folds, dropped(search.data, search.solved, *ids)) if ids else Interval()
+
+
+def _gain(search: LaneSearch, folds: Sequence[Fold[LaneModel]], left: FittedLane) -> Interval:
+    rows, size = search.solved.rows & left.rows, left.noise.size
+    without = held_out.models(search.data, left, lane_search.again)
+    both = without, [fold.extended for fold in folds]
+    base, extended = (predictive_score.by_fold(search.data, fits, rows, size) for fits in both)
+    return log_score_gain.gain(predictive_score.difference(base, extended, rows), rows, search.data.output.dt)
+
+
+def _held(data: LaneData) -> Interval:
+    """What a wheel that has stood for some time predicts of the next sample, as `predictive_score` has it of pedals."""
+    output = data.output
+    step = movement_rhythm.step_size(output.y[output.usable])
+    still = np.abs(np.diff(output.y, prepend=np.nan)) < 0.5 * step
+    stood = predictive_score.run_length(still)
+    plain = (stood > 0).astype(np.int64)
+    fine = np.digitize(stood, predictive_score.RESTS)
+    counted = output.usable & np.r_[False, output.usable[:-1]]
+    out = predictive_score.of_standstills(still, plain, fine, counted, held_out.dealt(data))
+    return log_score_gain.gain(out, counted, output.dt)

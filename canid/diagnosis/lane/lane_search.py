@@ -1,57 +1,164 @@
-"""Search for the causes of a driver who keeps the lane: forward selection, each refitted with those before it."""
+"""Search for the causes of a driver who keeps the lane, and which ones the drive cannot show."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
 from canid.diagnosis.driver import pedal_holds
+from canid.diagnosis.driver.driver_candidates import MAX_STARTS
 from canid.diagnosis.driver.driver_search import (
-    EPISODE_EDGE_S,
     FORM_EVIDENCE_SHARE,
-    MIN_ROWS,
-    RIVAL_SHARE,
     START_CHANCES,
+    CauseSearch,
+    selected,
+    with_curve,
+    with_holds,
 )
-from canid.diagnosis.fitting import likelihood
-from canid.diagnosis.fitting.candidates import needed_still, still_named, with_rivals
-from canid.diagnosis.fitting.fitted_model import dropped, scaled_by_state, solve
-from canid.diagnosis.fitting.model import place
-from canid.diagnosis.fitting.robust_covariance import needed
-from canid.diagnosis.fitting.search import Named, Option, Step, forward_selection
-from canid.diagnosis.lane import lane_candidates
-from canid.diagnosis.lane.lane_candidates import LaneCandidate
-from canid.diagnosis.lane.lane_data import LaneData
+from canid.diagnosis.driver.pedal_holds import Holds
+from canid.diagnosis.fitting.candidates import (
+    MIN_EXPLAINED,
+    POLISH_EVIDENCE,
+    Candidate,
+    Guess,
+    at_bound,
+    best_fit,
+    direction,
+    is_operating_point,
+    model_directions,
+    price,
+    screened,
+    simulates_worse,
+)
+from canid.diagnosis.fitting.fitted_model import extended, polished, rescaled
+from canid.diagnosis.fitting.likelihood import whitened
+from canid.diagnosis.fitting.search import Option, Step
+from canid.diagnosis.fitting.uncertainty import needed
 from canid.diagnosis.lane.lane_fit import FittedLane
-from canid.effects.effect import Detector, Effect, Kind
+from canid.diagnosis.lane.lane_model import (
+    KD,
+    OFFSET,
+    PRODUCT,
+    TAU,
+    WANTED,
+    K,
+    LaneData,
+    LaneModel,
+    parts,
+    second_order,
+)
+from canid.effects.effect import Detector, DriveFeatures, Effect, Kind
+from canid.identification import movement_rhythm
+from canid.values.findings import NotTestable
+from canid.values.types import Array
 
-# of a parameter's range; nearer than this it stands at its bound and stands for another cause
-BOUND_RANGE_SHARE = 1e-3
+LaneCandidate = Candidate[LaneModel]
+
+# quantiles of the offset at which the wanted position is tried, where an effect makes it identifiable
+WANTED_QUANTILES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)
 
 
-class Holds(NamedTuple):
-    """Stretches in which the wheel stands still although the model would turn it."""
+def searchable(effects: tuple[Effect, ...], data: LaneData) -> tuple[Effect, ...]:
+    """Effects that are fitted on this drive."""
+    return tuple(
+        effect
+        for effect in effects
+        if effect.kind is Kind.PARAMETRIC
+        and effect.identifiable
+        and ("curvature" not in effect.needs or data.curvature is not None)
+    )
 
-    episodes: tuple[tuple[int, int], ...]  # [start, stop) samples
-    evidence: float  # 2 Δ log likelihood
+
+def starts(effect: Effect, data: LaneData, without: FittedLane) -> Iterator[Array]:
+    """Parameters at which a cause may begin: the model without it, and the cause's own."""
+    base, free = without.q, data.output.usable
+    known = DriveFeatures(data.duration, data.speed[free], data.output.y[free])
+    guesses = [parameter.guesses(known) for parameter in effect.parameters]
+    wanted = [float(base[WANTED])]
+    if effect.shows_desired_headway and not without.model.centred:
+        wanted = [float(x) for x in np.quantile(data.offset[free], WANTED_QUANTILES)]
+    for position, values in product(wanted, product(*guesses)):
+        q = np.r_[base, values]
+        q[OFFSET] += q[K] * (position - q[WANTED])
+        q[WANTED] = position
+        yield q
 
 
+def screen(effect: Effect, data: LaneData, without: FittedLane) -> list[Guess]:
+    """Price every initial guess by what its direction explains, and by its gains fitted anew; the best first."""
+    model = extended(without.model, effect)
+    out = screened(effect, data, without, starts(effect, data, without))
+    if all(each.pedal is None for each in model.effects):
+        out += [regained(model, data, without, guess.q) for guess in list(out)]
+    return sorted(out, key=lambda guess: -guess.explains)
+
+
+def regained(model: LaneModel, data: LaneData, without: FittedLane, q: Array) -> Guess:
+    """Fit gains and offset by linear least squares, everything else fixed."""
+    dt, noise, entering = data.output.dt, without.noise, parts(model, data, q)
+
+    def through(x: Array | float) -> Array:
+        return second_order(x + np.zeros(data.t.size), float(q[TAU]), float(q[PRODUCT]), dt)
+
+    rows = without.rows
+    columns = [
+        np.ones(data.t.size),
+        through(entering.gain * entering.position),
+        through(entering.gain * entering.rate),
+    ]
+    X = whitened(noise, np.stack(columns, axis=1))[rows]
+    y = whitened(noise, data.output.y - through(entering.added))[rows]
+    gains = np.linalg.lstsq(X, y, rcond=None)[0]
+    left, before = y - X @ gains, without.fitted.scored.e[rows]
+    q = q.copy()
+    where = [OFFSET, K, KD]
+    q[where] = np.clip(gains, model.low[where], model.high[where])
+    return Guess(q, max(float(before @ before - left @ left), 0.0))
+
+
+def tried(effect: Effect, data: LaneData, without: FittedLane) -> LaneCandidate | None:
+    """Fit a candidate in full, from its best initial guesses; None: its direction explains nothing."""
+    guesses = screen(effect, data, without)
+    if not guesses or guesses[0].explains < MIN_EXPLAINED:
+        return None
+    priced = price(
+        effect,
+        best_fit(effect, data, without, [guess.q for guess in guesses[:MAX_STARTS]]),
+        without,
+        data.output.dt,
+    )
+    if priced.evidence < POLISH_EVIDENCE:
+        return priced
+    return price(effect, polished(data, priced.solved), without, data.output.dt)
+
+
+def again(effect: Effect, data: LaneData, without: FittedLane) -> FittedLane:
+    """Search one effect's parameters on the rows of a model without it; that model, where its direction explains nothing."""
+    candidate = tried(effect, data, without)
+    return without if candidate is None else candidate.solved
+
+
+def candidates(effects: tuple[Effect, ...], data: LaneData, without: FittedLane) -> list[LaneCandidate]:
+    """Try every cause that is not in the model yet."""
+    have = {effect.id for effect in without.model.effects}
+    fitted = [tried(effect, data, without) for effect in effects if effect.id not in have]
+    return [
+        candidate
+        for candidate in fitted
+        if candidate is not None
+        and not simulates_worse(data, candidate.solved, without)
+        and not is_operating_point(candidate, without, lambda effect: tried(effect, data, without))
+    ]
+
+
+LaneSearch = CauseSearch[LaneData, LaneModel]
 Found = LaneCandidate | Holds
 
 
-class Search(NamedTuple):
-    """What the search ended with."""
-
-    baseline: FittedLane  # on all the data
-    data: LaneData  # without the episodes
-    solved: FittedLane  # with all effects
-    named: tuple[Named, ...] = ()
-    steps: tuple[Step, ...] = ()
-    holds: Holds | None = None
-
-
-def search_causes(data: LaneData, effects: tuple[Effect, ...], fitted: FittedLane) -> Search:
+def search_causes(data: LaneData, effects: tuple[Effect, ...], fitted: FittedLane) -> LaneSearch:
     """Search, one cause after another.
 
     Args:
@@ -59,88 +166,99 @@ def search_causes(data: LaneData, effects: tuple[Effect, ...], fitted: FittedLan
         effects: candidates.
         fitted: the baseline.
     """
-    curves = lane_candidates.searchable(effects, data)
+    curves = searchable(effects, data)
     holding = [effect for effect in effects if Detector.PEDAL_HOLDS in effect.detectors]
 
-    def propose(state: Search, step: int) -> tuple[Search, list[Option[Found]]]:
-        if state.holds is None and holding:
+    def propose(state: LaneSearch, step: int) -> tuple[LaneSearch, list[Option[Found]]]:
+        if holding and not state.holds:
             seen = detect(state.data, state.solved)
-            if seen is not None:
-                one = Step(holding[0], step, seen.evidence, pedal_holds.NEEDED_EVIDENCE)
-                return state, [Option(one, seen, certain=True)]
-        form = FORM_EVIDENCE_SHARE * sum(one.evidence for one in state.named)
+            if seen.pattern is not None:
+                held = Step(holding[0], step, seen.evidence, seen.needed)
+                return state, [Option(held, seen, certain=True)]
+        form = FORM_EVIDENCE_SHARE * sum(cause.evidence for cause in state.named)
         options = list[Option[Found]]()
-        for found in lane_candidates.candidates(curves, state.data, state.solved):
-            searched = found.effect.shows_desired_headway
-            bound = needed(found.parameters, len(effects) * (START_CHANCES if searched else 1)) + form
-            if not _at_bound(found):
-                options.append(Option(Step(found.effect, step, found.evidence, bound), found))
+        for candidate in candidates(curves, state.data, state.solved):
+            bound = _needed(candidate, len(effects)) + form
+            if not at_bound(candidate):
+                options.append(Option(Step(candidate.effect, step, candidate.evidence, bound), candidate))
         return state, options
 
-    found, steps = forward_selection(Search(fitted, data, fitted), propose, _accept)
-    kept = needed_still(found.data, found.solved, len(effects), least=1)
-    named = still_named(found.named, kept)
-    found = found._replace(solved=kept.solved, steps=steps)
-    return found._replace(named=tuple(_with_rivals(one, found, curves) for one in named))
+    def accept(state: LaneSearch, option: Option[Found]) -> tuple[LaneSearch, bool]:
+        step, finding = option.step, option.found
+        if isinstance(finding, Holds):
+            return with_holds(state, step, finding), True
+        return with_curve(state, step, finding, rescaled), True
+
+    begin = LaneSearch(fitted, data, fitted, among=effects)
+    return selected(begin, effects, curves, propose, accept, candidates)
 
 
-def detect(data: LaneData, solved: FittedLane) -> Holds | None:
-    """Find stretches in which the wheel is held; None: too few, or they may be chance."""
-    step = pedal_holds.step_size(data.output.y[data.output.usable])
+def largest_margin(data: LaneData, fitted: FittedLane, effects: tuple[Effect, ...], among: int) -> float:
+    """Largest evidence over what it needs, of all effects in the first step of a search; −inf: none is fitted.
+
+    Args:
+        data: the columns.
+        fitted: the baseline.
+        effects: that are tried.
+        among: effects that are counted.
+    """
+    tried = candidates(searchable(effects, data), data, fitted)
+    return max(
+        (candidate.evidence - _needed(candidate, among) for candidate in tried if not at_bound(candidate)),
+        default=-math.inf,
+    )
+
+
+def _needed(candidate: LaneCandidate, among: int) -> float:
+    return needed(
+        candidate.parameters, among * (START_CHANCES if candidate.effect.shows_desired_headway else 1)
+    )
+
+
+def detect(data: LaneData, solved: FittedLane) -> Holds:
+    """Find stretches in which the wheel is held although the model would turn it."""
+    step = movement_rhythm.step_size(data.output.y[data.output.usable])
     spans, evidence = pedal_holds.episodes(pedal_holds.holding(data.output, solved, step), data.output.dt)
     if len(spans) < pedal_holds.MIN_EPISODES or evidence < pedal_holds.NEEDED_EVIDENCE:
-        return None
-    return Holds(spans, float(evidence))
+        return pedal_holds.NONE
+    return Holds(Detector.PEDAL_HOLDS, spans, float(evidence), np.nan)
 
 
-def _accept(state: Search, option: Option[Found]) -> tuple[Search, bool]:
-    """Take an effect into the model; the search goes on."""
-    step, found = option.step, option.found
-    if isinstance(found, Holds):
-        data, solved = without_holds(state.data, state.solved, found)
-        t, dt = data.t, data.output.dt
-        spans = tuple((float(t[a]), float(t[b - 1]) + dt) for a, b in found.episodes)
-        named = Named(step.effect, step.evidence, step.needed, (), spans)
-        return state._replace(data=data, solved=solved, holds=found, named=(*state.named, named)), True
-    data, solved = state.data, found.solved
-    # the noise scale again, now that a cause is out of it
-    noise = scaled_by_state(data, solved.model, solved.fitted, solved.noise, solved.rows)
-    solved = solve(data, solved.model, solved.q, noise, solved.rows)
-    named = Named(step.effect, step.evidence, step.needed)
-    return state._replace(solved=solved, named=(*state.named, named)), True
+def expected(effects: tuple[Effect, ...], data: LaneData, without: FittedLane) -> dict[str, float]:
+    """Evidence of each effect that is fitted here, at its typical strength: effect id -> evidence."""
+    out, Q = {}, model_directions(without)
+    for effect in searchable(effects, data):
+        begin = list(starts(effect, data, without))
+        q = begin[len(begin) // 2].copy()
+        q[without.q.size :] = [p.typical for p in effect.parameters]
+        simulated = extended(without.model, effect).bind(data)(q)
+        d = direction(data, without, Q, simulated - without.fitted.model)
+        out[effect.id] = float(d @ d)
+    return out
 
 
-def without_holds(data: LaneData, solved: FittedLane, found: Holds) -> tuple[LaneData, FittedLane]:
-    """Mask the episodes, and fit again."""
-    at = np.zeros(data.t.size, dtype=bool)
-    edge = round(EPISODE_EDGE_S / data.output.dt)
-    for start, stop in found.episodes:
-        at[max(start - 1, 0) : stop + edge] = True
-    masked = data._replace(output=data.output._replace(usable=data.output.usable & ~at))
-    rows = likelihood.counted(masked.output, solved.noise.A.size - 1)
-    if int(rows.sum()) < MIN_ROWS:
-        return data, solved
-    return masked, solve(masked, solved.model, solved.q, solved.noise, rows)
+def undecided(effects: tuple[Effect, ...], evidence: dict[str, float], named: set[str]) -> list[NotTestable]:
+    """Effects that this drive cannot show.
 
-
-def _at_bound(found: LaneCandidate) -> bool:
-    where = place(found.solved.model, found.effect.id)
-    for p, k in zip(found.effect.parameters, range(where.start, where.stop), strict=True):
-        near = BOUND_RANGE_SHARE * (p.high - p.low)
-        if any(abs(float(found.solved.q[k]) - limit) < near for limit in (p.low, p.high) if limit != 0.0):
-            return True
-    return False
-
-
-def _with_rivals(one: Named, found: Search, curves: tuple[Effect, ...]) -> Named:
-    """Name the causes that explain the same as well as this one."""
-    data, solved, fixed = found.data, found.solved, one.effect.rivals
-    have = {effect.id for effect in solved.model.effects}
-    if one.effect.kind is not Kind.PARAMETRIC:
-        return one._replace(rivals=fixed)
-    worth = {step.effect.id for step in found.steps if step.evidence > RIVAL_SHARE * one.evidence} - have
-    if not worth:
-        return one._replace(rivals=fixed)
-    left = dropped(data, solved, one.effect.id)
-    swaps = lane_candidates.candidates(tuple(e for e in curves if e.id in worth), data, left)
-    return with_rivals(one, swaps, solved, found.steps)
+    Args:
+        effects: candidates.
+        evidence: from `expected`.
+        named: those that were found.
+    """
+    out = []
+    for effect in effects:
+        if effect.kind is not Kind.PARAMETRIC or effect.id in named:
+            continue
+        tail = f"; what would decide: {effect.decides}" if effect.decides else ""
+        bound = needed(len(effect.parameters), len(effects))
+        if effect.id not in evidence:
+            why = effect.absorbed or f"{', '.join(effect.needs)} is not measured"
+            out.append(NotTestable((effect.id,), why + tail))
+        elif evidence[effect.id] < bound:
+            at = ", ".join(f"{p.name} {p.typical:.2g} {p.unit}".removesuffix(" 1") for p in effect.parameters)
+            why = "a typical strength of it leaves too little on this drive"
+            expected_text = (
+                f" (expected evidence {evidence[effect.id]:.0f} of the {bound:.0f} needed, at {at})"
+            )
+            out.append(NotTestable((effect.id,), why + expected_text + tail, evidence[effect.id], bound))
+    return out

@@ -1,4 +1,4 @@
-"""Analysis of the replicates, as of the drive itself: only the fits of what is about to be said, not the whole search."""
+"""Analysis of the replicates, as of the drive itself: the first step of the search, and the fits of what was named."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from canid.diagnosis.driver import driver_candidates, held_out, random_walk
+from canid.diagnosis.driver import driver_search, held_out, noise_law, random_walk
 from canid.diagnosis.driver.driver_data import DriverData, prepare
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_search import MIN_ROWS, Search
 from canid.diagnosis.fitting import likelihood
-from canid.diagnosis.fitting.fitted_model import scaled_by_state, solve
+from canid.diagnosis.fitting.fitted_model import solve
 from canid.diagnosis.fitting.least_squares import ROUGH_TOLERANCE
 from canid.diagnosis.fitting.search import Named
-from canid.diagnosis.null.names import Statistics
 from canid.diagnosis.null.replicates import Replicate
 from canid.effects.effect import Detector, Effect
 
@@ -30,46 +29,38 @@ def refitted(replicate: Replicate, null: FittedDriver) -> tuple[DriverData, Fitt
     rows = likelihood.counted(data.output, null.noise.A.size - 1)
     if int(rows.sum()) < MIN_ROWS // 2:
         return None
-    first = solve(data, null.model, null.q, null.noise, rows, turns=1, tolerance=ROUGH_TOLERANCE)
-    noise = scaled_by_state(data, null.model, first.fitted, null.noise, rows)
-    return data, solve(data, null.model, first.q, noise, rows, turns=2)
+    # bursts come at other times
+    noise = null.noise._replace(size=np.ones(rows.size)) if np.isfinite(null.noise.freedom) else null.noise
+    first = solve(data, null.model, null.q, noise, rows, turns=1, tolerance=ROUGH_TOLERANCE)
+    return data, noise_law.again(data, first, turns=2)
 
 
-def statistics(replicate: Replicate, null: FittedDriver, named: Sequence[Named]) -> Statistics | None:
-    """Fit null and named effects to a replicate; None: it cannot be fitted.
+def gain(data: DriverData, base: FittedDriver, named: Sequence[Named]) -> float:
+    """Relative reduction of the simulation's error variance on held-out data, of all names together.
 
     Args:
-        replicate: a drive of the null.
-        null: its driver.
+        data: a replicate.
+        base: the null's model, fitted to it.
         named: what was named on the recorded drive; those that are fitted are.
     """
-    made = refitted(replicate, null)
-    if made is None:
-        return None
-    data, base = made
-    evidence: dict[str, float] = {}
     solved, walk, kept = base, None, list[Named]()
     output = data.output
-    for one in named:
-        if Detector.RANDOM_WALK in one.effect.detectors:
+    for cause in named:
+        if Detector.RANDOM_WALK in cause.effect.detectors:
             walk = random_walk.detect(data, solved)
-            evidence[one.effect.id] = 0.0 if walk is None else walk.evidence
             if walk is not None:
                 data = data._replace(output=data.output._replace(y=output.y - walk.added))
                 solved = solve(data, solved.model, solved.q, walk.noise, solved.rows)
-            kept.append(one)
-        elif testable(one.effect):
-            found = driver_candidates.tried(
-                one.effect, data, solved, driver_candidates.screen(one.effect, data, solved)
-            )
-            evidence[one.effect.id], solved = found.evidence, found.solved
-            kept.append(one)
+            kept.append(cause)
+        elif testable(cause.effect):
+            solved = driver_search.again(cause.effect, data, solved)
+            kept.append(cause)
     original = data._replace(output=output)
     search = Search(base, data, solved, tuple(kept), (), walk)
-    folds = held_out.folds(original, search)
+    folds = held_out.folds(original, search, driver_search.again)
     before, after, where = held_out.errors(original, search, folds)
     total = float(np.sum(before[where]))
-    return Statistics(evidence, 1.0 - float(np.sum(after[where])) / total if total > 0 else 0.0)
+    return 1.0 - float(np.sum(after[where])) / total if total > 0 else 0.0
 
 
 def testable(effect: Effect) -> bool:

@@ -17,11 +17,11 @@ from scipy.signal import lfilter
 from canid.diagnosis.fitting.likelihood import Noise
 from canid.diagnosis.remnant import law_search
 from canid.diagnosis.remnant.innovations import MAX_FEATURE, Innovations
-from canid.diagnosis.remnant.law_fit import MAX_LOG_SCALE
+from canid.diagnosis.remnant.law_search import MAX_LOG_SCALE
 from canid.effects.effect import Effect, ScaleFeature
-from canid.findings import Flags
 from canid.identification.innovation_law import MEMORY_S, Law
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # s; a movement of the pedal is over by then, and the scale's own memory is in the law
 BLOCK_S = 2.0
@@ -52,39 +52,53 @@ class Source(NamedTuple):
     scale: Array  # (n,) of the drive's innovations, relative, by the law
     pool: Array  # (k,) standardised innovations, in the order of the drive
     residual: Array  # (n,) output unit, of the drive: the noise begins with it
+    size: Array  # (n,) of the innovations that the recent ones are divided by
 
 
 def source(
-    of: Innovations, noise: Noise, residual: Array, effects: Sequence[Effect], accel: Array | None
+    innovations: Innovations, noise: Noise, residual: Array, effects: Sequence[Effect], accel: Array | None
 ) -> Source:
     """Standardise the innovations of a fitted driver.
 
     Args:
-        of: the innovations.
+        innovations: the innovations.
         noise: the fitted noise model.
         residual: (n,) measured less modelled.
         effects: on the remnant.
         accel: (n,) m/s², own; None: not measured.
     """
-    law = law_search.fitted(of, effects, of.rows).law
-    F = law_search.features_of(of, effects, np.ones(of.rows.size, dtype=bool))
+    law = law_search.fitted(innovations, effects, innovations.rows).law
+    F = law_search.features_of(innovations, effects, np.ones(innovations.rows.size, dtype=bool))
     scale = np.exp(np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE))
-    z = (of.x / (law.sd * scale))[of.rows]
+    z = (innovations.x / (law.sd * scale))[innovations.rows]
     own_features = [feature for effect in effects if effect.remnant for feature in effect.remnant.scale]
     slopes = dict(zip(own_features, law.slopes.tolist(), strict=False))
-    fixed = law.slopes[len(own_features) :] @ of.present
+    fixed = law.slopes[len(own_features) :] @ innovations.present
     kept = [ScaleFeature.LEAD_ACCELERATION, *([ScaleFeature.OWN_ACCELERATION] if accel is None else [])]
     for feature in kept:
-        fixed = fixed + slopes.get(feature, 0.0) * of.features[feature]
-    own = None if accel is None else _standard(np.abs(np.r_[accel[:1], accel[:-1]]), of.rows)
+        fixed = fixed + slopes.get(feature, 0.0) * innovations.features[feature]
+    own_scale = None if accel is None else _standard(np.abs(np.r_[accel[:1], accel[:-1]]), innovations.rows)
     # as `innovation_law.features` has it
-    e = of.x / noise.size
-    middle = float(np.mean(e[of.rows] ** 2))
-    keep = math.exp(-of.dt / MEMORY_S)
-    square = np.where(of.rows, e * e, middle)
+    e = innovations.x / innovations.size
+    middle = float(np.mean(e[innovations.rows] ** 2))
+    keep = math.exp(-innovations.dt / MEMORY_S)
+    square = np.where(innovations.rows, e * e, middle)
     known = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * middle])[0]
-    recent = _standard(_log(np.r_[middle, known[:-1]], middle), of.rows)
-    return Source(noise, law, slopes, fixed, own, recent, middle, of.dt, scale, z - z.mean(), residual)
+    recent = _standard(_log(np.r_[middle, known[:-1]], middle), innovations.rows)
+    return Source(
+        noise,
+        law,
+        slopes,
+        fixed,
+        own_scale,
+        recent,
+        middle,
+        innovations.dt,
+        scale,
+        z - z.mean(),
+        residual,
+        innovations.size,
+    )
 
 
 def _standard(x: Array, rows: Flags) -> Standard:
@@ -112,33 +126,33 @@ def resampled(pool: Array, shape: tuple[int, int], block: int, rng: np.random.Ge
 
 
 def sampler(
-    of: Source, rows: npt.NDArray[np.int64], past: int, rng: np.random.Generator
+    drawn_from: Source, rows: npt.NDArray[np.int64], past: int, rng: np.random.Generator
 ) -> Callable[[int, Array], Array]:
     """Return the noise of each simulated sample: (row, own acceleration (m,) of the row before) -> (m,).
 
     Args:
-        of: what is drawn from.
+        drawn_from: what is drawn from.
         rows: (k, m) samples of the drive, one column per simulated stretch.
         past: rows of history.
         rng: of the draws.
     """
     length, m = rows.shape
-    noise, p = of.noise, of.noise.A.size - 1
-    z = resampled(of.pool, (length, m), max(round(BLOCK_S / of.dt), 1), rng)
-    own_slope = of.slopes.get(ScaleFeature.OWN_ACCELERATION, 0.0)
-    recent_slope = of.slopes.get(ScaleFeature.PAST_INNOVATIONS, 0.0)
-    keep = math.exp(-of.dt / MEMORY_S)
+    noise, p = drawn_from.noise, drawn_from.noise.A.size - 1
+    z = resampled(drawn_from.pool, (length, m), max(round(BLOCK_S / drawn_from.dt), 1), rng)
+    own_slope = drawn_from.slopes.get(ScaleFeature.OWN_ACCELERATION, 0.0)
+    recent_slope = drawn_from.slopes.get(ScaleFeature.PAST_INNOVATIONS, 0.0)
+    keep = math.exp(-drawn_from.dt / MEMORY_S)
     # latest first
-    history = np.stack([of.residual[rows[past - k]] for k in range(1, p + 1)])
-    square = np.full(m, of.middle)
+    history = np.stack([drawn_from.residual[rows[past - k]] for k in range(1, p + 1)])
+    square = np.full(m, drawn_from.middle)
 
     def drawn(k: int, accel: Array) -> Array:
         nonlocal square, history
-        log = of.fixed[rows[k]] + recent_slope * of.recent(_log(square, of.middle))
-        if of.own is not None:
-            log = log + own_slope * of.own(np.abs(accel))
-        x = of.law.sd * np.exp(np.clip(log, -MAX_LOG_SCALE, MAX_LOG_SCALE)) * z[k]
-        square = square + (1.0 - keep) * ((x / noise.size[rows[k]]) ** 2 - square)
+        log = drawn_from.fixed[rows[k]] + recent_slope * drawn_from.recent(_log(square, drawn_from.middle))
+        if drawn_from.own is not None:
+            log = log + own_slope * drawn_from.own(np.abs(accel))
+        x = drawn_from.law.sd * np.exp(np.clip(log, -MAX_LOG_SCALE, MAX_LOG_SCALE)) * z[k]
+        square = square + (1.0 - keep) * ((x / drawn_from.size[rows[k]]) ** 2 - square)
         now = noise.sd * x - noise.A[1:] @ history
         history = np.vstack([now[None, :], history[:-1]])
         return np.asarray(now)

@@ -14,23 +14,28 @@ A random walk is scored as it would be filtered, knot by knot; a pedal that stan
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis.driver import held_out, pedal_holds
+from canid.diagnosis.driver import driver_fit, driver_search, held_out, pedal_holds
 from canid.diagnosis.driver.driver_data import DriverData
+from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.driver.driver_model import DriverModel
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.driver.held_out import Fold
 from canid.diagnosis.driver.random_walk import scores_of_walk
-from canid.diagnosis.fitting.fitted_model import FittedModel, M, dropped
+from canid.diagnosis.fitting.fitted_model import D, FittedModel, M, dropped
 from canid.diagnosis.fitting.likelihood import Output, fit_noise, score, whitened
 from canid.diagnosis.fitting.log_score_gain import gain
-from canid.diagnosis.fitting.model import Columns
-from canid.diagnosis.remnant import law_fit
+from canid.diagnosis.remnant import law_search
 from canid.effects.effect import Detector
-from canid.findings import Flags
-from canid.types import Array, Interval
+from canid.identification import movement_rhythm
+from canid.values.findings import Flags
+from canid.values.types import Array, Interval
 
 Counts = npt.NDArray[np.int64]
 
@@ -64,15 +69,19 @@ def predictions(output: Output, rows: Flags, fit: FittedModel[M], train: Flags, 
         size: (n,) relative scale of the noise.
     """
     rest = output.y - fit.fitted.model
-    noise = fit_noise(output._replace(usable=output.usable & train), rest, fit.noise.A.size - 1, size)
+    known_ = output._replace(usable=output.usable & train)
+    noise = fit_noise(known_, rest, fit.noise.A.size - 1, size, fit.noise.freedom)
+    noise = noise._replace(freedom=math.inf)
     scored = score(output, rows | train, noise, fit.fitted.model)
     known, unit = ~output.hidden, noise.sd * noise.size
-    law = law_fit.fit(scored.e[train & known], np.zeros((0, int((train & known).sum()))), heavy=True).law
+    law = law_search.fit(scored.e[train & known], np.zeros((0, int((train & known).sum()))), heavy=True).law
     free = rows & known
     log = np.where(rows, -0.5 * scored.e * scored.e, 0.0)
-    log[free] = law_fit.log_density(law, scored.e[free], np.zeros((0, int(free.sum())))) - np.log(unit[free])
+    log[free] = law_search.log_density(law, scored.e[free], np.zeros((0, int(free.sum())))) - np.log(
+        unit[free]
+    )
     slope = np.where(rows, -scored.e * scored.slope, 0.0) / unit
-    slope[free] = law_fit.slope(law, scored.e[free]) / unit[free]
+    slope[free] = law_search.slope(law, scored.e[free]) / unit[free]
     left = whitened(noise, np.where(output.above, output.ceiling, output.y) - fit.fitted.model) * unit
     return Predicted(log, slope, left)
 
@@ -86,95 +95,138 @@ def difference(without: Predicted, extended: Predicted, rows: Flags) -> Array:
     return out
 
 
-def of_whole(original: DriverData, found: Search, size: Array) -> Interval:
+def of_whole(
+    original: DriverData, search: Search, fits: Sequence[Fold[DriverModel]], size: Array
+) -> Interval:
     """Gain of all effects together over the baseline, nats/min.
 
     Args:
         original: the drive, with nothing taken out of it.
-        found: what was found on it.
+        search: what was found on it.
+        fits: both models, fold by fold.
         size: (n,) relative scale of the noise, by the law of the baseline's innovations: the same for both.
     """
-    rows = found.baseline.rows & found.solved.rows
-    if found.random_walk is None:
-        base = by_fold(original, found.baseline, rows, size)
-        won = difference(base, by_fold(found.data, found.solved, rows, size), rows)
+    rows = search.baseline.rows & search.solved.rows
+    if search.random_walk is None:
+        base = by_fold(original, [fold.base for fold in fits], rows, size)
+        won = difference(base, by_fold(search.data, [fold.extended for fold in fits], rows, size), rows)
     else:
-        won = _walk(original, found, rows)
-    return gain(*_with_holds(original, found, won), original.output.dt)
+        won = _walk(original, search, rows)
+    return gain(*_with_holds(original, search, won), original.output.dt)
 
 
-def of_each(original: DriverData, found: Search, size: Array, whole: Interval) -> dict[str, Interval]:
+def of_each(
+    original: DriverData, search: Search, fits: Sequence[Fold[DriverModel]], size: Array, whole: Interval
+) -> dict[str, Interval]:
     """Gain of each effect over the model without it, nats/min: effect id -> gain.
 
     Args:
         original: the drive, with nothing taken out of it.
-        found: what was found on it.
+        search: what was found on it.
+        fits: both models, fold by fold.
         size: as in `of_whole`.
         whole: of all together.
     """
-    if len(found.named) == 1:
-        return {found.named[0].effect.id: whole}
+    if len(search.named) == 1:
+        return {search.named[0].effect.id: whole}
     out = {}
-    fitted = {effect.id for effect in found.solved.model.effects}
+    fitted = {effect.id for effect in search.solved.model.effects}
     dt = original.output.dt
-    rows = found.solved.rows
-    with_all = by_fold(found.data, found.solved, rows, size)
+    rows = search.solved.rows
+    with_all = by_fold(search.data, [fold.extended for fold in fits], rows, size)
     zero = np.zeros(rows.size)
-    for one in found.named:
-        if one.effect.id in fitted:
-            left = dropped(found.data, found.solved, one.effect.id)
-            without = by_fold(found.data, left, rows, size)
-            out[one.effect.id] = gain(difference(without, with_all, rows), rows, dt)
-        elif found.random_walk is not None and Detector.RANDOM_WALK in one.effect.detectors:
-            out[one.effect.id] = gain(_walk(original, found, rows), rows, dt)
+    for cause in search.named:
+        if cause.effect.id in fitted:
+            left = dropped(search.data, search.solved, cause.effect.id)
+            without = by_fold(
+                search.data, held_out.models(search.data, left, driver_search.again), rows, size
+            )
+            out[cause.effect.id] = gain(difference(without, with_all, rows), rows, dt)
+        elif search.random_walk is not None and Detector.RANDOM_WALK in cause.effect.detectors:
+            out[cause.effect.id] = gain(_walk(original, search, rows), rows, dt)
         else:
             # what else is held is known to both
-            alone = found._replace(holds=tuple(h for h in found.holds if h.pattern in one.effect.detectors))
-            out[one.effect.id] = gain(*_with_holds(original, alone, zero, only=True), dt)
+            alone = search._replace(
+                holds=tuple(h for h in search.holds if h.pattern in cause.effect.detectors)
+            )
+            out[cause.effect.id] = gain(*_with_holds(original, alone, zero, only=True), dt)
     return out
 
 
-def by_fold(data: Columns, solved: FittedModel[M], rows: Flags, size: Array) -> Predicted:
-    """Predictions of each fold by the model as fitted to the others, with noise of that scale."""
+def of_answers(data: DriverData, fitted: FittedDriver) -> Interval:
+    """Gain of the answers to the lead over a driver who answers nothing, nats/min.
+
+    Args:
+        data: the driver's columns.
+        fitted: the baseline.
+    """
+    rows, size = fitted.rows, fitted.noise.size
+
+    def silent(data: DriverData, model: FittedDriver, train: Flags) -> FittedDriver:
+        return driver_fit.silent(data, model, model.rows & train)
+
+    same = [fitted] * held_out.FOLDS
+    won = difference(by_fold(data, same, rows, size, silent), by_fold(data, same, rows, size), rows)
+    return gain(won, rows, data.output.dt)
+
+
+def by_fold(
+    data: D,
+    fits: Sequence[FittedModel[M]],
+    rows: Flags,
+    size: Array,
+    refit: Callable[[D, FittedModel[M], Flags], FittedModel[M]] = held_out.refitted,
+) -> Predicted:
+    """Predictions of each fold by the model as fitted to the others, with noise of that scale.
+
+    Args:
+        data: what is predicted.
+        fits: the model, searched on all but each fold.
+        rows: (n,) samples that count.
+        size: (n,) relative scale of the noise.
+        refit: fits it again with that scale.
+    """
     fold, out = held_out.dealt(data), Predicted(*np.zeros((3, rows.size)))
-    left = data.output.y - solved.fitted.model
-    weighted = solved._replace(noise=fit_noise(data.output, left, solved.noise.A.size - 1, size))
-    for k in range(held_out.FOLDS):
+    for k, solved in enumerate(fits):
         here, train = rows & (fold == k), fold != k
-        fit = held_out.refitted(data, weighted, train)
+        output = data.output._replace(usable=data.output.usable & train)
+        noise = fit_noise(
+            output, data.output.y - solved.fitted.model, solved.noise.A.size - 1, size, solved.noise.freedom
+        )
+        fit = refit(data, solved._replace(noise=noise), train)
         for whole, part in zip(out, predictions(data.output, here, fit, rows & train, size), strict=True):
             whole[here] = part[here]
     return out
 
 
-def _walk(original: DriverData, found: Search, rows: Flags) -> Array:
+def _walk(original: DriverData, search: Search, rows: Flags) -> Array:
     """What a filtered random walk adds to each log score, (n,)."""
-    assert found.random_walk is not None
-    whole = found.data._replace(output=found.data.output._replace(y=original.output.y))
-    return scores_of_walk(whole, found.solved, found.random_walk, rows)
+    assert search.random_walk is not None
+    whole = search.data._replace(output=search.data.output._replace(y=original.output.y))
+    return scores_of_walk(whole, search.solved, search.random_walk, rows)
 
 
-def _with_holds(original: DriverData, found: Search, won: Array, only: bool = False) -> tuple[Array, Flags]:
+def _with_holds(original: DriverData, search: Search, won: Array, only: bool = False) -> tuple[Array, Flags]:
     """Add what the standstills of the pedal are worth, and the rows in them.
 
     A standing pedal is predicted by the chance that it stays, as long as it has stood by then, or at the top, counted on the
     other folds; compared with chances that do not know of holds: of a rest among movements, of a movement after a rest.
     """
     none = np.zeros(won.size, dtype=bool)
-    rows = none if only else found.baseline.rows & found.solved.rows & ~found.data.output.above
-    if not found.holds:
+    rows = none if only else search.baseline.rows & search.solved.rows & ~search.data.output.above
+    if not search.holds:
         return won, rows
     y, free = original.output.y, original.output.usable & ~original.output.below
-    step = pedal_holds.step_size(y[original.output.usable])
+    step = movement_rhythm.step_size(y[original.output.usable])
     still = np.abs(np.diff(y, prepend=np.nan)) < 0.5 * step
     stood = run_length(still)
-    level, patterns = pedal_holds.ceiling(found.holds), {one.pattern for one in found.holds}
+    level, patterns = pedal_holds.ceiling(search.holds), {holds.pattern for holds in search.holds}
     # at the top a ceiling keeps the pedal
     top = np.r_[False, y[:-1] >= level - pedal_holds.TOP_STEPS * step].astype(np.int64)
     plain: Counts = (stood > 0).astype(np.int64)
     fine: Counts = 2 * plain + top
     if Detector.PEDAL_RHYTHM in patterns:
-        interval = next(one.level for one in found.holds if one.pattern is Detector.PEDAL_RHYTHM)
+        interval = next(holds.level for holds in search.holds if holds.pattern is Detector.PEDAL_RHYTHM)
         since = _since_movement(still) * original.output.dt / interval
         fine = 2 * np.minimum((since / RHYTHM_BIN_SHARE).astype(np.int64), RHYTHM_BINS) + plain
         plain = np.digitize(stood, RESTS)

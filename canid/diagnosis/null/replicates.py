@@ -7,8 +7,10 @@ closes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 
@@ -19,11 +21,16 @@ from canid.diagnosis.driver.driver_data import PEDAL_FLOOR_PERCENT, DriverData, 
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import K1
 from canid.diagnosis.driver.driver_simulation import HISTORY_S
+from canid.diagnosis.null import noise_source
 from canid.diagnosis.null.noise_source import Source, sampler
+from canid.diagnosis.prepared_drive import Prepared
+from canid.diagnosis.remnant.innovations import innovations
 from canid.diagnosis.vehicle.vehicle_block import Vehicle
-from canid.findings import Flags
-from canid.runs import runs
-from canid.types import LearnGate, Trace
+from canid.effects.effect import Effect, Kind
+from canid.values.findings import Flags
+from canid.values.output_role import output_role
+from canid.values.runs import runs
+from canid.values.types import LearnGate, Trace
 
 # s; the loop forgets its start within a minute, and a gap that a weak driver lets go is not lost for the whole drive
 MAX_STRETCH_S, MIN_STRETCH_S = 150.0, 20.0
@@ -73,7 +80,7 @@ def simulated(
     if drive.role not in (PEDAL, ACCEL) or (drive.role == PEDAL and drive.vehicle.cars is None):
         return []
     where = _stretches(drive)
-    seconds = sum(one.stop - one.start for one in where)
+    seconds = sum(stretch.stop - stretch.start for stretch in where)
     if seconds < MIN_SIMULATED_SHARE * float(np.count_nonzero(data.output.usable)):
         return []
     rng = np.random.default_rng(seed)
@@ -91,8 +98,8 @@ def simulated(
     road = Road(data, data.seen.speed + data.seen.range_rate, drive.trace.output, push)
     past = round(HISTORY_S / dt)
     columns = where * count
-    rows = np.arange(-past, max(one.stop - one.start for one in where))[:, None] + np.array(
-        [one.start for one in columns]
+    rows = np.arange(-past, max(stretch.stop - stretch.start for stretch in where))[:, None] + np.array(
+        [stretch.start for stretch in columns]
     )
     rows = np.clip(rows, 0, data.seen.t.size - 1)
     ride = Ride((driver,), (None,), (), car)
@@ -108,9 +115,9 @@ def simulated(
 def _stretches(drive: Drive) -> tuple[Stretch, ...]:
     """Where the loop is closed."""
     trace, dt = drive.trace, drive.trace.dt
-    own = np.array([gate in FROM_THE_PEDAL for gate in trace.gate])
+    by_pedal = np.array([gate in FROM_THE_PEDAL for gate in trace.gate])
     known = np.isfinite(trace.signals["gap"]) & np.isfinite(trace.signals["range_rate"])
-    known &= np.isfinite(trace.signals["speed"]) & np.isfinite(trace.output) & own & drive.usable
+    known &= np.isfinite(trace.signals["speed"]) & np.isfinite(trace.output) & by_pedal & drive.usable
     size, least = round(MAX_STRETCH_S / dt), round(MIN_STRETCH_S / dt)
     out = []
     for segment in np.unique(trace.segment[known]):
@@ -134,17 +141,17 @@ def _replicate(
     pedal = drive.role == PEDAL
     brake = braking(trace)
     crashed = total = 0
-    for m, one in enumerate(where, first):
+    for m, stretch in enumerate(where, first):
         # the last row has no output
-        here, length = slice(one.start, one.stop - 1), one.stop - 1 - one.start
+        here, length = slice(stretch.start, stretch.stop - 1), stretch.stop - 1 - stretch.start
         column = slice(done.past, done.past + length)
         y[here], gap[here] = done.output[column, m], done.late.gap[column, m]
         speed[here], rate[here] = done.late.speed[column, m], done.late.range_rate[column, m]
         crashed += int(np.count_nonzero((gap[here] <= MIN_GAP_M) | (speed[here] < STANDSTILL_SPEED)))
         total += length
-        usable[one.start + history : one.stop - 1] = True
-        segment[one.start :] += 1
-        segment[one.stop - 1 :] += 1
+        usable[stretch.start + history : stretch.stop - 1] = True
+        segment[stretch.start :] += 1
+        segment[stretch.stop - 1 :] += 1
         if pedal:
             brake[here] = y[here] < -ON_BRAKE_PERCENT
     if not np.isfinite(y[usable]).all() or crashed > MAX_CRASHED_SHARE * max(total, 1):
@@ -161,9 +168,39 @@ def _replicate(
         signals["brake"] = brake.astype(float)
     for role, x, order, least in (("gap", gap, 3, QUIETEST_GAP), ("range_rate", rate, 2, QUIETEST_RATE)):
         reported = trace.signals.get(f"{role}_reported")
-        of = trace.signals[role] if reported is None else reported
-        sd = roughness(of, order)
+        measured = trace.signals[role] if reported is None else reported
+        sd = roughness(measured, order)
         noisy = x + (rng.normal(0.0, sd, n) if sd > least else 0.0)
-        signals[f"{role}_reported"] = np.where(np.isfinite(of), noisy, np.nan)
+        signals[f"{role}_reported"] = np.where(np.isfinite(measured), noisy, np.nan)
     made = trace._replace(output=y, signals=signals, gate=tuple(gate), segment=segment)
     return Replicate(made, usable & drive.usable, drive.data.known.jerks)
+
+
+class Null(NamedTuple):
+    """What findings are held against: the drive, simulated again with its driver's own noise."""
+
+    drive: Drive
+    catalogue: tuple[Effect, ...]
+    progress: Callable[[float], None]
+    gains: bool = True  # is what the simulation gains on them asked for?
+
+    @property
+    def seed(self) -> int:
+        """The same drive gives the same replicates."""
+        return crc32(np.ascontiguousarray(self.drive.trace.output).tobytes())
+
+    def noise(self, data: DriverData, solved: FittedDriver) -> Source:
+        """Noise of a fitted driver."""
+        effects = [effect for effect in self.catalogue if effect.kind is Kind.REMNANT]
+        innovated = innovations(self.drive.trace, data, solved)
+        left = data.output.y - solved.fitted.model
+        return noise_source.source(
+            innovated, solved.noise, left, effects, self.drive.trace.signals.get("accel")
+        )
+
+
+def recorded_drive(prepared: Prepared, usable: Flags, vehicle: Vehicle, dt: float) -> Drive:
+    """The drive on the grid that the driver was fitted on."""
+    trace = prepared.trace
+    role = output_role(trace)
+    return Drive(trace, usable[:: round(trace.dt / dt)], prepared.data, role, vehicle)

@@ -31,7 +31,7 @@ class Judged(NamedTuple):
 
 def judge(
     drive: Drive,
-    found: Search,
+    search: Search,
     held: Adequacy,
     noise: Source,
     explained: float,
@@ -42,31 +42,32 @@ def judge(
 
     Args:
         drive: the recorded one.
-        found: what the search ended with; its last model is the null.
+        search: what the search ended with; its last model is the null.
         held: the tests on the recorded drive.
         noise: of the last model's driver.
         explained: as in `adequacy.assess`.
         seed: of the draws.
         progress: is given the fraction that is done.
     """
-    if held.passed or found.holds or found.random_walk is not None:
+    if held.passed or search.holds or search.random_walk is not None:
         return Judged(held, "")
     observed = max(map(_size, held.failed))
     null: list[float] = []
-    batch = 0
-    while (answer := sequential.answer(observed, null)) is Answer.OPEN:
-        made = replicates.simulated(drive, found.solved, noise, sequential.BATCH, [seed, 1, batch])
-        for one in made:
-            size = _failure(one, found, explained)
+    answer = Answer.OPEN
+    for batch, count in enumerate(sequential.BATCHES):
+        for replicate in replicates.simulated(drive, search.solved, noise, count, [seed, 1, batch]):
+            size = _failure(replicate, search, explained)
             if size is not None:
                 null.append(size)
             progress(len(null) / sequential.MOST)
-            if sequential.answer(observed, null) is not Answer.OPEN:
+            answer = sequential.answer(observed, null)
+            if answer is not Answer.OPEN:
                 break
-        batch += 1
-        # a driver who does not follow in closed loop has no null
-        if batch > sequential.MOST // sequential.BATCH and len(null) < sequential.LEAST:
-            return Judged(held, "")
+        if answer is not Answer.OPEN:
+            break
+    # a driver who does not follow in closed loop has no null
+    if answer is Answer.OPEN:
+        return Judged(held, "")
     if answer is Answer.NULL:
         says = f"residual not adequate, but no more than with the driver's own noise in the loop ({len(null)} replicates)"
         return Judged(held._replace(passed=True, failed=(), share=0.0), says)
@@ -80,11 +81,11 @@ def _size(family: Family) -> float:
     return -math.log(max(family.p, LEAST_P))
 
 
-def _failure(one: replicates.Replicate, found: Search, explained: float) -> float | None:
+def _failure(replicate: replicates.Replicate, search: Search, explained: float) -> float | None:
     """Smallest chance of a material family on a replicate, as −log; None: it cannot be fitted."""
-    made = bootstrap.refitted(one, found.solved)
+    made = bootstrap.refitted(replicate, search.solved)
     if made is None:
         return None
     data, solved = made
-    tested = adequacy.assess(Search(solved, data, solved, found.named), data, explained)
+    tested = adequacy.assess(Search(solved, data, solved, search.named), data, explained)
     return max((_size(f) for f in tested.families if f.share >= tested.material), default=0.0)

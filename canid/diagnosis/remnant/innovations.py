@@ -8,10 +8,11 @@ import numpy as np
 
 from canid.diagnosis.driver.driver_data import DriverData, filled
 from canid.diagnosis.driver.driver_fit import FittedDriver
+from canid.diagnosis.fitting.likelihood import whitened
 from canid.effects.effect import ScaleFeature
-from canid.findings import Flags
 from canid.identification import innovation_law
-from canid.types import Array, Trace
+from canid.values.findings import Flags
+from canid.values.types import Array, Trace
 
 # standard deviations from the mean; beyond it a feature counts as so much: an exponential of one outlier is no law
 MAX_FEATURE = 3.0
@@ -29,6 +30,7 @@ class Innovations(NamedTuple):
     # (k, n) in every law: what the present scale follows (size of the response, speed), and the phases of the sampling
     present: Array
     dt: float  # s
+    size: Array  # (n,) by which they are divided where recent ones are compared: that of the state, without bursts
 
 
 def innovations(trace: Trace, data: DriverData, solved: FittedDriver) -> Innovations:
@@ -40,24 +42,28 @@ def innovations(trace: Trace, data: DriverData, solved: FittedDriver) -> Innovat
         solved: the final model.
     """
     rows = solved.rows & ~data.output.hidden
-    e = solved.fitted.scored.e
+    x = np.where(rows, whitened(solved.noise, data.output.y - solved.fitted.model) * solved.noise.size, 0.0)
+    # a law of the innovations has the bursts in its size
+    size = np.ones(x.size) if np.isfinite(solved.noise.freedom) else solved.noise.size
+    e = x / size
     accel = trace.signals.get("accel")
-    own = filled(accel) if accel is not None else np.diff(data.output.y, prepend=data.output.y[:1])
+    own_accel = filled(accel) if accel is not None else np.diff(data.output.y, prepend=data.output.y[:1])
     recent = innovation_law.features(e, rows, np.zeros(e.size), 1.0 / data.output.dt)[0]
     phase = np.arange(e.size) % PHASES
     followed = solved.model.noise_features(data, solved.fitted.model)
     present = np.zeros((0, e.size)) if followed is None else followed.T
     return Innovations(
-        e * solved.noise.size,
+        x,
         rows,
         {
             # an innovation is known with its sample: what it is compared with is one sample old
-            ScaleFeature.OWN_ACCELERATION: _standard(_before(np.abs(own)), rows),
+            ScaleFeature.OWN_ACCELERATION: _standard(_before(np.abs(own_accel)), rows),
             ScaleFeature.LEAD_ACCELERATION: _standard(_before(np.abs(data.seen.lead_accel)), rows),
             ScaleFeature.PAST_INNOVATIONS: np.clip(recent, -MAX_FEATURE, MAX_FEATURE),
         },
         np.vstack([present, *((phase == k) - 1.0 / PHASES for k in range(1, PHASES))]),
         data.output.dt,
+        size,
     )
 
 

@@ -10,21 +10,23 @@ from scipy.optimize import brentq
 
 from canid.diagnosis.remnant import law_search
 from canid.diagnosis.remnant.innovations import Innovations
-from canid.diagnosis.remnant.law_fit import MAX_INVERSE, MAX_LOG_SCALE, MIN_INVERSE, FittedLaw, scores
+from canid.diagnosis.remnant.law_search import MAX_INVERSE, MAX_LOG_SCALE, MIN_INVERSE, FittedLaw, scores
 from canid.effects.effect import Effect
 from canid.identification.confidence import SIGMAS
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 
-def parameters(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> dict[str, dict[str, Interval]]:
+def parameters(
+    innovations: Innovations, effects: Sequence[Effect], best: FittedLaw
+) -> dict[str, dict[str, Interval]]:
     """Intervals of every effect's parameters: effect id -> name -> interval.
 
     Args:
-        of: the innovations.
+        innovations: the innovations.
         effects: of the law, in the order of its slopes.
         best: the law, fitted to all rows.
     """
-    sd = slope_sds(of, effects, best)
+    sd = slope_sds(innovations, effects, best)
     out: dict[str, dict[str, Interval]] = {}
     k = 0
     for effect in effects:
@@ -32,7 +34,7 @@ def parameters(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> d
         names = [parameter.name for parameter in effect.parameters]
         out[effect.id] = {}
         if effect.remnant.heavy_tailed:
-            out[effect.id][names.pop(0)] = freedom(of, effects, best)
+            out[effect.id][names.pop(0)] = freedom(innovations, effects, best)
         for name in names:
             value, half = float(best.law.slopes[k]), SIGMAS * float(sd[k])
             out[effect.id][name] = Interval(value, value - half, value + half)
@@ -40,11 +42,11 @@ def parameters(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> d
     return out
 
 
-def freedom(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Interval:
+def freedom(innovations: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Interval:
     """Degrees of freedom; each end at which the likelihood, all else refitted, has fallen by what 95 % allows."""
 
     def fallen(inverse: float) -> float:
-        held = law_search.fitted(of, effects, of.rows, inverse)
+        held = law_search.fitted(innovations, effects, innovations.rows, inverse)
         return 2.0 * (best.log_likelihood - held.log_likelihood) - SIGMAS**2
 
     at = 1.0 / best.law.freedom
@@ -53,13 +55,13 @@ def freedom(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Inte
     return Interval(best.law.freedom, 1.0 / float(few), 1.0 / float(many) if many > 0 else math.inf)
 
 
-def slope_sds(of: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Array:
+def slope_sds(innovations: Innovations, effects: Sequence[Effect], best: FittedLaw) -> Array:
     """Standard deviations of the slopes (k,): sandwich of expected information and the scores' own spread."""
-    F = law_search.features_of(of, effects, of.rows)
+    F = law_search.features_of(innovations, effects, innovations.rows)
     law, F1 = best.law, np.vstack([np.ones(F.shape[1]), F])
     inverse = 1.0 / law.freedom
     relative = np.clip(law.slopes @ F, -MAX_LOG_SCALE, MAX_LOG_SCALE)
-    z2 = (of.x[of.rows] * np.exp(-relative) / law.sd) ** 2
+    z2 = (innovations.x[innovations.rows] * np.exp(-relative) / law.sd) ** 2
     g = F1 * scores(z2, inverse)
     # Fisher's information of a log scale: 2ν/(ν + 3), of a Gaussian 2
     bread = np.linalg.pinv(2.0 / (1.0 + 3.0 * inverse) * (F1 @ F1.T))

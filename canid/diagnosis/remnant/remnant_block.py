@@ -14,9 +14,10 @@ from canid.diagnosis.remnant import law_intervals, law_search, log_score
 from canid.diagnosis.remnant.innovations import Innovations
 from canid.diagnosis.remnant.log_score import HeldOut
 from canid.effects.effect import DriveFeatures, Effect, ScaleFeature
-from canid.findings import Blocked, Finding, Tried
 from canid.identification.innovation_law import Law
-from canid.types import NAN, Interval
+from canid.values.findings import Blocked, Finding, Tried
+from canid.values.numbers import number
+from canid.values.types import NAN, Interval
 
 WHERE = "remnant"
 # samples; a law of some ten numbers is fitted to three quarters of them (on 250 samples of a measured drive of 104 s even
@@ -40,7 +41,7 @@ class RemnantReport(NamedTuple):
 
 
 def diagnose_remnant(
-    of: Innovations, effects: tuple[Effect, ...], fold: npt.NDArray[np.int64], tried: int
+    innovations: Innovations, effects: tuple[Effect, ...], fold: npt.NDArray[np.int64], tried: int
 ) -> RemnantReport:
     """Name the effects that the law of the innovations needs.
 
@@ -48,7 +49,7 @@ def diagnose_remnant(
     its gain in log score on held-out data is above 0.
 
     Args:
-        of: the innovations of the final driver model.
+        innovations: the innovations of the final driver model.
         effects: candidates of this block.
         fold: (n,) fold of each sample, for held-out data.
         tried: candidates of the driver and of this block together.
@@ -57,27 +58,29 @@ def diagnose_remnant(
         return RemnantReport(
             (), Blocked(WHERE, "not_testable", "The catalogue has no effect on the remnant.")
         )
-    if int(of.rows.sum()) < MIN_ROWS:
+    if int(innovations.rows.sum()) < MIN_ROWS:
         return RemnantReport((), Blocked(WHERE, "not_testable", "Too few innovations for their law."))
-    kept, judged = law_search.eliminated(of, effects, tried)
-    why = {one.effect.id: "chance explains as much" for one in judged if one.effect not in kept}
+    kept, judged = law_search.eliminated(innovations, effects, tried)
+    why = {row.effect.id: "chance explains as much" for row in judged if row.effect not in kept}
     intervals: dict[str, dict[str, Interval]] = {}
     held = HeldOut(Interval(), {})
     while kept:
-        intervals = law_intervals.parameters(of, kept, law_search.fitted(of, kept, of.rows))
-        held = log_score.held_out(of, kept, fold)
+        intervals = law_intervals.parameters(
+            innovations, kept, law_search.fitted(innovations, kept, innovations.rows)
+        )
+        held = log_score.held_out(innovations, kept, fold)
         weak = _refused(kept, intervals, held)
         if weak is None:
             break
         why[weak[0].id] = weak[1]
         # the others must be needed without it
-        kept, again = law_search.eliminated(of, law_search.without(kept, weak[0]), tried)
-        latest = {one.effect.id: one for one in judged} | {one.effect.id: one for one in again}
+        kept, again = law_search.eliminated(innovations, law_search.without(kept, weak[0]), tried)
+        latest = {row.effect.id: row for row in judged} | {row.effect.id: row for row in again}
         judged = list(latest.values())
-    evidence = {one.effect.id: one for one in judged}
+    evidence = {row.effect.id: row for row in judged}
     findings = tuple(
         Finding(
-            effect=effect.id, where=WHERE, rivals=law_search.rivals(of, kept, effect, effects), surrogate=False,
+            effect=effect.id, where=WHERE, rivals=law_search.rivals(innovations, kept, effect, effects), surrogate=False,
             parameters=intervals[effect.id], units={p.name: p.unit for p in effect.parameters}, gain=Interval(),
             says=_filled(effect.says, intervals[effect.id]), evidence=evidence[effect.id].evidence,
             needed=evidence[effect.id].needed, log_score_gain=held.each[effect.id],
@@ -86,12 +89,12 @@ def diagnose_remnant(
     )  # fmt: skip
     rows = tuple(
         Tried(
-            one.effect.id, WHERE, 1, one.evidence, one.needed, NAN, "accepted" if one.effect in kept else "rejected",
-            why.get(one.effect.id, ""),
+            row.effect.id, WHERE, 1, row.evidence, row.needed, NAN, "accepted" if row.effect in kept else "rejected",
+            why.get(row.effect.id, ""),
         )
-        for one in judged
+        for row in judged
     )  # fmt: skip
-    law = law_search.fitted(of, kept, of.rows).law if kept else None
+    law = law_search.fitted(innovations, kept, innovations.rows).law if kept else None
     says = described(kept, intervals, held.law)
     state = "wrong" if kept else "adequate"
     steps = tuple(f"{f.effect} in the remnant: evidence {f.evidence:.0f}" for f in findings)
@@ -107,7 +110,7 @@ def _refused(
     kept: tuple[Effect, ...], intervals: dict[str, dict[str, Interval]], held: HeldOut
 ) -> tuple[Effect, str] | None:
     """The effect that fails by most though its evidence suffices, and why."""
-    for effect in sorted(kept, key=lambda one: held.each[one.id].low):
+    for effect in sorted(kept, key=lambda effect_kept: held.each[effect_kept.id].low):
         first = next(iter(intervals[effect.id].values()))
         if not held.each[effect.id].low > 0:
             return effect, "no gain on held-out data"
@@ -156,4 +159,6 @@ def _filled(says: str, estimates: dict[str, Interval]) -> str:
 
 
 def _range(iv: Interval) -> str:
-    return f"{iv.value:.2g} [{iv.low:.2g}, {iv.high:.2g}]"
+    return " ".join(
+        (number(iv.value, digits=2), f"[{number(iv.low, digits=2)}, {number(iv.high, digits=2)}]")
+    )

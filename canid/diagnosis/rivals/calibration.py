@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from canid.diagnosis.rivals.rival_model import RivalModel
 from canid.diagnosis.rivals.rival_simulation import Leads, simulate
 from canid.identification.confidence import MISS
-from canid.types import Array, Interval
+from canid.values.types import Array, Interval
 
 # parameter vectors that are screened, and how many of them begin a fit
 SCREENED, STARTS = 96, 3
@@ -36,78 +36,83 @@ class Calibrated(NamedTuple):
     stretch: Array  # (rows,) its number
 
 
-def calibrate(model: RivalModel, of: Leads, starts: tuple[Array, ...] = ()) -> Calibrated:
+def calibrate(model: RivalModel, stretches: Leads, starts: tuple[Array, ...] = ()) -> Calibrated:
     """Fit a model to the gap.
 
     Args:
         model: which one.
-        of: the stretches to fit.
+        stretches: the stretches to fit.
         starts: (k,) each, on the unit cube; (): screened ones.
     """
-    found = [_fit(model, of, x) for x in starts or _screened(model, of)]
-    return min(found, key=lambda one: one.cost)
+    fits = [_fit(model, stretches, x) for x in starts or _screened(model, stretches)]
+    return min(fits, key=lambda fit: fit.cost)
 
 
-def intervals(model: RivalModel, of: Calibrated) -> dict[str, Interval]:
+def intervals(model: RivalModel, calibrated: Calibrated) -> dict[str, Interval]:
     """95 % intervals by the jackknife over stretches, linearised (CR3, MacKinnon & White 1985).
 
     Errors of one stretch are correlated. A parameter that is not identified, as in `covariance`, has its range as interval.
     """
-    m = np.unique(of.stretch).size
-    sd = np.sqrt(np.diagonal(covariance(of)))
+    m = np.unique(calibrated.stretch).size
+    sd = np.sqrt(np.diagonal(covariance(calibrated)))
     wide = float(student.isf(MISS / 2, max(m - 1, 1))) * sd
     value, low, high = (
-        model.physical(np.clip(x, 0.0, 1.0)[:, None])[:, 0] for x in (of.x, of.x - wide, of.x + wide)
+        model.physical(np.clip(x, 0.0, 1.0)[:, None])[:, 0]
+        for x in (calibrated.x, calibrated.x - wide, calibrated.x + wide)
     )
     return {
-        one.name: Interval(float(value[k]), float(low[k]), float(high[k]))
-        for k, one in enumerate(model.parameters)
+        parameter.name: Interval(float(value[k]), float(low[k]), float(high[k]))
+        for k, parameter in enumerate(model.parameters)
     }
 
 
-def covariance(of: Calibrated) -> Array:
+def covariance(calibrated: Calibrated) -> Array:
     """Covariance of the parameters on the unit cube, (k, k), by the jackknife over stretches (CR3).
 
     A parameter at the end of its range, or that moves nothing, is not identified: its variance is infinite, its covariances
     are 0.
     """
-    free = (of.x > AT_BOUND) & (of.x < 1 - AT_BOUND) & np.any(of.jacobian != 0.0, axis=0)
-    J = of.jacobian[:, free]
-    numbers = np.unique(of.stretch)
+    free = (
+        (calibrated.x > AT_BOUND) & (calibrated.x < 1 - AT_BOUND) & np.any(calibrated.jacobian != 0.0, axis=0)
+    )
+    J = calibrated.jacobian[:, free]
+    numbers = np.unique(calibrated.stretch)
     m = numbers.size
     shifts = []
     for k in numbers:
-        here = of.stretch == k
+        here = calibrated.stretch == k
         others = J[~here].T @ J[~here]
-        shifts.append(np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ (J[here].T @ of.left[here]))
+        shifts.append(
+            np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ (J[here].T @ calibrated.left[here])
+        )
     out = np.diag(np.where(free, 0.0, np.inf))
     rows = np.array(shifts)
     out[np.ix_(free, free)] = (m - 1) / m * rows.T @ rows
     return out
 
 
-def _screened(model: RivalModel, of: Leads) -> tuple[Array, ...]:
+def _screened(model: RivalModel, stretches: Leads) -> tuple[Array, ...]:
     # the same log gives the same answer
     x = qmc.LatinHypercube(len(model.parameters), rng=np.random.default_rng(0)).random(SCREENED)
-    cost = np.sum(_left(model, x.T, of) ** 2, axis=0)
+    cost = np.sum(_left(model, x.T, stretches) ** 2, axis=0)
     return tuple(x[np.argsort(cost)[:STARTS]])
 
 
-def _left(model: RivalModel, x: Array, of: Leads) -> Array:
+def _left(model: RivalModel, x: Array, stretches: Leads) -> Array:
     """Errors of the gap, (rows, p), m."""
-    gap, _ = simulate(model, model.physical(x), of)
-    out: Array = np.moveaxis(gap - of.gap[:, None, :], 1, 2)[of.inside]
+    gap, _ = simulate(model, model.physical(x), stretches)
+    out: Array = np.moveaxis(gap - stretches.gap[:, None, :], 1, 2)[stretches.inside]
     return out
 
 
-def _fit(model: RivalModel, of: Leads, start: Array) -> Calibrated:
+def _fit(model: RivalModel, stretches: Leads, start: Array) -> Calibrated:
     k = start.size
     latest: list[Array] = []
 
     def errors(x: Array) -> Array:
         # derivatives cost next to nothing along with the value: numpy's overhead is that of one call
         step = np.where(x < 0.5, DERIVATIVE_STEP, -DERIVATIVE_STEP)
-        left = _left(model, np.concatenate([x[:, None], x[:, None] + np.diag(step)], axis=1), of)
+        left = _left(model, np.concatenate([x[:, None], x[:, None] + np.diag(step)], axis=1), stretches)
         latest[:] = [x.copy(), (left[:, 1:] - left[:, :1]) / step]
         out: Array = left[:, 0]
         return out
@@ -117,7 +122,7 @@ def _fit(model: RivalModel, of: Leads, start: Array) -> Calibrated:
             errors(x)
         return latest[1]
 
-    found = least_squares(
+    solution = least_squares(
         errors,
         np.clip(start, AT_BOUND, 1 - AT_BOUND),
         jacobian,
@@ -126,5 +131,5 @@ def _fit(model: RivalModel, of: Leads, start: Array) -> Calibrated:
         ftol=TOLERANCE,
         xtol=TOLERANCE,
     )
-    number = np.broadcast_to(np.arange(of.inside.shape[1]), of.inside.shape)[of.inside]
-    return Calibrated(found.x, 2 * float(found.cost), found.jac, found.fun, number.astype(float))
+    number = np.broadcast_to(np.arange(stretches.inside.shape[1]), stretches.inside.shape)[stretches.inside]
+    return Calibrated(solution.x, 2 * float(solution.cost), solution.jac, solution.fun, number.astype(float))

@@ -17,8 +17,8 @@ from canid.diagnosis.rivals.calibration import calibrate, intervals
 from canid.diagnosis.rivals.rival_model import RivalModel
 from canid.diagnosis.rivals.rival_models import MODELS
 from canid.diagnosis.rivals.rival_simulation import Leads, leads, simulate
-from canid.findings import ClosedLoopError, Flags, Rival, Trajectory, nrmse
-from canid.types import Array
+from canid.values.findings import ClosedLoopError, Flags, Rival, Trajectory, nrmse
+from canid.values.types import Array
 
 # stretches without which a calibration to three of four folds means nothing
 MIN_STRETCHES = 6
@@ -42,10 +42,10 @@ def compare(
     where = stretches(np.isfinite(loop[0].before) if loop else data.output.usable, dt)
     if len(where) < MIN_STRETCHES:
         why = f"{len(where)} stretches behind a lead, {MIN_STRETCHES} are needed: drive longer"
-        return tuple(Rival(one.name, one.source, status=NOT_ENOUGH_DATA, says=why) for one in models)
+        return tuple(Rival(model.name, model.source, status=NOT_ENOUGH_DATA, says=why) for model in models)
     columns = leads(seen.gap, seen.speed, seen.speed + seen.range_rate, where, dt)
-    fold = np.array([one.block % FOLDS for one in where])
-    return tuple(_judged(one, columns, fold) for one in models)
+    fold = np.array([stretch.block % FOLDS for stretch in where])
+    return tuple(_judged(model, columns, fold) for model in models)
 
 
 def _judged(model: RivalModel, columns: Leads, fold: Array) -> Rival:
@@ -61,11 +61,11 @@ def _judged(model: RivalModel, columns: Leads, fold: Array) -> Rival:
         model.name,
         model.source,
         intervals(model, whole),
-        {one.name: one.unit for one in model.parameters},
+        {parameter.name: parameter.unit for parameter in model.parameters},
         _errors(gap, speed, columns, columns.inside),
         folds,
     )
 
 
-def _errors(gap: Array, speed: Array, of: Leads, here: Flags) -> ClosedLoopError:
-    return ClosedLoopError(nrmse(gap[here], of.gap[here]), nrmse(speed[here], of.speed[here]))
+def _errors(gap: Array, speed: Array, columns: Leads, here: Flags) -> ClosedLoopError:
+    return ClosedLoopError(nrmse(gap[here], columns.gap[here]), nrmse(speed[here], columns.speed[here]))

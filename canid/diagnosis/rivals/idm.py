@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.diagnosis.rivals.rival_model import RivalModel, RivalParameter
-from canid.types import Array
+from canid.values.types import Array
 
 
 def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:

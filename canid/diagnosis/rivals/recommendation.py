@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from canid.findings import Rival, Trajectory, nrmse
+from canid.values.findings import Rival, Trajectory, nrmse
 
 # name of the diagnosis' own final model
 CANID = "canid"
@@ -26,13 +26,16 @@ def recommended(loop: Sequence[Trajectory], rivals: Sequence[Rival]) -> str:
         `CANID`, or the name of a published model; "" where no rival was calibrated.
 
     Example:
-        >>> from canid.findings import ClosedLoopError
+        >>> from canid.values.findings import ClosedLoopError
         >>> recommended((), (Rival("IDM", "", nrmse=ClosedLoopError(0.1, 0.02)),))
         'IDM'
     """
-    errors = {one.model: one.nrmse.gap for one in rivals if math.isfinite(one.nrmse.gap)}
+    errors = {rival.model: rival.nrmse.gap for rival in rivals if math.isfinite(rival.nrmse.gap)}
     if not errors:
         return ""
     best = min(errors, key=lambda name: errors[name])
-    own = next((nrmse(of.after, of.measured) for of in loop if of.role == "gap"), math.nan)
-    return best if not errors[best] >= (1.0 - MARGIN) * own else CANID
+    error = next(
+        (nrmse(trajectory.after, trajectory.measured) for trajectory in loop if trajectory.role == "gap"),
+        math.nan,
+    )
+    return best if not errors[best] >= (1.0 - MARGIN) * error else CANID

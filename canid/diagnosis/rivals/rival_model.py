@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 # gap m, own speed m/s, lead's speed m/s -> acceleration m/s²; arrays that broadcast with a parameter's
 Acceleration = Callable[[Array, Array, Array, Array], Array]
@@ -39,9 +39,9 @@ class RivalModel(NamedTuple):
             array([[ 0.1,  1. , 10. ]])
         """
         out = np.empty_like(x)
-        for k, one in enumerate(self.parameters):
-            if one.low > 0:
-                out[k] = one.low * (one.high / one.low) ** x[k]
+        for k, parameter in enumerate(self.parameters):
+            if parameter.low > 0:
+                out[k] = parameter.low * (parameter.high / parameter.low) ** x[k]
             else:
-                out[k] = one.low + (one.high - one.low) * x[k]
+                out[k] = parameter.low + (parameter.high - parameter.low) * x[k]
         return out

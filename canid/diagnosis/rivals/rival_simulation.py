@@ -9,8 +9,8 @@ import numpy as np
 
 from canid.diagnosis.driver.closed_loop import MIN_GAP_M, Stretch
 from canid.diagnosis.rivals.rival_model import RivalModel
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # s; traffic simulators step by 0.1 to 0.5 s, and a smaller step changes nothing here
 STEP_S = 0.2
@@ -47,36 +47,38 @@ def leads(
         step: s, about the one of the simulation.
     """
     every = max(int(step / dt + 1e-6), 1)
-    length = max((one.stop - one.start - 1) // every + 1 for one in where)
-    rows = every * np.arange(length)[:, None] + np.array([one.start for one in where])
-    inside = rows < np.array([one.stop for one in where])
+    length = max((stretch.stop - stretch.start - 1) // every + 1 for stretch in where)
+    rows = every * np.arange(length)[:, None] + np.array([stretch.start for stretch in where])
+    inside = rows < np.array([stretch.stop for stretch in where])
     inside[0] = False
     rows = np.minimum(rows, gap.size - 1)
     return Leads(gap[rows], speed[rows], lead[rows], inside, every * dt)
 
 
-def simulate(model: RivalModel, q: Array, of: Leads, noise: Array | None = None) -> tuple[Array, Array]:
+def simulate(
+    model: RivalModel, q: Array, stretches: Leads, noise: Array | None = None
+) -> tuple[Array, Array]:
     """Simulate from the measured first state of each stretch (ballistic steps, Treiber & Kanagaraj 2015).
 
     Args:
         model: which one.
         q: (k, p) parameters: p vectors, or (k, p, m): one for each stretch.
-        of: the stretches.
+        stretches: the stretches.
         noise: (steps - 1, p, m) m/s² that the driver adds; None: none.
 
     Returns:
         gap (steps, p, m) m and speed (steps, p, m) m/s.
     """
     q = q[..., None] if q.ndim == 2 else q
-    steps, m = of.lead.shape
+    steps, m = stretches.lead.shape
     gap, speed = np.empty((2, steps, q.shape[1], m))
-    gap[0], speed[0] = of.gap[0], of.speed[0]
-    middle = 0.5 * (of.lead[1:] + of.lead[:-1])
+    gap[0], speed[0] = stretches.gap[0], stretches.speed[0]
+    middle = 0.5 * (stretches.lead[1:] + stretches.lead[:-1])
     for k in range(steps - 1):
         v = speed[k]
-        accel = model.acceleration(q, gap[k], v, of.lead[k])
+        accel = model.acceleration(q, gap[k], v, stretches.lead[k])
         accel = np.clip(accel if noise is None else accel + noise[k], MIN_ACCEL, MAX_ACCEL)
-        np.maximum(v + of.dt * accel, 0.0, out=speed[k + 1])
+        np.maximum(v + stretches.dt * accel, 0.0, out=speed[k + 1])
         opening = middle[k] - 0.5 * (v + speed[k + 1])
-        np.maximum(gap[k] + of.dt * opening, MIN_GAP_M, out=gap[k + 1])
+        np.maximum(gap[k] + stretches.dt * opening, MIN_GAP_M, out=gap[k + 1])
     return gap, speed

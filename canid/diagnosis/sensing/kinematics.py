@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.diagnosis.causal_smoothing import roughness
-from canid.findings import Flags
-from canid.runs import runs
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.runs import runs
+from canid.values.types import Array
 
 # s over which the slope of a speed is taken, around the sample
 SLOPE_SPAN_S = 0.5
@@ -68,13 +68,13 @@ def averages(gap: Array, rate: Array, usable: Flags, dt: float) -> Averages:
     return Averages(np.array(rates), np.array(changes), np.array(blocks, dtype=np.int64), noise)
 
 
-def two_ways(of: Averages, rows: Flags) -> Array:
+def two_ways(averages: Averages, rows: Flags) -> Array:
     """Regress each on the other: (slope, offset m/s, slope the other way, offset the other way).
 
     Noise in what a line is fitted against flattens it; fitted the other way round it steepens it. The truth lies
     between the two slopes rate/change.
     """
-    x, y = of.change[rows], of.rate[rows]
+    x, y = averages.change[rows], averages.rate[rows]
     ones = np.ones(x.size)
     there = np.linalg.lstsq(np.stack([x, ones], axis=1), y, rcond=None)[0]
     back = np.linalg.lstsq(np.stack([y, ones], axis=1), x, rcond=None)[0]

@@ -16,6 +16,7 @@ only what remains, the driver's own unrest, as an instrument. The reported inter
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +25,9 @@ from scipy.signal import lfilter, savgol_filter
 
 from canid.diagnosis.causal_smoothing import roughness
 from canid.diagnosis.sensing.kinematics import slope
-from canid.findings import Flags
 from canid.identification.autoregression import whole
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 Rows = npt.NDArray[np.int64]
 
@@ -50,8 +51,8 @@ CONVERGED_S = 2e-3  # far below any drive's standard error
 MAX_STEP_S = 0.2
 
 
-class Age(NamedTuple):
-    """An age with its standard error, s."""
+class Estimated(NamedTuple):
+    """An estimate with its standard error; of an age s."""
 
     value: float
     sd: float
@@ -60,9 +61,9 @@ class Age(NamedTuple):
 class AgeEstimates(NamedTuple):
     """Both estimates."""
 
-    plain: Age  # by prediction errors: errs towards old ages
-    instrument: Age  # by the driver's unrest: errs towards young ages
-    drift: Age  # of the age over the drive
+    plain: Estimated  # by prediction errors: errs towards old ages
+    instrument: Estimated  # by the driver's unrest: errs towards young ages
+    drift: Estimated  # of the age over the drive
     blocks: int
 
 
@@ -83,35 +84,48 @@ def estimate_age(rate: Array, speed: Array, accel: Array, usable: Flags, dt: flo
         return None
     speed = savgol_filter(speed, 2 * round(SMOOTHING_S / dt / 2) + 1, 2)
     plain, drift, blocks = _plain(rate, speed, accel, rows, dt)
-    instrument = _instrument(rate, speed, accel, rows, dt)
+    noise = roughness(rate, 2) ** 2
+
+    def at(age: float) -> Filtered:
+        return _at_age(rate, speed, rows, np.full(speed.size, age), dt)
+
+    instrument = by_unrest(at, accel, rows, noise, dt, 0.0, MAX_STEP_S, CONVERGED_S)
     if plain is None or instrument is None or drift is None:
         return None
     return AgeEstimates(plain, instrument, drift, blocks)
 
 
-class _AtAge(NamedTuple):
-    """What depends on the age, whitened."""
+class Filtered(NamedTuple):
+    """What depends on the parameter of an estimate, an age or a scale, whitened."""
 
     innovation: Array  # (n,) of the lead's speed
-    motion: Array  # (n,) own acceleration through the same filter: d innovation / d age
+    motion: Array  # (n,) own motion through the same filter: d innovation / d parameter
     filter: Array  # (ORDER + 1,)
     lead: Array  # (n,) m/s, mean 0
 
 
-def _at_age(rate: Array, speed: Array, rows: Rows, age: Array, dt: float) -> _AtAge:
+def _at_age(rate: Array, speed: Array, rows: Rows, age: Array, dt: float) -> Filtered:
     t = np.arange(speed.size) * dt
     then = np.interp(t - age, t, speed)
     lead = rate + then
-    lead = np.where(np.isfinite(lead), lead, 0.0)
+    return filtered(np.where(np.isfinite(lead), lead, 0.0), -slope(then, dt), rows)
+
+
+def filtered(lead: Array, motion: Array, rows: Rows) -> Filtered:
+    """Whiten both by an autoregression of the lead's speed.
+
+    Args:
+        lead: (n,) m/s.
+        motion: (n,) own motion.
+        rows: samples that count, `ORDER` behind the first.
+    """
     lead = lead - lead[rows].mean()
     past = np.stack([lead[rows - k] for k in range(1, ORDER + 1)], axis=1)
-    phi = np.linalg.lstsq(past, lead[rows], rcond=None)[0]
-    A = np.concatenate([[1.0], -phi])
-    motion = -slope(then, dt)
-    return _AtAge(lfilter(A, [1.0], lead), lfilter(A, [1.0], motion), A, lead)
+    A = np.concatenate([[1.0], -np.linalg.lstsq(past, lead[rows], rcond=None)[0]])
+    return Filtered(lfilter(A, [1.0], lead), lfilter(A, [1.0], motion), A, lead)
 
 
-def _sandwich(scores: Array, rows: Rows, dt: float) -> tuple[Array, int]:
+def sandwich(scores: Array, rows: Rows, dt: float) -> tuple[Array, int]:
     """Covariance of a sum of scores (n, k), from its blocks."""
     _, block = np.unique(rows * dt // BLOCK_S, return_inverse=True)
     sums = np.stack([np.bincount(block, weights=column) for column in scores.T], axis=1).astype(np.float64)
@@ -121,7 +135,7 @@ def _sandwich(scores: Array, rows: Rows, dt: float) -> tuple[Array, int]:
 
 def _plain(
     rate: Array, speed: Array, accel: Array, rows: Rows, dt: float
-) -> tuple[Age | None, Age | None, int]:
+) -> tuple[Estimated | None, Estimated | None, int]:
     """Age in the middle of the drive, and its change over the drive.
 
     The score is computed at whole samples only, and a line fitted to it around the best of them: between two samples it
@@ -135,8 +149,8 @@ def _plain(
     scores, left = np.empty((ages.size, blocks.size)), np.empty(ages.size)
     for k, age in enumerate(ages):
         at = _at_age(rate, speed, rows, np.full(n, age), dt)
-        own = lfilter(at.filter, [1.0], -np.interp(t - age, t, accel))
-        scores[k] = np.bincount(block, weights=(own * at.innovation)[rows])
+        own_accel = lfilter(at.filter, [1.0], -np.interp(t - age, t, accel))
+        scores[k] = np.bincount(block, weights=(own_accel * at.innovation)[rows])
         left[k] = float(np.var(at.innovation[rows]))
     best = int(np.argmin(left))
     near = slice(max(best - LINE_SAMPLES, 0), best + LINE_SAMPLES + 1)
@@ -154,7 +168,7 @@ def _plain(
     sd = np.sqrt(np.diag(inverse @ (g.T @ g) @ inverse.T))
     if not ages[near][0] - dt <= q[0] <= ages[near][-1] + dt:
         return None, None, 0  # no age stands out
-    return Age(float(q[0]), float(sd[0])), Age(float(q[1]), float(sd[1])), blocks.size
+    return Estimated(float(q[0]), float(sd[0])), Estimated(float(q[1]), float(sd[1])), blocks.size
 
 
 def response_basis(dt: float) -> Array:
@@ -167,37 +181,61 @@ def response_basis(dt: float) -> Array:
     return out
 
 
-def _instrument(rate: Array, speed: Array, accel: Array, rows: Rows, dt: float) -> Age | None:
+# the parameter of an estimate -> what depends on it
+Score = Callable[[float], Filtered]
+
+
+def by_unrest(
+    at: Score,
+    accel: Array,
+    rows: Rows,
+    noise: float,
+    dt: float,
+    begin: float,
+    max_step: float,
+    converged: float,
+) -> Estimated | None:
+    """Estimate a parameter by what of the own motion does not answer the lead; None: it does not converge.
+
+    Args:
+        at: what depends on the parameter.
+        accel: (n,) m/s², own.
+        rows: samples that count.
+        noise: m²/s², variance of the reports' own noise.
+        dt: s.
+        begin: where the search begins.
+        max_step: of one iteration.
+        converged: step at which it ends.
+    """
     shapes = response_basis(dt)
-    noise = roughness(rate, 2) ** 2
-    own = accel - accel[rows].mean()
+    own_accel = accel - accel[rows].mean()
     lags = round(UNREST_S / dt)
-    age = 0.0
+    value = begin
     for _ in range(ITERATIONS):
-        at = _at_age(rate, speed, rows, np.full(speed.size, age), dt)
-        answers = np.stack([lfilter(b, [1.0], at.lead) for b in shapes], axis=1)
-        here = answers[rows] - answers[rows].mean(axis=0)
+        here = at(value)
+        answers = np.stack([lfilter(b, [1.0], here.lead) for b in shapes], axis=1)
+        centred = answers[rows] - answers[rows].mean(axis=0)
         # E[noisy' noisy] = E[true' true] + n σ² B B': the noise's part is known
-        gram = here.T @ here - rows.size * noise * (shapes @ shapes.T)
+        gram = centred.T @ centred - rows.size * noise * (shapes @ shapes.T)
         if np.linalg.eigvalsh(gram).min() <= 0:
             return None
-        answer = np.linalg.solve(gram, here.T @ own[rows]) @ shapes
-        unrest = own - lfilter(answer, [1.0], at.lead)
+        answer = np.linalg.solve(gram, centred.T @ own_accel[rows]) @ shapes
+        unrest = own_accel - lfilter(answer, [1.0], here.lead)
         unrest = unrest - unrest[rows].mean()
         past = np.stack([unrest[rows - k] for k in range(1, lags + 1)], axis=1)
-        weights = np.linalg.lstsq(past, at.motion[rows], rcond=None)[0]
+        weights = np.linalg.lstsq(past, here.motion[rows], rcond=None)[0]
         z = past @ weights
         # the radar's noise is in both: it entered the unrest through the answer that was taken out
         shared = np.convolve(np.concatenate([[0.0], weights]), answer)[: ORDER + 1]
-        overlap = -noise * rows.size * float(shared @ at.filter[: shared.size])
-        strength = float(z @ at.motion[rows])
+        overlap = -noise * rows.size * float(shared @ here.filter[: shared.size])
+        strength = float(z @ here.motion[rows])
         if abs(strength) < 1e-12:
             return None
-        move = -(float(z @ at.innovation[rows]) - overlap) / strength
-        age += float(np.clip(move, -MAX_STEP_S, MAX_STEP_S))
-        if abs(move) < CONVERGED_S:
+        move = -(float(z @ here.innovation[rows]) - overlap) / strength
+        value += float(np.clip(move, -max_step, max_step))
+        if abs(move) < converged:
             break
     else:
         return None
-    meat, _ = _sandwich((z * at.innovation[rows])[:, None], rows, dt)
-    return Age(age, float(np.sqrt(meat[0, 0])) / abs(strength))
+    meat, _ = sandwich((z * here.innovation[rows])[:, None], rows, dt)
+    return Estimated(value, float(np.sqrt(meat[0, 0])) / abs(strength))

@@ -13,14 +13,14 @@ import numpy.typing as npt
 from scipy.stats import t as student
 
 from canid.diagnosis.driver.driver_data import filled
-from canid.diagnosis.fitting import jackknife
+from canid.diagnosis.fitting import uncertainty
 from canid.diagnosis.fitting.held_out_gain import gain
-from canid.diagnosis.fitting.jackknife import Jackknife
-from canid.diagnosis.sensing import kinematics, radar_report_age
+from canid.diagnosis.fitting.uncertainty import Jackknife
+from canid.diagnosis.sensing import kinematics, own_motion, radar_report_age
 from canid.effects.redundancy import TOLERANCE, Coefficient, Relation
-from canid.findings import Check, Flags
 from canid.identification.confidence import TAIL
-from canid.types import NAN, Array, Interval
+from canid.values.findings import Check, Flags
+from canid.values.types import NAN, Array, Interval
 
 # chance that any effect of this block is named on a drive without one, all relations together
 FAMILY_CHANCE = 0.002
@@ -39,6 +39,8 @@ MATERIAL_SHARE = 0.2
 MIN_MOVEMENT = 0.05
 # m/s; below it a car creeps, and radars lose their Doppler signal
 CREEP_SPEED = 2.0
+# standard deviations to either side that hold 99 %: a signal is not blamed, and corrected, by less
+OWN_MOTION_SIGMAS = 2.58
 # standard deviations that a normal exceeds once in twenty
 ONE_SIDED_95 = 1.645
 # s over which two speeds are averaged before they are compared: satellites are late by up to half a second
@@ -57,6 +59,7 @@ class SensorColumns(NamedTuple):
     accel: Array | None  # m/s²
     valid: Flags  # not frozen, and within one segment: a False between two leads
     dt: float  # s
+    scaled: bool = True  # is it known which of gap and range rate has the right scale?
 
     @property
     def lead(self) -> Flags:
@@ -88,57 +91,85 @@ def critical_value(dof: int) -> float:
 def range_rate_against_gap(columns: SensorColumns) -> tuple[Related, ...]:
     """Ratio of the range rate to the gap's change, by regression both ways."""
     relation, tolerance = Relation.RANGE_RATE, TOLERANCE[Relation.RANGE_RATE]
-    of = kinematics.averages(columns.gap, columns.range_rate, columns.lead, columns.dt)
-    moves = of.rate.size > 0 and min(np.std(of.rate), np.std(of.change)) > max(MIN_MOVEMENT, 3 * of.noise)
-    found = jackknife.jackknife(lambda rows: kinematics.two_ways(of, rows), of.block) if moves else None
-    if found is None:
-        seconds = jackknife.MIN_BLOCKS * kinematics.BLOCK_S
+    averages = kinematics.averages(columns.gap, columns.range_rate, columns.lead, columns.dt)
+    moves = averages.rate.size > 0 and min(np.std(averages.rate), np.std(averages.change)) > max(
+        MIN_MOVEMENT, 3 * averages.noise
+    )
+    fit = (
+        uncertainty.jackknife(lambda rows: kinematics.two_ways(averages, rows), averages.block)
+        if moves
+        else None
+    )
+    if fit is None:
+        seconds = uncertainty.MIN_BLOCKS * kinematics.BLOCK_S
         why = (
             f"the gap hardly changes, or there is too little of it: follow one lead for {seconds / 60:.0f} min, "
             "with changing gaps"
         )
         return (_unmade(relation, why),)
-    slope, offset, steep, _ = found.value.tolist()
-    residual = of.rate - (offset + slope * of.change)
+    slope, offset, steep, _ = fit.value.tolist()
+    residual = averages.rate - (offset + slope * averages.change)
     disagreement = float(np.sqrt(np.mean(residual**2)))
-    limit = max(NOISE_FACTOR * of.noise, MIN_DISAGREEMENT, MATERIAL_SHARE * float(np.std(of.change)))
-    low, high = _hull(found, (0, 2), critical_value(found.dof))
-    low95, high95 = _hull(found, (0, 2), float(student.isf(TAIL, found.dof)))
+    limit = max(
+        NOISE_FACTOR * averages.noise, MIN_DISAGREEMENT, MATERIAL_SHARE * float(np.std(averages.change))
+    )
+    low, high = _hull(fit, (0, 2), critical_value(fit.dof))
+    low95, high95 = _hull(fit, (0, 2), float(student.isf(TAIL, fit.dof)))
     middle = 0.5 * (slope + steep)
     wrong = not (low <= 1 + tolerance and high >= 1 - tolerance)
-    before = float(np.sqrt(np.mean((of.rate - of.change) ** 2)))
+    before = float(np.sqrt(np.mean((averages.rate - averages.change) ** 2)))
     check = Check(
         relation.value, disagreement <= limit and not wrong, before, limit,
         f"Range rate and the gap's change over {kinematics.WINDOW_S:.0f} s differ by {before:.3f} m/s rms "
-        f"(the reports' own noise explains {of.noise:.3f} m/s); their ratio is {middle:.3f} [{low95:.3f}, {high95:.3f}].",
+        f"(the reports' own noise explains {averages.noise:.3f} m/s); their ratio is {middle:.3f} "
+        f"[{low95:.3f}, {high95:.3f}].",
         "m/s",
     )  # fmt: skip
     if disagreement > limit:
         # no scale makes them agree: one of the two has an error of its own
         return (Related(relation, check),)
-    gained = _gain(of.rate - of.change, _held_out(of, found), of.block) if wrong else Interval()
-    coefficient = Coefficient(Interval(middle, low95, high95), Interval(middle, low, high))
-    width = max(float(found.sd[0]), float(found.sd[2]), 1e-9)
-    return (Related(relation, check, coefficient, width, found.dof, gained),)
+    gained = (
+        _gain(averages.rate - averages.change, _held_out(averages, fit), averages.block)
+        if wrong
+        else Interval()
+    )
+    own_factor = _own_motion(columns, middle) if wrong else Interval()
+    coefficient = Coefficient(Interval(middle, low95, high95), Interval(middle, low, high), own_factor)
+    width = max(float(fit.sd[0]), float(fit.sd[2]), 1e-9)
+    return (Related(relation, check, coefficient, width, fit.dof, gained),)
 
 
-def _hull(found: Jackknife, of: tuple[int, ...], sigmas: float) -> tuple[float, float]:
+def _own_motion(columns: SensorColumns, ratio: float) -> Interval:
+    """Factor, −1 apart, of the own motion in the range rate, turned to the gap's sign; NaN: not known."""
+    accel = columns.accel
+    if accel is None:
+        return Interval()
+    rate, known = columns.range_rate * np.sign(ratio), columns.lead & np.isfinite(accel)
+    # halfway between what either of the two signals would be wrong by
+    begin = float(np.sqrt(abs(ratio)))
+    factor = own_motion.coefficient(
+        rate, filled(columns.speed), filled(accel), known, columns.dt, begin, OWN_MOTION_SIGMAS
+    )
+    return Interval() if factor is None else factor
+
+
+def _hull(fit: Jackknife, which: tuple[int, ...], sigmas: float) -> tuple[float, float]:
     """Smallest interval that contains those of several estimates."""
-    low = min(float(found.value[k] - sigmas * found.sd[k]) for k in of)
-    high = max(float(found.value[k] + sigmas * found.sd[k]) for k in of)
+    low = min(float(fit.value[k] - sigmas * fit.sd[k]) for k in which)
+    high = max(float(fit.value[k] + sigmas * fit.sd[k]) for k in which)
     return low, high
 
 
 def _gain(before: Array, after: Array, block: npt.NDArray[np.int64]) -> Interval:
     """Relative reduction of squared errors (n,) on blocks that did not fit them."""
-    return gain(before**2, after**2, block, jackknife.MIN_BLOCKS)
+    return gain(before**2, after**2, block, uncertainty.MIN_BLOCKS)
 
 
-def _held_out(of: kinematics.Averages, found: Jackknife) -> Array:
+def _held_out(averages: kinematics.Averages, fit: Jackknife) -> Array:
     """Errors of the range rate once its scale is known from the other blocks."""
-    _, index = np.unique(of.block, return_inverse=True)
-    slope, offset = found.without[index, 0], found.without[index, 1]
-    error: Array = (of.rate - offset) / slope - of.change
+    _, index = np.unique(averages.block, return_inverse=True)
+    slope, offset = fit.without[index, 0], fit.without[index, 1]
+    error: Array = (averages.rate - offset) / slope - averages.change
     return error
 
 
@@ -150,22 +181,22 @@ def speed_against_gnss(columns: SensorColumns) -> tuple[Related, ...]:
     satellite, m = columns.gnss_speed, round(AVERAGING_S / columns.dt)
     good = columns.valid & np.isfinite(columns.speed) & np.isfinite(satellite) & (columns.speed > CREEP_SPEED)
     whole = good[: good.size // m * m].reshape(-1, m).all(axis=1)
-    own, true = (
+    own_speed, true = (
         filled(x)[: x.size // m * m].reshape(-1, m).mean(axis=1)[whole] for x in (columns.speed, satellite)
     )
     block = (np.flatnonzero(whole) * AVERAGING_S // kinematics.BLOCK_S).astype(np.int64)
 
     def ratio(rows: Flags) -> Array:
-        return np.array([own[rows] @ true[rows] / max(float(true[rows] @ true[rows]), 1e-12)])
+        return np.array([own_speed[rows] @ true[rows] / max(float(true[rows] @ true[rows]), 1e-12)])
 
-    found = jackknife.jackknife(ratio, block) if own.size else None
-    if found is None:
-        why = f"speed and gnss_speed are there together for {own.size * AVERAGING_S:.0f} s only; drive 3 min or more"
+    fit = uncertainty.jackknife(ratio, block) if own_speed.size else None
+    if fit is None:
+        why = f"speed and gnss_speed are there together for {own_speed.size * AVERAGING_S:.0f} s only; drive 3 min or more"
         return (_unmade(relation, why),)
-    value, sd = float(found.value[0]), float(found.sd[0])
-    left = float(np.sqrt(np.mean((own - value * true) ** 2)))
-    share = jackknife.interval(value - 1, sd, found.dof)
-    wide = critical_value(found.dof) * sd
+    value, sd = float(fit.value[0]), float(fit.sd[0])
+    left = float(np.sqrt(np.mean((own_speed - value * true) ** 2)))
+    share = uncertainty.interval(value - 1, sd, fit.dof)
+    wide = critical_value(fit.dof) * sd
     wrong = abs(value - 1) - wide > tolerance
     check = Check(
         relation.value, left <= MAX_SPEED_DIFFERENCE and not wrong, value - 1, tolerance,
@@ -177,10 +208,10 @@ def speed_against_gnss(columns: SensorColumns) -> tuple[Related, ...]:
     gained = Interval()
     if wrong:
         _, index = np.unique(block, return_inverse=True)
-        gained = _gain(own - true, own / found.without[index, 0] - true, block)
+        gained = _gain(own_speed - true, own_speed / fit.without[index, 0] - true, block)
     estimate = Interval(1 + share.value, 1 + share.low, 1 + share.high)
     coefficient = Coefficient(estimate, Interval(value, value - wide, value + wide))
-    return (Related(relation, check, coefficient, max(sd, 1e-9), found.dof, gained),)
+    return (Related(relation, check, coefficient, max(sd, 1e-9), fit.dof, gained),)
 
 
 def age_of_radar(columns: SensorColumns) -> tuple[Related, ...]:
@@ -188,15 +219,17 @@ def age_of_radar(columns: SensorColumns) -> tuple[Related, ...]:
     latency, skew = Relation.RADAR_AGE, Relation.RADAR_AGE_DRIFT
     rate, accel, usable = columns.range_rate, columns.accel, columns.lead
     ages = None
-    if accel is not None:
+    if accel is not None and columns.scaled:
         known = usable & np.isfinite(accel)
         ages = radar_report_age.estimate_age(rate, filled(columns.speed), filled(accel), known, columns.dt)
     if ages is None:
         why = "map accel" if accel is None else "the own motion hardly shows in the range rate"
+        if not columns.scaled:
+            why = "whether the gap or the range rate has the wrong scale is not known"
         return _unmade(latency, why), _unmade(skew, why)
     dof = max(ages.blocks - 1, 1)
     usual, strict = float(student.isf(TAIL, dof)), critical_value(dof)
-    drift = jackknife.interval(ages.drift.value, ages.drift.sd, dof)
+    drift = uncertainty.interval(ages.drift.value, ages.drift.sd, dof)
     # the bias of the age may differ between the drive's ends, by no more than the two estimates differ
     bias = max(abs(ages.plain.value - ages.instrument.value) - TOLERANCE[skew], 0.0)
     wide = strict * ages.drift.sd + bias
@@ -225,13 +258,13 @@ def age_of_radar(columns: SensorColumns) -> tuple[Related, ...]:
 
 
 def _of_age(
-    relation: Relation, found: Coefficient, sd: float, dof: int, confounded: tuple[Relation, ...], says: str
+    relation: Relation, age: Coefficient, sd: float, dof: int, confounded: tuple[Relation, ...], says: str
 ) -> Related:
     """A wrong age, a passed check, or why the drive identifies neither."""
-    estimate, tolerance, known = found.estimate, TOLERANCE[relation], KNOWN_WITHIN_S[relation]
-    if max(found.sure.low, -found.sure.high) > tolerance:
+    estimate, tolerance, known = age.estimate, TOLERANCE[relation], KNOWN_WITHIN_S[relation]
+    if max(age.sure.low, -age.sure.high) > tolerance:
         check = Check(relation.value, False, estimate.value, tolerance, says, "s")
-        return Related(relation, check, found, sd, dof, confounded=confounded)
+        return Related(relation, check, age, sd, dof, confounded=confounded)
     # an interval without the right value, yet not surely enough for a name, is no passed check either
     if (
         estimate.high - estimate.low <= 2 * known
@@ -239,7 +272,7 @@ def _of_age(
         and estimate.low <= tolerance
     ):
         return Related(
-            relation, Check(relation.value, True, estimate.value, tolerance, says, "s"), found, sd, dof
+            relation, Check(relation.value, True, estimate.value, tolerance, says, "s"), age, sd, dof
         )
     why = f"this drive shows only that it is between {estimate.low:+.2f} and {estimate.high:+.2f} s"
     return _unmade(relation, why)

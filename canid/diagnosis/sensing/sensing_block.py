@@ -6,7 +6,7 @@ nothing else measures the same, that is reported.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,12 @@ from canid.diagnosis.sensing.relations import RELATIONS, Related, SensorColumns,
 from canid.effects import CATALOGUE
 from canid.effects.effect import Effect
 from canid.effects.redundancy import Pattern, Relation
-from canid.findings import Blocked, Check, Finding, NotTestable
-from canid.types import Interval, Trace
+from canid.values.findings import Blocked, Check, Finding, NotTestable
+from canid.values.numbers import number
+from canid.values.types import Interval, Trace
+
+# an effect, and what a coefficient says of it
+Pair = tuple[Effect, Pattern]
 
 
 class SensingFindings(NamedTuple):
@@ -45,12 +49,16 @@ def diagnose_sensing(trace: Trace, catalogue: tuple[Effect, ...] = CATALOGUE) ->
         nothing = Blocked("sensing", "not_testable", "No gap, range rate and speed to be compared.")
         return SensingFindings((), (), (), nothing, 0)
     related: list[Related] = []
-    for estimate in RELATIONS:
-        related += estimate(columns)
-        columns = columns._replace(range_rate=columns.range_rate / _ratio(related))
     effects = tuple(effect for effect in catalogue if effect.redundancy is not None)
-    findings = tuple(finding for one in related for finding in _findings(one, effects))
-    checks = tuple(one.check for one in related)
+    findings: tuple[Finding, ...] = ()
+    for estimate in RELATIONS:
+        for relation in estimate(columns):
+            pairs = _recognised(relation, effects)
+            related.append(relation)
+            findings += tuple(_findings(relation, pairs, effects))
+            if relation.relation is Relation.RANGE_RATE:
+                columns = _with_right_rate(columns, pairs)
+    checks = tuple(relation.check for relation in related)
     tried = sum(check.passed is not None for check in checks)
     return SensingFindings(findings, _not_testable(related, effects), checks, _line(findings, checks), tried)
 
@@ -72,32 +80,57 @@ def _columns(trace: Trace, catalogue: tuple[Effect, ...]) -> SensorColumns | Non
     return SensorColumns(gap, rate, speed, signals.get("gnss_speed"), signals.get("accel"), ~masked, trace.dt)
 
 
-def _ratio(related: list[Related]) -> float:
-    """What the range rate has to be divided by before its age is estimated."""
-    newest = related[-1]
-    if newest.relation is not Relation.RANGE_RATE or newest.coefficient is None or newest.check.passed:
-        return 1.0
-    return newest.coefficient.estimate.value
+def _with_right_rate(columns: SensorColumns, pairs: Sequence[Pair]) -> SensorColumns:
+    """Columns whose range rate has the right sign and scale, as far as that is known."""
+    rivals = len(_alternatives(pairs)) > 1
+    signals = {"range_rate": columns.range_rate}
+    for effect, pattern in pairs:
+        if effect.correct is not None and not (rivals and np.isfinite(pattern.own)):
+            right = effect.correct([iv.value for iv in pattern.parameters], signals | {"gap": columns.gap})
+            signals |= {"range_rate": right.get("range_rate", signals["range_rate"])}
+    return columns._replace(range_rate=signals["range_rate"], scaled=not rivals)
 
 
-def _findings(of: Related, effects: tuple[Effect, ...]) -> list[Finding]:
-    """Effects that a coefficient means; one without parameters first, as a sign before the scale that is left."""
-    if of.coefficient is None:
-        return []
-    found: list[tuple[Effect, Pattern]] = []
+def _recognised(related: Related, effects: tuple[Effect, ...]) -> list[Pair]:
+    """Effects that a coefficient means; one without parameters first, as a sign before the scale that is left.
+
+    Of those that mean the same coefficient, the ones whose factor of the own motion is not excluded; all, where each is.
+    """
+    pairs: list[Pair] = []
     for effect in effects:
         redundancy = effect.redundancy
-        if redundancy is None or redundancy.relation is not of.relation or redundancy.recognise is None:
+        if (
+            related.coefficient is None
+            or redundancy is None
+            or redundancy.relation is not related.relation
+            or redundancy.recognise is None
+        ):
             continue
-        pattern = redundancy.recognise(of.coefficient)
+        pattern = redundancy.recognise(related.coefficient)
         if pattern is not None:
-            found.append((effect, pattern))
-    found.sort(key=lambda pair: len(pair[0].parameters))
-    rivals = _of_relations(effects, of.confounded)
-    return [
-        _finding(effect, pattern, of, of.gain if k == 0 else Interval(), rivals)
-        for k, (effect, pattern) in enumerate(found)
-    ]
+            pairs.append((effect, pattern))
+    pairs.sort(key=lambda pair: len(pair[0].parameters))
+    own_factor = related.coefficient.own if related.coefficient is not None else Interval()
+    either = _alternatives(pairs)
+    likely = [pair for pair in either if own_factor.low <= pair[1].own <= own_factor.high] or either
+    return [pair for pair in pairs if pair not in either or pair in likely]
+
+
+def _alternatives(pairs: Sequence[Pair]) -> list[Pair]:
+    """Effects of which one only is the cause."""
+    return [pair for pair in pairs if np.isfinite(pair[1].own)]
+
+
+def _findings(related: Related, pairs: Sequence[Pair], effects: tuple[Effect, ...]) -> list[Finding]:
+    """One finding per cause; where several effects may be it, the others are rivals."""
+    either, out = _alternatives(pairs), list[Finding]()
+    for k, (effect, pattern) in enumerate(pairs):
+        if (effect, pattern) in either[1:]:
+            continue
+        others = tuple(other.id for other, _ in either[1:]) if (effect, pattern) in either else ()
+        rivals = (*_of_relations(effects, related.confounded), *others)
+        out.append(_finding(effect, pattern, related, related.gain if k == 0 else Interval(), rivals))
+    return out
 
 
 def _of_relations(effects: Iterable[Effect], relations: tuple[Relation, ...]) -> tuple[str, ...]:
@@ -105,23 +138,23 @@ def _of_relations(effects: Iterable[Effect], relations: tuple[Relation, ...]) ->
 
 
 def _finding(
-    effect: Effect, pattern: Pattern, of: Related, gain: Interval, rivals: tuple[str, ...]
+    effect: Effect, pattern: Pattern, related: Related, gain: Interval, rivals: tuple[str, ...]
 ) -> Finding:
     estimates = {p.name: iv for p, iv in zip(effect.parameters, pattern.parameters, strict=True)}
     says = effect.says
     for name, iv in estimates.items():
-        says = says.replace("{" + name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+        says = says.replace("{" + name + "}", f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]")
     return Finding(
         effect=effect.id, where=effect.where, rivals=rivals, surrogate=False, parameters=estimates,
         units={p.name: p.unit for p in effect.parameters}, gain=gain, says=says,
-        evidence=(pattern.deviation / of.sd) ** 2, needed=critical_value(of.dof) ** 2,
+        evidence=(pattern.deviation / related.sd) ** 2, needed=critical_value(related.dof) ** 2,
     )  # fmt: skip
 
 
 def _not_testable(related: list[Related], effects: tuple[Effect, ...]) -> tuple[NotTestable, ...]:
     """What this drive cannot decide; effects with one reason in common are one line."""
     out: dict[str, tuple[str, ...]] = {}
-    reasons: dict[Relation | None, str] = {one.relation: one.not_testable for one in related}
+    reasons: dict[Relation | None, str] = {relation.relation: relation.not_testable for relation in related}
     for relation in (*reasons, None):
         for effect in effects:
             if effect.redundancy is None or effect.redundancy.relation is not relation:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.errors import ConfigError
 from canid.signal_checks.drive_time import of_trace
-from canid.types import NAN, Array, DriveTime, LearnGate, SignalFinding, Trace
+from canid.values.errors import ConfigError
+from canid.values.types import NAN, Array, DriveTime, LearnGate, SignalFinding, Trace
 
 # s between two drives: longer than the memory of a driver and of the filters
 PAUSE_S = 20.0
@@ -41,28 +41,29 @@ def join(traces: Sequence[Trace]) -> JoinedDrives:
     """
     first = traces[0]
     if any(
-        (one.dt, one.input_names, one.output_filter) != (first.dt, first.input_names, first.output_filter)
-        for one in traces
+        (trace.dt, trace.input_names, trace.output_filter)
+        != (first.dt, first.input_names, first.output_filter)
+        for trace in traces
     ):
         raise ConfigError("the drives differ in their inputs: diagnose those of one vehicle file together")
-    roles = {role for one in traces for role in one.signals}
+    roles = {role for trace in traces for role in trace.signals}
     pause = _pause(first, roles)
     parts, spans, n = list[Trace](), list[tuple[float, float]](), 0
-    for one in traces:
+    for drive in traces:
         if parts:
             parts.append(pause)
             n += pause.t.size
-        parts.append(one)
-        spans.append((n * first.dt, (n + one.t.size) * first.dt))
-        n += one.t.size
+        parts.append(drive)
+        spans.append((n * first.dt, (n + drive.t.size) * first.dt))
+        n += drive.t.size
     segment, last = list[Array](), 0
     for part in parts:
         segment.append(part.segment - (part.segment[0] if part.segment.size else 0) + last)
         last = int(segment[-1][-1]) + 1 if part.segment.size else last
     findings = [
-        _moved(finding, begin - float(one.t[0]), end)
-        for one, (begin, end) in zip(traces, spans, strict=True)
-        for finding in one.findings
+        _moved(finding, begin - float(drive.t[0]), end)
+        for drive, (begin, end) in zip(traces, spans, strict=True)
+        for finding in drive.findings
     ]
     trace = first._replace(
         t=np.arange(n, dtype=np.float64) * first.dt,
@@ -79,8 +80,10 @@ def join(traces: Sequence[Trace]) -> JoinedDrives:
         variance=None,
         findings=tuple(findings),
     )
-    times = [of_trace(one) for one in traces]
-    return JoinedDrives(trace, tuple(spans), DriveTime(*(sum(of) for of in zip(*times, strict=True))))
+    times = [of_trace(drive) for drive in traces]
+    return JoinedDrives(
+        trace, tuple(spans), DriveTime(*(sum(seconds) for seconds in zip(*times, strict=True)))
+    )
 
 
 def _pause(like: Trace, roles: set[str]) -> Trace:

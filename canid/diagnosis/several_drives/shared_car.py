@@ -14,10 +14,10 @@ from canid.diagnosis import corrections
 from canid.diagnosis.corrections import Context
 from canid.diagnosis.several_drives.joined_drives import JoinedDrives
 from canid.diagnosis.several_drives.shared_causes import gains_by_the_others, left_out
-from canid.diagnosis.vehicle import vehicle_data
+from canid.diagnosis.vehicle import vehicle_data, vehicle_search
 from canid.effects.effect import Effect
-from canid.findings import DriveShare, Finding, Masked
-from canid.types import Trace
+from canid.values.findings import DriveShare, Finding, Masked
+from canid.values.types import Trace
 
 
 class SharedCar(NamedTuple):
@@ -57,7 +57,7 @@ def _shares(
     out = []
     for name, (begin, end) in zip(names, spans, strict=True):
         here = solved.rows & (data.seen.t >= begin) & (data.seen.t < end)
-        gains = gains_by_the_others(data, solved, without, here)
+        gains = gains_by_the_others(data, solved, without, here, vehicle_search.again)
         out.append(DriveShare(name, float(here.sum()) * data.output.dt, gains, {}))
     return tuple(out)
 
@@ -66,32 +66,32 @@ def _part(context: Context, trace: Trace, span: tuple[float, float]) -> Context:
     """The context of one drive, on its own clock."""
     dt, n = trace.dt, trace.t.size
     first = round(span[0] / dt)
-    own = slice(first, first + n)
+    rows = slice(first, first + n)
     by = float(trace.t[0]) - span[0] if n else 0.0
     corrected = trace._replace(
         signals={
-            role: x[own]
+            role: x[rows]
             for role, x in context.trace.signals.items()
-            if role in trace.signals or np.isfinite(x[own]).any()
+            if role in trace.signals or np.isfinite(x[rows]).any()
         },
-        inputs=context.trace.inputs[own],
+        inputs=context.trace.inputs[rows],
     )
     masked = [
-        Masked(one.effect, max(one.start, span[0]) + by, min(one.stop, span[1]) + by)
-        for one in context.masked
-        if one.stop > span[0] and one.start < span[1]
+        Masked(stretch.effect, max(stretch.start, span[0]) + by, min(stretch.stop, span[1]) + by)
+        for stretch in context.masked
+        if stretch.stop > span[0] and stretch.start < span[1]
     ]
     vehicle, sensing = context.vehicle, context.sensing
     return context._replace(
         trace=corrected,
-        usable=context.usable[own],
+        usable=context.usable[rows],
         masked=tuple(masked),
         sensing=sensing._replace(findings=_on_its_clock(sensing.findings, span, by)),
         vehicle=vehicle._replace(
             findings=_on_its_clock(vehicle.findings, span, by),
-            slope=vehicle.slope[own],
-            gear=vehicle.gear[own],
-            left=vehicle.left[own],
+            slope=vehicle.slope[rows],
+            gear=vehicle.gear[rows],
+            left=vehicle.left[rows],
         ),
     )
 

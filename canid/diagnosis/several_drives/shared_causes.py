@@ -13,20 +13,22 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from canid.diagnosis.driver import driver_intervals
+from canid.diagnosis.driver import driver_intervals, driver_search, held_out
 from canid.diagnosis.driver.driver_data import DriverData
 from canid.diagnosis.driver.driver_fit import FittedDriver
 from canid.diagnosis.driver.driver_model import BASE, K1, K2, TAU1, TAU2, THETA1, THETA2
 from canid.diagnosis.driver.driver_search import Search
+from canid.diagnosis.driver.held_out import Again, C
 from canid.diagnosis.fitting import likelihood
 from canid.diagnosis.fitting.fitted_model import FittedModel, M, dropped, solve
 from canid.diagnosis.fitting.likelihood import whitened
 from canid.diagnosis.fitting.log_score_gain import gain
 from canid.diagnosis.fitting.model import Columns
-from canid.diagnosis.fitting.robust_covariance import inflation
+from canid.diagnosis.fitting.uncertainty import inflation
 from canid.diagnosis.null import predictive_score
-from canid.findings import DriveShare, Flags
-from canid.types import Array, Interval
+from canid.values.findings import DriveShare, Flags
+from canid.values.numbers import chance
+from canid.values.types import Array, Interval
 
 # chance that drives of one driver are said to differ, over all groups of parameters
 DIFFER_CHANCE = 0.01
@@ -44,27 +46,30 @@ class Shared(NamedTuple):
 
 
 def shared(
-    data: DriverData, found: Search, spans: Sequence[tuple[float, float]], names: Sequence[str]
+    data: DriverData, search: Search, spans: Sequence[tuple[float, float]], names: Sequence[str]
 ) -> Shared:
     """Judge each drive.
 
     Args:
         data: of all drives.
-        found: on them together.
+        search: on them together.
         spans: s, [begin, end) of each drive.
         names: of the drives.
     """
-    t, rows = data.seen.t, found.solved.rows
+    t, rows = data.seen.t, search.solved.rows
     inside = [rows & (t >= begin) & (t < end) for begin, end in spans]
-    without = left_out(found.data, found.solved, [effect.id for effect in found.solved.model.effects])
-    shares, own = [], list[FittedDriver | None]()
+    without = left_out(search.data, search.solved, [effect.id for effect in search.solved.model.effects])
+    again = driver_search.again
+    shares, fits = [], list[FittedDriver | None]()
     for name, here in zip(names, inside, strict=True):
-        gains = gains_by_the_others(found.data, found.solved, without, here)
-        alone = _alone(found.data, found.solved, here)
-        own.append(alone)
+        gains = gains_by_the_others(search.data, search.solved, without, here, again)
+        alone = _alone(search.data, search.solved, here)
+        fits.append(alone)
         channels = {} if alone is None else driver_intervals.channels(alone, data.output.dt)
         shares.append(DriveShare(name, float(here.sum()) * data.output.dt, gains, channels))
-    return Shared(tuple(shares), _differences(found, [one for one in own if one is not None], data.output.dt))
+    return Shared(
+        tuple(shares), _differences(search, [fit for fit in fits if fit is not None], data.output.dt)
+    )
 
 
 def left_out(data: Columns, solved: FittedModel[M], effects: Sequence[str]) -> dict[str, FittedModel[M]]:
@@ -73,7 +78,7 @@ def left_out(data: Columns, solved: FittedModel[M], effects: Sequence[str]) -> d
 
 
 def gains_by_the_others(
-    data: Columns, model: FittedModel[M], without: Mapping[str, FittedModel[M]], here: Flags
+    data: C, model: FittedModel[M], without: Mapping[str, FittedModel[M]], here: Flags, again: Again[C, M]
 ) -> dict[str, Interval]:
     """Gain of each cause on a drive in one-step log score, nats/min, by fits to the other drives: effect id -> gain.
 
@@ -82,6 +87,7 @@ def gains_by_the_others(
         model: fitted to all of them.
         without: the model without each of its effects.
         here: (n,) rows of the drive.
+        again: searches an effect.
     """
     others = model.rows & ~here
     if not without:
@@ -89,10 +95,10 @@ def gains_by_the_others(
     if not others.any() or not here.any():
         return dict.fromkeys(without, Interval())
     size = model.noise.size
-    with_it = _predicted(data, model, here, others, size)
+    with_it = _predicted(data, model, here, others, size, again)
     return {
         effect: gain(
-            predictive_score.difference(_predicted(data, left, here, others, size), with_it, here),
+            predictive_score.difference(_predicted(data, left, here, others, size, again), with_it, here),
             here,
             data.output.dt,
         )
@@ -101,16 +107,16 @@ def gains_by_the_others(
 
 
 def _predicted(
-    data: Columns, of: FittedModel[M], here: Flags, others: Flags, size: Array
+    data: C, fitted: FittedModel[M], here: Flags, others: Flags, size: Array, again: Again[C, M]
 ) -> predictive_score.Predicted:
     """One-step predictions on a drive by a fit to the others, after the drive's own offset."""
-    fit = solve(data, of.model, of.q, of.noise, of.rows & others, turns=1)
+    fit = held_out.searched(data, fitted, others, again)
     free = here & ~data.output.hidden
     level = np.where(free, whitened(fit.noise, np.ones(here.size)), 0.0)
     error = likelihood.score(data.output, free, fit.noise, fit.fitted.model).e
     offset = float(level @ error) / max(float(level @ level), 1e-12)
     output = data.output._replace(y=np.where(here, data.output.y - offset, data.output.y))
-    return predictive_score.predictions(output, here, fit, of.rows & others, size)
+    return predictive_score.predictions(output, here, fit, fitted.rows & others, size)
 
 
 def _alone(data: DriverData, solved: FittedDriver, here: Flags) -> FittedDriver | None:
@@ -122,24 +128,24 @@ def _alone(data: DriverData, solved: FittedDriver, here: Flags) -> FittedDriver 
     return solve(data, solved.model, solved.q, solved.noise, here, turns=1, free=free)
 
 
-def _differences(found: Search, own: Sequence[FittedDriver], dt: float) -> tuple[str, ...]:
+def _differences(search: Search, fits: Sequence[FittedDriver], dt: float) -> tuple[str, ...]:
     """Likelihood ratio of own parameters on each drive against common ones, group by group."""
-    if len(own) < 2:
+    if len(fits) < 2:
         return ()
     out = []
     for name, group in GROUPS.items():
         won, freedom = 0.0, 0
-        for one in own:
-            here = one.rows
+        for alone in fits:
+            here = alone.rows
             held = solve(
-                found.data, one.model, found.solved.q, one.noise, here, turns=1,
-                free=tuple(k for k in one.fitted.free if k not in group),
+                search.data, alone.model, search.solved.q, alone.noise, here, turns=1,
+                free=tuple(k for k in alone.fitted.free if k not in group),
             )  # fmt: skip
-            spread = inflation(one.fitted, [k for k in group if k in one.fitted.free], dt)
-            won += max(held.deviance - one.deviance, 0.0) / spread
+            spread = inflation(alone.fitted, [k for k in group if k in alone.fitted.free], dt)
+            won += max(held.deviance - alone.deviance, 0.0) / spread
             freedom += len(group)
         # the common ones were fitted to the same drives
-        chance = float(chi2.sf(won, max(freedom - len(group), 1)))
-        if chance < DIFFER_CHANCE / len(GROUPS):
-            out.append(f"the driver's {name} are not the same on all drives (chance {chance:.1g})")
+        p = float(chi2.sf(won, max(freedom - len(group), 1)))
+        if p < DIFFER_CHANCE / len(GROUPS):
+            out.append(f"the driver's {name} are not the same on all drives (chance {chance(p)})")
     return tuple(out)

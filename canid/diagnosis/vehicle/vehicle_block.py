@@ -11,19 +11,19 @@ from canid.diagnosis.fitting.candidates import direction, model_directions
 from canid.diagnosis.fitting.fitted_model import dropped, extended, solve, without_parameters
 from canid.diagnosis.fitting.likelihood import whitened
 from canid.diagnosis.fitting.model import place
-from canid.diagnosis.fitting.robust_covariance import needed
 from canid.diagnosis.fitting.score_test import independent, score_test
 from canid.diagnosis.fitting.search import Named
-from canid.diagnosis.vehicle import vehicle_data, vehicle_fit
+from canid.diagnosis.fitting.uncertainty import needed
+from canid.diagnosis.vehicle import vehicle_data, vehicle_search
 from canid.diagnosis.vehicle.vehicle_data import VehicleData
-from canid.diagnosis.vehicle.vehicle_fit import FittedVehicle
 from canid.diagnosis.vehicle.vehicle_model import DRAG, LAG, ROLLING, STRENGTH, accel, with_effects
-from canid.diagnosis.vehicle.vehicle_search import VehicleSearch, features, search_vehicle
+from canid.diagnosis.vehicle.vehicle_search import FittedVehicle, VehicleSearch, features, search_vehicle
 from canid.effects import CATALOGUE
 from canid.effects.effect import DriveFeatures, Effect, Screening, Unavailable
-from canid.findings import Blocked, Check, Finding, Flags, NotTestable, Tried
 from canid.identification.confidence import SIGMAS
-from canid.types import NAN, Array, Interval, Trace
+from canid.values.findings import Blocked, Check, Finding, Flags, NotTestable, Tried
+from canid.values.numbers import chance, number
+from canid.values.types import NAN, Array, Interval, Trace
 
 VEHICLE = tuple(effect for effect in CATALOGUE if effect.where == "vehicle")
 # s; engines follow their pedal within 0.2 to 0.6 s. A longer lag may be of another part of the car
@@ -55,6 +55,7 @@ class Vehicle(NamedTuple):
     slope: Array  # (n,) what the car's step takes for the road's slope
     gear: Array  # (n,)
     left: Array  # (n,) m/s², measured less modelled; while braking this is the brake
+    missed: float = 0.0  # share of the residual's variance that depends on pedal and speed
 
 
 def diagnose_vehicle(trace: Trace, usable: Flags, catalogue: tuple[Effect, ...] = VEHICLE) -> Vehicle:
@@ -70,40 +71,41 @@ def diagnose_vehicle(trace: Trace, usable: Flags, catalogue: tuple[Effect, ...] 
     """
     data = vehicle_data.prepare(trace, usable)
     if isinstance(data, str):
-        return _nothing(trace, data, catalogue)
-    before = vehicle_fit.baseline(data)
+        return nothing(trace, data, catalogue)
+    before = vehicle_search.baseline(data)
     if before is None:
         why = "it drives unbraked, with a person at the pedal, for less than 40 s in a row"
-        return _nothing(trace, why, catalogue)
+        return nothing(trace, why, catalogue)
     known = features(data, before)
     effects = tuple(effect for effect in catalogue if _unavailable(effect, known) is None)
     expected = {effect.id: _expected(effect, data, before) for effect in effects}
     shown = tuple(effect for effect in effects if expected[effect.id] >= needed(1, len(effects)))
-    found = search_vehicle(data, shown, before)
-    adequate = _adequacy(found, data)
+    search = search_vehicle(data, shown, before)
+    adequate, missed = _adequacy(search, data)
     candidates = (
-        _finding(one, found, data, passed=adequate.passed is not False)
-        for one in found.named
-        if _unusual(one, found, data)
+        _finding(named, search, data, passed=adequate.passed is not False)
+        for named in search.named
+        if _unusual(named, search, data)
     )
     # only what surely simulates held-out data better: otherwise a bent map is named in addition to other causes
     findings = tuple(finding for finding in candidates if finding.gain.low > MIN_HELD_OUT_GAIN)
     return Vehicle(
-        findings, _tried(found, effects, expected), _not_testable(known, catalogue, effects, expected),
-        (*_checks(found, data), adequate), _line(findings, found, adequate, data),
-        (_without(found, data, findings), found.solved), data.seen.slope, data.seen.gear,
-        data.output.y - found.solved.fitted.model,
+        findings, _tried(search, effects, expected), _not_testable(known, catalogue, effects, expected),
+        (*_checks(search, data), adequate), _line(findings, search, adequate, data),
+        (_without(search, data, findings), search.solved), data.seen.slope, data.seen.gear,
+        data.output.y - search.solved.fitted.model, missed,
     )  # fmt: skip
 
 
-def _without(found: VehicleSearch, data: VehicleData, findings: tuple[Finding, ...]) -> FittedVehicle:
+def _without(search: VehicleSearch, data: VehicleData, findings: tuple[Finding, ...]) -> FittedVehicle:
     """The car with what every car has, and without what was named."""
     return (
-        dropped(data, found.solved, *(finding.effect for finding in findings)) if findings else found.solved
+        dropped(data, search.solved, *(finding.effect for finding in findings)) if findings else search.solved
     )
 
 
-def _nothing(trace: Trace, why: str, catalogue: tuple[Effect, ...]) -> Vehicle:
+def nothing(trace: Trace, why: str, catalogue: tuple[Effect, ...]) -> Vehicle:
+    """Result where no car could be fitted, and why."""
     ids, n = tuple(effect.id for effect in catalogue), trace.t.size
     return Vehicle(
         (), (), (NotTestable(ids, why),) if ids else (), (),
@@ -130,18 +132,18 @@ def _expected(effect: Effect, data: VehicleData, before: FittedVehicle) -> float
     return float(d @ d)
 
 
-def _unusual(one: Named, found: VehicleSearch, data: VehicleData) -> bool:
+def _unusual(named: Named, search: VehicleSearch, data: VehicleData) -> bool:
     """Is it more than every car and road has?"""
-    at = place(found.solved.model, one.effect.id).start
-    value = float(found.solved.q[at])
-    wide = SIGMAS * float(vehicle_fit.standard_errors(found.solved, data.output.dt)[at])
-    return one.effect.unusual(Interval(value, value - wide, value + wide), features(data, found.solved))
+    at = place(search.solved.model, named.effect.id).start
+    value = float(search.solved.q[at])
+    wide = SIGMAS * float(vehicle_search.standard_errors(search.solved, data.output.dt)[at])
+    return named.effect.unusual(Interval(value, value - wide, value + wide), features(data, search.solved))
 
 
-def _finding(one: Named, found: VehicleSearch, data: VehicleData, *, passed: bool) -> Finding:
-    effect, model, q = one.effect, found.solved.model, found.solved.q
+def _finding(named: Named, search: VehicleSearch, data: VehicleData, *, passed: bool) -> Finding:
+    effect, model, q = named.effect, search.solved.model, search.solved.q
     where = place(model, effect.id)
-    sd = vehicle_fit.standard_errors(found.solved, data.output.dt)
+    sd = vehicle_search.standard_errors(search.solved, data.output.dt)
     estimates, says = {}, effect.says
     for parameter, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
         value, wide = float(q[k]), SIGMAS * float(sd[k])
@@ -149,19 +151,21 @@ def _finding(one: Named, found: VehicleSearch, data: VehicleData, *, passed: boo
             value, max(value - wide, parameter.low), min(value + wide, parameter.high)
         )
         iv = estimates[parameter.name]
-        says = says.replace("{" + parameter.name + "}", f"{iv.value:.3g} [{iv.low:.3g}, {iv.high:.3g}]")
+        says = says.replace(
+            "{" + parameter.name + "}", f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]"
+        )
     return Finding(
-        effect=effect.id, where=effect.where, rivals=one.rivals, surrogate=not passed, parameters=estimates,
-        units={p.name: p.unit for p in effect.parameters}, gain=_gain(one, found, data), says=says,
-        evidence=one.evidence, needed=one.needed,
+        effect=effect.id, where=effect.where, rivals=named.rivals, surrogate=not passed, parameters=estimates,
+        units={p.name: p.unit for p in effect.parameters}, gain=_gain(named, search, data), says=says,
+        evidence=named.evidence, needed=named.needed,
     )  # fmt: skip
 
 
-def _gain(one: Named, found: VehicleSearch, data: VehicleData) -> Interval:
+def _gain(named: Named, search: VehicleSearch, data: VehicleData) -> Interval:
     """Gain of the cause over the model with all others, on held-out stretches."""
-    n, dt, solved = data.output.y.size, data.output.dt, found.solved
+    n, dt, solved = data.output.y.size, data.output.dt, search.solved
     fold = (np.arange(n) // round(FOLD_BLOCK_S / dt)) % FOLDS
-    other, q = without_parameters(solved, one.effect.id)
+    other, q = without_parameters(solved, named.effect.id)
     errors = np.full((2, n), NAN)
     for k in range(FOLDS):
         rows = solved.rows & (fold != k)
@@ -171,9 +175,9 @@ def _gain(one: Named, found: VehicleSearch, data: VehicleData) -> Interval:
     return gain(errors[0], errors[1], data.output.usable, dt)
 
 
-def _adequacy(found: VehicleSearch, data: VehicleData) -> Check:
-    """Adequacy of the fitted car: score test of its residual against functions of pedal and speed."""
-    solved, dt = found.solved, data.output.dt
+def _adequacy(search: VehicleSearch, data: VehicleData) -> tuple[Check, float]:
+    """Adequacy of the fitted car: score test of its residual against functions of pedal and speed; their share of it."""
+    solved, dt = search.solved, data.output.dt
     fine = solved.rows
 
     def standard(x: Array) -> Array:
@@ -193,18 +197,12 @@ def _adequacy(found: VehicleSearch, data: VehicleData) -> Check:
     turn, e = independent(X), solved.fitted.scored.e
     k = turn.shape[1]
     if not k:
-        return Check(
-            "vehicle gate",
-            None,
-            NAN,
-            VEHICLE_FALSE_ALARM,
-            "The drive moves the car too little to test the residual.",
-            gate=True,
-        )
+        says = "The drive moves the car too little to test the residual."
+        return Check("vehicle gate", None, NAN, VEHICLE_FALSE_ALARM, says, gate=True), 0.0
     tested = score_test(X, turn, e, round(VEHICLE_SCORE_LAG_S / dt))
     p = tested.p
     share = max(tested.gain - tested.expected, 0.0) / max(float(e @ e), 1e-9)
-    explained = max(1 - solved.noise.sd**2 / found.baseline.noise.sd**2, 0.0)
+    explained = max(1 - solved.noise.sd**2 / search.baseline.noise.sd**2, 0.0)
     passed = not (
         p < VEHICLE_FALSE_ALARM
         and share > VEHICLE_MATERIAL_SHARE
@@ -212,9 +210,9 @@ def _adequacy(found: VehicleSearch, data: VehicleData) -> Check:
     )
     says = (
         f"The car's residual {'does not depend' if passed else 'still depends'} on pedal and speed: "
-        f"chance {p:.2g} over {k} directions, {100 * share:.1f} % of its variance."
+        f"chance {chance(p)} over {k} directions, {100 * share:.1f} % of its variance."
     )
-    return Check("vehicle gate", passed, p, VEHICLE_FALSE_ALARM, says, gate=True)
+    return Check("vehicle gate", passed, p, VEHICLE_FALSE_ALARM, says, gate=True), share
 
 
 def _drag(solved: FittedVehicle, data: VehicleData) -> Array:
@@ -222,14 +220,14 @@ def _drag(solved: FittedVehicle, data: VehicleData) -> Array:
     return out
 
 
-def _checks(found: VehicleSearch, data: VehicleData) -> tuple[Check, ...]:
+def _checks(search: VehicleSearch, data: VehicleData) -> tuple[Check, ...]:
     use = data.output.usable
     y = data.output.y[use]
-    left = float(np.var(y - found.solved.fitted.model[use])) / max(float(np.var(y)), 1e-12)
-    q, sd = found.solved.q, vehicle_fit.standard_errors(found.solved, data.output.dt)
+    left = float(np.var(y - search.solved.fitted.model[use])) / max(float(np.var(y)), 1e-12)
+    q, sd = search.solved.q, vehicle_search.standard_errors(search.solved, data.output.dt)
 
     def estimate(k: int, unit: str) -> str:
-        return f"{q[k]:.3g} ± {SIGMAS * sd[k]:.2g} {unit}"
+        return f"{number(q[k])} ± {number(SIGMAS * sd[k], digits=2)} {unit}"
 
     says = (
         f"Pedal and speed explain {100 * (1 - left):.0f} % of the acceleration ({data.signal}): "
@@ -254,17 +252,17 @@ def _checks(found: VehicleSearch, data: VehicleData) -> tuple[Check, ...]:
 
 
 def _tried(
-    found: VehicleSearch, effects: tuple[Effect, ...], expected: dict[str, float]
+    search: VehicleSearch, effects: tuple[Effect, ...], expected: dict[str, float]
 ) -> tuple[Tried, ...]:
-    rivals = {rival for one in found.named for rival in one.rivals}
-    seen = {step.effect.id for step in found.steps}
+    rivals = {rival for named in search.named for rival in named.rivals}
+    seen = {step.effect.id for step in search.steps}
     out = [
         Tried(
             s.effect.id, s.effect.where, s.step, s.evidence, s.needed, expected[s.effect.id],
             "accepted" if s.accepted else "rival" if s.effect.id in rivals else "rejected",
             "" if s.accepted else "another one explained more" if s.evidence > s.needed else "chance explains as much",
         )
-        for s in found.steps
+        for s in search.steps
     ]  # fmt: skip
     for effect in effects:
         if effect.id not in seen:
@@ -303,11 +301,13 @@ def _not_testable(
     return tuple(out)
 
 
-def _line(findings: tuple[Finding, ...], found: VehicleSearch, adequate: Check, data: VehicleData) -> Blocked:
+def _line(
+    findings: tuple[Finding, ...], search: VehicleSearch, adequate: Check, data: VehicleData
+) -> Blocked:
     named = {finding.effect for finding in findings}
-    rest = [one for one in found.named if one.effect.id not in named]
-    ordinary = [_briefly(one.effect, found) for one in rest if not _unusual(one, found, data)]
-    unsure = [_briefly(one.effect, found) for one in rest if _unusual(one, found, data)]
+    rest = [cause for cause in search.named if cause.effect.id not in named]
+    ordinary = [_briefly(cause.effect, search) for cause in rest if not _unusual(cause, search, data)]
+    unsure = [_briefly(cause.effect, search) for cause in rest if _unusual(cause, search, data)]
     usual = f" As usual, and in the model: {', '.join(ordinary)}." if ordinary else ""
     usual += f" Helps, but not reliably on held-out data: {', '.join(unsure)}." if unsure else ""
     if adequate.passed is False:
@@ -315,7 +315,7 @@ def _line(findings: tuple[Finding, ...], found: VehicleSearch, adequate: Check, 
     if findings:
         return Blocked("vehicle", "wrong", " ".join(finding.says for finding in findings) + usual)
     use = data.output.usable
-    left = (found.solved.fitted.model - data.output.y)[use]
+    left = (search.solved.fitted.model - data.output.y)[use]
     sd, explained = (
         float(np.std(left)),
         1 - float(np.var(left)) / max(float(np.var(data.output.y[use])), 1e-12),
@@ -325,12 +325,14 @@ def _line(findings: tuple[Finding, ...], found: VehicleSearch, adequate: Check, 
         return Blocked(
             "vehicle", "not_testable", f"{says} Check the pedal's signal, and who drove (canid check)."
         )
-    return Blocked("vehicle", "adequate", f"The car does what its pedal asks for, to {sd:.2g} m/s².{usual}")
+    return Blocked(
+        "vehicle", "adequate", f"The car does what its pedal asks for, to {number(sd, digits=2)} m/s².{usual}"
+    )
 
 
-def _briefly(effect: Effect, found: VehicleSearch) -> str:
+def _briefly(effect: Effect, search: VehicleSearch) -> str:
     """An effect with its first parameter."""
-    model = found.solved.model
+    model = search.solved.model
     first = place(model, effect.id).start
     unit = effect.parameters[0].unit
-    return f"{effect.id} {found.solved.q[first]:.2g}{' ' + unit if unit != '1' else ''}"
+    return f"{effect.id} {number(search.solved.q[first], digits=2)}{' ' + unit if unit != '1' else ''}"

@@ -9,10 +9,11 @@ import numpy as np
 
 from canid.diagnosis.driver.driver_data import braking, filled
 from canid.diagnosis.fitting.likelihood import Output
-from canid.diagnosis.masks import extended, output_role
+from canid.diagnosis.masks import extended
 from canid.diagnosis.sensing.kinematics import slope
-from canid.findings import Flags
-from canid.types import Array, Trace
+from canid.values.findings import Flags
+from canid.values.output_role import output_role
+from canid.values.types import Array, Trace
 
 # m/s; below it clutch and converter slip
 SLIP_SPEED = 3.0
@@ -66,22 +67,24 @@ def prepare(trace: Trace, usable: Flags) -> VehicleData | str:
         return "no pedal was recorded, so the demand on the engine is not known: map `pedal`"
     pedal, speed = signals["pedal"], signals["speed"]
     known = np.isfinite(pedal) & np.isfinite(speed) & (speed > SLIP_SPEED)
-    own = filled(speed)
+    own_speed = filled(speed)
     if "accel" in signals and np.isfinite(signals["accel"]).mean() > 0.5:
         measured, signal = signals["accel"], "accel"
     else:
-        measured, signal = slope(own, dt), "speed"
+        measured, signal = slope(own_speed, dt), "speed"
     braked = extended(braking(trace), round(AFTER_BRAKE_S / dt))
     gone = extended(~(known & np.isfinite(measured) & usable), round(LAG_SETTLING_S / dt))
     fine = ~braked & ~gone
     if not fine.any() or np.std(measured[fine]) < STILL_ACCEL or np.std(pedal[fine]) < STILL_PEDAL:
         return "pedal and speed hardly move"
-    road = graded(trace, own)
+    road = graded(trace, own_speed)
     gear = signals.get("gear", np.full(n, np.nan))
     geared = bool(np.isfinite(gear[known]).mean() > 0.9) if known.any() else False
     sd = float(np.std(road[known])) if known.any() else 0.0
     standard = (road - np.mean(road[known])) / sd if sd > LEVEL_SLOPE_PERCENT else np.zeros(n)
-    seen = VehicleSeen(trace.t - trace.t[0] if n else trace.t, filled(pedal), own, standard, filled(gear))
+    seen = VehicleSeen(
+        trace.t - trace.t[0] if n else trace.t, filled(pedal), own_speed, standard, filled(gear)
+    )
     nowhere = np.zeros(n, dtype=bool)
     output = Output(filled(measured), fine, nowhere, -np.inf, nowhere, np.inf, dt)
     mapped = "grade" in signals or "altitude" in signals

@@ -9,15 +9,14 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.blas import dtbsv
 
 from canid.diagnosis.driver.driver_model import lagged
 from canid.diagnosis.fitting.model import box
 from canid.diagnosis.vehicle.vehicle_data import VehicleData, VehicleSeen
 from canid.effects.effect import Effect, Value, VehicleState
-from canid.types import Array
+from canid.values.types import Array
 
-# of the baseline, in this order, before those of the causes
-BASE = ("strength", "lag", "rolling", "drag")
 STRENGTH, LAG, ROLLING, DRAG = range(4)
 # physical box: m/s² per %, s, m/s² (with a constant slope of 10 %), 1/m (with a wind). A lorry has 0.005 m/s² per %
 LOW = (0.001, 0.0, -1.2, -0.002)
@@ -140,12 +139,13 @@ def _through(x: Array, tau: Value, dt: float) -> Array:
     decay, before, now = _weights(tau, dt)
     forced = now * x
     forced[1:] += before[1:] * x[:-1]
-    y, out = float(x[0]), []
-    for keep, force in zip(decay.tolist(), forced.tolist(), strict=True):
-        y = keep * y + force
-        out.append(y)
+    forced[0] += decay[0] * x[0]
+    # y_k − decay_k y_(k−1) = forced_k: a lower triangle of two diagonals
+    band = np.ones((2, x.size), order="F")
+    band[1, :-1] = -decay[1:]
+    out: Array = dtbsv(1, band, forced, lower=1, diag=1)
     out[0] = float(x[0])
-    return np.array(out)
+    return out
 
 
 class CarState(NamedTuple):

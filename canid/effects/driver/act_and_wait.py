@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from canid.effects.effect import Detector, Effect, Kind, Parameter, Params, PedalDynamics
-from canid.types import Array
+from canid.values.types import Array
 
 
 class State(NamedTuple):

@@ -14,7 +14,7 @@ from canid.effects.effect import (
     PedalDynamics,
     Share,
 )
-from canid.types import Array
+from canid.values.types import Array
 
 
 def init(p: Params, first: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import Detector, Effect, Kind, Parameter, Params, PedalDynamics
-from canid.types import Array
+from canid.values.types import Array
 
 
 def init(p: Params, first: float) -> float:

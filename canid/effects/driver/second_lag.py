@@ -7,7 +7,7 @@ import math
 from scipy.signal import lfilter
 
 from canid.effects.effect import Effect, Kind, Parameter, Params, PedalDynamics
-from canid.types import Array
+from canid.values.types import Array
 
 
 def init(p: Params, first: float) -> float:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import Effect, Kind, MaskInput, Params
-from canid.findings import Flags
-from canid.runs import lasting
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.runs import lasting
+from canid.values.types import Array
 
 # %; five steps of an 8-bit pedal sensor: a foot that rests on the pedal without pressing gives less
 PRESSED_PERCENT = 2.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import Effect, Kind, MaskInput, Params
-from canid.findings import Flags
-from canid.runs import runs
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.runs import runs
+from canid.values.types import Array
 
 # %; one step of an 8-bit pedal sensor: at or below it the pedal may be released
 RELEASED_PERCENT = 0.5
@@ -43,8 +43,11 @@ def recognise(drive: MaskInput) -> Flags:
     for first, stop in runs(pedal <= RELEASED_PERCENT):
         if (stop - first) * drive.dt < MIN_RELEASE_S:
             continue
-        own = speed[first + round(OVERRUN_S / drive.dt) : stop]
-        if own.size > second and np.nanmax(own[second:] - own[:-second], initial=-np.inf) > MIN_PUSH:
+        speed_released = speed[first + round(OVERRUN_S / drive.dt) : stop]
+        if (
+            speed_released.size > second
+            and np.nanmax(speed_released[second:] - speed_released[:-second], initial=-np.inf) > MIN_PUSH
+        ):
             out[first:stop] = True
     return out
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import Effect, Kind, MaskInput, Params
-from canid.findings import Flags
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.types import Array
 
 # m; another vehicle is at least the length of a short car nearer or further than the previous one would be; radars
 # jump by up to 2 m between parts of one vehicle

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import Effect, Kind, MaskInput, Params
-from canid.findings import Flags
-from canid.runs import runs
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.runs import runs
+from canid.values.types import Array
 
 # %; one step of an 8-bit pedal sensor: at or below it the pedal may be released
 RELEASED_PERCENT = 0.5

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from canid.effects.effect import Effect, Kind, MaskInput, Params
-from canid.findings import Flags
-from canid.runs import repeats
-from canid.types import Array
+from canid.values.findings import Flags
+from canid.values.runs import repeats
+from canid.values.types import Array
 
 # s; shorter repeats are a coarse signal, or a steady drive
 MIN_FREEZE_S = 2.0
@@ -39,12 +39,12 @@ def recognise(drive: MaskInput) -> Flags:
         >>> bool(flags[:50].all()), bool(flags[50:].any())
         (True, False)
     """
-    of = drive.signals
+    signals = drive.signals
     columns: Columns = {
-        "gap": of.get("gap_reported", of.get("gap")),
-        "range_rate": of.get("range_rate_reported", of.get("range_rate")),
-        "speed": of.get("speed"),
-        "accel": of.get("accel"),
+        "gap": signals.get("gap_reported", signals.get("gap")),
+        "range_rate": signals.get("range_rate_reported", signals.get("range_rate")),
+        "speed": signals.get("speed"),
+        "accel": signals.get("accel"),
     }
     speed = columns["speed"]
     moving = np.ones(drive.t.size, dtype=bool) if speed is None else ~(speed < MIN_SPEED)
@@ -58,11 +58,11 @@ def recognise(drive: MaskInput) -> Flags:
 
 def _frozen(role: str, column: Array, columns: Columns, moving: Flags, dt: float) -> Flags:
     out = np.zeros(column.size, dtype=bool)
-    found = [(first, stop) for first, stop in repeats(column) if moving[first:stop].all()]
-    if not found:
+    stretches = [(first, stop) for first, stop in repeats(column) if moving[first:stop].all()]
+    if not stretches:
         return out
     usual = _usual(column, dt)
-    for first, stop in found:
+    for first, stop in stretches:
         lasts = (stop - first) * dt
         contradicted = _contradicted(role, columns, first, stop, dt)
         if lasts >= MIN_FREEZE_S and (contradicted or lasts >= UNUSUAL_FACTOR * usual):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from canid.effects.effect import DriveFeatures, Effect, Kind, Parameter, Remnant, ScaleFeature
-from canid.types import Interval
+from canid.values.types import Interval
 
 
 def surely_rising(slope: Interval, features: DriveFeatures) -> bool:

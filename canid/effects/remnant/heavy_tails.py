@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from canid.effects.effect import DriveFeatures, Effect, Kind, Parameter, Remnant
-from canid.types import Interval
+from canid.values.types import Interval
 
 # With 12 degrees of freedom the kurtosis is 3.75. A Gaussian whose scale varies for reasons that nobody measures has as
 # much: on simulated drives of state-dependent noise 13 to 21 degrees of freedom were fitted, on drives of people 6 to 9.

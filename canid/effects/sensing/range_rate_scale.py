@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from canid.effects.effect import Effect, Kind, Parameter, Params, SensorValues
-from canid.effects.redundancy import Coefficient, Pattern, Redundancy, Relation, excess
-from canid.types import Array, Interval
+from canid.effects.redundancy import WHICH_IS_WRONG, Coefficient, Pattern, Redundancy, Relation, excess
+from canid.values.types import Array, Interval
 
 
 def sense(p: Params, true: SensorValues) -> SensorValues:
@@ -19,15 +19,17 @@ def sense(p: Params, true: SensorValues) -> SensorValues:
     return true._replace(range_rate=true.range_rate * (1 + p[0]))
 
 
-def recognise(found: Coefficient) -> Pattern | None:
+def recognise(coefficient: Coefficient) -> Pattern | None:
     """A scale is what the ratio's size leaves unexplained, whatever its sign."""
-    if found.sure.high >= 0:
-        return excess(Relation.RANGE_RATE, 1.0)(found)
-    turned = excess(Relation.RANGE_RATE, -1.0)(found)
+    if coefficient.sure.high >= 0:
+        same = excess(Relation.RANGE_RATE, 1.0)(coefficient)
+        return same and same._replace(own=coefficient.estimate.value)
+    turned = excess(Relation.RANGE_RATE, -1.0)(coefficient)
     if turned is None:
         return None
     (share,) = turned.parameters
-    return Pattern(turned.deviation, (Interval(-share.value, -share.high, -share.low),))
+    share = Interval(-share.value, -share.high, -share.low)
+    return Pattern(turned.deviation, (share,), -coefficient.estimate.value)
 
 
 def correct(p: Params, signals: Mapping[str, Array]) -> dict[str, Array]:
@@ -44,7 +46,7 @@ EFFECT = Effect(
     needs=("gap", "range_rate"),
     source="the gap's change is the integral of the range rate, whoever drives",
     absorbed="the gain K2 takes it up",
-    decides="gap and range rate of one radar, while the gap changes",
+    decides=WHICH_IS_WRONG,
     sense=sense,
     redundancy=Redundancy(Relation.RANGE_RATE, recognise),
     correct=correct,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from canid.effects.effect import Effect, Kind, Params, SensorValues
 from canid.effects.redundancy import Coefficient, Pattern, Redundancy, Relation
-from canid.types import Array
+from canid.values.types import Array
 
 
 def sense(p: Params, true: SensorValues) -> SensorValues:
@@ -19,9 +19,9 @@ def sense(p: Params, true: SensorValues) -> SensorValues:
     return true._replace(range_rate=-true.range_rate)
 
 
-def recognise(found: Coefficient) -> Pattern | None:
+def recognise(coefficient: Coefficient) -> Pattern | None:
     """The ratio is surely negative."""
-    return Pattern(found.sure.value) if found.sure.high < 0 else None
+    return Pattern(coefficient.sure.value) if coefficient.sure.high < 0 else None
 
 
 def correct(p: Params, signals: Mapping[str, Array]) -> dict[str, Array]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from canid.effects.effect import Effect, Kind, Parameter, Params, SensorValues
 from canid.effects.redundancy import Redundancy, Relation, excess
-from canid.types import Array
+from canid.values.types import Array
 
 
 def sense(p: Params, true: SensorValues) -> SensorValues:

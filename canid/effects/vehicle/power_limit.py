@@ -15,7 +15,7 @@ from canid.effects.effect import (
     VehicleHooks,
     VehicleState,
 )
-from canid.types import Interval
+from canid.values.types import Interval
 
 # W/kg; passenger cars are sold with 35 to 100 W per kg of their laden mass, so less than that is a cause: a lorry, a
 # trailer, limp-home

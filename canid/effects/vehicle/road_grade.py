@@ -17,7 +17,7 @@ from canid.effects.effect import (
     more_than,
 )
 from canid.effects.vehicle.slope import unmeasured_slope
-from canid.types import Interval
+from canid.values.types import Interval
 
 
 def push(p: Params, state: VehicleState) -> Value:

@@ -15,9 +15,9 @@ import numpy.typing as npt
 from canid.identification import innovation_law, residual_tests
 from canid.identification.armax import polynomial
 from canid.identification.armax.rates import STATED_S, rates
-from canid.identification.levenberg_marquardt import Damping, Local, minimise
-from canid.runs import runs
-from canid.types import NAN, Array
+from canid.identification.levenberg_marquardt import Damping, Local, gauss_newton, minimise
+from canid.values.runs import runs
+from canid.values.types import NAN, Array
 
 # Thirty steps: from Hannan & Rissanen five are usual.
 # rounds of the law of the innovations and of the parameters under it
@@ -237,21 +237,21 @@ def fit_armax(
         return None
     phi = _regressors(data, orders)
     theta = _start(data, phi, orders, rates(dt).long_order) if start is None else np.array(start, float)
-    found = _descend(theta, phi, data, orders)
-    if found is None:
+    minimum = _descend(theta, phi, data, orders)
+    if minimum is None:
         return None
     inside = data.age >= 0
     law, root = innovation_law.equal(0).law, inside.astype(float)
     for _ in range(LAW_ROUNDS if count >= innovation_law.MIN_ROWS else 0):
-        known = found[1][inside]
+        known = minimum[1][inside]
         weights = innovation_law.fit(known, np.full(count, True), np.zeros((0, count)), before=law)
         if weights.law.is_plain:
             break
         law = weights.law
         root[inside] = np.sqrt(weights.weight)
-        better = _descend(found[0], phi, data, orders, root)
-        found = found if better is None else better
-    theta, e, psi = found
+        better = _descend(minimum[0], phi, data, orders, root)
+        minimum = minimum if better is None else better
+    theta, e, psi = minimum
     freedom = max(count - n, 1)
     sigma = (float(e @ e) / freedom) ** 0.5
     weighted, score = root * e, root * psi
@@ -348,8 +348,8 @@ def _descend(
 
     def point(theta: Array) -> _Point:
         e = _innovations(theta, phi, data)
-        own = e if root is None else root * e
-        return _Point(theta, e, float(own @ own))
+        weighted = e if root is None else root * e
+        return _Point(theta, e, float(weighted @ weighted))
 
     def gradient(at: _Point) -> Array:
         nonlocal latest
@@ -359,24 +359,18 @@ def _descend(
 
     def local(at: _Point) -> Local[_Point] | None:
         nonlocal excited
-        psi, e = gradient(at), at.e
-        if root is not None:
-            psi, e = root * psi, root * e
-        H = psi @ psi.T
-        size = np.diag(H)
-        excited = bool(np.isfinite(size).all() and (size > 0.0).all())
-        if not excited:
-            return None
 
         def move(step: Array) -> _Point | None:
             trial = at.theta + step
             stable = polynomial.is_stable([float(c) for c in trial[len(phi) :]], 0.999)
             return point(trial) if stable else None
 
-        return Local(-(psi @ e), H, size, move)
+        near = gauss_newton(gradient(at), at.e, root, move)
+        excited = near is not None
+        return near
 
     try:
-        found = minimise(point(theta), lambda at: at.cost, local, DAMPING).point
+        minimum = minimise(point(theta), lambda at: at.cost, local, DAMPING).point
     except np.linalg.LinAlgError:
         return None
-    return (found.theta, found.e, gradient(found)) if excited else None
+    return (minimum.theta, minimum.e, gradient(minimum)) if excited else None

@@ -18,8 +18,8 @@ from canid.identification import innovation_law
 from canid.identification.armax import forgetting_mixture, polynomial, square_root_covariance
 from canid.identification.armax.armax_batch import ArmaxFit, Orders
 from canid.identification.armax.rates import STATED_S, rates
-from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
-from canid.types import Array
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
+from canid.values.types import Array
 
 # Per tenth of a second, ascending: memories of 5, 10, 20 and 50 s, and one that keeps everything.
 FORGETTING = (0.98, 0.99, 0.995, 0.998, 1.0)
@@ -199,7 +199,7 @@ def step(
     if not learn:
         return state._replace(y=y_next, u=u_next, e=_newest(e, state.e, o.nc), psi=psi_next), innovation
 
-    of, law = rates(dt), state.law
+    settings, law = rates(dt), state.law
     weight = innovation_law.mixture(law, innovation)
     counted = errors
     if weight != 1.0:
@@ -208,7 +208,7 @@ def step(
     done = square_root_covariance.update(state.root, psi)
     new = theta + e @ done.gain
     if o.nc:
-        _keep_stable(new, theta, o.nc, of.zero_radius)
+        _keep_stable(new, theta, o.nc, settings.zero_radius)
     # the residual with the new parameters is the better guess of the innovation
     after = output - new @ column
     noise = state.noise
@@ -225,7 +225,7 @@ def step(
         _newest(after, state.e, o.nc),
         psi_next,
         forgetting_mixture.step(state.trust, errors, done.spread.ravel().tolist(), worst, law.freedom),
-        Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / of.recent),
+        Noise(noise.power, noise.leverage, noise.recent + (square - noise.recent) / settings.recent),
         (*state.block, BlockSample(psi, tuple(counted), square, innovation)),
         state.weights,
         state.score,
@@ -236,7 +236,7 @@ def step(
         state.innovations,
         state.blocks,
     )
-    if len(moved.block) == of.block:
+    if len(moved.block) == settings.block:
         moved = _closed(moved)
     best = forgetting_mixture.refuted(moved.trust)
     return (moved if best is None else _renewed(moved, best)), innovation
@@ -263,21 +263,21 @@ def _keep_stable(new: Array, old: Array, nc: int, radius: float) -> None:
 
 def _closed(state: State) -> State:
     """End a block: forget, and compare its score with that of white innovations."""
-    psi = np.concatenate([one.psi for one in state.block], axis=1)
+    psi = np.concatenate([sample.psi for sample in state.block], axis=1)
     lead = _lead(state)
-    e = np.array([one.e[lead] for one in state.block])
-    own = psi[lead].astype(np.float64)
+    e = np.array([sample.e[lead] for sample in state.block])
+    lead_psi = psi[lead].astype(np.float64)
     noise, count = state.noise, len(state.block)
     leverage = ((psi[-1] @ state.anchor) ** 2).sum(axis=1, dtype=np.float64)
     noise = noise._replace(
-        power=noise.power + float(leverage @ [one.square for one in state.block]),
+        power=noise.power + float(leverage @ [sample.square for sample in state.block]),
         leverage=noise.leverage + float(leverage.sum()),
     )
     # Fisher's information of one innovation
     variance = noise.variance / state.law.inflation
-    score = np.array([(e @ own) ** 2, (own * own).sum(axis=0) * variance])
+    score = np.array([(e @ lead_psi) ** 2, (lead_psi * lead_psi).sum(axis=0) * variance])
     fade = state.forgetting.astype(np.float64) ** count
-    last = np.array([one.innovation for one in state.block])
+    last = np.array([sample.innovation for sample in state.block])
     innovations = np.concatenate([state.innovations, last])[-LAW_FITTED_BLOCKS * count :]
     blocks = state.blocks + 1
     return state._replace(
@@ -302,19 +302,19 @@ def _law(before: innovation_law.Law, e: Array) -> innovation_law.Law:
 def _renewed(state: State, best: int) -> State:
     """Let the longest memory, which was refuted, and the shortest begin anew from `best`."""
     k = len(state.trust.weights)
-    of = [best, *range(1, k - 1), best]
+    kept = [best, *range(1, k - 1), best]
     widening = np.ones((k, 1, 1), state.root.dtype)
     widening[[0, -1]] = RESTART_WIDENING
-    root = widening * state.root[of]
-    weights = state.weights[:, of]
+    root = widening * state.root[kept]
+    weights = state.weights[:, kept]
     weights[:, [0, -1]] /= RESTART_WIDENING**2
     return state._replace(
-        theta=state.theta[of],
+        theta=state.theta[kept],
         root=root,
-        e=state.e[of],
-        psi=tuple([psi[of] for psi in state.psi]),
+        e=state.e[kept],
+        psi=tuple([psi[kept] for psi in state.psi]),
         trust=forgetting_mixture.renew(state.trust),
-        block=tuple([one._replace(psi=one.psi[of]) for one in state.block]),
+        block=tuple([sample._replace(psi=sample.psi[kept]) for sample in state.block]),
         weights=weights,
         anchor=root[-1],
         anchored=float(weights[0, -1]),
@@ -335,8 +335,8 @@ def estimate(state: State) -> tuple[Array, Array]:
     away = theta - mean
     w1, w2 = state.weights
     root = state.root.astype(np.float64) * np.sqrt(shares * w2 / w1)[:, None, None]
-    own = (root @ root.swapaxes(1, 2)).sum(axis=0) * _variance(state)
-    covariance: Array = own + (shares[:, None] * away).T @ away
+    within = (root @ root.swapaxes(1, 2)).sum(axis=0) * _variance(state)
+    covariance: Array = within + (shares[:, None] * away).T @ away
     return mean, covariance
 
 

@@ -15,38 +15,33 @@ import numpy.typing as npt
 
 from canid.identification import band, innovation_law, residual_tests
 from canid.identification.armax import polynomial
+from canid.identification.armax.prediction_errors import (
+    BoxJenkinsOrders,
+    Point,
+    Rows,
+    at_point,
+    gradient,
+    shifted,
+    whitened,
+)
 from canid.identification.armax.rates import STATED_S
 from canid.identification.armax.simulated_fit import FORGOTTEN_S, fit_percent, since
+from canid.identification.armax.walled_descent import GIVEN_LAG, TRIAL, at_delay_wall, at_pole_wall, descend
 from canid.identification.confidence import CHI_SQUARED_QUANTILE
-from canid.identification.levenberg_marquardt import Damping, Local, minimise
 from canid.identification.output_filter import Kernel, equalizer, filtered
-from canid.types import NAN, Array, OutputFilter
-
-DAMPING = Damping(1e-3, up=8.0, down=8.0, least=1e-10, tries=8, iterations=40, tolerance=1e-8)
-
-# A dead time that is tried need not be fitted to the last digit: six steps show whether it is better.
-TRIAL = DAMPING._replace(iterations=6, tolerance=1e-4)
+from canid.values.types import NAN, Array, OutputFilter
 
 # s; lags at which the search starts, for every input
 START_LAGS_S = (0.3, 1.0)
-# s; longest lag of a driver: a pole beyond is another offset
-MAX_LAG_S = 3.0
 # s; dead times that are tried: two coefficients of B span the tenth of a second from one to the next
 DEAD_TIMES_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
 
 
+# samples by which a dead time is moved at most, where B is pressed against its wall
+MOST_SHIFTS = 3
+
 # rounds of the law of the innovations and of the parameters under it
 LAW_ROUNDS = 2
-
-
-class BoxJenkinsOrders(NamedTuple):
-    """Orders of the polynomials."""
-
-    nb: int = 2
-    nf: int = 1
-    nc: int = 0
-    nd: int = 4
-    nk: int = 2  # dead time in samples with which the search begins
 
 
 class StandardErrors(NamedTuple):
@@ -85,8 +80,8 @@ class BoxJenkinsFit(NamedTuple):
     @property
     def F(self) -> Array:  # noqa: N802
         """Return (m, nf + 1), with the leading one."""
-        own = self._inputs[:, self.orders.nb :]
-        return np.concatenate([np.ones((len(own), 1)), own], axis=1)
+        coefficients = self._inputs[:, self.orders.nb :]
+        return np.concatenate([np.ones((len(coefficients), 1)), coefficients], axis=1)
 
     @property
     def C(self) -> Array:  # noqa: N802
@@ -113,40 +108,13 @@ class BoxJenkinsFit(NamedTuple):
         return self.theta[: len(self.delays) * (o.nb + o.nf)].reshape(-1, o.nb + o.nf)
 
 
-class Rows(NamedTuple):
-    """Data made ready."""
-
-    y: Array  # (N,) by phase, zero where not used
-    u: Array  # (m, N) zero where not known
-    driven: npt.NDArray[np.int64]  # (N,) samples since the inputs' history began; -1: not known
-    age: npt.NDArray[np.int64]  # (N,) by phase: steps since the first of its run that is used; -1: not used
-    orders: BoxJenkinsOrders
-    delays: tuple[int, ...]
-    stride: int  # samples per step of the noise model
-    phased: npt.NDArray[np.int64]  # (N,) samples in the order of the phases of the stride
-    root: Array | None = None  # (N,) of the weight of each squared innovation, by phase; None: one
-
-
-def fit_box_jenkins(
-    output: Array,
-    inputs: Array,
-    usable: npt.NDArray[np.bool_],
-    orders: BoxJenkinsOrders = BoxJenkinsOrders(),  # noqa: B008
-    *,
-    segment: npt.NDArray[np.int64] | None = None,
-    dt: float = STATED_S,
-    output_filter: OutputFilter | None = None,
-) -> BoxJenkinsFit | None:
-    """Fit one model to all usable stretches.
+def fit_rows(rows: Rows, dt: float, output_filter: OutputFilter | None = None) -> BoxJenkinsFit | None:
+    """Fit one model to rows made ready.
 
     Args:
-        output: (N,), NaN where not measured.
-        inputs: (N, m), NaN where not measured.
-        usable: (N,) whether the output may be learned from; the inputs drive the answers all the same.
-        orders: of the polynomials.
-        segment: (N,), changes where the inputs' history breaks.
-        dt: s, the grid's step.
-        output_filter: that the output has passed; None: not known.
+        rows: from `ready_rows`.
+        dt: s.
+        output_filter: that the output has passed; None: nothing is said of one.
 
     Returns:
         The fit, or None where there are too few data or they do not excite.
@@ -155,84 +123,99 @@ def fit_box_jenkins(
     >>> u, e = rng.normal(size=(3000, 1)), 0.1 * rng.normal(size=3000)
     >>> w, v = np.zeros(3000), np.zeros(3000)
     >>> for t in range(2, 3000): w[t] = 0.8 * w[t-1] + 0.5 * u[t-1, 0]; v[t] = 0.6 * v[t-1] + e[t]
-    >>> fit = fit_box_jenkins(w + v, u, np.full(3000, True), BoxJenkinsOrders(1, 1, 0, 1, 1))
+    >>> fit = fit_rows(ready_rows(w + v, u, np.full(3000, True), BoxJenkinsOrders(1, 1, 0, 1, 1)), 0.1)
     >>> fit.B.round(1), fit.F.round(1), fit.D.round(1)
     (array([[0.5]]), array([[ 1. , -0.8]]), array([ 1. , -0.6]))
     """
-    rows = ready_rows(output, inputs, usable, orders, segment=segment, dt=dt, output_filter=output_filter)
-    return fit_rows(rows, dt, output_filter)
-
-
-def fit_rows(rows: Rows, dt: float, output_filter: OutputFilter | None = None) -> BoxJenkinsFit | None:
-    """Fit one model to rows made ready.
-
-    Args:
-        rows: from `ready_rows`.
-        dt: s.
-        output_filter: that the output has passed; None: nothing is said of one.
-    """
     limits = band.strides(dt, output_filter)
     data = at_stride(rows, limits.least)
-    found = _search(data, dt)
-    if found is None:
+    minimum = _search(data, dt)
+    if minimum is None:
         return None
     # the residual of the first fit shows the noise's band
-    rest, used = np.empty(len(found.v)), np.empty(len(found.v), bool)
-    rest[data.phased], used[data.phased] = found.v, data.age >= 0
+    rest, used = np.empty(len(minimum.v)), np.empty(len(minimum.v), bool)
+    rest[data.phased], used[data.phased] = minimum.v, data.age >= 0
     stride = band.stride(rest, used, dt, limits)
     if stride != data.stride:
         data = at_stride(rows, stride)
-        found = _search(data, dt)
-    if found is None:
+        minimum = _search(data, dt)
+    if minimum is None:
         return None
-    data, found = _delayed(data, found, dt)
-    data, found, law = _under_law(data, found, dt)
-    return _finished(found, data, law, np.full(len(found.theta), True), dt)
+    data, minimum = _delayed(data, minimum, dt)
+    data, minimum, law = _under_law(data, minimum, dt)
+    return _finished(data, minimum, law, np.full(len(minimum.theta), True), dt)
 
 
-def _under_law(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point, innovation_law.Law]:
+def _under_law(data: Rows, minimum: Point, dt: float) -> tuple[Rows, Point, innovation_law.Law]:
     """Fit the law of the innovations, and the parameters under it."""
     law, known = innovation_law.equal(0).law, data.age >= data.orders.nd
     if np.count_nonzero(known) < innovation_law.MIN_ROWS * data.stride:
-        return data, found, law
+        return data, minimum, law
     change = innovation_law.changes(data.y, data.age >= 0)
     for _ in range(LAW_ROUNDS):
-        of = innovation_law.features(found.e, known, change, 1.0 / (dt * data.stride))
-        weights = innovation_law.fit(found.e, known, of, 1.0 / data.stride, law)
+        features = innovation_law.features(minimum.e, known, change, 1.0 / (dt * data.stride))
+        weights = innovation_law.fit(minimum.e, known, features, 1.0 / data.stride, law)
         if weights.law.is_plain:
             break
         tried = data._replace(root=np.where(known, np.sqrt(weights.weight), 0.0))
-        better = _descend(found.theta, tried, dt, np.full(len(found.theta), True))
+        free = np.full(len(minimum.theta), True)
+        better = descend(minimum.theta, tried, dt, free)
         if better is None:
             break
-        data, found, law = tried, better, weights.law
-    return data, found, law
+        law = weights.law
+        data, minimum = _off_walls(tried, better, dt, free)
+        if data.delays != tried.delays:
+            better = descend(minimum.theta, data, dt, free)
+            minimum = minimum if better is None else better
+    return data, minimum, law
 
 
-def _delayed(data: Rows, found: _Point, dt: float) -> tuple[Rows, _Point]:
+def _delayed(data: Rows, minimum: Point, dt: float) -> tuple[Rows, Point]:
     """Choose the dead time of each input, the last first, by the innovations' variance."""
-    o, free = data.orders, np.full(len(found.theta), True)
+    o, free = data.orders, np.full(len(minimum.theta), True)
     # a fall of 2 log likelihood that chance alone seldom makes; all phases fall together
-    clear = CHI_SQUARED_QUANTILE * data.stride * found.cost / max(int((data.age >= 0).sum()), 1)
+    clear = CHI_SQUARED_QUANTILE * data.stride * minimum.cost / max(int((data.age >= 0).sum()), 1)
     for i in reversed(range(len(data.u))):
         begun = data.delays[i]
         for late in sorted({max(round(seconds / dt), 1) for seconds in DEAD_TIMES_S} - {begun}):
             tried = data._replace(delays=(*data.delays[:i], late, *data.delays[i + 1 :]))
-            theta = found.theta.copy()
+            theta = minimum.theta.copy()
             at = slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
             theta[at] = theta[at].mean()
-            other = _descend(theta, tried, dt, free, TRIAL)
-            if other is not None and other.cost < found.cost - clear:
-                data, found = tried, other
-    best = _descend(found.theta, data, dt, free)
-    return data, found if best is None else best
+            other = descend(theta, tried, dt, free, TRIAL)
+            if other is not None and other.cost < minimum.cost - clear:
+                data, minimum = tried, other
+    data, minimum = _off_walls(data, minimum, dt, free)
+    best = descend(minimum.theta, data, dt, free)
+    return data, minimum if best is None else best
+
+
+def _off_walls(data: Rows, minimum: Point, dt: float, free: npt.NDArray[np.bool_]) -> tuple[Rows, Point]:
+    """Move the dead time of an input whose B is pressed towards another by a sample, as long as that gains."""
+    o, m = data.orders, len(data.u)
+    for _ in range(MOST_SHIFTS):
+        moved = False
+        for i, to in enumerate(at_delay_wall(minimum.theta, o, m)):
+            late = data.delays[i] + to
+            if not to or late < 1:
+                continue
+            tried = data._replace(delays=(*data.delays[:i], late, *data.delays[i + 1 :]))
+            theta, at = minimum.theta.copy(), slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
+            # the same answer, one sample further in B
+            theta[at] = np.roll(theta[at], -to)
+            other = descend(theta, tried, dt, free, TRIAL)
+            if other is not None and other.cost < minimum.cost:
+                data, minimum, moved = tried, other, True
+        if not moved:
+            break
+    return data, minimum
 
 
 def refit(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, lag: float) -> BoxJenkinsFit | None:
     """Fit again with the first pole of one input fixed.
 
     Args:
-        fit: from `fit_box_jenkins`.
+        fit: from `fit_rows`.
         rows: what it was fitted to, from `ready_rows`.
         dt: s.
         i: the input.
@@ -245,8 +228,8 @@ def refit(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, lag: float) -> BoxJ
     pole = -np.exp(-dt / lag)
     theta[at - o.nb : at] *= (1.0 + pole) / (1.0 + theta[at])
     theta[at], free[at] = pole, False
-    found = _descend(theta, data, dt, free)
-    return None if found is None else _finished(found, data, fit.law, free, dt)
+    minimum = descend(theta, data, dt, free, GIVEN_LAG)
+    return None if minimum is None else _finished(*_off_walls(data, minimum, dt, free), fit.law, free, dt)
 
 
 def ready_rows(
@@ -259,7 +242,17 @@ def ready_rows(
     dt: float = STATED_S,
     output_filter: OutputFilter | None = None,
 ) -> Rows:
-    """Make data ready: a stated filter undone, runs found. Arguments as of `fit_box_jenkins`."""
+    """Make data ready: a stated filter undone, runs found.
+
+    Args:
+        output: (N,), NaN where not measured.
+        inputs: (N, m), NaN where not measured.
+        usable: (N,) whether the output may be learned from; the inputs drive the answers all the same.
+        orders: of the polynomials.
+        segment: (N,), changes where the inputs' history breaks.
+        dt: s, the grid's step.
+        output_filter: that the output has passed; None: not known.
+    """
     output, inputs = np.array(output, float), np.array(inputs, float)
     by = equalizer(output_filter, dt)
     if by is not None:
@@ -282,25 +275,29 @@ def at_stride(rows: Rows, stride: int) -> Rows:
     return rows._replace(y=rows.y[phased], age=age[phased], stride=stride, phased=phased, root=None)
 
 
-def _search(data: Rows, dt: float) -> _Point | None:
+def _search(data: Rows, dt: float) -> Point | None:
     o, m, inside = data.orders, len(data.u), data.age >= 0
     n = m * (o.nb + o.nf) + 1 + o.nc + o.nd
     if int(inside.sum()) < 10 * n * data.stride or not float(np.ptp(data.y[inside])) > 0.0:
         return None
     starts = [_start(data, lags, dt) for lags in itertools.product(START_LAGS_S, repeat=m)]
-    points = [_at(theta, data) for theta in starts if theta is not None]
+    points = [at_point(theta, data) for theta in starts if theta is not None]
     if not points:
         return None
     nearest = min(points, key=lambda at: at.cost)
-    return _descend(nearest.theta, data, dt, np.full(n, True))
+    return descend(nearest.theta, data, dt, np.full(n, True))
 
 
 def _finished(
-    best: _Point, data: Rows, law: innovation_law.Law, free: npt.NDArray[np.bool_], dt: float
+    data: Rows, best: Point, law: innovation_law.Law, free: npt.NDArray[np.bool_], dt: float
 ) -> BoxJenkinsFit | None:
-    inside = data.age >= 0
+    o, inside = data.orders, data.age >= 0
+    free = free.copy()
+    for i in np.flatnonzero(at_pole_wall(best.theta, o, len(data.u), dt)):
+        # at a lag of zero a pole does what a coefficient of B does
+        free[i * (o.nb + o.nf) + o.nb : (i + 1) * (o.nb + o.nf)] = False
     count, n = int(inside.sum()), int(free.sum())
-    psi, e = _gradient(best, data)[free], best.e
+    psi, e = gradient(best, data)[free], best.e
     freedom = max(count - n * data.stride, 1)
     sigma2 = float(e @ e) / freedom
     law = law._replace(sd=(best.cost / freedom) ** 0.5)
@@ -372,83 +369,6 @@ def _ready(
     )
 
 
-class _Point(NamedTuple):
-    theta: Array
-    e: Array  # (N,) innovations, by phase
-    begun: Array  # (N,) with those at the start of a run, which lack what was before
-    filtered: Array  # (m, N) inputs behind 1 / F
-    answers: Array  # (m, N)
-    v: Array  # (N,) the output without the answers, by phase
-    cost: float
-
-
-def _split(theta: Array, o: BoxJenkinsOrders, m: int) -> tuple[Array, Array, float, Array, Array]:
-    """B (m, nb), F (m, nf), offset, C, D; without leading ones."""
-    own = theta[: m * (o.nb + o.nf)].reshape(m, -1)
-    rest = theta[m * (o.nb + o.nf) :]
-    return own[:, : o.nb], own[:, o.nb :], float(rest[0]), rest[1 : 1 + o.nc], rest[1 + o.nc :]
-
-
-def _shifted(x: Array, lag: int, driven: npt.NDArray[np.int64]) -> Array:
-    out = np.zeros_like(x)
-    out[lag:] = x[: len(x) - lag] if lag else x
-    return np.where(driven >= lag, out, 0.0)
-
-
-def _whitened(x: Array, c: Array, d: Array, age: npt.NDArray[np.int64]) -> Array:
-    """D / C x along the last axis, from rest at the start of each run; age (N,) as x."""
-    x = np.where(age >= 0, x, 0.0)
-    out = x.copy()
-    for i, value in enumerate(d, 1):
-        late = np.zeros_like(x)
-        late[..., i:] = x[..., :-i]
-        out += value * np.where(age >= i, late, 0.0)
-    return polynomial.divide(out, c, age)
-
-
-def _at(theta: Array, data: Rows) -> _Point:
-    o, m = data.orders, len(data.u)
-    B, F, offset, c, d = _split(theta, o, m)
-    filtered = np.array([polynomial.divide(u, f, data.driven) for u, f in zip(data.u, F, strict=True)])
-    answers = np.array(
-        [
-            sum(b[j] * _shifted(x, late + j, data.driven) for j in range(o.nb))
-            for b, x, late in zip(B, filtered, data.delays, strict=True)
-        ]
-    )
-    v = np.where(data.age >= 0, data.y - offset - answers.sum(axis=0)[data.phased], 0.0)
-    begun = _whitened(v, c, d, data.age)
-    # the first innovations of a run lack what was before
-    e = np.where(data.age < o.nd, 0.0, begun)
-    own = e if data.root is None else data.root * e
-    return _Point(theta, e, begun, filtered, answers, v, float(own @ own))
-
-
-def _gradient(at: _Point, data: Rows) -> Array:
-    """Negative gradient (n, N) of the innovations."""
-    o, m = data.orders, len(data.u)
-    _, F, _, c, d = _split(at.theta, o, m)
-    rows = []
-    for x, w, f, late in zip(at.filtered, at.answers, F, data.delays, strict=True):
-        rows += [_shifted(x, late + j, data.driven) for j in range(o.nb)]
-        again = polynomial.divide(w, f, data.driven)
-        rows += [-_shifted(again, j, data.driven) for j in range(1, o.nf + 1)]
-    rows.append(np.ones(len(at.e)))
-    psi = np.empty((len(at.theta), len(at.e)))
-    psi[: len(rows)] = _whitened(np.array(rows)[:, data.phased], c, d, data.age)
-    k = len(rows)
-    if o.nc:
-        by_e = polynomial.divide(at.begun, c, data.age)
-        psi[k : k + o.nc] = [_shifted(by_e, i, np.maximum(data.age, 0)) for i in range(1, o.nc + 1)]
-        k += o.nc
-    by_v = polynomial.divide(at.v, c, data.age)
-    psi[k:] = np.array([-_shifted(by_v, i, np.maximum(data.age, 0)) for i in range(1, o.nd + 1)]).reshape(
-        o.nd, -1
-    )
-    psi[:, data.age < o.nd] = 0.0
-    return psi
-
-
 def _start(data: Rows, lags: tuple[float, ...], dt: float) -> Array | None:
     """B and offset by generalised least squares at given lags, D by the residual's autoregression."""
     o, inside = data.orders, data.age >= 0
@@ -457,68 +377,27 @@ def _start(data: Rows, lags: tuple[float, ...], dt: float) -> Array | None:
         pole = np.zeros(o.nf)
         pole[:1] = -np.exp(-dt / lag)
         filtered = polynomial.divide(u, pole, data.driven)
-        rows += [_shifted(filtered, late + j, data.driven) for j in range(o.nb)]
+        rows += [shifted(filtered, late + j, data.driven) for j in range(o.nb)]
     X = np.array([*rows, np.ones(len(data.y))])[:, data.phased]
     c, d = np.zeros(o.nc), np.zeros(o.nd)
     w = np.zeros(len(X))
     for _ in range(2):
-        white = _whitened(np.concatenate([X, data.y[None]]), c, d, data.age)
+        white = whitened(np.concatenate([X, data.y[None]]), c, d, data.age)
         white[:, data.age < o.nd] = 0.0
         w = np.linalg.lstsq(white[:-1].T, white[-1], rcond=None)[0]
         v = np.where(inside, data.y - w @ X, 0.0)
         d = -_autoregression(v, o.nd, data.age)
-    own = []
+    of_inputs = []
     for i, lag in enumerate(lags):
         pole = np.zeros(o.nf)
         pole[:1] = -np.exp(-dt / lag)
-        own += [*np.full(o.nb, w[i * o.nb : (i + 1) * o.nb].mean()), *pole]
-    theta = np.array([*own, w[-1], *c, *polynomial.project(d, 0.98)])
+        of_inputs += [*np.full(o.nb, w[i * o.nb : (i + 1) * o.nb].mean()), *pole]
+    theta = np.array([*of_inputs, w[-1], *c, *polynomial.project(d, 0.98)])
     return theta if np.isfinite(theta).all() else None
 
 
 def _autoregression(v: Array, order: int, age: npt.NDArray[np.int64]) -> Array:
-    rows = np.array([_shifted(v, i, np.maximum(age, 0)) for i in range(1, order + 1)]).reshape(order, -1)
+    rows = np.array([shifted(v, i, np.maximum(age, 0)) for i in range(1, order + 1)]).reshape(order, -1)
     some = age >= order
-    found: Array = np.linalg.lstsq(rows[:, some].T, v[some], rcond=None)[0]
-    return found
-
-
-def _descend(
-    theta: Array, data: Rows, dt: float, free: npt.NDArray[np.bool_], damping: Damping = DAMPING
-) -> _Point | None:
-    o, m = data.orders, len(data.u)
-    longest = float(np.exp(-dt / MAX_LAG_S))
-
-    def allowed(theta: Array) -> bool:
-        B, F, _, c, d = _split(theta, o, m)
-        return (
-            # coefficients of B join the dead time between samples: of one sign
-            bool((np.abs(B.sum(axis=1)) >= np.abs(B).sum(axis=1) * (1.0 - 1e-9)).all())
-            and
-            # a driver's answer decays without changing sign
-            bool((F[:, 0] <= 0.0).all())
-            and all(polynomial.is_stable(f.tolist(), longest) for f in F)
-            and polynomial.is_stable(c.tolist(), 0.995)
-            and polynomial.is_stable(d.tolist(), 0.999)
-        )
-
-    def local(at: _Point) -> Local[_Point] | None:
-        psi, e = _gradient(at, data)[free], at.e
-        if data.root is not None:
-            psi, e = data.root * psi, data.root * e
-        H = psi @ psi.T
-        size = np.diag(H)
-        if not (np.isfinite(size).all() and (size > 0.0).all()):
-            return None
-
-        def move(step: Array) -> _Point | None:
-            trial = at.theta.copy()
-            trial[free] += step
-            return _at(trial, data) if allowed(trial) else None
-
-        return Local(-(psi @ e), H, size, move)
-
-    try:
-        return minimise(_at(theta, data), lambda at: at.cost, local, damping).point
-    except np.linalg.LinAlgError:
-        return None
+    coefficients: Array = np.linalg.lstsq(rows[:, some].T, v[some], rcond=None)[0]
+    return coefficients

@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from statistics import NormalDist
 
 import numpy as np
 
 from canid.identification import identifiability
 from canid.identification.armax import gain_and_delay
-from canid.identification.armax.box_jenkins import MAX_LAG_S, BoxJenkinsFit, Rows, refit
+from canid.identification.armax.box_jenkins import BoxJenkinsFit, refit
+from canid.identification.armax.prediction_errors import Rows
+from canid.identification.armax.walled_descent import MAX_LAG_S, at_pole_wall
 from canid.identification.confidence import MISS, NORMAL_QUANTILE
-from canid.types import NAN, Array, Channel, Interval
+from canid.values.types import NAN, Array, Channel, Interval
 
 # s; lags over which an unknown pole is averaged
 LAGS_S = (0.1, 0.3, 0.6, 1.0, 1.5, 2.2, MAX_LAG_S)
@@ -28,34 +31,59 @@ def channels(names: Sequence[str], fit: BoxJenkinsFit, rows: Rows, dt: float) ->
 
     Args:
         names: of the m inputs.
-        fit: from `fit_box_jenkins`.
+        fit: from `fit_rows`.
         rows: what it was fitted to.
         dt: s.
     """
-    o = fit.orders
-    width = o.nb + o.nf
     out = {}
+
+    @cache
+    def refits(over: int) -> list[BoxJenkinsFit]:
+        every = (refit(fit, rows, dt, over, lag) for lag in LAGS_S)
+        return [refitted for refitted in every if refitted is not None]
+
+    walls = at_pole_wall(fit.theta, fit.orders, len(names), dt)
     for i, name in enumerate(names):
-        of = np.r_[i * width + o.nb : (i + 1) * width, i * width : i * width + o.nb]
-        found = gain_and_delay.channel(fit.F[i], fit.B[i], fit.delays[i], fit.covariance[np.ix_(of, of)], dt)
-        sd = math.sqrt(float(fit.covariance[of[0], of[0]]))
+        channel, variance = _fitted(fit, i, dt)
+        sd = math.sqrt(variance)
         pole, longest = -float(fit.F[i, 1]), math.exp(-dt / MAX_LAG_S)
-        known = math.isfinite(found.K.low) and NORMAL_QUANTILE * sd < min(longest - pole, pole + 1.0)
-        out[name] = found if known else _averaged(fit, rows, dt, i, found)
+        known = math.isfinite(channel.K.low) and NORMAL_QUANTILE * sd < min(longest - pole, pole + 1.0)
+        if not known or walls[i]:
+            channel = _averaged(refits(i), dt, i, i, channel)
+        elif any(walls):
+            # the covariance holds the other pole where its wall is: what it may be otherwise belongs in the interval
+            over = walls.index(True)
+            channel = _averaged(refits(over), dt, over, i, identifiability.not_quotable(channel))
+        out[name] = channel
     return out
 
 
-def _averaged(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, otherwise: Channel) -> Channel:
-    parts = [one for lag in LAGS_S if (one := refit(fit, rows, dt, i, lag)) is not None]
+def _fitted(fit: BoxJenkinsFit, i: int, dt: float) -> tuple[Channel, float]:
+    """The channel of an input by the covariance of its poles and B, and the variance of its first pole."""
+    o = fit.orders
+    width = o.nb + o.nf
+    indices = np.r_[i * width + o.nb : (i + 1) * width, i * width : i * width + o.nb]
+    channel = gain_and_delay.channel(
+        fit.F[i], fit.B[i], fit.delays[i], fit.covariance[np.ix_(indices, indices)], dt
+    )
+    return channel, float(fit.covariance[indices[0], indices[0]])
+
+
+def _averaged(parts: Sequence[BoxJenkinsFit], dt: float, over: int, i: int, otherwise: Channel) -> Channel:
+    """Average the answer to input `i` over the lag of input `over`, from the fits at each lag."""
     if len(parts) < len(LAGS_S):
         return otherwise
-    cost = np.array([one.cost for one in parts])
+    cost = np.array([part.cost for part in parts])
     best = parts[int(cost.argmin())]
     spacing = np.gradient(np.array(LAGS_S))
     variance = best.law.sd**2 * best.law.inflation * best.variance_inflation
     weight = spacing * np.exp(-0.5 * (cost - cost.min()) / variance)
     weight /= weight.sum()
-    moments = np.array([_moments(one, i, dt) for one in parts])
+    moments = np.array([(_moments if over == i else _free_moments)(part, i, dt) for part in parts])
+    known = np.isfinite(moments).all(axis=1)
+    if float(weight[known].sum()) < 1.0 - MISS:
+        return otherwise
+    weight, moments = weight[known] / weight[known].sum(), moments[known]
     K, K_sd = _mixture(weight, moments[:, 0], moments[:, 1])
     total, total_sd = _mixture(weight, moments[:, 2], moments[:, 3])
     if not math.isfinite(K.low):
@@ -64,11 +92,19 @@ def _averaged(fit: BoxJenkinsFit, rows: Rows, dt: float, i: int, otherwise: Chan
     return identifiability.channel(status, K, Interval(), Interval(), total)
 
 
+def _free_moments(fit: BoxJenkinsFit, i: int, dt: float) -> tuple[float, float, float, float]:
+    """K, its sd, tau + dead time, its sd, of an input whose pole was fitted."""
+    channel, _ = _fitted(fit, i, dt)
+    K, total = channel.K, channel.tau_plus_dead_time
+    wide = 2.0 * NORMAL_QUANTILE
+    return K.value, (K.high - K.low) / wide, total.value, (total.high - total.low) / wide
+
+
 def _moments(fit: BoxJenkinsFit, i: int, dt: float) -> tuple[float, float, float, float]:
     """K, its sd, tau + dead time, its sd; the poles given."""
     o = fit.orders
-    of = slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
-    P, b, f = fit.covariance[of, of], fit.B[i], fit.F[i]
+    b_rows = slice(i * (o.nb + o.nf), i * (o.nb + o.nf) + o.nb)
+    P, b, f = fit.covariance[b_rows, b_rows], fit.B[i], fit.F[i]
     at = fit.delays[i] + np.arange(o.nb)
     total, pole = float(b.sum()), float(f.sum())
     mean = float(b @ at) / total

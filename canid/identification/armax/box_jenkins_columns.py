@@ -11,7 +11,7 @@ import numpy.typing as npt
 from canid.identification.armax.box_jenkins_state import State
 from canid.identification.fopdt import regression_rows as rows
 from canid.identification.output_filter import equalizer
-from canid.types import Array, OutputFilter
+from canid.values.types import Array, OutputFilter
 
 
 class Columns(NamedTuple):
@@ -27,12 +27,12 @@ class Columns(NamedTuple):
 
 def reach(layout: rows.Layout, state: State, output_filter: OutputFilter | None) -> tuple[int, int]:
     """Rows before and after that a whitened row needs."""
-    own = len(state.ar) * state.stride
+    noise_rows = len(state.ar) * state.stride
     by = equalizer(output_filter, layout.step)
     if by is None:
-        return own, 0
+        return noise_rows, 0
     most = max((by.output, by.answers), key=lambda kernel: kernel.before + kernel.after)
-    return own + most.before, most.after
+    return noise_rows + most.before, most.after
 
 
 def columns(

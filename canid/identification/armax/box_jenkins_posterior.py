@@ -7,11 +7,20 @@ import numpy as np
 from canid.identification import autoregression
 from canid.identification.armax import forgetting_mixture, polynomial
 from canid.identification.armax.box_jenkins_state import State, lead, solved, unit_answers
-from canid.identification.fopdt import fopdt_fit, fopdt_posterior, reduced_basis
+from canid.identification.fopdt import (
+    channel_mixture,
+    fopdt_posterior,
+    grid_search,
+    information_bounds,
+    posterior_cells,
+    posterior_channels,
+    posterior_region,
+    reduced_basis,
+)
 from canid.identification.fopdt import regression_rows as rows
 from canid.identification.fopdt.row_noise import by_channel, student_factor
 from canid.identification.residual_tests import HAC_LAG_S
-from canid.types import Array, Channel, Identifiable, Interval
+from canid.values.types import Channel
 
 # Passes of the posterior's grid: from the whole box to 5 ms takes five.
 MAX_PASSES = 8
@@ -49,22 +58,22 @@ def variance_inflation(layout: rows.Layout, state: State) -> float:
 
 def _posterior(
     layout: rows.Layout, state: State, k: int, inflation: float
-) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid, tuple[fopdt_posterior.Region, ...]]:
+) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid, tuple[posterior_cells.Region, ...]]:
     """Close in on the posterior of one memory from where it was."""
     box = layout.basis.box
     known = _moments(layout, state, k)
     regions = state.regions
     for _ in range(MAX_PASSES):
-        cells = tuple(fopdt_posterior.make_cells(region, box) for region in regions)
-        side = fopdt_posterior.CELLS_PER_AXIS
+        cells = tuple(posterior_cells.make_cells(region, box) for region in regions)
+        side = posterior_cells.CELLS_PER_AXIS
         tau = np.concatenate([c.tau[::side] for c in cells])
         dead_time = np.concatenate([c.dead_time for c in cells]).reshape(-1, side)
         every = reduced_basis.weights_on_grid(layout.basis, tau, dead_time)
         W = tuple(every.reshape(len(cells), side * side, -1))
         grid = fopdt_posterior.evaluate(known, W, cells, inflation)
-        regions = tuple(fopdt_posterior.gather(grid, i, box) for i in range(layout.inputs))
-        fine = all(fopdt_fit.is_fine(r, c) for r, c in zip(regions, cells, strict=True))
-        if fine and not any(fopdt_posterior.missed(grid, i, box) for i in range(layout.inputs)):
+        regions = tuple(posterior_region.gather(grid, i, box) for i in range(layout.inputs))
+        fine = all(grid_search.is_fine(r, c) for r, c in zip(regions, cells, strict=True))
+        if fine and not any(posterior_region.missed(grid, i, box) for i in range(layout.inputs)):
             break
     return known, grid, regions
 
@@ -101,8 +110,8 @@ def channels(layout: rows.Layout, state: State) -> tuple[Channel, ...]:
     shares = np.array(forgetting_mixture.shares(state.trust))
     kept = np.flatnonzero(shares > MIN_SHARE).tolist()
     inflation = variance_inflation(layout, state)
-    found = [_channels_of(layout, state, k, inflation * _small_sample(state, k)) for k in kept]
-    return found[0] if len(found) == 1 else _mixed(found, shares[kept] / shares[kept].sum())
+    per_memory = [_channels_of(layout, state, k, inflation * _small_sample(state, k)) for k in kept]
+    return channel_mixture.mixed(per_memory, shares[kept] / shares[kept].sum())
 
 
 def _small_sample(state: State, k: int) -> float:
@@ -126,23 +135,6 @@ def _channels_of(layout: rows.Layout, state: State, k: int, inflation: float) ->
         K = float(np.vdot(grid.weight, grid.K[i]))
         J.append(np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]))
     variance = inflation * grid.residual / max(known.freedom, 1)
-    limits = fopdt_posterior.bounds(known, J, variance, layout.basis.box)
+    limits = information_bounds.bounds(known, J, variance, layout.basis.box)
     used = float(state.weights[0, k]) * layout.step
-    return fopdt_posterior.channels(grid, layout.basis.box, limits, used)
-
-
-def _mixed(found: list[tuple[Channel, ...]], shares: Array) -> tuple[Channel, ...]:
-    """Mean of the memories' intervals, widened by what they differ by; quotable is what all may quote."""
-    out = []
-    order = [Identifiable.NOT, Identifiable.GAIN_ONLY, Identifiable.SUM_ONLY, Identifiable.OK]
-    for parts in zip(*found, strict=True):
-        fields = {}
-        for name in ("K", "tau", "dead_time", "tau_plus_dead_time"):
-            value, low, high = np.array([getattr(part, name) for part in parts]).T
-            mean = float(shares @ value)
-            down = float(shares @ ((value - low) ** 2 + (value - mean) ** 2)) ** 0.5
-            up = float(shares @ ((high - value) ** 2 + (value - mean) ** 2)) ** 0.5
-            fields[name] = Interval(mean, mean - down, mean + up)
-        least = min((part.status for part in parts), key=order.index)
-        out.append(parts[-1]._replace(**fields, status=least, progress=None))
-    return tuple(out)
+    return posterior_channels.channels(grid, layout.basis.box, limits, used)

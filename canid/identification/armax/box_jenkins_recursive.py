@@ -31,7 +31,7 @@ from canid.identification.armax.square_root_covariance import RENEWAL
 from canid.identification.fopdt import fopdt_fit
 from canid.identification.fopdt import regression_rows as rows
 from canid.identification.fopdt.row_noise import NOISE_ORDER
-from canid.types import NAN, Array, OutputFilter
+from canid.values.types import NAN, Array, OutputFilter
 
 # s of innovations that are kept for the residual tests
 TESTED_S = 60.0
@@ -75,7 +75,7 @@ def begin(
     """
     m, b, k = layout.inputs, layout.basis.size, len(forgetting)
     making, made = rows.put(layout, rows.State(), samples, settle)
-    fit = fopdt_fit.fit_rows(layout, made, output_filter=output_filter)
+    fit = fopdt_fit.fit_rows(layout, made, fopdt_fit.Settings(output_filter=output_filter))
     if fit.start is None or not all(math.isfinite(x) for x in (*fit.point.K, fit.point.offset)):
         return None
     # the order that a minute chooses is not that of an hour: the lagged residuals hold all of them
@@ -83,28 +83,28 @@ def begin(
     c = m * b + 2 + len(ar)
     stride = fit.stride
     state = State(
-        making,
-        np.zeros((0, layout.width)),
-        0,
-        ar,
-        ar,
-        stride,
-        fit.point.offset,
-        np.zeros((k, c, c)),
-        np.zeros((2, k)),
-        fit.start.search_grid.regions,
-        np.array([fit.point.K, fit.point.tau, fit.point.dead_time]),
-        unit_answers(layout, fit.point.tau, fit.point.dead_time),
-        0.0,
-        forgetting_mixture.begin(forgetting, rates(stride * layout.step).stated),
-        fit.sigma**2,
-        np.zeros((2, 3 * m)),
-        np.zeros((0, 2 + m)),
-        fit.law if fit.law is not None else innovation_law.equal(0).law,
-        Quality((0.0, 0.0), (0.0, 0.0), 0),
-        0,
-        0,
-        restarts,
+        making=making,
+        tail=np.zeros((0, layout.width)),
+        ready=0,
+        ar=ar,
+        mean_ar=ar,
+        stride=stride,
+        reference=fit.point.offset,
+        products=np.zeros((k, c, c)),
+        weights=np.zeros((2, k)),
+        regions=fit.start.search_grid.regions,
+        point=np.array([fit.point.K, fit.point.tau, fit.point.dead_time]),
+        nodes=unit_answers(layout, fit.point.tau, fit.point.dead_time),
+        offset=0.0,
+        trust=forgetting_mixture.begin(forgetting, rates(stride * layout.step).stated),
+        recent=fit.sigma**2,
+        score=np.zeros((2, 3 * m)),
+        tested=np.zeros((0, 2 + m)),
+        law=fit.law if fit.law is not None else innovation_law.equal(0).law,
+        quality=Quality((0.0, 0.0), (0.0, 0.0), 0),
+        blocks=0,
+        phase=0,
+        restarts=restarts,
     )
     before, _ = reach(layout, state, output_filter)
     state = state._replace(tail=np.zeros((before, layout.width)), ready=before)
@@ -222,8 +222,8 @@ def _with_law(layout: rows.Layout, state: State) -> State:
     last = _innovations(layout, state)
     if np.count_nonzero(last.known) < innovation_law.MIN_ROWS:
         return state
-    found = innovation_law.fit(last.e, last.known, last.features, 1.0 / state.stride, state.law)
-    return state._replace(law=found.law)
+    fitted = innovation_law.fit(last.e, last.known, last.features, 1.0 / state.stride, state.law)
+    return state._replace(law=fitted.law)
 
 
 def _weights(layout: rows.Layout, state: State, e: Array) -> innovation_law.Weights:
@@ -281,8 +281,8 @@ def _learnt(
     fade = 1.0 - np.minimum(1.0 - np.array(forgetting) ** count, RENEWAL * share)
     slopes = np.concatenate([nodes[0], *(state.point[0][:, None] * x for x in nodes[1:])])
     psi = slopes @ new.white[:size]
-    one = new.white[size + 1]
-    psi -= np.outer(psi @ one / (one @ one), one)
+    constant = new.white[size + 1]
+    psi -= np.outer(psi @ constant / (constant @ constant), constant)
     # Fisher's information of one innovation
     variance = predicted.variance / state.law.inflation
     score = np.array([(psi @ predicted.lead) ** 2, (psi**2).sum(axis=1) * variance * state.stride])
@@ -298,12 +298,12 @@ def _learnt(
 def _renewed(state: State, best: int) -> State:
     """Let the longest memory, which was refuted, and the shortest begin anew from `best`."""
     k = len(state.trust.weights)
-    of = [best, *range(1, k - 1), best]
+    kept = [best, *range(1, k - 1), best]
     share = np.ones(k)
     share[[0, -1]] = RESTART_WIDENING**-2
     return state._replace(
-        products=share[:, None, None] * state.products[of],
-        weights=state.weights[:, of] * share,
+        products=share[:, None, None] * state.products[kept],
+        weights=state.weights[:, kept] * share,
         trust=forgetting_mixture.renew(state.trust),
         restarts=state.restarts + 1,
     )

@@ -8,11 +8,11 @@ import numpy as np
 
 from canid.identification import innovation_law
 from canid.identification.armax import forgetting_mixture
-from canid.identification.fopdt import fopdt_posterior, reduced_basis
+from canid.identification.fopdt import posterior_cells, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
 from canid.identification.fopdt.row_noise import by_channel
-from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
-from canid.types import NAN, Array
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
+from canid.values.types import NAN, Array
 
 
 class Quality(NamedTuple):
@@ -41,7 +41,7 @@ class State(NamedTuple):
     reference: float  # subtracted from the output
     products: Annotated[Array, FINITE]  # (k, c, c)
     weights: Annotated[Array, NOT_NEGATIVE]  # (2, k) sums of the rows' weights and of their squares
-    regions: Annotated[tuple[fopdt_posterior.Region, ...], FINITE]  # where the posterior lies
+    regions: Annotated[tuple[posterior_cells.Region, ...], FINITE]  # where the posterior lies
     point: Annotated[Array, FINITE]  # (3, m) gain, tau, dead time at which predictions are made
     nodes: Annotated[Array, FINITE]  # (3, m, m b) weights of the unit answers there, and of their slopes
     offset: float

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
-from canid.state_constraints import NOT_NEGATIVE
+from canid.values.state_constraints import NOT_NEGATIVE
 
 # Probability at the start that the longest memory is the best. Each other one's samples are few, so its
 # estimate is noisy: at 0.995 the mixture's standard deviation after a minute is the longest's to 0.5 %.

@@ -16,7 +16,7 @@ import numpy as np
 from canid.identification import identifiability
 from canid.identification.armax import confidence_sequence
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.types import Array, Channel, Interval
+from canid.values.types import Array, Channel, Interval
 
 # s after which the anytime interval is narrowest against the plain one: 2 min. It is then 1.76
 # times as wide after 20 s, 1.55 after 2 min, 1.61 after 10 min; 1.6 in the mean over ten minutes.
@@ -55,8 +55,8 @@ def channels(
     na, nb = len(A) - 1, B.shape[1]
     out = {}
     for i, name in enumerate(names):
-        of = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
-        out[name] = channel(A, B[i], nk, covariance[np.ix_(of, of)], dt)
+        indices = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
+        out[name] = channel(A, B[i], nk, covariance[np.ix_(indices, indices)], dt)
     return out
 
 
@@ -153,17 +153,17 @@ def anytime_gain(
     1.55
     """
     a = 1.0 + float(theta[:na].sum())
-    found = []
+    intervals = []
     for i in range(inputs):
-        of = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
+        indices = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
         b = float(theta[na + i * nb : na + (i + 1) * nb].sum())
-        now, then = (_sums(P[np.ix_(of, of)], na) for P in (covariance, before))
+        now, then = (_sums(P[np.ix_(indices, indices)], na) for P in (covariance, before))
         # what is known of B(1) - K A(1), against what would be after SHARPEST_S at the pace of the start
         gained = _of_ratio(b / a, then) / _of_ratio(b / a, now) if a else 0.0
         z = confidence_sequence.widening(gained * seconds / SHARPEST_S)
         vb, va, vab = now
-        found.append(ratio(b, a, vb, va, vab, z))
-    return tuple(found)
+        intervals.append(ratio(b, a, vb, va, vab, z))
+    return tuple(intervals)
 
 
 def _of_ratio(K: float, sums: tuple[float, float, float]) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from canid.identification.armax import polynomial
 from canid.identification.armax.armax_batch import ArmaxFit
-from canid.types import Array
+from canid.values.types import Array
 
 # samples of impulse responses; those of 1/C with a zero at 0.99 have fallen below a hundredth
 LENGTH = 512

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from canid.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.identification.armax.rates import STATED_S
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # Orders from one to three and dead times up to 0.4 s at 10 Hz: what Chen & Ulsoy 2001 (sec. 2.2) tried, less
 # the high orders that the criteria like and that say nothing of a driver.

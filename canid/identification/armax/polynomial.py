@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.identification.first_order import scan
-from canid.types import Array
+from canid.values.types import Array
 
 
 def is_stable(c: Sequence[float], radius: float = 1.0) -> bool:
@@ -46,14 +46,16 @@ def project(c: Array, radius: float) -> Array:
     >>> project(np.array([-2.0]), 0.98)
     array([-0.98])
     """
+    if is_stable(c.tolist(), radius):
+        return c
     zeros = np.roots(np.concatenate([[1.0], c]))
     size = np.abs(zeros)
     if not (size > radius).any():
         return c
     moved = np.where(size > radius, radius * zeros / np.maximum(size, 1e-300), zeros)
     out = np.zeros(len(c))
-    found = np.real(np.poly(moved))[1:]
-    out[: len(found)] = found
+    coefficients = np.real(np.poly(moved))[1:]
+    out[: len(coefficients)] = coefficients
     return out
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from canid.identification.armax import polynomial
 from canid.identification.armax.armax_batch import ArmaxFit
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # s; after which a simulation has forgotten that it began at rest
 FORGOTTEN_S = 4.5

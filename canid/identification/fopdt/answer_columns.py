@@ -14,12 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt import fopdt_posterior, reduced_basis
-from canid.identification.fopdt.fopdt_fit import ProcessFit
+from canid.identification.fopdt import information_bounds, reduced_basis
+from canid.identification.fopdt.grid_search import ProcessFit
 from canid.identification.fopdt.regression_rows import Layout
 from canid.identification.output_filter import Equalizer, apply, equalizer
-from canid.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
-from canid.types import Array, OutputFilter
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
+from canid.values.types import Array, OutputFilter
 
 # Standard deviations beyond which a whitened residual counts as so large only (Huber 1964): with Gaussian shocks this
 # costs 2 % of the information
@@ -186,10 +186,10 @@ def whitened(
     values, known = white(columns, usable, at, output_filter, layout.step)
     if int(known.sum()) < MIN_SCALE_ROWS:
         return None
-    by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)
+    by_tau, by_dead_time = information_bounds.precision(layout.basis.box)
     precision = np.concatenate([np.zeros(m + 1), np.full(m, by_tau), np.full(m, by_dead_time)])
-    found = Columns(values, known.astype(float), known, m, precision, 1.0)
-    return weighed(found, residual(found), at, round(SCALE_S / layout.step))
+    unweighed = Columns(values, known.astype(float), known, m, precision, 1.0)
+    return weighed(unweighed, residual(unweighed), at, round(SCALE_S / layout.step))
 
 
 def residual(columns: Columns, more: Array | None = None) -> Array:
@@ -226,8 +226,8 @@ def weighed(columns: Columns, e: Array, at: Reference, stretch: int, least: floa
     weight = np.zeros(len(e))
     for first in range(0, len(e), stretch):
         part = slice(first, first + stretch)
-        own = e[part][usable[part]]
-        scale = max(_scale(own), least) if len(own) >= MIN_SCALE_ROWS else overall
+        stretch_e = e[part][usable[part]]
+        scale = max(_scale(stretch_e), least) if len(stretch_e) >= MIN_SCALE_ROWS else overall
         z = np.abs(e[part]) / scale
         w = np.minimum(1.0, HUBER_SD / np.maximum(z, 1e-9)) * usable[part]
         # the variance of a sum of clipped shocks, over the square of what they are clipped by

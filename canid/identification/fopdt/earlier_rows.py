@@ -16,8 +16,8 @@ from canid.identification.fopdt import answer_columns
 from canid.identification.fopdt.answer_columns import Columns, Reference
 from canid.identification.fopdt.regression_rows import Layout
 from canid.identification.output_filter import equalizer
-from canid.state_constraints import FINITE, TIME
-from canid.types import NAN, Array, OutputFilter
+from canid.values.state_constraints import FINITE, TIME
+from canid.values.types import NAN, Array, OutputFilter
 
 # s; drivers change slowly besides by steps, so what is longer ago counts less
 MEMORY_S = 120.0
@@ -71,7 +71,7 @@ def products(earlier: Earlier, layout: Layout, at: Reference) -> Array:
     if not earlier.products.size:
         return np.zeros((len(by), len(by)))
     out: Array = by @ earlier.products @ by.T
-    one = layout.inputs
-    if out[one, one] > 0.0:
-        out -= np.outer(out[:, one], out[one]) / out[one, one]
+    constant = layout.inputs
+    if out[constant, constant] > 0.0:
+        out -= np.outer(out[:, constant], out[constant]) / out[constant, constant]
     return out

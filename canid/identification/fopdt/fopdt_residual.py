@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import residual_tests
+from canid.identification import autoregression, residual_tests
 from canid.identification.fopdt import offset_drift, regression_rows
-from canid.identification.fopdt.fopdt_fit import CHUNK_ROWS, ProcessFit
+from canid.identification.fopdt.grid_search import CHUNK_ROWS, ProcessFit
 from canid.identification.output_filter import equalizer, filtered
-from canid.types import NAN, Array, OutputFilter, ResidualTests, Trace
+from canid.values.types import NAN, Array, OutputFilter, ResidualTests, Trace
 
 
 class Simulated(NamedTuple):
@@ -68,44 +68,41 @@ def simulate_drive(layout: regression_rows.Layout, trace: Trace, fit: ProcessFit
 
 
 def whitened(
-    of: Simulated, fit: ProcessFit, output_filter: OutputFilter | None = None
+    simulated: Simulated, fit: ProcessFit, output_filter: OutputFilter | None = None
 ) -> tuple[Array, Array]:
     """Whitened residual and response of the model (n,), NaN where they or their past are not usable.
 
     Args:
-        of: the rows.
+        simulated: the rows.
         fit: of these rows.
         output_filter: as in the fit.
     """
-    output, answer, usable = of.output, of.answer, of.usable
-    by = equalizer(output_filter, of.step)
+    output, answer, usable = simulated.output, simulated.answer, simulated.usable
+    by = equalizer(output_filter, simulated.step)
     if by is not None:
         output, known = filtered(by.output, output)
         answer, also = filtered(by.answers, answer)
         usable = usable & known & also
     response = np.where(usable, answer, NAN)
     residual = np.where(usable, output - answer - fit.point.offset, 0.0)
-    if fit.drift:
-        residual = offset_drift.without(offset_drift.cosines(fit.drift, len(residual)), residual, usable)
-    x = np.array([np.where(usable, residual, NAN), response])
-    e = x.copy()
-    for i, coefficient in enumerate(fit.noise, 1):
-        back = min(i * fit.stride, x.shape[1])
-        e[:, back:] -= coefficient * x[:, : x.shape[1] - back]
-        e[:, :back] = NAN
-    return e[0], e[1]
+    residual = offset_drift.of_fit(fit.drift, residual, usable, fit.noise, fit.stride, simulated.step)
+    both = np.where(usable, residual, NAN), response
+    e, white = (autoregression.whiten(x, fit.noise, fit.stride) for x in both)
+    for x in (e, white):
+        x[: len(fit.noise) * fit.stride] = NAN
+    return e, white
 
 
 def run_tests(
-    of: Simulated, fit: ProcessFit, names: Sequence[str], output_filter: OutputFilter | None = None
+    simulated: Simulated, fit: ProcessFit, names: Sequence[str], output_filter: OutputFilter | None = None
 ) -> ResidualTests:
     """Residual tests of a fit, over all phases of its stride.
 
     Args:
-        of: the rows.
+        simulated: the rows.
         fit: of these rows.
         names: (m,) of the inputs.
         output_filter: as in the fit.
     """
-    e, response = whitened(of, fit, output_filter)
-    return residual_tests.run_tests(e, of.inputs, names, len(fit.noise), fit.stride, response)
+    e, response = whitened(simulated, fit, output_filter)
+    return residual_tests.run_tests(e, simulated.inputs, names, len(fit.noise), fit.stride, response)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.types import Array
+from canid.values.types import Array
 
 # share of drivers whom a population does not describe, and how much wider the spread is that is taken for them: those of
 # Tukey's contaminated normal
@@ -66,7 +66,7 @@ def make(stated: Sequence[Normal], correlation: float, atypical: float) -> GainP
     >>> prior.stated, prior.precision[:, 0, 0].round(3).tolist()
     ((True, False), [1.0, 0.111])
     """
-    known = [i for i, one in enumerate(stated) if one.sd > 0.0]
+    known = [i for i, normal in enumerate(stated) if normal.sd > 0.0]
     if not known:
         return None
     kinds = ((1.0, 1.0 - atypical), (ATYPICAL_FACTOR, atypical)) if atypical > 0.0 else ((1.0, 1.0),)
@@ -82,7 +82,7 @@ def make(stated: Sequence[Normal], correlation: float, atypical: float) -> GainP
         precision.append(inverse)
         weight = math.prod(share for _, share in each)
         log_weight.append(math.log(weight) - 0.5 * float(np.linalg.slogdet(covariance)[1]))
-    mean = tuple(one.mean if one.sd > 0.0 else 0.0 for one in stated)
+    mean = tuple(normal.mean if normal.sd > 0.0 else 0.0 for normal in stated)
     return GainPrior(mean, np.array(precision), np.array(log_weight))
 
 
@@ -113,11 +113,11 @@ def multiply(
     """
     information = [s * s / variance for s in size]
     pulled = [a * s / variance for a, s in zip(alone, size, strict=True)]
-    one = _one if len(size) == 1 else _two
+    component = _one if len(size) == 1 else _two
     between = shared * size[0] * size[-1] / variance
-    found = [one(prior.mean, P, information, pulled, between, free) for P in prior.precision]
+    components = [component(prior.mean, P, information, pulled, between, free) for P in prior.precision]
     profile, marginal = [], []
-    for weight, (of_data, determinant, *_) in zip(prior.log_weight, found, strict=True):
+    for weight, (of_data, determinant, *_) in zip(prior.log_weight, components, strict=True):
         profile.append(weight - 0.5 * of_data)
         marginal.append(profile[-1] - 0.5 * np.log(determinant))
     log = np.array(marginal)
@@ -133,9 +133,9 @@ def multiply(
         total_log,
         np.array(profile),
         share / total,
-        tuple(np.array([f[2][i] for f in found]) for i in range(m)),
-        tuple(np.array([f[3][i] for f in found]) for i in range(m)),
-        np.array([f[4] for f in found]),
+        tuple(np.array([f[2][i] for f in components]) for i in range(m)),
+        tuple(np.array([f[3][i] for f in components]) for i in range(m)),
+        np.array([f[4] for f in components]),
     )
 
 

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.identification.confidence import QUANTILES
-from canid.identification.fopdt import fopdt_posterior
+from canid.identification.fopdt import drifting_level, weighted_quantiles
 from canid.identification.fopdt.answer_columns import Columns
-from canid.types import Array, Interval
+from canid.identification.fopdt.drifting_level import Level
+from canid.values.types import Array, Interval
 
 # Prior of a change of gain: relative sd, and correlation between the channels. Drivers and regimes differ by such
 # amounts (Grover 2021: K2 4.4 to 8.0); a driver who follows closer answers to both inputs more.
@@ -80,6 +81,7 @@ def of_grams(
     rows: Array,
     earlier: Array | float = 0.0,
     change_sd: float = CHANGE_SD,
+    level: Level | None = None,
 ) -> Steps:
     """Test a step before each block but the first, from the blocks' inner products.
 
@@ -90,21 +92,26 @@ def of_grams(
         rows: (b,) the first row of each block.
         earlier: (c, c) inner products of rows before all of them.
         change_sd: relative sd of a change before the data.
+        level: of the same blocks, an offset that may drift with a step or without; None: it stays but for the step.
     """
     m = columns.inputs
     q = len(columns.precision)
-    own = m + 1  # what steps: gains and offset
+    stepping = m + 1  # what steps: gains and offset
     total = parts.sum(axis=0) + earlier
     after = np.cumsum(parts[::-1], axis=0)[::-1][1:]
     k = len(after)
-    M, r = np.zeros((k, q + own, q + own)), np.zeros((k, q + own))
+    M, r = np.zeros((k, q + stepping, q + stepping)), np.zeros((k, q + stepping))
     M[:, :q, :q], r[:, :q] = total[:q, :q], total[:q, -1]
-    M[:, :q, q:] = after[:, :q, :own]
-    M[:, q:, :q] = after[:, :own, :q]
-    M[:, q:, q:], r[:, q:] = after[:, :own, :own], after[:, :own, -1]
-    correlation = np.full((m, m), CHANGE_CORRELATION)
-    correlation.flat[:: m + 1] = 1.0
-    prior = change_sd**2 * np.outer(size, size) * correlation
+    M[:, :q, q:] = after[:, :q, :stepping]
+    M[:, q:, :q] = after[:, :stepping, :q]
+    M[:, q:, q:], r[:, q:] = after[:, :stepping, :stepping], after[:, :stepping, -1]
+    drifts = None if level is None else drifting_level.likeliest(parts, level, columns.precision)
+    if level is not None and drifts is not None:
+        cross = level.with_columns.sum(axis=0)
+        behind = np.cumsum(level.with_columns[::-1, :stepping], axis=0)[::-1][1:]
+        both = np.concatenate([np.broadcast_to(cross[:q], (k, *cross[:q].shape)), behind], axis=1)
+        M, r = drifting_level.without(M, r, both, level.with_each_other.sum(axis=0), cross[-1], drifts)
+    prior = change_prior(size, change_sd)
     # offsets and gains have no prior but a trace that keeps the matrix regular
     trace = 1e-9 * np.diag(total)[:q] + 1e-12
     M[:, np.arange(q), np.arange(q)] += columns.precision + trace
@@ -128,25 +135,60 @@ def of_grams(
     )
 
 
+def change_prior(size: Array, change_sd: float = CHANGE_SD) -> Array:
+    """Covariance (m, m) of a change of the gains before the data.
+
+    Args:
+        size: (m,) of the gains.
+        change_sd: relative.
+
+    >>> change_prior(np.array([1.0, 2.0]), 1.0)
+    array([[1. , 1.5],
+           [1.5, 4. ]])
+    """
+    m = len(size)
+    correlation = np.full((m, m), CHANGE_CORRELATION)
+    correlation.flat[:: m + 1] = 1.0
+    return np.asarray(change_sd**2 * np.outer(size, size) * correlation, float)
+
+
+def covariance(parts: Array, columns: Columns, level: Level | None = None) -> Array:
+    """Covariance (c - 1, c - 1) of the coefficients of a drive without a step.
+
+    Args:
+        parts: (b, c, c) inner products of its blocks.
+        columns: names the columns.
+        level: of the same blocks; None: the offset stays.
+    """
+    total, q = parts.sum(axis=0), len(columns.precision)
+    M = total[None, :q, :q] + np.diag(columns.precision + 1e-9 * np.diag(total)[:q] + 1e-12)
+    drifts = None if level is None else drifting_level.likeliest(parts, level, columns.precision)
+    if level is not None and drifts is not None:
+        cross = level.with_columns.sum(axis=0)
+        of_cosines = level.with_each_other.sum(axis=0)
+        M, _ = drifting_level.without(M, total[None, :q, -1], cross[None, :q], of_cosines, cross[-1], drifts)
+    return np.asarray(np.linalg.inv(M[0]), float)
+
+
 def mixture(value: Array, sd: Array, weight: Array) -> Interval:
     """Median and 95 % interval of a mixture of Gaussians.
 
     >>> mixture(np.array([5.0]), np.array([0.1]), np.ones(1)).value
     5.0
     """
-    kept = weight > fopdt_posterior.MIN_WEIGHT * float(weight.max())
-    points = value[kept, None] + sd[kept, None] * fopdt_posterior.GAUSSIAN_POINTS
-    return fopdt_posterior.quantiles(points.ravel(), np.repeat(weight[kept], points.shape[1]))
+    kept = weight > weighted_quantiles.MIN_WEIGHT * float(weight.max())
+    points = value[kept, None] + sd[kept, None] * weighted_quantiles.GAUSSIAN_POINTS
+    return weighted_quantiles.quantiles(points.ravel(), np.repeat(weight[kept], points.shape[1]))
 
 
-def when(found: Steps) -> tuple[float, float, float]:
+def when(steps: Steps) -> tuple[float, float, float]:
     """Most likely row of the step, and the ends of its 95 % interval.
 
     >>> flat = np.zeros((3, 1))
     >>> when(Steps(np.array([10, 20, 30]), np.array([0.0, 9.0, 0.0]), flat, flat, flat, flat))
     (20.0, 20.0, 20.0)
     """
-    weight = np.exp(found.log_bayes - found.log_bayes.max())
+    weight = np.exp(steps.log_bayes - steps.log_bayes.max())
     below = np.cumsum(weight) / float(weight.sum())
-    low, high = (float(found.rows[int(np.searchsorted(below, q))]) for q in QUANTILES)
-    return float(found.rows[found.best]), low, high
+    low, high = (float(steps.rows[int(np.searchsorted(below, q))]) for q in QUANTILES)
+    return float(steps.rows[steps.best]), low, high

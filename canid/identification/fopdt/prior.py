@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from canid.identification.fopdt import gain_prior
-from canid.identification.fopdt.fopdt_posterior import Cells
 from canid.identification.fopdt.gain_prior import ATYPICAL_FACTOR, ATYPICAL_SHARE, GainPrior, Normal
+from canid.identification.fopdt.posterior_cells import Cells
 from canid.identification.fopdt.reduced_basis import Box
-from canid.types import NAN, Array
+from canid.values.types import NAN, Array
 
 # s; from exact to indifferent
 Belief = Annotated[float, Field(ge=1e-3, le=100.0, allow_inf_nan=False)]
@@ -82,14 +82,14 @@ def for_inputs(prior: Prior, names: Sequence[str]) -> InputPrior:
     >>> for_inputs(Prior(range_rate=ChannelPrior(K=5.6, K_sd=1.1)), ("headway_error", "range_rate")).gains.mean
     (0.0, 5.6)
     """
-    stated = {name: own for name in CHANNELS if (own := getattr(prior, name)) is not None}
+    stated = {name: given for name in CHANNELS if (given := getattr(prior, name)) is not None}
     if stated and not names:
         raise ValueError(f"a prior of {', '.join(stated)}: the inputs need names")
-    own = tuple(stated.get(name) for name in names)
+    given = tuple(stated.get(name) for name in names)
     atypical = ATYPICAL_SHARE if math.isnan(prior.atypical) else prior.atypical
     correlation = 0.0 if math.isnan(prior.gain_correlation) else prior.gain_correlation
-    normals = [Normal(NAN, NAN) if c is None else Normal(c.K, c.K_sd) for c in own]
-    return InputPrior(prior, own, gain_prior.make(normals, correlation, atypical), atypical)
+    normals = [Normal(NAN, NAN) if c is None else Normal(c.K, c.K_sd) for c in given]
+    return InputPrior(prior, given, gain_prior.make(normals, correlation, atypical), atypical)
 
 
 def states_all(prior: InputPrior) -> bool:
@@ -103,8 +103,11 @@ def states_all(prior: InputPrior) -> bool:
     delays = [
         common.tau > 0.0
         or common.dead_time >= 0.0
-        or (own is not None and (own.tau > 0.0 or own.dead_time >= 0.0 or own.tau_plus_dead_time > 0.0))
-        for own in prior.own
+        or (
+            channel is not None
+            and (channel.tau > 0.0 or channel.dead_time >= 0.0 or channel.tau_plus_dead_time > 0.0)
+        )
+        for channel in prior.own
     ]
     tied = common.same_tau > 0.0 and common.same_dead_time > 0.0
     return prior.gains is not None and all(prior.gains.stated) and (any(delays) if tied else all(delays))
@@ -143,8 +146,8 @@ def incomplete(stated: Prior | ChannelPrior) -> Iterator[str]:
     ):
         yield "tau, dead_time and tau_plus_dead_time: give two of them, the third follows"
     if isinstance(stated, Prior):
-        known = [own for name in CHANNELS if (own := getattr(stated, name)) is not None]
-        with_gain = [own for own in known if not math.isnan(own.K)]
+        known = [given for name in CHANNELS if (given := getattr(stated, name)) is not None]
+        with_gain = [channel for channel in known if not math.isnan(channel.K)]
         if not math.isnan(stated.gain_correlation) and len(with_gain) < 2:
             yield "gain_correlation needs K and K_sd of two channels"
         if not math.isnan(stated.atypical) and not known:
@@ -166,8 +169,10 @@ def check_prior(prior: Prior) -> None:
     Traceback (most recent call last):
     ValueError: prior: tau_factor = 0.5 must be above 1
     """
-    own = {name: of for name in CHANNELS if (of := getattr(prior, name)) is not None}
-    every: dict[str, Prior | ChannelPrior] = {"prior": prior} | {f"prior.{k}": of for k, of in own.items()}
+    by_channel = {name: given for name in CHANNELS if (given := getattr(prior, name)) is not None}
+    every: dict[str, Prior | ChannelPrior] = {"prior": prior} | {
+        f"prior.{k}": given for k, given in by_channel.items()
+    }
     for where, stated in every.items():
         for name, least in _LEAST.items():
             value = getattr(stated, name, NAN)
@@ -231,20 +236,20 @@ def density(prior: InputPrior, cells: Sequence[Cells], box: Box) -> Density:
         box: that the cells' mass is of.
     """
     log = log_density(prior.common, cells)
-    if not any(own is not None for own in prior.own):
+    if not any(channel is not None for channel in prior.own):
         return Density(log, None)
     each = [
         (np.zeros(len(c.tau)), np.zeros(len(c.tau)))
-        if own is None
-        else (own_density(own, c, prior.atypical), _measure(own, c, box))
-        for own, c in zip(prior.own, cells, strict=True)
+        if channel is None
+        else (own_density(channel, c, prior.atypical), _measure(channel, c, box))
+        for channel, c in zip(prior.own, cells, strict=True)
     ]
     if len(each) == 1:
         return Density(log + each[0][0], each[0][1])
     return Density(log + each[0][0][:, None] + each[1][0], each[0][1][:, None] + each[1][1])
 
 
-def own_density(own: ChannelPrior, cells: Cells, atypical: float) -> Array:
+def own_density(channel: ChannelPrior, cells: Cells, atypical: float) -> Array:
     """Log density (c,) of a channel's own delays: each a contaminated normal, of a logarithm or of the time itself.
 
     >>> one = Cells(np.array([0.3, 0.7]), np.array([0.3, 0.5]), np.ones(2), (0.1, 0.1), np.ones(2), np.ones(2))
@@ -252,13 +257,13 @@ def own_density(own: ChannelPrior, cells: Cells, atypical: float) -> Array:
     array([ 0. , -0.5])
     """
     total = np.zeros(len(cells.tau))
-    if own.tau > 0.0:
-        total += _contaminated(np.log(cells.tau / own.tau) / math.log(own.tau_factor), atypical)
-    if own.dead_time >= 0.0:
-        total += _contaminated((cells.dead_time - own.dead_time) / own.dead_time_sd, atypical)
-    if own.tau_plus_dead_time > 0.0:
-        z = np.log((cells.tau + cells.dead_time) / own.tau_plus_dead_time)
-        total += _contaminated(z / math.log(own.tau_plus_dead_time_factor), atypical)
+    if channel.tau > 0.0:
+        total += _contaminated(np.log(cells.tau / channel.tau) / math.log(channel.tau_factor), atypical)
+    if channel.dead_time >= 0.0:
+        total += _contaminated((cells.dead_time - channel.dead_time) / channel.dead_time_sd, atypical)
+    if channel.tau_plus_dead_time > 0.0:
+        z = np.log((cells.tau + cells.dead_time) / channel.tau_plus_dead_time)
+        total += _contaminated(z / math.log(channel.tau_plus_dead_time_factor), atypical)
     return total
 
 
@@ -277,13 +282,17 @@ def _contaminated(z: Array, atypical: float) -> Array:
 _LEAST_SHARE = 1e-12
 
 
-def _measure(own: ChannelPrior, cells: Cells, box: Box) -> Array:
+def _measure(channel: ChannelPrior, cells: Cells, box: Box) -> Array:
     """Log (c,) of the mass of the stated coordinates over the cells' own, (1 - dead time / its end) / tau.
 
     Coordinates: log tau, dead time, log of their sum. Where the sum alone is stated, its share in either delay is the box's.
     """
     tau, dead_time, total = cells.tau, cells.dead_time, cells.tau + cells.dead_time
-    by_tau, by_dead_time, by_sum = own.tau > 0.0, own.dead_time >= 0.0, own.tau_plus_dead_time > 0.0
+    by_tau, by_dead_time, by_sum = (
+        channel.tau > 0.0,
+        channel.dead_time >= 0.0,
+        channel.tau_plus_dead_time > 0.0,
+    )
     out = np.zeros(len(tau))
     if not (by_tau or by_dead_time or by_sum):
         return out

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.types import Array
+from canid.values.types import Array
 
 # s; the shortest lag: below a fifth of a sample at 10 Hz a lag is none
 TAU_MIN = 0.02
@@ -120,8 +120,8 @@ def weights(basis: Basis, tau: Array, dead_time: Array) -> Array:
     >>> bool(np.allclose(weights(b, b.tau, b.dead_time), np.eye(b.size), atol=1e-6))
     True
     """
-    found: Array = _response(tau, dead_time, basis.omega).view(np.float64) @ basis.solve
-    return found
+    node_weights: Array = _response(tau, dead_time, basis.omega).view(np.float64) @ basis.solve
+    return node_weights
 
 
 def weights_on_grid(basis: Basis, tau: Array, dead_time: Array) -> Array:
@@ -152,13 +152,13 @@ def weights_on_grid(basis: Basis, tau: Array, dead_time: Array) -> Array:
         more = min(done, k - done)
         np.multiply(H[:, :more], turn, out=H[:, done : done + more])
         done, turn = done + more, turn * turn
-    found: Array = H.reshape(rows * k, -1).view(np.float64) @ basis.solve
-    return found
+    node_weights: Array = H.reshape(rows * k, -1).view(np.float64) @ basis.solve
+    return node_weights
 
 
 def with_slopes(basis: Basis, tau: Array, dead_time: Array) -> Array:
     """Weights of the answers (c, b), of their derivatives by tau and by dead time, per s: (3, c, b)."""
     H, jw = _response(tau, dead_time, basis.omega), 1j * basis.omega
     every = np.concatenate([H, -jw / (1.0 + jw * tau[:, None]) * H, -jw * H])
-    found: Array = every.view(np.float64) @ basis.solve
-    return found.reshape(3, len(tau), -1)
+    node_weights: Array = every.view(np.float64) @ basis.solve
+    return node_weights.reshape(3, len(tau), -1)

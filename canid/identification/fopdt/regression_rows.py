@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from canid.identification import first_order
 from canid.identification.fopdt import reduced_basis
-from canid.state_constraints import FINITE, NOT_NEGATIVE
-from canid.types import Array
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE
+from canid.values.types import Array
 
 # s; an input that is missing for less than this is joined by a line: a driver's lag hardly sees the
 # difference. Beyond it the history is broken.

@@ -6,6 +6,7 @@ inner products.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,10 @@ import numpy.typing as npt
 
 from canid.identification import autoregression, band, censoring, innovation_law, residual_tests
 from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt import fopdt_posterior, offset_drift, reduced_basis
+from canid.identification.fopdt import fopdt_posterior, information_bounds, offset_drift, reduced_basis
 from canid.identification.fopdt import regression_rows as rows
-from canid.types import NAN, Array
+from canid.identification.fopdt.offset_drift import Drift
+from canid.values.types import NAN, Array
 
 Flags = npt.NDArray[np.bool_]
 
@@ -94,7 +96,9 @@ class Noise(NamedTuple):
     phases: Phases
     weighed: Weighed  # its rows
     variance_inflation: float  # with that of the law
-    drift: Array | None  # (k, n) slow cosines that the offset follows, mostly none; None: not yet looked for
+    drift: Drift | None  # of the offset; None: not yet looked for
+    slow: Array  # (k, n) its columns, laid out for the stride
+    drift_cost: float  # in log likelihood
     sd: float  # of the innovations where the output is known; NaN: as the sum of squares says
 
 
@@ -104,7 +108,7 @@ def white(data: Data) -> Noise:
     count = float(np.count_nonzero(data.usable))
     law = innovation_law.equal(0).law
     weighed = Weighed(data.usable, np.zeros(n), np.zeros(n), np.zeros(n), law, None, None, count)
-    return Noise(np.zeros(0), 1, _phased(data, 1), weighed, 1.0, None, NAN)
+    return Noise(np.zeros(0), 1, _phased(data, 1), weighed, 1.0, None, np.zeros((0, n)), 0.0, NAN)
 
 
 def by_channel(layout: rows.Layout, w: Array) -> Array:
@@ -178,7 +182,6 @@ def estimate(
     stride = limits.least if exact else band.stride(free, data.usable, layout.step, limits)
     same = before if before is not None and before.stride == stride else None
     phases = same.phases if same is not None else _phased(data, stride)
-    r = residual if stride == 1 else _phases(residual[None], stride)[0]
     each = reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     phased, usable, bounded = phases.data, phases.data.usable, phases.data.bounded
     m, b = layout.inputs, layout.basis.size
@@ -187,11 +190,15 @@ def estimate(
     J = J.transpose(1, 0, 2).reshape(3 * m, -1)
     last = same.weighed if same is not None else None
     drift = same.drift if same is not None else None
-    if drift is None and near and not exact:
+    slow, cost = np.zeros((0, len(usable))), 0.0
+    if drift is not None and same is not None:
+        slow, drift = same.slow, drift._replace(ar=same.ar)
+    elif near and not exact:
         drift = offset_drift.find(residual, data.usable, layout.step, stride, NOISE_ORDER)
-        drift = drift if stride == 1 else _phases(drift, stride)
+        slow = drift.columns if stride == 1 else _phases(drift.columns, stride)
     if drift is not None:
-        r = offset_drift.without(drift, r, usable)
+        residual, cost = offset_drift.without(drift.columns, residual, data.usable, drift.ar, stride)
+    r = residual if stride == 1 else _phases(residual[None], stride)[0]
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
     seen = r if last is None or last.shift is None else r + last.shift
     root = last.root if last is not None else None
@@ -221,8 +228,8 @@ def estimate(
     )
     # effective number of independent samples of the noise: its variance over its spectrum at zero frequency
     whitened = autoregression.whiten(r, ar)[usable & phases.preceded(len(ar))]
-    own = (power(whitened) / max(len(whitened), 1)) ** 0.5
-    long_run = (own / (1.0 - float(np.sum(ar)))) ** 2
+    innovation_sd = (power(whitened) / max(len(whitened), 1)) ** 0.5
+    long_run = (innovation_sd / (1.0 - float(np.sum(ar)))) ** 2
     effective = power(np.where(usable, r, 0.0)) / stride / max(long_run, 1e-300)
     return Noise(
         ar,
@@ -231,7 +238,9 @@ def estimate(
         weighed,
         variance_inflation * student_factor(effective) ** 2,
         drift,
-        NAN if weighed.root is None else own,
+        slow,
+        cost,
+        NAN if weighed.root is None else innovation_sd,
     )
 
 
@@ -303,10 +312,10 @@ def _law(
     """Fit or apply the law of innovations (n,); see `_weigh`."""
     if not fit and before is not None and not len(before.slopes):
         return innovation_law.weights(e, before, np.zeros((0, len(e))), free)
-    of = innovation_law.features(e, free, phases.change, 1.0 / (step * stride))
+    features = innovation_law.features(e, free, phases.change, 1.0 / (step * stride))
     if not fit and before is not None:
-        return innovation_law.weights(e, before, of, free)
-    return innovation_law.fit(e, free, of, 1.0 / stride, before)
+        return innovation_law.weights(e, before, features, free)
+    return innovation_law.fit(e, free, features, 1.0 / stride, before)
 
 
 # of the innovations' mean and the pseudo-values, which depend on it
@@ -347,7 +356,7 @@ def _explained(
         white *= weighed.root
     white = white[:, inside]
     variance = power(weighed.e[inside]) / max(white.shape[1] - len(J), 1)
-    by_tau, by_dead_time = fopdt_posterior.precision(layout.basis.box)
+    by_tau, by_dead_time = information_bounds.precision(layout.basis.box)
     least = np.concatenate([np.zeros(m), np.full(m, by_tau), np.full(m, by_dead_time), [0.0]])
     information = white @ white.T / stride + np.diag(variance * least)
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -358,6 +367,31 @@ def _explained(
     return out
 
 
+def score(noise: Noise, step: float) -> float:
+    """Log likelihood of the innovations less a unit for each coefficient of the noise model (Akaike 1974).
+
+    On the same rows whatever the autoregression's order, so that fits of one stride may be compared.
+
+    Args:
+        noise: at its point.
+        step: s, of the rows.
+    """
+    phases, weighed = noise.phases, noise.weighed
+    preceded = phases.preceded(NOISE_ORDER)
+    free, at_bound = phases.data.usable & preceded, phases.data.bounded & preceded
+    residual = weighed.residual if weighed.shift is None else weighed.residual - weighed.shift
+    e = autoregression.whiten(residual, noise.ar)
+    e -= float(e @ free) / max(float(np.count_nonzero(free)), 1.0)
+    features = innovation_law.features(e, free, phases.change, 1.0 / (step * noise.stride))
+    law, value = innovation_law.log_likelihood(e, weighed.law, features, free)
+    if at_bound.any() and law.law.sd > 0.0:
+        surprise = censoring.surprise(e[at_bound] / (law.law.sd * law.size[at_bound])).value
+        value -= 0.5 * power(surprise)
+    drifts = bool(len(noise.slow))
+    counted = len(noise.ar) + drifts + len(law.law.slopes) + math.isfinite(law.law.freedom)
+    return value / noise.stride - counted - noise.drift_cost
+
+
 def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     """Inner products of a piece of the rows that count, `count` of them from the `first` on."""
     p, weighed = len(noise.ar), noise.weighed
@@ -365,12 +399,11 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     # with the rows before, which whitening needs
     piece, new = slice(begin, first + count), slice(first - begin, None)
     r, used = weighed.residual[piece], weighed.rows[piece][new].astype(float)
-    drift = noise.drift if noise.drift is not None else np.zeros((0, len(weighed.rows)))
-    nuisance = np.zeros((p + 1 + len(drift), len(r)))
+    nuisance = np.zeros((p + 1 + len(noise.slow), len(r)))
     nuisance[0] = 1.0
     for i, row in enumerate(nuisance[1 : p + 1], 1):
         row[i:] = r[:-i]
-    nuisance[p + 1 :] = autoregression.whiten(drift[:, piece], noise.ar)
+    nuisance[p + 1 :] = autoregression.whiten(noise.slow[:, piece], noise.ar)
     white = autoregression.whiten(noise.phases.data.both[:, piece], noise.ar)[:, new]
     if weighed.shift is not None:
         white[-1] += weighed.shift[piece][new]
@@ -378,3 +411,8 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
         used *= weighed.root[piece][new]
     white *= used
     return fopdt_posterior.products(white, nuisance[:, new] * used)
+
+
+def precision(noise: Noise) -> Array:
+    """(q,) of the prior of each nuisance column's coefficient, in shares of an innovation's variance: of a drift's alone."""
+    return np.concatenate([np.zeros(len(noise.ar) + 1), np.ones(len(noise.slow))])

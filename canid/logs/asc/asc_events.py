@@ -63,9 +63,9 @@ def timed(words: list[str]) -> str:
     ('bus statistics', '')
     """
     text = " ".join(words)
-    found = _TIMED_LINE.match(text)
-    if found:
-        kind = str(found.lastgroup).replace("_", " ")
+    match = _TIMED_LINE.match(text)
+    if match:
+        kind = str(match.lastgroup).replace("_", " ")
         return "" if kind not in _LIKE_FRAMES and _FRAME.search(text) else kind
     if len(words) > 1 and all(len(word) > 1 and _letters(word) for word in words):
         return "log and trigger events"
@@ -78,10 +78,10 @@ def untimed(text: str) -> str:
     >>> untimed("// version 9.0.0"), untimed("End TriggerBlock"), untimed("  0.p00000 1 123 Rx d 0")
     ('comments', 'header lines', '')
     """
-    found = _UNTIMED_LINE.match(text)
-    if not found or (_FRAME.search(text) and not _COMMENTED_OUT.match(text)):
+    match = _UNTIMED_LINE.match(text)
+    if not match or (_FRAME.search(text) and not _COMMENTED_OUT.match(text)):
         return ""
-    return str(found.lastgroup).replace("_", " ")
+    return str(match.lastgroup).replace("_", " ")
 
 
 def _letters(word: str) -> bool:

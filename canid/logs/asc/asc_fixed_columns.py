@@ -7,17 +7,17 @@ shape, the words of one line give the columns of time, id and data in all of the
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.frame_columns import CLASSIC_BYTES, FD_BYTES
-from canid.logs.asc.asc_block import Bytes, LineColumns, fd_flags, none_found, widened
 from canid.logs.asc.asc_line import FD_TAIL_WORDS
-from canid.logs.blf.blf_layout import FD64_EDL, FD64_REMOTE
+from canid.logs.blf.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
+from canid.logs.line_columns import Bytes, LineColumns, none_found, widened
 from canid.logs.text_lines import Block
-from canid.types import Flag
+from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES
+from canid.values.types import Flag
 
 Rows = npt.NDArray[np.int64]
 
@@ -30,6 +30,7 @@ _CLASS = 0xF0
 # shapes tried per length of line, and lines below which a shape is not worth an array; the rest is parsed one by one
 _MAX_SHAPES, _MIN_LINES = 16, 8
 _TX, _EXTENDED = int(Flag.TX), int(Flag.EXTENDED)
+_FD, _BRS, _ESI = int(Flag.FD), int(Flag.BRS), int(Flag.ESI)
 
 
 def _codes() -> bytes:
@@ -74,8 +75,10 @@ class _Shape(NamedTuple):
     size_digits: bytes = b""
 
 
-def read(block: Block) -> LineColumns:
+def read(block: Block, wanted: npt.NDArray[np.bool_] | None = None) -> LineColumns:
     r"""All frames of usual shapes in a block whose numbers are hexadecimal.
+
+    `wanted`: (n,) the lines that are; None: all.
 
     >>> fixed = read(Block(b"0.5 1 1F0 Rx d 2 0A ff\n" * 10, np.arange(1, 11) * 23, 1))
     >>> bool(fixed.found[:9].all()), int(fixed.ns[0]), int(fixed.id[8]), fixed.data[8, :2].tolist()
@@ -85,6 +88,8 @@ def read(block: Block) -> LineColumns:
     sizes = block.ends - begin
     codes = block.data.translate(_CODES)
     out = none_found(len(begin))
+    if wanted is not None:
+        sizes = np.where(wanted, sizes, 0)
     if not block.data.endswith(b"\n"):
         sizes[-1] = 0  # not whole
     # lines are taken in whole words of eight bytes, which the last ones may not have
@@ -222,8 +227,8 @@ def _id(word: tuple[int, int], kinds: bytes) -> tuple[tuple[int, int], bool]:
 def _data(
     words: list[tuple[int, int]], kinds: list[bytes], first: int, length: int
 ) -> tuple[int, ...] | None:
-    found = kinds[first : first + length]
-    if len(found) < length or any(len(kind) != 2 or any(kind) for kind in found):
+    octet_kinds = kinds[first : first + length]
+    if len(octet_kinds) < length or any(len(kind) != 2 or any(kind) for kind in octet_kinds):
         return None
     return tuple(begin for begin, _ in words[first : first + length])
 
@@ -302,3 +307,19 @@ def _fd_flags(shape: _Shape, codes: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]
         # the first of both may be a symbolic name of one character
         plain &= (brs <= 1) & (esi <= 1)
     return fd_flags(bits, brs, esi), plain
+
+
+def fd_flags(bits: npt.NDArray[Any], brs: Bytes, esi: Bytes) -> Bytes:
+    """Flags of CANFD lines, from the bits of their flags field and their BRS and ESI digits.
+
+    Flags without EDL: a classic frame on a CAN FD channel; all zero: the writer left them out.
+
+    >>> one = np.ones(3, np.uint8)
+    >>> fd_flags(np.array([0x1000, 0, 0x10000]), one, 0 * one).tolist() == [_FD | _BRS, _FD | _BRS, 0]
+    True
+    """
+    fd = ((bits & FD64_EDL) != 0) | (bits == 0)
+    flags: Bytes = fd * np.uint8(_FD)
+    flags |= (fd & ((brs == 1) | ((bits & FD64_BRS) != 0))) * np.uint8(_BRS)
+    flags |= (fd & ((esi == 1) | ((bits & FD64_ESI) != 0))) * np.uint8(_ESI)
+    return flags

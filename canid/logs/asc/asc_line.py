@@ -13,8 +13,8 @@ import re
 from typing import NamedTuple
 
 from canid.logs.blf.blf_layout import DLC_BYTES, FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
-from canid.logs.text_lines import Bad, Line
-from canid.types import Flag
+from canid.logs.text_lines import MAX_EXTENDED_ID, Bad, Line
+from canid.values.types import Flag
 
 _ID_WORD = re.compile(r"([0-9a-fA-F]{1,9})(x?)")
 _HEX = re.compile(r"[0-9a-fA-F]{1,8}")
@@ -27,13 +27,21 @@ _MESSAGE_FLAGS = ("te", "wu", "xx")
 _VALUE = re.compile(r"[0-9a-fA-F]{1,10}x?")
 # the same in two words fewer, as some tools write it
 _PAIR = re.compile(r"(?:length|bitcount|id)=[0-9a-f]{1,10}x?", re.IGNORECASE)
-# What may follow ErrorFrame: "ECC: 10100010", or "Flags = 0xe CodeExt = 0x20a2 ..."
+# What may follow ErrorFrame: "ECC: 10100010", or "Flags = 0xe CodeExt = 0x20a2 ... Data = 7d 0f", in any order
 _ERROR_TAIL = re.compile(
-    r"(?:ECC: ?[01]{1,16})?(?: ?(?:Flags|CodeExt|Code|ID|DLC|Position|Length) ?= ?(?:0x)?[0-9a-f]{1,10}x?)*",
+    r"(?:ECC: ?[01]{1,16})?(?: ?(?:(?:Flags|CodeExt|Code|ID|DLC|Position|Length) ?= ?(?:0x)?[0-9a-f]{1,10}x?(?!\w)"
+    r"|Data ?=(?: ?[0-9a-f]{1,3}(?!\w)(?! ?=)){0,64}))*",
     re.IGNORECASE,
 )
+_ERROR_ID = re.compile(r"\bID ?= ?(?:0x)?([0-9a-f]{1,10})(x?)(?!\w)", re.IGNORECASE)
+_ERROR_DATA = re.compile(r"\bData ?=((?: ?[0-9a-f]{1,3}(?!\w)(?! ?=))*)", re.IGNORECASE)
+_HEX_PREFIX = re.compile(r"\b0x", re.IGNORECASE)
+# how canid writes the codes that it does not know; then the id is decimal
+_OWN_ERROR_CODES = "Flags = 0x0 CodeExt = 0x0 Code = 0x0 ID ="
 # Numbers after the data of a CAN FD line: duration, length, flags, CRC, and up to four of bit timing; or none.
 FD_TAIL_WORDS = (0, 3, 4, 5, 6, 7, 8)
+# bits that Vector's flags have: NERR, wake-up, remote, acknowledged, request, SRR, R0, R1, EDL, BRS, ESI, and two of bursts
+_FLAG_BITS = 0x307EDC
 # a time, which shows that another line begins within this one
 _LINE_TIME = re.compile(r"\d+[.,]\d{3,}")
 # words of a CAN FD error frame: text, 64 bytes of data, and numbers
@@ -50,8 +58,10 @@ class Parsed(NamedTuple):
     length: int = -1
 
 
-def parse(words: list[str], base: int, line: Line) -> Parsed | None:
+def parse(words: list[str], base: int, line: Line, fd_base: int = 16) -> Parsed | None:
     r"""Parse a frame from a line's words; None where it has not the form of one. Raises ValueError where it is damaged.
+
+    `base`: of numbers; `fd_base`: of those in CAN FD lines.
 
     >>> parse("0.5 2 1F0x Tx d 2 0A ff".split(), 16, Line("", 1, True))
     Parsed(bus=1, id=496, data=b'\n\xff', flags=65, length=-1)
@@ -59,15 +69,12 @@ def parse(words: list[str], base: int, line: Line) -> Parsed | None:
     if len(words) < 3:
         return None
     if words[1].upper() == "CANFD":
-        return _fd(words, base, line)
+        return _fd(words, fd_base, line)
     if not words[1].isdecimal():
         return None
     bus = _bus(words[1])
     if words[2].lower() == "errorframe":
-        rest = " ".join(words[3:])
-        if not _ERROR_TAIL.fullmatch(rest) and (line.whole or _foreign(words[3:])):
-            raise Bad("something else follows its error frame")
-        return Parsed(bus, 0, b"", int(Flag.ERROR))
+        return _error(bus, words[3:], base, line)
     direction = words[3].lower() if len(words) > 3 else ""
     if direction not in _DIRECTIONS:
         return None
@@ -78,7 +85,7 @@ def parse(words: list[str], base: int, line: Line) -> Parsed | None:
         if not line.whole:
             raise Bad("the file ends in it")
         there = len(words) > 5 and (_HEX.fullmatch(words[5]) is not None)
-        asked = _dlc(words[5], base) if there else 0
+        asked = min(8, _dlc(words[5], base)) if there else 0
         _classic_tail(words, 6 if there else 5, line)
         return Parsed(bus, id_, b"", flags | int(Flag.REMOTE), asked)
     if kind != "d" or len(words) < 6:
@@ -88,6 +95,37 @@ def parse(words: list[str], base: int, line: Line) -> Parsed | None:
     data = _data(words, 6, length, base, line)
     _classic_tail(words, 6 + length, line)
     return Parsed(bus, id_, data, flags)
+
+
+def _error(bus: int, tail: list[str], base: int, line: Line) -> Parsed:
+    """`t channel ErrorFrame Flags = 0xe CodeExt = 0x20a2 Code = 0x82 ID = 3be DLC = 4 Position = 5 Length = 9 Data = 7d`."""
+    rest = " ".join(tail)
+    if not _ERROR_TAIL.fullmatch(rest) and (line.whole or _foreign(tail)):
+        raise Bad("something else follows its error frame")
+    named, there = _ERROR_ID.search(rest), _ERROR_DATA.search(rest)
+    cells = there[1].split() if there else []
+    if cells and not line.whole:
+        raise Bad("the file ends in it")
+    base = _error_base(rest, named[1] if named else "", cells, base)
+    digits = named[1] if named else "0"
+    if base == 10 and not digits.isdecimal():
+        raise Bad(f"{digits!r} is no number")
+    id_ = int(digits, base)
+    if id_ > MAX_EXTENDED_ID:
+        raise Bad(f"{digits!r} is too large for an id")
+    extended = int(Flag.EXTENDED) if named and named[2] else 0
+    return Parsed(bus, id_, _data(cells, 0, len(cells), base, line), int(Flag.ERROR) | extended)
+
+
+def _error_base(rest: str, id_: str, cells: list[str], base: int) -> int:
+    """The base of an error frame's fields: some programs write them in hexadecimal whatever the header says."""
+    if rest.startswith(_OWN_ERROR_CODES):
+        return 10
+    if _HEX_PREFIX.search(rest) or any(not cell.isdecimal() for cell in (id_ or "0", *cells)):
+        return 16
+    if any(len(cell) != 2 for cell in cells):
+        return 10
+    return 16 if any(cell[0] == "0" for cell in cells) else base
 
 
 def _fd(words: list[str], base: int, line: Line) -> Parsed | None:
@@ -120,7 +158,7 @@ def _fd(words: list[str], base: int, line: Line) -> Parsed | None:
     tail = words[at + 4 + length :]  # duration, length in bits, flags, ...
     if len(tail) not in FD_TAIL_WORDS or not all(_HEX.fullmatch(word) for word in tail):
         raise Bad("something else follows its data")
-    bits = int(tail[2], 16) if tail else FD64_EDL
+    bits = _flags(tail[2], base) if tail else FD64_EDL
     if bits & FD64_REMOTE or (length == 0 and dlc > 0):
         return Parsed(bus, id_, b"", flags | int(Flag.REMOTE), DLC_BYTES[dlc])
     # flags without EDL: a classic frame on a CAN FD channel; all zero: the writer left them out
@@ -129,6 +167,18 @@ def _fd(words: list[str], base: int, line: Line) -> Parsed | None:
         flags |= int(Flag.BRS) if brs == "1" or bits & FD64_BRS else 0
         flags |= int(Flag.ESI) if esi == "1" or bits & FD64_ESI else 0
     return Parsed(bus, id_, data, flags)
+
+
+def _flags(word: str, base: int) -> int:
+    """The flags of a CAN FD line: hexadecimal, but in a decimal line decimal where only that can be."""
+    bits = int(word, 16)
+    if base == 10 and word.isdecimal() and not _can_be_flags(bits) and _can_be_flags(int(word)):
+        return int(word)
+    return bits
+
+
+def _can_be_flags(bits: int) -> bool:
+    return not bits & ~_FLAG_BITS and (bool(bits & FD64_EDL) or not bits & (FD64_BRS | FD64_ESI))
 
 
 def _old_fd(words: list[str], base: int, line: Line) -> Parsed:
@@ -189,11 +239,11 @@ def _bus(word: str) -> int:
 
 
 def _id(word: str, base: int) -> tuple[int, int]:
-    found = _ID_WORD.fullmatch(word)
-    if not found:
+    match = _ID_WORD.fullmatch(word)
+    if not match:
         raise Bad(f"{word[:32]!r} is no id (symbolic names are not supported)")
-    flags = int(Flag.EXTENDED) if found[2] else 0
-    id_ = int(found[1], base)
+    flags = int(Flag.EXTENDED) if match[2] else 0
+    id_ = int(match[1], base)
     if id_ > (0x1FFFFFFF if flags else 0x7FF):
         raise Bad(f"{word[:32]!r} is too large for an id")
     return id_, flags
@@ -215,18 +265,18 @@ def _dlc(word: str, base: int) -> int:
 
 
 def _data(words: list[str], at: int, length: int, base: int, line: Line) -> bytes:
-    found = words[at : at + length]
-    if len(found) < length:
-        raise Bad(f"it announces {length} data bytes and has {len(found)}")
+    octets = words[at : at + length]
+    if len(octets) < length:
+        raise Bad(f"it announces {length} data bytes and has {len(octets)}")
     last = length > 0 and at + length == len(words)
     if base == 16:
         # always two digits: one alone is what is left of two
-        if any(len(word) != 2 for word in found):
+        if any(len(word) != 2 for word in octets):
             raise Bad("its data are not hexadecimal bytes")
-        return bytes.fromhex("".join(found))
+        return bytes.fromhex("".join(octets))
     if last and not line.whole:
         raise Bad("the file ends in it")
-    values = [_decimal(word) for word in found]
+    values = [_decimal(word) for word in octets]
     if max(values, default=0) > 255:
         raise Bad("a data byte is larger than 255")
     return bytes(values)

@@ -38,9 +38,10 @@ MAX_BREAKS, MAX_WASTED_BYTES = 64, 2 * MAX_INFLATED_BYTES
 _CONTAINER_BEGINS = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT.size, 1, 0, 0)[:8]
 # these, a size that a container may have, and its type
 _CONTAINER = re.compile(re.escape(_CONTAINER_BEGINS) + rb".{3}[\0-\2]\n\0\0\0", re.DOTALL)
-# what may be one though its header's size or version is damaged; and any object that `blf_layout.is_plausible` may hold
-_LIKE_CONTAINER = re.compile(rb"LOBJ(?=.{7}[\0-\2]\n\0\0\0)", re.DOTALL)
-_LIKE_OBJECT = re.compile(rb"LOBJ(?=.{7}[\0\1].[\0-\3]\0\0)", re.DOTALL)
+# what may be one though its header's size or version is damaged; and any object that `blf_layout.is_plausible` may hold;
+# both as well: the header of a further file
+_LIKE_CONTAINER = re.compile(rb"LOBJ(?=.{7}[\0-\2]\n\0\0\0)|LOGG(?=\x90\0\0\0)", re.DOTALL)
+_LIKE_OBJECT = re.compile(rb"LOBJ(?=.{7}[\0\1].[\0-\3]\0\0)|LOGG(?=\x90\0\0\0)", re.DOTALL)
 
 
 class Payload(NamedTuple):
@@ -52,6 +53,13 @@ class Payload(NamedTuple):
     bare: bool = False  # whole objects without a container: independent of each other
     checked: bool = False  # a checksum confirms the data
     contradictions: tuple[Gap, ...] = ()  # inconsistencies that cost no data
+
+
+class FileStart(NamedTuple):
+    """A further file begins here, as in files that were joined by cat."""
+
+    at: int
+    header: blf.FileHeader
 
 
 class Gap(NamedTuple):
@@ -73,8 +81,10 @@ class _Failure(NamedTuple):
     spent: int = 0  # bytes that were read and unpacked before that was known
 
 
-def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) -> Iterator[Payload | Gap]:
-    """Payloads and gaps in the order of the file, from byte `start` to byte `size`.
+def containers(
+    file: BinaryIO, start: int, size: int, bare: bool | None = None
+) -> Iterator[Payload | Gap | FileStart]:
+    """Payloads, gaps and headers of further files in the order of the file, from byte `start` to byte `size`.
 
     Objects that stand in the file without a container come as payloads of whole objects, see `Payload.bare`.
     `bare`: there are no containers in this file; None: not known yet.
@@ -85,6 +95,10 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
         file.seek(position)
         head = file.read(blf.OBJECT.size + MAX_PADDING_BYTES)
         skip = head.find(blf.SIGNATURE, 0, MAX_PADDING_BYTES + len(blf.SIGNATURE) - 1)
+        if blf.FILE_SIGNATURE in head and (further := _file_start(file, position, head, skip)):
+            yield further
+            position, bare = further.at + further.header.size, None
+            continue
         if skip < 0 or len(head) - skip < blf.OBJECT.size:
             if len(head) < blf.OBJECT.size and not head.strip(b"\0"):
                 if len(head) > MAX_PADDING_BYTES:
@@ -133,6 +147,16 @@ def containers(file: BinaryIO, start: int, size: int, bare: bool | None = None) 
             position = end
 
 
+def _file_start(file: BinaryIO, position: int, head: bytes, skip: int) -> FileStart | None:
+    """The header of a further file at `position`, after padding at most; None where there is none."""
+    begin = head.find(blf.FILE_SIGNATURE)
+    if begin > (MAX_PADDING_BYTES if skip < 0 else skip) or head[:begin].strip(b"\0"):
+        return None
+    file.seek(position + begin)
+    header = blf.joined_header(file.read(blf.FILE_HEADER_SIZE))
+    return FileStart(position + begin, header) if header else None
+
+
 def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
     """Consecutive objects without a container, and where they end; None: they must be read one at a time."""
     file.seek(position)
@@ -140,14 +164,14 @@ def _bare_row(file: BinaryIO, position: int) -> tuple[bytes, int] | None:
     stop = _container_in(data + following)
     stop = len(data) if stop < 0 else stop
     try:
-        found = chain(data, 0)
+        objects = chain(data, 0)
     except Broken:
         return _intact_row(data, position, stop)
     # a container ends the row, though an object that is cut off may claim to reach over its beginning
-    n = int((found.begin + found.size).searchsorted(stop, "right"))
+    n = int((objects.begin + objects.size).searchsorted(stop, "right"))
     if n < 2:
         return None
-    end = int(found.begin[n - 1] + found.size[n - 1])
+    end = int(objects.begin[n - 1] + objects.size[n - 1])
     return data[:end], position + end
 
 
@@ -181,8 +205,8 @@ def _container_in(data: Data) -> int:
     """Where a container's header stands in `data`, -1 if none does whole."""
     if _CONTAINER_BEGINS not in data:
         return -1  # the usual case, and much faster
-    found = _CONTAINER.search(data)
-    return found.start() if found else -1
+    match = _CONTAINER.search(data)
+    return match.start() if match else -1
 
 
 def _unpack(
@@ -245,9 +269,9 @@ def _next_container(file: BinaryIO, begin: int, end: int) -> int:
     window = b""
     while begin < end:
         window += file.read(min(PIECE_BYTES, end - begin - len(window)))
-        found = _container_in(window)
-        if found >= 0:
-            return begin + found
+        container = _container_in(window)
+        if container >= 0:
+            return begin + container
         if begin + len(window) >= end:
             break
         begin += len(window) - blf.OBJECT.size + 1
@@ -308,13 +332,15 @@ def _next_object(file: BinaryIO, position: int, size: int, bare: bool | None) ->
     while position < end:
         piece = file.read(PIECE_BYTES)
         window += piece
-        for found in like.finditer(window):
-            if found.start() + blf.OBJECT.size > len(window):
+        for match in like.finditer(window):
+            if match.start() + blf.OBJECT.size > len(window):
                 break
-            *_, object_size, kind = blf.OBJECT.unpack_from(window, found.start())
+            if window.startswith(blf.FILE_SIGNATURE, match.start()):
+                return position + match.start()
+            *_, object_size, kind = blf.OBJECT.unpack_from(window, match.start())
             container = kind == blf.LOG_CONTAINER and blf.OBJECT.size <= object_size <= 2 * MAX_INFLATED_BYTES
             if container or (bare is not False and blf.is_plausible(kind, object_size)):
-                return position + found.start()
+                return position + match.start()
         if not piece:
             return size
         keep = window[1 - blf.OBJECT.size :]

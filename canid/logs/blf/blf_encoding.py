@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.frame_columns import select
 from canid.logs.blf import blf_layout as blf
-from canid.types import Columns, Flag
+from canid.logs.own_times import check_own_times
+from canid.values.frame_columns import select
+from canid.values.types import Columns, Flag
 
 _ERROR, _FD, _EXTENDED = int(Flag.ERROR), int(Flag.FD), int(Flag.EXTENDED)
 _REMOTE, _TX, _BRS, _ESI = int(Flag.REMOTE), int(Flag.TX), int(Flag.BRS), int(Flag.ESI)
@@ -91,19 +92,20 @@ def encode(chunk: Columns, stamps: npt.NDArray[np.int64]) -> Encoded:
 
     Args:
         chunk: n frames.
-        stamps: (n,) ns since the file's start (a negative one wraps; see `blf_objects`).
+        stamps: (n,) ns since the file's start.
 
     Raises:
-        ValueError: more data than such a frame can carry, or a bus that has no channel.
+        ValueError: a time before the file's start, more data than such a frame can carry, or a bus that has no channel.
 
-    >>> from canid.frame_columns import columns_of
-    >>> from canid.types import Frame
+    >>> from canid.values.frame_columns import columns_of
+    >>> from canid.values.types import Frame
     >>> chunk = columns_of([Frame(0.0, 0, 0x123, b"abc"), Frame(0.0, 0, 0x123, b"abc", Flag.FD)])
     >>> encode(chunk, np.zeros(2, np.int64)).ends.tolist()
     [48, 164]
     """
     flags = chunk.flags
     _check(chunk)
+    check_own_times(stamps)
     error, fd = (flags & _ERROR) != 0, (flags & (_FD | _ERROR)) == _FD
     some_error, some_fd = bool(error.any()), bool(fd.any())
     if not some_error and not some_fd:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from canid.logs.blf import blf_layout as blf
 from canid.logs.blf.blf_layout import Data
-from canid.types import Event
+from canid.values.types import Event
 
 GLOBAL_MARKER = 96
 # commented event type, foreground and background color, relocatable; lengths of group, marker and description
@@ -29,7 +29,7 @@ def marker(event: Event, stamp: int) -> bytes:
     body = _MARKER.pack(0, _BLACK, _AMBER, 0, len(_GROUP), len(name), len(says)) + _GROUP + name + says
     size = blf.OBJECT_V1_SIZE + len(body)
     head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT_V1_SIZE, 1, size, GLOBAL_MARKER)
-    return head + blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, stamp & 0xFFFF_FFFF_FFFF_FFFF) + body
+    return head + blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, stamp) + body
 
 
 class MarkerEvent(NamedTuple):
@@ -43,9 +43,9 @@ class MarkerEvent(NamedTuple):
 def decode(data: Data, begin: int, size: int) -> MarkerEvent | None:
     """Decode the marker of `size` bytes at `begin`; None where another program wrote it, or it is damaged.
 
-    >>> item = marker(Event(1.5, "bus_lost", "can0 is lost"), -20)
+    >>> item = marker(Event(1.5, "bus_lost", "can0 is lost"), 20)
     >>> decode(item, 0, len(item))
-    MarkerEvent(stamp=-20, what='bus_lost', says='can0 is lost')
+    MarkerEvent(stamp=20, what='bus_lost', says='can0 is lost')
     """
     end, body = begin + size, begin + blf.OBJECT_V1_SIZE
     _, header_size, version, _, _ = blf.OBJECT.unpack_from(data, begin)
@@ -58,7 +58,7 @@ def decode(data: Data, begin: int, size: int) -> MarkerEvent | None:
     at += group
     unit, _, _, stamp = blf.STAMP.unpack_from(data, begin + blf.OBJECT.size)
     what, says = data[at : at + name], data[at + name : at + name + description]
-    stamp -= (stamp >> 63) << 64  # negative where a clock was set back, as frames are
+    stamp -= (stamp >> 63) << 64  # canid 0.2.0 wrote negative ones, as of frames
     return MarkerEvent(
         stamp * (10_000 if unit == blf.TEN_MICROSECONDS else 1),
         what.decode("utf-8", "replace"),

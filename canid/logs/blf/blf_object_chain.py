@@ -46,8 +46,8 @@ def chain(data: Data, position: int) -> Chain:
     """Find all whole objects of `data` from byte `position`. Raises Broken.
 
     >>> item = blf.OBJECT.pack(blf.SIGNATURE, 16, 1, 18, 65) + b"ab" + bytes(2)
-    >>> found = chain(item * 3 + item[:10], 0)
-    >>> found.begin.tolist(), found.size.tolist(), found.rest
+    >>> objects = chain(item * 3 + item[:10], 0)
+    >>> objects.begin.tolist(), objects.size.tolist(), objects.rest
     ([0, 20, 40], [18, 18, 18], 60)
     """
     total = len(data)
@@ -131,11 +131,11 @@ def _aligned(data: Data, first: int) -> _Linked | None:
 
 def signatures(data: Data, first: int) -> tuple[Ints, npt.NDArray[Any]]:
     """Positions of signatures from byte `first` on that leave space for a header, and these headers."""
-    found = []
+    positions = []
     for phase in range(_WORD):
         words = np.frombuffer(data, "<u4", max(len(data) - first - phase, 0) // _WORD, first + phase)
-        found.append(np.flatnonzero(words == _SIGNATURE) * _WORD + (first + phase))
-    candidate = np.sort(np.concatenate(found))
+        positions.append(np.flatnonzero(words == _SIGNATURE) * _WORD + (first + phase))
+    candidate = np.sort(np.concatenate(positions))
     body = max(len(data) - blf.OBJECT.size + 1, 0)
     candidate = candidate[candidate < body]
     # a view of overlapping headers: one for every byte

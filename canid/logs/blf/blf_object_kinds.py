@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 # kind -> its types, single ones and ranges
 _TABLE: dict[str, tuple[int | range, ...]] = {
-    "CAN error frames without an id": (2, 104),
     "overload frames": (3,),
     "bus statistics": (4,),
     "CAN driver and settings": (31, 44, 74, 91, 129),
@@ -42,6 +41,8 @@ _KIND = {
     for number in (entry if isinstance(entry, range) else (entry,))
 }
 UNKNOWN = "of unknown types"
+# objects of frames' types, by their direction
+REQUESTS = "transmit requests"
 
 
 def kind_of(number: int) -> str:
@@ -59,7 +60,7 @@ def count(types: npt.NDArray[np.int64]) -> Counter[str]:
     >>> sorted(count(np.array([11, 16, 71, 900])).items())
     [('Ethernet', 1), ('LIN', 2), ('of unknown types', 1)]
     """
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for number, n in zip(*np.unique(types, return_counts=True), strict=True):
-        found[kind_of(int(number))] += int(n)
-    return found
+        counts[kind_of(int(number))] += int(n)
+    return counts

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from canid.errors import LogError
-from canid.frame_columns import WantedIds, frames_of, keep_memory
+from canid.logs import local_time
 from canid.logs.blf import blf_layout as blf
-from canid.logs.blf.blf_containers import Gap, Payload, containers
-from canid.logs.blf.blf_layout import Data
+from canid.logs.blf.blf_account import Account
+from canid.logs.blf.blf_containers import FileStart, Gap, Payload, containers
+from canid.logs.blf.blf_groups import WRONG
+from canid.logs.blf.blf_layout import Clock, Data
 from canid.logs.blf.blf_marker import MarkerEvent
 from canid.logs.blf.blf_object_chain import Broken, chain
 from canid.logs.blf.blf_objects import Walked, first_object, walk
+from canid.logs.blf.blf_origin import is_of_canid
 from canid.logs.damage import DamagedSpans
+from canid.logs.joined_logs import Axis
 from canid.logs.reader_state import Note, ReadState
-from canid.types import Columns, Damage, Event, Frame
+from canid.values.errors import DamagedLogError, LogError
+from canid.values.frame_columns import WantedIds, frames_of, keep_memory
+from canid.values.types import Columns, Event, Frame
 
 # Containers are walked together up to this many bytes: numpy's overhead per step is spread over eight usual
 # containers, and they still fit a processor's second cache.
@@ -52,10 +58,13 @@ def read_blf_columns(path: Path, state: ReadState, wanted: WantedIds | None = No
         for item in containers(file, start, state.size, bare=None if start else False):
             state.done = item.at
             nothing = nothing and isinstance(item, Gap)
-            if isinstance(item, Gap):
+            if not isinstance(item, Payload):
                 yield from reading.take(waiting)
-                reading.lose(*item)
                 waiting, size = [], 0
+                if isinstance(item, Gap):
+                    reading.lose(*item)
+                else:
+                    reading.next_file(item)
                 continue
             waiting.append(item)
             size += len(item.data)
@@ -72,14 +81,16 @@ class _Reading:
     """State of one pass over a file, from payload to payload."""
 
     def __init__(self, state: ReadState, header: blf.FileHeader | None, wanted: WantedIds | None):
-        self.first: int | None = None  # ns of the first frame, since the header's start
+        self.first: int | None = None  # ns of the first frame, since the first header's start
         self._state = state
+        self._account = Account()
+        self._axis = Axis(state)
+        self._start = _start_ns(header, state)
+        self._shift = self._axis.begin(self._start, "")  # of this file's times
         self._header = header
         self._wanted = wanted
-        self._objects = 0
         self._rows = 0  # frames given so far
         self._early_events: list[tuple[int, MarkerEvent]] = []  # events that wait for the first frame
-        self._inflated = blf.FILE_HEADER_SIZE  # bytes, as the file's header counts them
         self._damaged = DamagedSpans()
         self._carry: Data = b""  # an object that continues in the next container
         self._middle = bytearray()  # what follows it, in containers that hold nothing else
@@ -90,7 +101,9 @@ class _Reading:
 
     def take(self, payloads: list[Payload]) -> Iterator[Columns]:
         """Walk payloads that follow each other: together or, where that fails, one by one."""
-        self._inflated += sum(len(p.data) + (0 if p.bare else blf.CONTAINER_HEAD_SIZE) for p in payloads)
+        self._account.inflated += sum(
+            len(p.data) + (0 if p.bare else blf.CONTAINER_HEAD_SIZE) for p in payloads
+        )
         for payload in payloads:
             self.contradiction(payload.contradictions)
         checked = self._checked and all(payload.checked for payload in payloads)
@@ -98,11 +111,13 @@ class _Reading:
             data = b"".join([self._carry, *(payload.data for payload in payloads)])
             last = payloads[-1]
             try:
-                walked = walk(data, 0, self.first, self._wanted, checked=checked)
+                walked = walk(data, 0, self._own_first(), self._wanted, checked=checked)
             except Broken:
                 pass
             else:
-                if not walked.contradiction and _begins_in_each(walked, len(self._carry), payloads):
+                if not (walked.contradiction or walked.wrong) and _begins_in_each(
+                    walked, len(self._carry), payloads
+                ):
                     yield from self._advance(walked, data, last)
                     return
         for payload in payloads:
@@ -121,7 +136,9 @@ class _Reading:
         elif self._carry:
             data = b"".join([self._carry, self._middle, payload.data])
             try:
-                walked = walk(data, 0, self.first, self._wanted, checked=self._checked and payload.checked)
+                walked = walk(
+                    data, 0, self._own_first(), self._wanted, checked=self._checked and payload.checked
+                )
                 if begun and not len(walked.begin) and self._holds_frames(payload.data):
                     raise Broken("an object claims to be so long that others would stand in it")
             except Broken as broken:
@@ -142,7 +159,7 @@ class _Reading:
         try:
             if begin < 0:
                 raise Broken("no object begins where one should")
-            walked = walk(payload.data, begin, self.first, self._wanted, checked=payload.checked)
+            walked = walk(payload.data, begin, self._own_first(), self._wanted, checked=payload.checked)
         except Broken as broken:
             singles = _singles(payload) if payload.bare else []
             if len(singles) > 1:
@@ -166,7 +183,7 @@ class _Reading:
         """Whether a payload that should be the middle of one long object is a row of frames."""
         begin = first_object(data)
         try:
-            return begin >= 0 and walk(data, begin, self.first).frames.t.size > 0
+            return begin >= 0 and walk(data, begin, self._own_first()).frames.t.size > 0
         except Broken:
             return False
 
@@ -178,17 +195,20 @@ class _Reading:
         self._missing = blf.OBJECT.unpack_from(carry)[3] - len(carry) if begun else 0
         self._checked = last.checked
         self._middle = bytearray()
+        if walked.wrong:
+            self._damaged.add(last.at, last.end, WRONG, walked.wrong)
         if walked.contradiction:
             self.contradiction((Gap(last.at, last.end, walked.contradiction),))
         self._source = last.at, last.end
-        self._objects += walked.objects
+        self._account.objects += walked.objects
         self._state.frames += walked.frames_read
         self._state.events += len(walked.notes)
         self._state.other_kinds.update(walked.kinds)
         if self.first is None and walked.first is not None:
-            self.first = walked.first
-            if self._header is not None and self._header.start_ms is not None:
-                self._state.start_ns = self._header.start_ms * 1_000_000 + self.first
+            self.first = walked.first + self._shift
+            self._state.start_ns = None if self._start is None else self._start + walked.first
+        if walked.last is not None:
+            self._axis.last = walked.last + self._shift
         if self._state.notes is not None:
             self._hand_out(self._state.notes, walked.notes)
         self._rows += walked.frames.t.size
@@ -201,7 +221,10 @@ class _Reading:
 
     def _hand_out(self, notes: list[Note], events: list[tuple[int, MarkerEvent]]) -> None:
         """Hand out the events, once there is a first frame that their times can count from."""
-        events = [(self._rows + before, event) for before, event in events]
+        shift = self._shift
+        events = [
+            (self._rows + before, event._replace(stamp=event.stamp + shift)) for before, event in events
+        ]
         if self.first is None:
             self._early_events = (self._early_events + events)[:_MAX_EARLY_EVENTS]
             return
@@ -219,37 +242,51 @@ class _Reading:
         self._damaged.add(begin, end, why)
         self._carry, self._middle, self._missing, self._aligned = b"", bytearray(), 0, False
 
+    def next_file(self, further: FileStart) -> None:
+        """A further file begins: its times continue at its own date."""
+        self._end_of_objects(further.at)
+        self._account.close(self._header, further.at, self._damaged, at_end=False)
+        self._carry, self._middle, self._missing, self._aligned, self._checked = (
+            b"",
+            bytearray(),
+            0,
+            True,
+            True,
+        )
+        self._header = further.header
+        self._start = _start_ns(further.header, self._state)
+        self._shift = self._axis.begin(self._start, f"byte {further.at}")
+
     def end(self) -> None:
         """Sum up."""
         size = self._state.size
-        if self._carry.strip(b"\0"):
-            self._damaged.add(self._source[0], size, "the file ends in an object")
+        self._end_of_objects(size)
         self._state.done = size
-        self._state.damage = self._damage(size)
+        self._account.close(self._header, size, self._damaged, at_end=True)
+        self._state.damage = self._account.damage(self._damaged)
         self._state.damaged = self._damaged.count
 
-    def _damage(self, size: int) -> Damage | None:
-        header, objects, damaged = self._header, self._objects, self._damaged
-        total = -1
-        if header is not None:
-            # A killed writer leaves the counts of its last checkpoint, or none. A flipped bit can leave anything.
-            plausible = objects <= header.objects and (
-                header.objects * blf.OBJECT.size <= header.uncompressed_size
-            )
-            total = header.objects if plausible else -1
-            if not damaged and objects != total and size < header.file_size:
-                early = header.file_size - size
-                damaged.add(size, header.file_size, f"the file ends here, {early} bytes early")
-            # a larger count is damage only where the header's size includes all these bytes
-            if not damaged and objects < total and self._inflated <= header.uncompressed_size:
-                damaged.add(size, 0, f"the file's header counts {total - objects} more")
-            # a header with exactly these sizes was written after them
-            knows = (header.file_size, header.uncompressed_size) == (size, self._inflated)
-            if not damaged and knows and objects != header.objects:
-                damaged.add(size, 0, f"the file's header counts {header.objects} objects")
-        if not damaged:
-            return None
-        return Damage(damaged.sentence("objects", objects, total), objects, total, damaged.spans)
+    def _own_first(self) -> int | None:
+        """Ns of the first frame, since this file's header's start."""
+        return None if self.first is None else self.first - self._shift
+
+    def _end_of_objects(self, at: int) -> None:
+        if self._carry.strip(b"\0"):
+            self._damaged.add(self._source[0], at, "the file ends in an object")
+
+
+def _start_ns(header: blf.FileHeader | None, state: ReadState) -> int | None:
+    """Epoch ns of a header's start, by the rule of `local_time`; None where it states none."""
+    if header is None or header.start is None:
+        return None
+    zone = state.zone
+    if header.clock is Clock.UTC:
+        zone = datetime.UTC
+    elif header.clock is Clock.UNSTATED:
+        if zone is not datetime.UTC:
+            state.start_says = local_time.UNSTATED if zone is None else local_time.NAMED
+        zone = zone or datetime.UTC
+    return local_time.epoch_ns(header.start, zone)
 
 
 def _begins_in_each(walked: Walked, begin: int, payloads: list[Payload]) -> bool:
@@ -269,8 +306,8 @@ def _begins_in_each(walked: Walked, begin: int, payloads: list[Payload]) -> bool
 
 def _singles(payload: Payload) -> list[Payload]:
     """The objects of a payload without a container, one each."""
-    found = chain(payload.data, 0)
-    spans = zip(found.begin.tolist(), found.size.tolist(), strict=True)
+    objects = chain(payload.data, 0)
+    spans = zip(objects.begin.tolist(), objects.size.tolist(), strict=True)
     return [
         Payload(payload.at + begin, payload.at + begin + size, payload.data[begin : begin + size], bare=True)
         for begin, size in spans
@@ -284,15 +321,17 @@ def _file_header(file: BinaryIO, path: Path, size: int) -> tuple[blf.FileHeader 
     if not head.startswith(blf.FILE_SIGNATURE) and not usual:
         return None, 0  # perhaps there are containers somewhere
     if len(head) < blf.FILE_HEADER.size:
-        raise LogError(f"{path} is cut off in its header: {size} bytes")
+        raise DamagedLogError(f"{path} is cut off in its header: {size} bytes")
     early = head.find(blf.SIGNATURE)
     if 0 < early < blf.FILE_HEADER.size:
         return None, early
     header = blf.parse_file_header(head)
+    if header.clock is Clock.UNSTATED and is_of_canid(file):
+        header = header._replace(clock=Clock.UTC)
     if usual:
         return header, blf.FILE_HEADER_SIZE
     if early > 0:
         return header, early
     # Every known writer's header has 144 bytes. Others are accepted within limits: `containers` finds the objects.
-    is_plausible = blf.FILE_HEADER.size <= header.size <= 4096
+    is_plausible = blf.FILE_HEADER.size <= header.size <= blf.MAX_FILE_HEADER_SIZE
     return header, header.size if is_plausible else blf.FILE_HEADER_SIZE

@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from canid.estimators.status import MIN_DATA_S
 from canid.systems.car_response import MIN_USABLE_S
-from canid.types import DriveTime
+from canid.values.numbers import number
+from canid.values.types import DriveTime
+from canid.views.document.document import Table
 
 
-class Need(NamedTuple):
-    """What an answer needs at least."""
-
-    answer: str
-    verb: str
-    needed: float  # s
-    there: float  # s
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether the drive has it."""
-        return self.there >= self.needed
-
-
-def needs(time: DriveTime, output: str) -> list[Need]:
+def table(time: DriveTime, output: str) -> Table:
     """What the drive can be used for. The least that is needed: intervals say how far it goes.
 
     Args:
@@ -31,12 +17,22 @@ def needs(time: DriveTime, output: str) -> list[Need]:
         output: role that the driver acts by.
 
     Example:
-        >>> [(one.verb, one.is_enough) for one in needs(DriveTime(80.0, 70.0, 65.0, 62.0), "pedal")]
-        [('live, identify', True), ('identify', True), ('diagnose', False)]
+        >>> [row[-1] for row in table(DriveTime(80.0, 70.0, 65.0, 62.0), "pedal").rows]
+        ['✓ yes', '✓ yes', '✗ 28 s more']
     """
     from canid.diagnosis.diagnose import MIN_DRIVING_S
 
-    out = [Need("K, τ and θ of the driver", "live, identify", MIN_DATA_S, time.usable)]
+    needs = [("K, τ and θ of the driver", "live, identify", MIN_DATA_S)]
     if output == "pedal":
-        out.append(Need("margins of driver and car", "identify", MIN_USABLE_S, time.usable))
-    return [*out, Need("causes, and a better model", "diagnose", MIN_DRIVING_S, time.usable)]
+        needs.append(("margins of driver and car", "identify", MIN_USABLE_S))
+    needs.append(("causes, and a better model", "diagnose", MIN_DRIVING_S))
+    rows = [
+        (answer, verb, number(s, "s"), number(time.usable, "s"),
+         "✓ yes" if time.usable >= s else f"✗ {number(s - time.usable, 's')} more")
+        for answer, verb, s in needs
+    ]  # fmt: skip
+    caption = (
+        "The least usable time that each answer needs: a person follows a vehicle, and the signals are there. Its interval "
+        "says how exact the answer is then."
+    )
+    return Table(("answer", "canid", ">needed", ">here", "enough"), rows, caption=caption)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from canid.identification.identifiability import quotable
-from canid.types import Array, Channel, Estimate, Status
-from canid.views.drive_report.panels import Panel, band, shown_range, stack
-from canid.views.names import SYMBOLS, readable
-from canid.views.numbers import gain_unit, number
-from canid.views.report.figure import Figure, Spec, line, times
+from canid.values.names import SYMBOLS, readable
+from canid.values.numbers import gain_unit, number
+from canid.values.types import Array, Channel, Estimate, Interval, Status
+from canid.views.drawing.figure import Figure, Spec, line, times
+from canid.views.drawing.panels import Panel, band, shown_range, stack, titled
 
 COLORS = {"fopdt": "after", "armax": "before"}
 OTHER_COLOR = "rival"
@@ -38,31 +39,70 @@ def estimates_over_time(
         span: s, of the time axis.
         parameters: fields of `Channel`.
     """
-    names = sorted({e.estimator for e in estimates}, key=lambda one: (one != "fopdt", one))
-    each = {one: [e for e in estimates if e.estimator == one and channel in e.channels] for one in names}
-    panels = []
-    for parameter in parameters:
-        data: list[Spec] = []
-        shown: list[Array] = []
-        for one, rows in each.items():
-            lines, values = _lines(one, rows, channel, parameter)
-            data += lines
-            shown += values
-        unit = gain_unit(output, channel) if parameter == "K" else "s"
-        panels.append(Panel(f"{SYMBOLS[parameter]} ({unit})", data, range=shown_range(shown)))
-    if not any(panel.range for panel in panels):
+    each = _by_estimator(estimates, channel)
+    panels = [_panel(each, channel, p, output, SYMBOLS[p]) for p in parameters]
+    known = [panel for panel in panels if panel.range]
+    if not known:
         return None
-    return stack(
-        name,
-        f"{readable(channel).capitalize()}: parameters over the drive",
-        _caption(each, channel, parameters),
-        [panel for panel in panels if panel.range],
-        span=span,
-    )
+    title = f"{readable(channel).capitalize()}: parameters over the drive"
+    return stack(name, title, _caption(each, channel, parameters), known, span=span)
+
+
+def gains_over_time(
+    estimates: Sequence[Estimate],
+    channels: Sequence[str],
+    output: str,
+    span: tuple[float, float],
+    *,
+    whole: Mapping[str, Channel] = MappingProxyType({}),
+    more: Sequence[Panel] = (),
+    shapes: Sequence[Spec] = (),
+) -> Figure | None:
+    """K of several inputs, a panel each; None where nothing was estimated and there are no further panels.
+
+    Args:
+        estimates: in the order of time, of all estimators.
+        channels: input names.
+        output: role of the driver's output, for the unit of K; empty: not known.
+        span: s, of the time axis.
+        whole: the whole drive's estimates, drawn as a line with its band.
+        more: panels below.
+        shapes: behind the lines.
+    """
+    panels = []
+    for channel in channels:
+        panel = _panel(_by_estimator(estimates, channel), channel, "K", output, f"K of {readable(channel)}")
+        K = whole[channel].K if channel in whole and quotable(whole[channel], "K") else Interval()
+        if math.isfinite(K.value):
+            t, ends = np.array(span), ([K.low] * 2, [K.high] * 2)
+            panel.data.append(band(t, np.array(ends[0]), np.array(ends[1]), "whole drive, 95 %", "measured"))
+            panel.data.append(line(times(t), np.array([K.value] * 2), "whole drive", "measured"))
+        panels.append(panel)
+    panels = [panel for panel in [*panels, *more] if panel.data]
+    return stack("gains", "", "", panels, span=span, shapes=shapes) if panels else None
+
+
+def _by_estimator(estimates: Sequence[Estimate], channel: str) -> dict[str, list[Estimate]]:
+    names = sorted({e.estimator for e in estimates}, key=lambda name: (name != "fopdt", name))
+    return {name: [e for e in estimates if e.estimator == name and channel in e.channels] for name in names}
+
+
+def _panel(
+    each: Mapping[str, Sequence[Estimate]], channel: str, parameter: str, output: str, title: str
+) -> Panel:
+    """The lines of all estimators."""
+    data: list[Spec] = []
+    shown: list[Array] = []
+    for name, rows in each.items():
+        lines, values = _lines(name, rows, channel, parameter)
+        data += lines
+        shown += values
+    unit = "s" if parameter != "K" else gain_unit(output, channel) if output else ""
+    return Panel(titled(title, unit), data, range=shown_range(shown))
 
 
 def _lines(
-    one: str, rows: Sequence[Estimate], channel: str, parameter: str
+    estimator: str, rows: Sequence[Estimate], channel: str, parameter: str
 ) -> tuple[list[Spec], list[Array]]:
     """Band, and lines of what may and what may not be quoted; and what the panel's range should hold."""
     step = max(math.ceil(len(rows) / MAX_POINTS), 1)
@@ -73,13 +113,13 @@ def _lines(
     known = [_known(e, channel) for e in rows]
     value, low, high = np.array([getattr(c, parameter) for c in known], dtype=float).T
     may = np.array([quotable(c, parameter) for c in known])
-    color = COLORS.get(one, OTHER_COLOR)
-    out = [band(t, low, high, f"{one}, 95 %", color)]
-    out.append(line(times(t), np.where(may, value, math.nan), one, color))
+    color = COLORS.get(estimator, OTHER_COLOR)
+    out = [band(t, low, high, f"{estimator}, 95 %", color)]
+    out.append(line(times(t), np.where(may, value, math.nan), estimator, color))
     rest = np.where(may, math.nan, value)
     if np.isfinite(rest).any():
         faint = {"line": {"color": f"@{color}", "width": 1, "dash": "dot"}, "showlegend": False}
-        out.append(line(times(t), rest, f"{one}, not to be quoted", color) | faint)
+        out.append(line(times(t), rest, f"{estimator}, not to be quoted", color) | faint)
     # where something may be quoted, the band of what may not does not set the range
     these = may & np.isfinite(value) if (may & np.isfinite(value)).any() else np.isfinite(value)
     return out, [low[these], high[these]]
@@ -91,10 +131,10 @@ def _known(e: Estimate, channel: str) -> Channel:
 
 def _caption(each: dict[str, list[Estimate]], channel: str, parameters: Sequence[str]) -> str:
     said = []
-    for one, rows in each.items():
+    for estimator, rows in each.items():
         ok = [e for e in rows if e.status is Status.OK and quotable(e.channels[channel], "K")]
         share = 100.0 * len(ok) / len(rows) if rows else 0.0
-        said.append(f"{one}: K may be quoted in {number(share, '%')} of {len(rows)} estimates")
+        said.append(f"{estimator}: K may be quoted in {number(share, '%')} of {len(rows)} estimates")
     return (
         f"95 % bands; dotted where a value may not be quoted. {'; '.join(said)}. "
         "The range is that of nearly all intervals that may be quoted: wider ones are cut off."

@@ -1,40 +1,47 @@
-"""The learning gate over a drive: how long each state lasted, what it means, and its strip."""
+"""What of a drive is learned from: the learning gate as table and strip, and findings on the signals."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from canid.signal_checks.drive_time import Flags, trusted
-from canid.types import Array, LearnGate, SignalFinding
+from canid.values.names import readable
+from canid.values.numbers import number
+from canid.values.types import Array, DriveTime, LearnGate, SignalFinding
+from canid.views import signal_text
+from canid.views.document.document import Listing, Table
 from canid.views.drive_report.strips import Stretch
-from canid.views.names import readable
 
 
-class GateTime(NamedTuple):
-    """Time in one state of the gate."""
-
-    name: str
-    seconds: float
-    percent: float
-    means: str
-
-
-def gate_times(gates: Sequence[LearnGate], dt: float) -> list[GateTime]:
+def gate_table(gates: Sequence[LearnGate], dt: float, time: DriveTime) -> Table:
     """Time in each state, the longest first.
 
     Example:
-        >>> gate_times([LearnGate.OPEN, LearnGate.OPEN, LearnGate.CRUISE, LearnGate.OPEN], 0.5)[1][:3]
-        ('cruise', 0.5, 25.0)
+        >>> gates = [LearnGate.OPEN, LearnGate.OPEN, LearnGate.CRUISE, LearnGate.OPEN]
+        >>> gate_table(gates, 0.5, DriveTime(2.0, 2.0, 2.0, 1.5)).rows[1][:3]
+        ('cruise', '0.5 s', '25 %')
     """
-    counts = Counter(gates)
-    return [
-        GateTime(_name(gate), n * dt, 100.0 * n / len(gates), gate.value or "a person follows: learned from")
-        for gate, n in counts.most_common()
+    rows = [
+        (
+            _name(gate),
+            number(n * dt, "s"),
+            number(100.0 * n / len(gates), "%"),
+            gate.value or "a person follows: learned from",
+        )
+        for gate, n in Counter(gates).most_common()
     ]
+    return Table(("learning gate", ">time", ">share", "meaning"), rows, "time", signal_text.time(time))
+
+
+def findings(several: Sequence[SignalFinding]) -> Listing | str:
+    """Findings on the signals, or that there is none."""
+    title = "while one of these stands on a signal that the model needs, no estimate may be quoted"
+    return (
+        Listing(signal_text.findings(several), title) if several else "No finding on the signals that came."
+    )
 
 
 def gate_strip(

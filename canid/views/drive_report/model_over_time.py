@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.drive_series import DriveSeries
+from canid.drive.drive_series import DriveSeries
 from canid.signal_checks.drive_time import trusted, usable
-from canid.types import Trace
-from canid.views.drive_report.panels import Panel, shade, signal, stack
-from canid.views.names import readable
-from canid.views.numbers import number, role_unit
-from canid.views.report.figure import Figure, rms
+from canid.values.names import readable
+from canid.values.numbers import number, role_unit
+from canid.values.types import Trace
+from canid.views.drawing.figure import Figure, Spec, rms
+from canid.views.drawing.panels import Panel, shade, signal, stack, titled
 
 
 def model_over_time(
@@ -33,42 +33,37 @@ def model_over_time(
         return None
     unit = role_unit(output)
     panels = [
-        Panel(f"{readable(one)} ({role_unit(one)})", [signal(trace.t, u, readable(one), "muted", most)], 95)
-        for one, u in zip(trace.input_names, trace.inputs.T, strict=True)
+        Panel(titled(role, role_unit(role)), [signal(trace.t, u, readable(role), "muted", most)], 95)
+        for role, u in zip(trace.input_names, trace.inputs.T, strict=True)
         if np.isfinite(u).any()
     ]
     panels = [panel._replace(data=[panel.data[0] | {"showlegend": False}]) for panel in panels]
     measured = signal(trace.t, trace.output, "measured", "measured", most)
     caption = f"{readable(output).capitalize()} ({unit}) and the inputs that it answers, as sampled."
     if series is None:
-        panels.append(Panel(f"{readable(output)} ({unit})", [measured], 170))
+        panels.append(Panel(titled(output, unit), [measured], 170))
     else:
         left = np.where(series.used, series.measured - series.simulated, np.nan)
         shown = np.where(series.used, series.simulated, np.nan)
         simulated = signal(series.t, shown, "simulated from the inputs alone", "after", most)
         panels.append(
             Panel(
-                f"{readable(output)} ({unit})",
+                titled(output, unit),
                 [measured, simulated],
                 170,
             )
         )
         residual = signal(series.t, left, "residual", "after", most, showlegend=False)
         panels.append(
-            Panel(f"residual ({unit})", [residual], 95, more={"zeroline": True, "zerolinecolor": "@rule"})
+            Panel(titled("residual", unit), [residual], 95, more={"zeroline": True, "zerolinecolor": "@rule"})
         )
         caption = (
             f"The model of {series.estimator.upper()} is simulated from the inputs alone, never from past values of the "
             f"output: fit {number(fit_percent, '%')}, residual {number(rms(left), unit)} rms over the "
             f"{number(float(series.used.sum()) * _step(series.t), 's')} that are used."
         )
-    unused = ~usable(trace)
-    sound = trusted(trace.t, trace.findings)
-    shapes = [
-        *shade(trace.t, unused & sound, trace.dt, "not used", "shade-unused"),
-        *shade(trace.t, ~sound, trace.dt, "a signal is wrong", "shade-mask"),
-    ]
-    if unused.any():
+    shapes = unused(trace)
+    if shapes:
         caption += (
             " Grey: not used for identification (the gates below say why), dark grey: a signal is wrong."
         )
@@ -76,6 +71,15 @@ def model_over_time(
         caption += " Lines are thinned to the extremes of each bucket."
     span = (float(trace.t[0]), float(trace.t[-1]))
     return stack(name, "Inputs, output and simulation", caption, panels, span=span, shapes=shapes)
+
+
+def unused(trace: Trace) -> list[Spec]:
+    """Stretches that are not used for identification, and those in which a signal is wrong, behind the lines."""
+    sound = trusted(trace.t, trace.findings)
+    return [
+        *shade(trace.t, ~usable(trace) & sound, trace.dt, "not used", "shade-unused"),
+        *shade(trace.t, ~sound, trace.dt, "a signal is wrong", "shade-mask"),
+    ]
 
 
 def _step(t: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:

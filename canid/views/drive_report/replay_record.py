@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from canid.types import Estimate, Event, LearnGate, MonitorReport, Sample, SignalFinding, SignalReport
-from canid.views.numbers import UNITS
+from canid.values.types import Estimate, Event, LearnGate, MonitorReport, Sample, SignalFinding, SignalReport
 
 # signals of a sample that the page draws, besides the output
 SIGNALS = ("speed", "gap", "headway", "range_rate", "lateral_offset")
@@ -54,21 +53,11 @@ class ReplayRecord:
             ):
                 self.monitor.append(item)
         elif isinstance(item, SignalReport):
-            for one in item.findings:
-                self.findings[one.name, one.since] = one
+            for finding in item.findings:
+                self.findings[finding.name, finding.since] = finding
         else:
             self.events.append(item)
 
 
 def _states(report: MonitorReport) -> tuple[object, ...]:
     return tuple(block.state for block in report.blocks.values())
-
-
-def unit(role: str) -> str:
-    """Unit of a drawn signal.
-
-    Example:
-        >>> unit("headway")
-        's'
-    """
-    return {"speed": "m/s", "gap": "m"}.get(role) or UNITS.get(role, "")

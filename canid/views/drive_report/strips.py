@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from canid.views.drive_report.panels import PAPER_PX, legend_px
-from canid.views.report.figure import MARGIN_PX, NARROW_MARGIN_PX, Figure, Spec, axis, layout
+from canid.views.drawing.figure import MARGIN_PX, NARROW_MARGIN_PX, Figure, Spec, axis, layout
+from canid.views.drawing.panels import PAPER_PX, legend_px
 
 ROW_HEIGHT_PX = 38
 # px for the names of the rows
@@ -31,7 +31,10 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "fopdt": ("after", ""),
     "none": ("grid", ""),
 }
-PLAIN = ("bar", "")
+# of other states, in the order in which they come: each figure has its own, and no two of its legend are alike
+OTHER_STYLES = tuple(
+    (color, hatch) for hatch in ("", "/", "x", ".", "-", "|") for color in ("bar", "before", "rival", "grid")
+)
 
 
 class Stretch(NamedTuple):
@@ -67,24 +70,37 @@ def joined(row: str, at: Sequence[tuple[float, str]], end: float) -> list[Stretc
     return out
 
 
+def _styles(states: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Color and hatching of each state; those beyond the list share the last.
+
+    Example:
+        >>> _styles(["used", "brake", "settling"])
+        {'used': ('good', ''), 'brake': ('bar', ''), 'settling': ('before', '')}
+    """
+    names = list(states)
+    taken = {STYLES[name] for name in names if name in STYLES}
+    others = iter([style for style in OTHER_STYLES if style not in taken])
+    return {name: STYLES[name] if name in STYLES else next(others, OTHER_STYLES[-1]) for name in names}
+
+
 def strips(
     name: str, title: str, caption: str, several: Sequence[Stretch], span: tuple[float, float]
 ) -> Figure | None:
     """One row per name, from above to below in the order of their first stretch; None: there is none."""
-    rows = list(dict.fromkeys(one.row for one in several))
+    rows = list(dict.fromkeys(stretch.row for stretch in several))
     if not rows:
         return None
     long = max(span[1] - span[0], 1e-9)
     data: list[Spec] = []
-    for state in dict.fromkeys(one.state for one in several):
-        color, hatch = STYLES.get(state, PLAIN)
-        mine = [one for one in several if one.state == state and one.stop > one.start]
+    styles = _styles(dict.fromkeys(stretch.state for stretch in several))
+    for state, (color, hatch) in styles.items():
+        mine = [stretch for stretch in several if stretch.state == state and stretch.stop > stretch.start]
         data.append(
             {
                 "type": "bar", "orientation": "h", "name": state, "legendgroup": state,
-                "y": [one.row for one in mine], "base": [round(one.start, 2) for one in mine],
-                "x": [round(one.stop - one.start, 2) for one in mine],
-                "text": [state if one.stop - one.start > LABELLED_SHARE * long else "" for one in mine],
+                "y": [stretch.row for stretch in mine], "base": [round(stretch.start, 2) for stretch in mine],
+                "x": [round(stretch.stop - stretch.start, 2) for stretch in mine],
+                "text": [state if stretch.stop - stretch.start > LABELLED_SHARE * long else "" for stretch in mine],
                 "textposition": "inside", "insidetextanchor": "middle", "textangle": 0, "constraintext": "none",
                 "insidetextfont": {"color": "@ink", "size": 11},
                 "marker": {
@@ -98,7 +114,7 @@ def strips(
         "xaxis": axis("time in the log (s)", range=list(span), hoverformat=".1f"),
         "yaxis": axis("", categoryorder="array", categoryarray=rows[::-1], showgrid=False, fixedrange=True),
     }
-    names = list(dict.fromkeys(one.state for one in several))
+    names = list(dict.fromkeys(stretch.state for stretch in several))
     top = max(MARGIN_PX["t"], legend_px(names, PAPER_PX))
     height = top + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(rows)
     above = max(legend_px(names), 12)

@@ -1,13 +1,14 @@
-"""Channels as the rows of a table: K, τ, θ or τ + θ with a drawing of each interval."""
+"""Intervals, channels and estimates as fragments: rows of K, τ, θ or τ + θ with a drawing of each interval."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from canid.types import QUOTED, Channel, Identifiable, Interval
-from canid.views.names import SYMBOLS, readable
-from canid.views.notebook.fragment import bar, scale, table
-from canid.views.numbers import gain_unit, interval
+from canid.values.names import SYMBOLS, readable
+from canid.values.numbers import gain_unit, interval
+from canid.values.types import QUOTED, Channel, Estimate, Identifiable, Interval, Status
+from canid.views.document.document import Table
+from canid.views.notebook.fragment import bar, fragment, scale
 
 
 def rows(channels: Mapping[str, Channel], output: str = "") -> list[tuple[str, str, Interval, str]]:
@@ -28,17 +29,34 @@ def rows(channels: Mapping[str, Channel], output: str = "") -> list[tuple[str, s
     return out
 
 
-def channel_table(channels: Mapping[str, Channel], output: str = "") -> str:
+def channel_table(channels: Mapping[str, Channel], output: str = "") -> Table:
     """The table; gains of one input have a scale of their own, all times share one."""
     several = rows(channels, output)
-    if not several:
-        return ""
-    times = scale(of for _, _, of, unit in several if unit == "s")
+    times = scale(known for _, _, known, unit in several if unit == "s")
     cells = []
-    for name, symbol, of, unit in several:
-        low, high = times if unit == "s" else scale([of])
-        says = interval(of, unit)
-        cells.append(
-            (name, symbol, says if symbol != "–" else unit, bar(of, low, high, f"{name} {symbol} {says}"))
-        )
-    return table(("input", "", "95 % interval", ""), cells)
+    for name, symbol, known, unit in several:
+        low, high = times if unit == "s" else scale([known])
+        says = interval(known, unit) if symbol != "–" else unit
+        cells.append((name, symbol, says, bar(known, low, high, f"{name} {symbol} {says}")))
+    return Table(("input", "", "95 % interval", ""), cells)
+
+
+def interval_html(known: Interval) -> str:
+    """Value, interval and a drawing of it."""
+    return fragment(
+        "", Table(("95 % interval", ""), [(interval(known), bar(known, *scale([known]), interval(known)))])
+    )
+
+
+def channel_html(channel: Channel) -> str:
+    """What may be quoted of one channel."""
+    return fragment("Channel", channel_table({"": channel}))
+
+
+def estimate_html(estimate: Estimate) -> str:
+    """One estimate."""
+    mark = ", headline" if estimate.headline else ""
+    shown = channel_table(estimate.channels) if estimate.status is Status.OK else None
+    return fragment(
+        f"{estimate.estimator} at {estimate.t:.1f} s: {estimate.status.value}{mark}", estimate.says, shown
+    )

@@ -4,33 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from canid.types import Estimate, Status, Trace
-from canid.views import estimate_text
+from markupsafe import Markup
+
+from canid.drive.drive_reader import Drive, Health
+from canid.values import estimate_text
+from canid.values.types import Estimate, Status
+from canid.views import end_summary
+from canid.views.document.document import Listing
+from canid.views.document.document_text import lines
 from canid.views.notebook.channel_rows import channel_table
-from canid.views.notebook.fragment import fragment, lines
-from canid.views.notebook.trace_fragment import trace_charts, trace_html, trace_lines
+from canid.views.notebook.fragment import fragment
+from canid.views.notebook.trace_fragment import trace_blocks, trace_charts, trace_html
 
 
-def drive_lines(trace: Trace, estimates: Sequence[Estimate], problems: Sequence[str]) -> list[str]:
+def drive_text(drive: Drive) -> list[str]:
     """The text of `Drive.summary()`."""
-    last = [estimate_text.estimate(e) for e in latest(estimates)]
-    return [*trace_lines(trace), *[""] * bool(last), *last, *[""] * bool(problems), *problems]
+    return lines([*trace_blocks(drive.trace), Listing(_last(drive)), Listing(_problems(drive.health))])
 
 
-def drive_html(trace: Trace, estimates: Sequence[Estimate], problems: Sequence[str]) -> str:
+def drive_html(drive: Drive) -> Markup:
     """The fragment of a drive."""
-    good = [e for e in latest(estimates) if e.status is Status.OK]
+    good = [e for e in latest(drive.estimates) if e.status is Status.OK]
+    problems = Listing(_problems(drive.health))
     if not good:
-        says = [estimate_text.estimate(e) for e in latest(estimates)]
-        return trace_html(trace) + lines([*says, *problems])
+        return trace_html(drive.trace) + fragment("", Listing(_last(drive)), problems)
     shown = [fragment(f"{e.estimator}, at {e.t:.1f} s", channel_table(e.channels)) for e in good]
-    return fragment(f"Drive: {len(estimates)} estimates", trace_charts(trace), *shown, lines(problems))
+    title = f"Drive: {len(drive.estimates)} estimates"
+    return fragment(title, trace_charts(drive.trace), *shown, problems)
+
+
+def _last(drive: Drive) -> list[str]:
+    return [estimate_text.estimate(e) for e in latest(drive.estimates)]
+
+
+def _problems(health: Health) -> list[str]:
+    """What was wrong with the log."""
+    return end_summary.health(health.damage, health.back_in_time, health.counters, health.said)
 
 
 def latest(estimates: Sequence[Estimate]) -> list[Estimate]:
     """The last estimate of each estimator that is `ok`, or where none is, the last one."""
-    found: dict[str, Estimate] = {}
+    by_estimator: dict[str, Estimate] = {}
     for e in estimates:
-        if e.status is Status.OK or found.get(e.estimator, e).status is not Status.OK:
-            found[e.estimator] = e
-    return list(found.values())
+        if e.status is Status.OK or by_estimator.get(e.estimator, e).status is not Status.OK:
+            by_estimator[e.estimator] = e
+    return list(by_estimator.values())

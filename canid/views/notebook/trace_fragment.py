@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from markupsafe import Markup
 
-from canid.runs import runs
 from canid.signal_checks.drive_time import of_trace, usable
-from canid.types import Trace
+from canid.values.names import readable
+from canid.values.numbers import DASH, number, role_unit
+from canid.values.runs import runs
+from canid.values.types import Trace
 from canid.views import signal_text
-from canid.views.names import readable
-from canid.views.notebook.fragment import ACCENT, SECOND, chart, fragment, legend, lines, table
-from canid.views.numbers import DASH, number, role_unit
-from canid.views.table import columns
+from canid.views.document.document import Block, Listing, Table
+from canid.views.document.document_text import lines
+from canid.views.notebook.fragment import ACCENT, SECOND, chart, charted, fragment
 
 HEAD = ("signal", "unit", "measured", "low", "median", "high")
 # curves of a small figure
@@ -20,26 +22,31 @@ SHOWN_INPUTS = 2
 INPUT_HEIGHT = 56
 
 
-def trace_lines(trace: Trace) -> list[str]:
+def trace_blocks(trace: Trace) -> list[Block]:
+    """What it holds."""
+    return [Listing([_head(trace), *_about(trace)]), Table(HEAD, _rows(trace))]
+
+
+def trace_text(trace: Trace) -> list[str]:
     """The text of `Trace.summary()`."""
-    return [_head(trace), *_about(trace), "", *columns(HEAD, _rows(trace))]
+    return lines(trace_blocks(trace))
 
 
-def trace_html(trace: Trace) -> str:
+def trace_html(trace: Trace) -> Markup:
     """The fragment of a trace; grey: not used for identification."""
     return fragment(
-        f"Trace: {_head(trace)}", lines(_about(trace)), trace_charts(trace), table(HEAD, _rows(trace))
+        f"Trace: {_head(trace)}", Listing(_about(trace)), trace_charts(trace), Table(HEAD, _rows(trace))
     )
 
 
-def trace_charts(trace: Trace) -> str:
+def trace_charts(trace: Trace) -> Markup:
     """Output and inputs over time, small."""
     unused = [(float(trace.t[a]), float(trace.t[b - 1])) for a, b in runs(~usable(trace))]
-    out = [legend([("output", ACCENT)]), chart(trace.t, [("output", trace.output, ACCENT)], shaded=unused)]
+    drawn = [charted([("output", ACCENT)], chart(trace.t, [("output", trace.output, ACCENT)], shaded=unused))]
     for k, name in enumerate(trace.input_names[:SHOWN_INPUTS]):
-        out.append(legend([(f"{readable(name)} ({role_unit(name)})", SECOND)]))
-        out.append(chart(trace.t, [(readable(name), trace.inputs[:, k], SECOND)], INPUT_HEIGHT, unused))
-    return "".join(f"<div>{part}</div>" for part in out if part)
+        curve = chart(trace.t, [(readable(name), trace.inputs[:, k], SECOND)], INPUT_HEIGHT, unused)
+        drawn.append(charted([(f"{readable(name)} ({role_unit(name)})", SECOND)], curve))
+    return Markup("").join(drawn)
 
 
 def _head(trace: Trace) -> str:

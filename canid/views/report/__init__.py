@@ -1,5 +1,1 @@
-"""The diagnosis as one self-contained HTML page."""
-
-from canid.views.report.report_page import page
-
-__all__ = ["page"]
+"""The diagnosis as one self-contained HTML page, and what all pages share: style sheet, script, templates."""

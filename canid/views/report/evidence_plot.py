@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from canid.findings import Report, Tried
-from canid.views.names import readable
-from canid.views.numbers import number
-from canid.views.report.figure import (
+from canid.values.findings import Report, Tried
+from canid.values.names import readable
+from canid.values.numbers import number
+from canid.views.drawing.figure import (
     MARGIN_PX,
     NARROW_MARGIN_PX,
     Figure,
@@ -87,7 +87,7 @@ def evidence_plot(report: Report) -> Figure | None:
         for name in _first_of_blocks(names, rows)
     ]  # fmt: skip
     data = [*_lines([rows[name] for name in names], place), *_symbols(report, rows, place)]
-    narrow_top = LEGEND_LINE_PX * (1 + sum(of["showlegend"] for of in data))
+    narrow_top = LEGEND_LINE_PX * (1 + sum(spec["showlegend"] for spec in data))
     return Figure(
         "evidence-plot",
         "Evidence for each cause",
@@ -133,10 +133,10 @@ def outcome(row: Tried, report: Report) -> str:
         'above'
     """
     if row.outcome == "accepted":
-        found = {finding.effect: finding.surrogate for finding in report.findings}
-        if row.effect not in found:
+        surrogate_of = {finding.effect: finding.surrogate for finding in report.findings}
+        if row.effect not in surrogate_of:
             return ORDINARY
-        return SURROGATE if found[row.effect] else NAMED
+        return SURROGATE if surrogate_of[row.effect] else NAMED
     if row.outcome in (RIVAL, NOT_TESTABLE):
         return row.outcome
     if not math.isfinite(row.evidence):
@@ -197,14 +197,14 @@ def _symbols(report: Report, rows: Mapping[str, Tried], place: Mapping[str, int]
     rivals = {rival for finding in report.findings for rival in finding.rivals}
     kinds = {name: RIVAL if name in rivals else outcome(row, report) for name, row in rows.items()}
     for key, (label, marker, size, color) in SYMBOLS.items():
-        of = [row for name, row in rows.items() if kinds[name] == key]
+        alike = [row for name, row in rows.items() if kinds[name] == key]
         line = {"width": 1.5, "color": f"@{color}"}
-        if of:
+        if alike:
             data.append(
                 _points(
-                    [(_shown(row.evidence), place[row.effect]) for row in of], mode="markers", name=label,
+                    [(_shown(row.evidence), place[row.effect]) for row in alike], mode="markers", name=label,
                     marker={"symbol": marker, "size": size, "color": f"@{color}", "line": line},
-                    hoverinfo="text", hovertext=[_hover(row, label) for row in of], cliponaxis=False, showlegend=True,
+                    hoverinfo="text", hovertext=[_hover(row, label) for row in alike], cliponaxis=False, showlegend=True,
                 )
             )  # fmt: skip
     return data

@@ -2,78 +2,42 @@
 
 from __future__ import annotations
 
-from canid.findings import Report, Trajectory
-from canid.types import Array
+from canid.values.findings import Report, Trajectory
+from canid.values.names import readable
+from canid.values.numbers import number, role_unit
+from canid.values.types import Array
 from canid.views.closed_loop import change, has_extended, worse
-from canid.views.names import readable
-from canid.views.numbers import number, role_unit
-from canid.views.report.decimation import MAX_POINTS, min_max_indices
-from canid.views.report.figure import (
-    MARGIN_PX,
-    NARROW_MARGIN_PX,
-    Figure,
-    Spec,
-    axis,
-    axis_suffix,
-    layout,
-    line,
-    rms,
-    times,
-)
+from canid.views.drawing.decimation import MAX_POINTS
+from canid.views.drawing.figure import Figure, Spec, rms
+from canid.views.drawing.panels import Panel, signal, stack, titled
 from canid.views.report.time_series import inside
 
-# px: trajectory and error of one quantity; on a phone
-ROW_HEIGHT_PX, NARROW_ROW_PX, NARROW_TOP_PX = 270, 210, 58
-# fractions of the figure's height: between two panels, and of one quantity's row
-PANEL_GAP = 0.03
-TRAJECTORY_SHARE, ERROR_SHARE = 0.58, 0.42
+# px: a trajectory, and its error
+TRAJECTORY_PX, ERROR_PX = 140, 95
 
 
 def trajectories(report: Report) -> Figure | None:
-    """One row per quantity; None where no closed loop was simulated."""
+    """Each quantity and its error below it; None where no closed loop was simulated."""
     if not report.closed_loop:
         return None
+    panels = [panel for trajectory in report.closed_loop for panel in _panels(report, trajectory)]
+    return stack("closed-loop", "Trajectories in closed loop", _caption(report), panels)
+
+
+def _panels(report: Report, trajectory: Trajectory) -> list[Panel]:
     keep = inside(report.t, [(w.start, w.stop) for w in report.worst])
-    panels = [panel for of in report.closed_loop for panel in _panels(report, of)]
-    data: list[Spec] = []
-    axes: Spec = {}
-    top = 1.0
-    available = 1.0 - PANEL_GAP * (len(panels) - 1)
-    for k, (title, share, lines) in enumerate(panels):
-        height = available * share / len(report.closed_loop)
-        for name, y, color in lines:
-            at = min_max_indices(y, keep)
-            x, shown = times(report.t[at]), k == 0
-            data.append(line(x, y[at], name, color, axes=("x", f"y{axis_suffix(k)}"), showlegend=shown))
-        domain = [max(top - height, 0.0), top]
-        axes[f"yaxis{axis_suffix(k)}"] = axis(title, domain=domain, hoverformat=".2f", nticks=5)
-        top -= height + PANEL_GAP
-    quantities = " and ".join(readable(of.role) for of in report.closed_loop)
-    bottom = f"y{axis_suffix(len(panels) - 1)}"
-    axes["xaxis"] = axis("time in the log (s)", anchor=bottom, domain=[0, 1], hoverformat=".1f")
-    return Figure(
-        "closed-loop",
-        "Trajectories in closed loop",
-        _caption(report),
-        f"{quantities} over time: measured, simulated in closed loop, error",
-        MARGIN_PX["t"] + MARGIN_PX["b"] + ROW_HEIGHT_PX * len(report.closed_loop),
-        data,
-        layout(axes, hovermode="x"),
-        (
-            NARROW_TOP_PX + NARROW_MARGIN_PX["b"] + NARROW_ROW_PX * len(report.closed_loop),
-            {"margin": NARROW_MARGIN_PX | {"t": NARROW_TOP_PX}},
-        ),
-    )
 
+    def drawn(name: str, y: Array, color: str) -> Spec:
+        return signal(report.t, y, name, color, MAX_POINTS, keep)
 
-def _panels(report: Report, of: Trajectory) -> list[tuple[str, float, list[tuple[str, Array, str]]]]:
-    """The trajectory and below it its error: title, fraction of the height, lines with name and color."""
-    sides = [(_before(report), of.before, "before")]
-    sides += [("extended model", of.after, "after")] if has_extended(of) else []
-    unit = role_unit(of.role)
+    sides = [(_before(report), trajectory.before, "before")]
+    sides += [("extended model", trajectory.after, "after")] if has_extended(trajectory) else []
+    unit = role_unit(trajectory.role)
+    lines = [drawn(*side) for side in [("measured", trajectory.measured, "measured"), *sides]]
+    errors = [drawn(name, y - trajectory.measured, color) for name, y, color in sides]
     return [
-        (f"{readable(of.role)} ({unit})", TRAJECTORY_SHARE, [("measured", of.measured, "measured"), *sides]),
-        (f"error ({unit})", ERROR_SHARE, [(name, y - of.measured, color) for name, y, color in sides]),
+        Panel(titled(trajectory.role, unit), lines, TRAJECTORY_PX),
+        Panel(f"error of the {titled(trajectory.role, unit)}", errors, ERROR_PX),
     ]
 
 
@@ -86,15 +50,14 @@ def _caption(report: Report) -> str:
         "The lead vehicle is the one in the log; driver and car are simulated, so that errors accumulate. Each stretch "
         "starts from the measured state, and no model was fitted to the stretch that it drives."
     )
-    for of in report.closed_loop:
-        unit = role_unit(of.role)
-        caption += (
-            f" {readable(of.role).capitalize()}: error {number(rms(of.before - of.measured), unit)} rms"
-        )
-        if has_extended(of):
-            caption += f" → {number(rms(of.after - of.measured), unit)} rms, error variance {change(of)}"
+    for quantity in report.closed_loop:
+        unit = role_unit(quantity.role)
+        before = number(rms(quantity.before - quantity.measured), unit)
+        caption += f" {readable(quantity.role).capitalize()}: error {before} rms"
+        if has_extended(quantity):
+            caption += f" → {number(rms(quantity.after - quantity.measured), unit)} rms, error variance {change(quantity)}"
             caption += " on held-out data"
-            caption += ": worse with the extended model" * worse(of)
+            caption += ": worse with the extended model" * worse(quantity)
         caption += "."
     if len(report.t) > MAX_POINTS:
         caption += (

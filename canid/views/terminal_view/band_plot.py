@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from statistics import median
 
-from canid.types import Interval
+from canid.values.types import Interval
 from canid.views.terminal_view.spans import Span
 
 # bit of the braille character per dot: (column, row)
@@ -106,8 +106,8 @@ def _joined(band: list[int], line: list[int], style: str) -> tuple[Span, ...]:
     start = 0
     for at in range(1, len(line) + 1):
         if at == len(line) or bool(line[at]) != bool(line[start]):
-            of = line if line[start] else band
-            text = "".join(chr(BRAILLE + bits) if bits else " " for bits in of[start:at])
+            shown = line if line[start] else band
+            text = "".join(chr(BRAILLE + bits) if bits else " " for bits in shown[start:at])
             spans.append(Span(text, style if line[start] else "dim"))
             start = at
     return tuple(spans)

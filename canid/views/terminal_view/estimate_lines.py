@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from canid.types import Channel, Estimate, Identifiable, Status
-from canid.views import estimate_text
-from canid.views.names import HEADLINE_MARK, readable
-from canid.views.numbers import clock, gain_unit
+from canid.values import estimate_text
+from canid.values.names import HEADLINE_MARK, readable
+from canid.values.numbers import clock, gain_unit
+from canid.values.types import Channel, Estimate, Identifiable, Status
 from canid.views.terminal_view.spans import Line, Span, packed, wrapped
 from canid.views.terminal_view.state import View
 

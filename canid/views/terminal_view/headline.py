@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-from canid.types import Channel, Estimate, Identifiable, Interval, Progress, Status
-from canid.views import estimate_text
-from canid.views.names import SYMBOLS, readable
-from canid.views.numbers import gain_unit
+from canid.values import estimate_text
+from canid.values.names import SYMBOLS, readable
+from canid.values.numbers import gain_unit
+from canid.values.types import Channel, Estimate, Identifiable, Interval, Progress, Status
 from canid.views.terminal_view import band_plot, digits
 from canid.views.terminal_view.estimate_lines import Numbers
 from canid.views.terminal_view.spans import Line, Span, cells, packed, width
@@ -156,28 +156,28 @@ def progress(e: Estimate, output: str, columns: int, *, every: bool = False) -> 
     # what comes first: NaN is never
     known.sort(key=lambda item: (not item[1].seconds >= 0.0, item[1].seconds))
     out: list[Line] = []
-    for name, one in known if every else known[:1]:
-        done = share_done(one)
+    for name, state in known if every else known[:1]:
+        done = share_done(state)
         room = min(max(columns - 60, 8), BAR_COLUMNS)
         full = round(done * room)
-        label: Line = (Span("next: ", "dim"), Span(f"{readable(name)} {SYMBOLS[one.parameter]}"))
+        label: Line = (Span("next: ", "dim"), Span(f"{readable(name)} {SYMBOLS[state.parameter]}"))
         bar: Line = (
             Span("█" * full, "cyan"),
             Span("░" * (room - full), "dim"),
             Span(f" {100 * done:.0f} %"),
         )
-        _, _, missing = estimate_text.missing(one, gain_unit(output, name)).partition(" ")
+        _, _, missing = estimate_text.missing(state, gain_unit(output, name)).partition(" ")
         out += packed([label, bar, (Span(missing, "dim"),)], columns)
     return out
 
 
-def share_done(one: Progress) -> float:
+def share_done(progress: Progress) -> float:
     """Share of the driving that a parameter needs: information grows with time, as 1/sd².
 
     Example:
         >>> share_done(Progress("tau", 0.2, 0.1, 180.0))
         0.25
     """
-    if not (one.sd > 0.0 and one.needed > 0.0 and math.isfinite(one.sd)):
+    if not (progress.sd > 0.0 and progress.needed > 0.0 and math.isfinite(progress.sd)):
         return 0.0
-    return min((one.needed / one.sd) ** 2, 0.99)
+    return min((progress.needed / progress.sd) ** 2, 0.99)

@@ -7,6 +7,7 @@ from canid.views.terminal_view.spans import Line, Span, packed, wrapped
 KEYS = (
     ("q", "stop", "stop cleanly: everything received is written, then the summary is printed"),
     ("m", "mark", "mark this time of the drive, with a text or without; it stands in log and journal"),
+    ("d", "diagnose", "diagnose the drive so far, where --diagnose was given"),
     ("space", "pause", "pause the view; the recording goes on, and its line stays live"),
     ("u", "units", "speeds in m/s or km/h; parameters stay in SI"),
     ("?", "help", "this help; any key leaves it"),
@@ -16,9 +17,11 @@ KEY_COLUMNS = 6
 
 
 def footer(columns: int) -> Line:
-    """The keys in one line, as many as fit."""
+    """The keys in one line, as many as fit; the last one always, which explains all."""
     items: list[Line] = [(Span(f"{key}", "bold"), Span(f" {short}", "dim")) for key, short, _ in KEYS]
-    return packed(items, columns)[0]
+    while len(rows := packed(items, columns)) > 1 and len(items) > 1:
+        del items[-2]
+    return rows[0]
 
 
 def short(columns: int) -> list[Line]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from canid.types import Estimate, Status
+from canid.values.types import Estimate, Status
 from canid.views.terminal_view import estimate_lines, headline, help_lines, recorder_bar, sections
 from canid.views.terminal_view.layout import Section, allocated
 from canid.views.terminal_view.spans import Line, Span, fitted, width
@@ -16,21 +16,34 @@ from canid.views.terminal_view.units import SpeedUnit
 TWO_FROM_COLUMNS = 140
 # share of the left one, which has the large numbers and the trends
 LEFT_SHARE = 0.55
+# of the diagnosis of the drive so far, before there is room for all of it
+DIAGNOSIS_LINES = 3
 SEPARATOR = Span(" │ ", "dim")
 # What appears as the picture grows: (section, form), most important first. The recorder's lines, the first form of the
 # headline and the last line are always there. Of what is wrong the first item precedes all that is in order.
 STEPS = (
     ("troubles", 1), ("findings", 1), ("headline", 1), ("measured", 1), ("others", 1), ("progress", 1), ("monitor", 1),
-    ("troubles", 2), ("findings", 2), ("events", 1), ("measured", 2), ("load", 1), ("headline", 2), ("trend", 1),
-    ("others", 2), ("truth", 1), ("in_order", 1), ("trend", 2), ("excitation", 1), ("progress", 2), ("events", 2),
-    ("trend", 3), ("tests", 1), ("trend", 4), ("events", 3), ("trend", 5), ("trend", 6), ("trend", 7),
+    ("diagnosis", 1), ("troubles", 2), ("findings", 2), ("events", 1), ("diagnosis", 2), ("measured", 2), ("load", 1),
+    ("headline", 2), ("trend", 1), ("others", 2), ("truth", 1), ("in_order", 1), ("trend", 2), ("excitation", 1),
+    ("progress", 2), ("events", 2), ("trend", 3), ("tests", 1), ("trend", 4), ("events", 3), ("trend", 5),
 )  # fmt: skip
 # from top to bottom
 LEFT = ("troubles", "findings", "headline", "progress", "trend")
-RIGHT = ("measured", "others", "monitor", "excitation", "tests", "truth", "load", "in_order", "events")
+RIGHT = (
+    "measured",
+    "others",
+    "monitor",
+    "diagnosis",
+    "excitation",
+    "tests",
+    "truth",
+    "load",
+    "in_order",
+    "events",
+)
 ORDER = (
-    "troubles", "findings", "measured", "headline", "progress", "trend", "others", "monitor", "excitation", "tests",
-    "truth", "load", "in_order", "events",
+    "troubles", "findings", "measured", "headline", "progress", "trend", "others", "monitor", "diagnosis", "excitation",
+    "tests", "truth", "load", "in_order", "events",
 )  # fmt: skip
 
 
@@ -98,7 +111,11 @@ def _column(view: View, unit: SpeedUnit, order: Sequence[str], columns: int, roo
     """The parts named in `order` from top to bottom, as large as there is room for, apart where there is more."""
     parts = [part for part in _sections(view, unit, columns) if part.name in order]
     chosen = allocated(parts, STEPS, room)
-    chosen["trend"] = _trend(view, columns, len(chosen.get("trend", ())))
+    spare = room - sum(map(len, chosen.values()))
+    gaps = sum(map(bool, chosen.values())) - 1
+    chosen["trend"] = _trend(
+        view, columns, len(chosen.get("trend", ())), spare - gaps if spare >= gaps else spare
+    )
     shown = [chosen[name] for name in order if chosen[name]]
     apart = room - sum(map(len, shown)) >= len(shown) - 1
     out: list[Line] = []
@@ -107,15 +124,14 @@ def _column(view: View, unit: SpeedUnit, order: Sequence[str], columns: int, roo
     return out
 
 
-def _trend(view: View, columns: int, rows: int) -> list[Line]:
-    """As many curves as `rows` was allocated for, of the same height."""
+def _trend(view: View, columns: int, rows: int, spare: int) -> list[Line]:
+    """As many curves as `rows` was allocated for, of the same height; what is spare makes them higher."""
     curves = headline.curves(view) if rows else []
     for count in range(len(curves), 0, -1):
         # no height divides by fewer curves than it was made for, apart from those of 2 rows
         if rows % count == 0 and rows // count >= 2:
-            return [
-                line for curve in curves[:count] for line in headline.plotted(curve, columns, rows // count)
-            ]
+            height = rows // count + spare // count
+            return [line for curve in curves[:count] for line in headline.plotted(curve, columns, height)]
     return []
 
 
@@ -129,17 +145,16 @@ def _sections(view: View, unit: SpeedUnit, columns: int) -> list[Section]:
     gate = sections.gate(view.sample, columns)
     # one row of the first curve more, then of all: their heights are known before they are drawn
     count = len(headline.curves(view))
-    heights = (
-        (2, 2 * min(count, 2), 3 * min(count, 2), 3 * count, 5 * count, 8 * count, 12 * count)
-        if count
-        else ()
-    )
+    heights = (2, 2 * min(count, 2), 3 * min(count, 2), 3 * count, 5 * count) if count else ()
     return [
         *_estimates(view, columns),
         Section("troubles", ([], sections.troubles(view, columns, 1), sections.troubles(view, columns))),
         Section("findings", ([], sections.findings(view, columns, 1), sections.findings(view, columns))),
         Section("measured", ([], measured[:1], [*measured, *gate])),
         Section("monitor", ([], sections.monitor(view, columns))),
+        Section(
+            "diagnosis", ([], *(sections.diagnosis(view, columns, most) for most in (DIAGNOSIS_LINES, None)))
+        ),
         Section("excitation", ([], sections.excitation(view, columns))),
         Section("tests", ([], sections.residual_tests(view, columns))),
         Section("load", ([], sections.loads(view, columns))),

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import PurePath
 
-from canid.views.numbers import clock, file_size
-from canid.views.status_lines import MAX_LAG_S
+from canid.values.numbers import clock, file_size
 from canid.views.terminal_view.spans import Line, Span, cells, fitted, packed, shortened, width, wrapped
 from canid.views.terminal_view.state import Recording, Replayed, View
 
+# s between a frame's arrival and its writing above which the line is red: 0.25 is promised, a busy machine adds to it
+MAX_LAG_S = 0.4
 # columns from which on all of it stands in one line
 ONE_LINE_FROM_COLUMNS = 76
 # columns of the progress bar of a replay

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 from canid.signal_checks.signal_checks import sentence
-from canid.types import BlockStatus, Event, LearnGate, Sample
-from canid.views import estimate_text
-from canid.views.names import readable
-from canid.views.numbers import DASH, UNITS, clock, number
+from canid.values import estimate_text
+from canid.values.names import readable
+from canid.values.numbers import DASH, UNITS, clock, number
+from canid.values.types import BlockStatus, Event, LearnGate, Sample
 from canid.views.terminal_view.spans import Line, Span, packed, wrapped
 from canid.views.terminal_view.state import HealthLine, View
 from canid.views.terminal_view.units import SpeedUnit
@@ -28,11 +28,11 @@ def measured(view: View, unit: SpeedUnit, columns: int) -> list[Line]:
         return [(Span(waits, "dim"),)] if waits else []
     signals = view.sample.signals
     items: list[Line] = []
-    for role, of in COLUMNS.items():
+    for role, unit_text in COLUMNS.items():
         if role in signals:
-            speed = of == SpeedUnit.M_S.value
+            speed = unit_text == SpeedUnit.M_S.value
             value = signals[role] * (unit.factor if speed else 1.0)
-            items.append(_value(role, value, unit.value if speed else of))
+            items.append(_value(role, value, unit.value if speed else unit_text))
     items.append(_value(view.output, view.sample.output, UNITS.get(view.output, "")))
     return packed(items, columns, indent=0)
 
@@ -83,10 +83,17 @@ def monitor(view: View, columns: int) -> list[Line]:
     return wrapped(f"monitor: {estimate_text.misfit(view.monitor)}", style, columns)
 
 
+def diagnosis(view: View, columns: int, most: int | None = None) -> list[Line]:
+    """What the diagnosis of the drive so far says; `most`: in so many lines."""
+    if view.diagnosis is None:
+        return []
+    return wrapped(view.diagnosis.says, "magenta", columns)[:most]
+
+
 def findings(view: View, columns: int, first: int | None = None) -> list[Line]:
     """What is wrong with signals; `first`: only so many, and how many more there are."""
     shown = view.signals[:first]
-    out = [line for one in shown for line in wrapped(f"✗ {sentence(one)}", "bold red", columns)]
+    out = [line for finding in shown for line in wrapped(f"✗ {sentence(finding)}", "bold red", columns)]
     return out + _more(len(view.signals) - len(shown), "signal findings")
 
 
@@ -94,7 +101,7 @@ def troubles(view: View, columns: int, first: int | None = None) -> list[Line]:
     """What is wrong with recorder, buses and estimators."""
     wrong = [line for line in view.lines if line.wrong]
     shown = wrong[:first]
-    out = [line for one in shown for line in health(one, columns)]
+    out = [line for trouble in shown for line in health(trouble, columns)]
     return out + _more(len(wrong) - len(shown), "lines on what is wrong")
 
 
@@ -119,7 +126,7 @@ def health(line: HealthLine, columns: int) -> list[Line]:
 def in_order(view: View, columns: int) -> list[Line]:
     """The lines on buses and estimators that report nothing wrong; the recorder's is the first line of the picture."""
     lines = view.lines[1:] if view.recording is not None else view.lines
-    return [line for one in lines if not one.wrong for line in health(one, columns)]
+    return [line for entry in lines if not entry.wrong for line in health(entry, columns)]
 
 
 def loads(view: View, columns: int) -> list[Line]:

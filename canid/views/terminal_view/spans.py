@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
-from canid.views.terminal_text import terminal_text
+from canid.values.terminal_text import terminal_text
 
 # characters of one column, which nearly all are: Latin, Greek, Cyrillic, arrows, mathematics, blocks, braille. Combining
 # marks among them count as one: that only shortens a line
@@ -144,8 +144,3 @@ def packed(items: Iterable[Line], columns: int, indent: int = 2, gap: int = 2) -
             longer = (Span(" " * indent), *escaped)
         now = longer
     return [fitted(line, columns) for line in (*lines, now) if line]
-
-
-def plain(lines: Sequence[Line]) -> str:
-    """The text alone, without blanks at the ends of lines."""
-    return "\n".join("".join(span.text for span in line).rstrip() for line in lines)

@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from canid.types import Channel, Estimate, Event, MonitorReport, Sample, SignalFinding, SignalReport, Status
+from canid.values.types import (
+    DIAGNOSIS,
+    Channel,
+    Estimate,
+    Event,
+    MonitorReport,
+    Sample,
+    SignalFinding,
+    SignalReport,
+    Status,
+)
 
 Item = Sample | Estimate | MonitorReport | SignalReport | Event
 
@@ -78,6 +88,7 @@ class View(NamedTuple):
     events: tuple[Event, ...] = ()
     monitor: MonitorReport | None = None  # the latest of the model monitor
     signals: tuple[SignalFinding, ...] = ()  # that stand
+    diagnosis: Event | None = None  # the latest of the drive so far
     truth: tuple[tuple[str, str], ...] = ()  # (channel, known values), in a demonstration
     recording: Recording | None = None
     replayed: Replayed | None = None
@@ -91,16 +102,20 @@ def update(view: View, item: Item) -> View:
             view = _before(view)
         return view._replace(t=item.t, sample=item)
     if isinstance(item, Event):
+        if item.what == DIAGNOSIS:
+            return view._replace(diagnosis=item)
         return view._replace(events=(*view.events, item)[-EVENTS_KEPT:])
     if isinstance(item, MonitorReport):
         return view._replace(t=max(view.t, item.t), monitor=item)
     if isinstance(item, SignalReport):
-        wrong = [one for one in item.findings if one.withholds]
+        wrong = [finding for finding in item.findings if finding.withholds]
         return view._replace(
-            signals=tuple(one for one in item.findings if one.until != one.until),
+            signals=tuple(finding for finding in item.findings if finding.until != finding.until),
             # what was good while a signal was wrong, and nobody knew it yet
             last_ok=tuple(
-                e for e in view.last_ok if not any(one.since <= e.t <= one.raised for one in wrong)
+                e
+                for e in view.last_ok
+                if not any(finding.since <= e.t <= finding.raised for finding in wrong)
             ),
         )
     others = tuple(e for e in view.estimates if e.estimator != item.estimator)
@@ -114,7 +129,7 @@ def update(view: View, item: Item) -> View:
 
 
 def with_status(view: View, values: Mapping[str, Any]) -> View:
-    """Take the numbers of a session (`cli.live_session.to_json`) or of a replay into the view.
+    """Take the numbers of a session (`cli.live_session.Recorded`) or of a replay into the view.
 
     Example:
         >>> with_status(View("replay"), {"t": 3.0, "duration": None, "paused": False, "speed": 10.0}).replayed
@@ -146,7 +161,8 @@ def with_status(view: View, values: Mapping[str, Any]) -> View:
 
 def frozen(now: View, then: View) -> View:
     """The drive of `then` with the recorder, the buses, the events and the signal findings of `now`."""
-    live = {name: getattr(now, name) for name in ("lines", "events", "signals", "recording", "replayed")}
+    names = ("lines", "events", "signals", "diagnosis", "recording", "replayed")
+    live = {name: getattr(now, name) for name in names}
     return then._replace(**live)
 
 

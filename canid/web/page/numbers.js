@@ -1,4 +1,4 @@
-// Numbers as text: value, 95 % interval and unit, as canid/views/numbers.py writes them.
+// Numbers as text: value, 95 % interval and unit, as canid/values/numbers.py writes them.
 export const DASH = "–";
 const MAX_DECIMALS = 6;
 const known = (x) => typeof x === "number" && Number.isFinite(x);

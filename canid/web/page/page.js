@@ -1,8 +1,9 @@
 // The page: connection, drawing at a steady rate, and controls.
 import { clock, known, readable } from "./numbers.js";
-import { byId, drawEstimators, drawEvents, drawHeadline, drawHealth, drawMonitor, drawNow, make, say } from "./panels.js";
+import { byId, drawDecoded, drawEstimators, drawEvents, drawHeadline, drawHealth, drawMonitor, drawNow, make, say } from "./panels.js";
 import { OFFSET_S } from "./prediction.js";
 import { drawEstimates, drawLead, drawOutput, load, readColors } from "./plots.js";
+import { drawSignals, watchSignals } from "./signals.js";
 import { Store } from "./store.js";
 
 const RETRY_MS = [500, 1000, 2000, 5000];
@@ -28,17 +29,42 @@ const remember = (key, text) => { try { localStorage.setItem(key, text); } catch
 
 // --- connection ---
 
+// The token of the printed address: kept for this tab and this port, and sent with the websocket alone. It stays neither in
+// the address bar nor in the history, unless nothing can be kept.
+function readToken() {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  try {
+    if (!given) return sessionStorage.getItem("canid-token");
+    sessionStorage.setItem("canid-token", given);
+    history.replaceState(null, "", location.pathname);
+  } catch { /* storage may be switched off */ }
+  return given;
+}
+
+const token = readToken();
+
 function connect() {
-  socket = new WebSocket(`ws://${location.host}/live`);
-  socket.onopen = () => { tries = 0; connection("open"); };
+  let opened = false;
+  try {
+    socket = new WebSocket(`ws://${location.host}/live`, ["canid", token || ""]);
+  } catch { // no token, or none that can be one
+    connection("refused");
+    return;
+  }
+  socket.onopen = () => { opened = true; tries = 0; connection("open"); };
   socket.onmessage = (event) => {
     store.take(JSON.parse(event.data));
     root.dataset.received = String(Date.now());
     if (store.ended) connection("ended");
   };
-  socket.onclose = () => {
+  socket.onclose = async () => {
     if (store.ended) return;
-    connection("lost");
+    if (opened) connection("lost");
+    else {
+      // the server that gives its page but no websocket has refused it
+      const there = await fetch("/", { method: "HEAD" }).then((answer) => answer.ok, () => false);
+      connection(there ? "refused" : "lost");
+    }
     setTimeout(connect, RETRY_MS[Math.min(tries, RETRY_MS.length - 1)]);
     tries += 1;
   };
@@ -51,7 +77,7 @@ function connection(state) {
   if (state === "ended") body.dataset.ended = "";
   const banner = byId("banner");
   banner.hidden = state === "open";
-  const words = { lost: "Connection lost: these are the last numbers. Trying again …", ended: "The session has ended: these are its last numbers." };
+  const words = { refused: "Not admitted: open the address that canid has printed, with all that stands behind its #.", lost: "Connection lost: these are the last numbers. Trying again …", ended: "The session has ended: these are its last numbers." };
   say(banner, words[state] || "");
 }
 
@@ -132,6 +158,8 @@ function drawTexts() {
   drawStart();
   drawTime();
   drawNow(store, units);
+  drawDecoded(store);
+  drawSignals(store);
   drawHeadline(store);
   drawEstimators(store);
   drawMonitor(store);
@@ -225,7 +253,7 @@ function explain() {
 
 function keys(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  const inText = event.target.matches("input[type=text]");
+  const inText = event.target.matches("input[type=text], input[type=search]");
   if (inText) {
     if (event.key === "Escape") event.target.blur();
     return;
@@ -233,7 +261,7 @@ function keys(event) {
   const inButton = event.target.matches("button, input");
   const step = event.shiftKey ? LONG_STEP_S : STEP_S;
   const actions = {
-    m: mark, u: switchUnits, t: switchTheme, "?": explain,
+    m: mark, d: () => ask({ do: "diagnose" }), u: switchUnits, t: switchTheme, "?": explain,
     " ": inButton ? null : pause,
     ArrowLeft: () => seekBy(-step), ArrowRight: () => seekBy(step),
   };
@@ -246,6 +274,7 @@ function keys(event) {
 function listen() {
   byId("units").addEventListener("click", switchUnits);
   byId("theme").addEventListener("click", switchTheme);
+  watchSignals(ask, () => { drawn.texts = -1; drawSignals(store, true); });
   byId("help").addEventListener("click", explain);
   byId("pause").addEventListener("click", pause);
   byId("marking").addEventListener("submit", (event) => { event.preventDefault(); mark(); });
@@ -266,8 +295,8 @@ function listen() {
   addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(redraw, 150); });
 }
 
-// the token stays neither in the address bar nor in the history
-if (location.search) history.replaceState(null, "", location.pathname);
+// the printed address of another session, opened in this tab
+addEventListener("hashchange", () => location.reload());
 setUnits(remembered("canid-units") || "m/s");
 readColors();
 listen();

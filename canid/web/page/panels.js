@@ -185,12 +185,30 @@ export function drawNow(store, units) {
   }
 }
 
+// every role of the vehicle file that came, as it is now in the samples, in SI
+export function drawDecoded(store) {
+  if (!store.sample || !byId("decoded-open").open) return;
+  const { signals } = store.sample;
+  const units = store.start.units || {};
+  byId("decoded-rows").replaceChildren(...Object.keys(signals).sort().map((role) => {
+    const row = make("tr");
+    const head = make("th", readable(role));
+    head.scope = "row";
+    row.dataset.role = role;
+    const x = signals[role];
+    row.append(head, make("td", known(x) ? String(Number(x.toPrecision(6))) : DASH), make("td", units[role] || ""));
+    return row;
+  }));
+}
+
 export function drawMonitor(store) {
   const monitor = byId("monitor");
   if (store.monitor) {
     say(monitor, `monitor: ${store.monitor.says}`);
     monitor.dataset.fits = String(store.monitor.value.screen.fits);
   } else say(monitor, "");
+  const diagnosed = store.events.findLast((event) => event.event === "diagnosis");
+  say(byId("diagnosis"), diagnosed ? diagnosed.says : "");
   const { message } = store.shown();
   const tested = [message, ...store.latest.values()].find((one) => one && one.value.residual_tests);
   const tests = tested && tested.value.residual_tests;

@@ -1,6 +1,6 @@
 // The plots. plotly takes some of its texts for markup: no text from a file, a bus or a person is given to it.
 import { known } from "./numbers.js";
-import { byId } from "./panels.js";
+import { byId, say } from "./panels.js";
 import { parameters, predict } from "./prediction.js";
 
 // s of samples that are drawn, and that the prediction is computed of
@@ -131,18 +131,20 @@ export function drawEstimates(store, channel, gainUnit) {
   const latest = Math.max(...all.map(([, rows]) => (rows.length ? rows[rows.length - 1].t : 0)), 1);
   // minutes where seconds would be four digits
   const [scale, suffix] = latest > 900 ? [60, " min"] : [1, " s"];
+  // a parameter that no estimator could quote yet has no plot, but a word
+  const drawable = (row, what) => row.status === "ok" && row.channels[channel] && (QUOTED[row.channels[channel].status] || []).includes(what);
+  const absent = Object.keys(SYMBOLS).filter((what) => !all.some(([, rows]) => rows.some((row) => drawable(row, what))));
+  say(byId("absent"), absent.length ? `not identifiable so far: ${absent.map((what) => SYMBOLS[what]).join(", ")}` : "");
   for (const what of Object.keys(SYMBOLS)) {
     const id = `plot-${what}`;
-    if (!seen.has(id)) continue;
+    byId(id).hidden = absent.includes(what);
+    if (!seen.has(id) || absent.includes(what)) continue;
     const data = [];
     const lows = [];
     const highs = [];
     for (const [name, rows] of all) {
       const t = rows.map((row) => row.t / scale);
-      const part = (k) => rows.map((row) => {
-        const ch = row.channels[channel];
-        return row.status === "ok" && ch && (QUOTED[ch.status] || []).includes(what) ? ch[what][k] : null;
-      });
+      const part = (k) => rows.map((row) => (drawable(row, what) ? row.channels[channel][what][k] : null));
       const [middle, low, high] = [part(0), part(1), part(2)];
       const color = ofEstimator(name);
       for (const band of bands(t, low, high)) {
@@ -157,10 +159,7 @@ export function drawEstimates(store, channel, gainUnit) {
     const unit = what === "K" ? gainUnit : "s";
     draw(id, data, `${SYMBOLS[what]}${unit ? `, ${unit}` : ""}`, {
       xaxis: { range: [0, latest / scale], ticksuffix: suffix },
-      yaxis: { range: bulk(lows, highs), autorange: lows.length ? false : undefined },
-      annotations: lows.length ? [] : [{
-        text: "not identifiable so far", x: 0.5, y: 0.5, xref: "paper", yref: "paper", showarrow: false, font: { color: colors.muted },
-      }],
+      yaxis: { range: bulk(lows, highs), autorange: false },
       shapes: marks.map((one) => ({
         type: "line", x0: one.t / scale, x1: one.t / scale, y0: 0, y1: 1, yref: "paper", line: { color: colors.predicted, width: 1.5, dash: "dot" },
       })),
@@ -184,7 +183,6 @@ function bands(t, low, high) {
 
 // The range of most of the intervals: the first ones of a drive are so wide that nothing else could be read.
 function bulk(lows, highs) {
-  if (!lows.length) return [0, 1];
   const sorted = (xs) => [...xs].filter(known).sort((a, b) => a - b);
   const [l, h] = [sorted(lows), sorted(highs)];
   const bottom = Math.min(l[Math.floor(0.05 * (l.length - 1))], l.length ? l[l.length - 1] : 0);

@@ -45,6 +45,7 @@ const triple = (iv) => [iv.value, iv.low, iv.high];
 export class Store {
   constructor() {
     this.start = {};
+    this.table = null; // of all signals; it outlives a seek, until the next one comes
     this.version = 0; // grows with every message: what was drawn may be out of date
     this.clear();
   }
@@ -75,6 +76,7 @@ export class Store {
     else if (kind === "monitor") this.monitor = message;
     else if (kind === "signals") this.signals = message;
     else if (kind === "health") this.health = message;
+    else if (kind === "table") this.table = message;
     else if (kind === "status") this.status = message;
     else if (kind === "end") this.ended = true;
   }

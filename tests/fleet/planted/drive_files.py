@@ -14,7 +14,7 @@ from typing import NamedTuple
 from canid.logs import write_log
 from canid.simulation import Car, DriverTruth, simulate
 from canid.simulation import frames as frames_of_simulation
-from canid.types import Frame
+from canid.values.types import Frame
 from canid.vehicle import Vehicle, read_vehicle
 from tests.fleet.planted.planted_fleet import Drive, Fleet, truth
 from tests.plants import measurement, plant_one, plant_two

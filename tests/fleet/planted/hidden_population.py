@@ -62,7 +62,7 @@ VALUES: dict[str, Callable[[Array], Array]] = {
     "headway_error.log_tau_plus_dead_time": lambda x: np.log(x[..., 2] + x[..., 3]),
     "range_rate.log_tau_plus_dead_time": lambda x: np.log(x[..., 2] + x[..., 4]),
     "log_noise_sd": lambda x: np.log(x[..., 6]),
-    "wanted_headway": lambda x: x[..., 5],
+    "log_wanted_headway": lambda x: np.log(x[..., 5]),
 }
 
 
@@ -109,7 +109,7 @@ def expected(person: Array, seed: int = 1) -> dict[str, float]:
     """Means of the parameters over all drives that a person might drive.
 
     Example:
-        >>> round(expected(np.log(np.array(MEDIAN)))["wanted_headway"], 2)
+        >>> round(float(np.exp(expected(np.log(np.array(MEDIAN)))["log_wanted_headway"])), 1)
         1.9
     """
     x = drives(person, DRAWS, np.random.default_rng(seed))

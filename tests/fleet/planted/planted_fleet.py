@@ -25,7 +25,7 @@ NOISES = ("white", "ar1", "ar4", "resonant", "mix")
 PROFILES, PROFILE_SHARES = ("mixed", "urban", "motorway"), (0.5, 0.25, 0.25)
 # canid's own simulator for fewer than half: what suits only that one shows
 SIMULATORS, SIMULATOR_SHARES = ("canid", "one", "two"), (0.4, 0.3, 0.3)
-# a fault of one car each, at strengths that drives of 10 min of both planting simulators show (docs/diagnosis.md)
+# a fault of one car each, at strengths that drives of 10 min of both planting simulators show (docs/evidence/diagnosis.md)
 CAR_CAUSES: dict[str, dict[str, dict[str, float]]] = {
     "hatchback": {},
     "estate": {"speed_scale": {"share": 0.03}},

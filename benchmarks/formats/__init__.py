@@ -1,0 +1,1 @@
+"""Random files in every dialect of each log format, read back."""

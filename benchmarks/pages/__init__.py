@@ -1,0 +1,1 @@
+"""What the pages of many drives say, read as a reader does."""

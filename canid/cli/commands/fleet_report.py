@@ -1,0 +1,77 @@
+"""`canid fleet report DIR -o FILE.html`: one page on a fleet."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from canid.cli.command_line import reproducing
+from canid.cli.output import complete_files, output_kinds, outputs
+from canid.cli.output.messages import info, print_line
+from canid.cli.output.outputs import Output
+from canid.cli.report_option import page_name
+from canid.values.errors import DONE
+
+if TYPE_CHECKING:
+    from canid.values.findings import Provenance
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", metavar="DIR", help="folder of canid fleet")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE.html",
+        help="the page; replaces an earlier one; default: the answer as text alone",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Summarise, show the answer, write the page."""
+    from canid.fleet.answers.summary import summarise
+    from canid.fleet.storage import mirror
+    from canid.fleet.storage.database import is_folder, not_a_folder
+    from canid.views.fleet_report.fleet_document import page, text
+
+    folder = mirror.local(args.folder)
+    if not is_folder(folder):
+        raise not_a_folder(args.folder)
+    written = None
+    if args.output is not None:
+        name = page_name("fleet report", args.output, None, option="-o")
+        written = Output("-o", name, output_kinds.report_page("fleet"))
+        outputs.check([written], sorted(Path(folder).glob("*.parquet")))
+    summary = summarise(folder)
+    for line in text(summary):
+        print_line(line)
+    complete_files.write(written, lambda: page(summary, _provenance(args, folder, summary.counts.logs)))
+    if written is not None:
+        info(f"{args.output} written")
+    return DONE
+
+
+def _provenance(args: argparse.Namespace, folder: str, logs: int) -> Provenance:
+    from canid.cli.provenance import sha256, versions
+    from canid.values.findings import Provenance
+
+    before = _analysis(folder)
+    command = reproducing(args, "fleet report", args.folder, options=("-o",))
+    return Provenance(
+        log=f"{logs:,} logs of {args.folder}, listed in logs.parquet",
+        log_sha256=sha256(Path(folder) / "logs.parquet"),
+        command=f"{before}; {command}" if before else command,
+        versions=versions(),
+    )
+
+
+def _analysis(folder: str) -> str:
+    """The command of the analysis, as the folder has it; "": not known."""
+    import json
+
+    try:
+        noted = json.loads((Path(folder) / "fleet.json").read_text("utf-8"))
+        return str(noted["command"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""

@@ -1,0 +1,1 @@
+"""Signals of DBC files for `look` and `decode`: which are meant, and the page on them."""

@@ -1,0 +1,1 @@
+"""Which logs there are, whose they are, and how each is decoded."""

@@ -1,1 +1,0 @@
-"""What follows from the printed numbers of the two papers alone; no log needed."""

@@ -1,0 +1,1 @@
+"""Drawings: SVG without scripts, and figures for plotly; the panels that several pages show."""

@@ -1,0 +1,1 @@
+"""Transfer functions, margins and reductions, by python-control."""

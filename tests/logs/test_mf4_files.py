@@ -1,0 +1,59 @@
+"""ASAM .mf4 in every dialect of docs/formats/mf4.md, against frames that are known before they are written."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from canid.logs import open_log
+from canid.values.errors import ConfigError
+from canid.values.frame_columns import frames_of
+from canid.values.types import Flag
+from tests.formats_oracle import mf4_files
+from tests.formats_oracle.comparison import differences
+
+asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed: pip install canid[mf4]")
+
+
+@pytest.mark.slow("forty files, each opened by asammdf in a child process")
+def test_each_dialect_gives_the_frames_that_were_written(tmp_path: Path, seed: int) -> None:
+    """Ids, data, times, buses and flags of random valid and cut files; nothing is lost uncounted."""
+    rng = random.Random(seed)
+    for k in range(40):
+        written = mf4_files.draw(rng)
+        print(k, written.properties, len(written.frames), written.counts)
+        assert differences(written, tmp_path / f"{k}.mf4") == []
+
+
+@pytest.mark.slow("whole logs")
+@pytest.mark.parametrize(
+    ("name", "frames", "errors", "buses", "standard"),
+    [
+        ("plain", 50, 0, {0}, 25),
+        ("noide", 50, 0, {0}, 25),
+        ("err_scalar", 53, 3, {0}, 25),
+        ("err_bytes", 53, 3, {0}, 25),
+        ("two", 100, 0, {0, 1}, 50),
+        ("empty_group", 50, 0, {1}, 25),
+        ("cut20000", 347, 0, {0}, 347),
+    ],
+)
+def test_reported_files(
+    name: str, frames: int, errors: int, buses: set[int], standard: int, measured: Path
+) -> None:
+    """The reported files: all whole frames, their buses and ids; what is missing is counted."""
+    log = open_log(measured / "reports" / "16-mf4" / f"{name}.mf4")
+    got = [frame for chunk in log.columns() for frame in frames_of(chunk)]
+    assert len(got) == frames
+    assert sum(bool(frame.flags & Flag.ERROR) for frame in got) == errors
+    assert {frame.bus for frame in got} == buses
+    assert sum(not frame.flags & (Flag.EXTENDED | Flag.ERROR) for frame in got) == standard
+    assert log.damaged == (name == "cut20000")
+
+
+def test_a_measurement_of_signals_says_what_it_is(measured: Path) -> None:
+    """A decoded .mf4 is no damaged log: the message names its signals and what reads them."""
+    with pytest.raises(ConfigError, match=r"decoded signals .VehicleSpeed, Gap., without CAN frames"):
+        open_log(measured / "reports" / "16-mf4" / "signals.mf4")

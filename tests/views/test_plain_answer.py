@@ -1,0 +1,53 @@
+"""The first sentences of a diagnosis alone hold what was planted, in its numbers."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable
+
+import pytest
+
+from canid.diagnosis.diagnose import diagnose
+from canid.values.findings import Report, Verdict
+from canid.views.diagnosis_answer import MAX_LINES, answer, summary
+from canid.views.document.document_text import WIDTH
+from tests.plants import plant_one, plant_two
+from tests.plants.measurement import trace
+
+PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
+# effect -> its parameter that the sentence states, and between which strengths it is planted
+PLANTED = {
+    "relative_speed_dead_zone": ("width", 0.8, 1.3),
+    "looming_gain": ("exponent", 0.7, 1.1),
+}
+NUMBERS = re.compile(r"(-?[\d.]+) \[(-?[\d.]+), (-?[\d.]+)\]")
+
+
+@pytest.mark.slow("diagnoses planted drives")
+@pytest.mark.parametrize("simulator", PLANTS)
+@pytest.mark.parametrize("effect", PLANTED)
+def test_the_answer_alone_says_what_was_planted(simulator: str, effect: str, seed: int) -> None:
+    rng = random.Random(seed)
+    name, weakest, strongest = PLANTED[effect]
+    planted = rng.uniform(weakest, strongest)
+    made = PLANTS[simulator]({effect: {name: planted}}, seed=seed, minutes=10, noise="ar1", profile="mixed")
+    report = diagnose(trace(made))
+    assert report.verdict in (Verdict.NAMED, Verdict.ONE_OF), report.says
+    first = answer(report)[0]
+    found = [tuple(map(float, numbers)) for numbers in NUMBERS.findall(first)]
+    # three times as wide as the 95 % interval: missed once in ten million
+    assert any(low - (high - low) < planted < high + (high - low) for _, low, high in found), (planted, first)
+    shown = summary(report, "a.blf", "car", "more")
+    assert len(shown) <= MAX_LINES
+    assert max(map(len, shown)) <= WIDTH
+
+
+def test_where_several_causes_fit_the_first_sentence_has_the_number_and_the_others(
+    report_of: Callable[..., Report],
+) -> None:
+    """Neither braces nor names of code, and no evidence before the answer."""
+    first = answer(report_of(Verdict.ONE_OF, minutes=2))[0]
+    assert "0.34" in first
+    assert "this drive cannot say which" in first
+    assert not re.search(r"[{}_]|nats|held-out", first)
