@@ -10,7 +10,11 @@ unexport PYTHONDONTWRITEBYTECODE
 # one more than there are processors: some tests wait for a recording that plays in real time
 WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
-.PHONY: demo test test-all lint types check check-rest docs screenshots vm-test clean
+# every version, of what is required by the way too; users' own `pip install` is free. Twice: pip's isolated builds
+# take the one or the other, by pip's version
+INSTALL := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test test-all lint types check check-rest newest constraints docs screenshots vm-test clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -25,6 +29,7 @@ test-all: test
 	@$(MAKE) --no-print-directory check-rest
 	@$(MAKE) --no-print-directory docs
 	@$(MAKE) --no-print-directory vm-test
+	@$(MAKE) --no-print-directory newest
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -40,6 +45,19 @@ check: $(VENV)/.dev
 # a drawn sixth of what is slow, and all that draws, with drawn seeds; CANID_ALL_CASES=1: all of what is slow
 check-rest: $(VENV)/.dev
 	CANID_SEED=$${CANID_SEED:-drawn} tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow or draws" $(PYTEST_ARGS)
+
+# the same tests with the newest release of everything, in an environment of its own, and which releases those are
+newest:
+	$(PYTHON) -m venv --clear $(VENV)-newest
+	$(VENV)-newest/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(VENV)-newest/bin/pip freeze --exclude-editable | diff constraints.txt - || echo "newer releases than constraints.txt: right"
+	tests/bus/alone $(VENV)-newest/bin/pytest -n $(WORKERS) --dist worksteal -m "not slow" $(PYTEST_ARGS)
+
+# constraints.txt anew: the newest releases that pyproject.toml allows
+constraints:
+	$(PYTHON) -m venv --clear $(VENV)-newest
+	$(VENV)-newest/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(VENV)-newest/bin/pip freeze --exclude-editable >constraints.txt
 
 # warnings are errors: a link or an anchor that leads nowhere, a page that is in no table of contents
 docs: $(VENV)/.dev
@@ -58,17 +76,17 @@ vm-test: $(VENV)/.dev
 	fi
 
 clean:
-	rm -rf $(VENV) .vm .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+	rm -rf $(VENV) $(VENV)-newest .vm .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 
 $(VENV)/bin/pip:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "canid needs Python 3.11 or newer: make PYTHON=python3.12")'
 	$(PYTHON) -m venv $(VENV)
 
 # stamps: a second call installs nothing, unless the dependencies have changed
-$(VENV)/.installed: pyproject.toml | $(VENV)/bin/pip
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[report]'
+$(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	$(INSTALL) --editable '.[report]'
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+$(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	$(INSTALL) --editable '.[dev]'
 	@touch $@ $(VENV)/.installed

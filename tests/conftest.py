@@ -17,9 +17,10 @@ from tests.fixtures.browser import browser
 from tests.fixtures.measured_logs import measured
 
 __all__ = ["browser", "measured"]
-settings.register_profile("fixed", derandomize=True)
+settings.register_profile("fixed", derandomize=True, database=None)
 settings.register_profile("drawn", print_blob=True)
 settings.load_profile("drawn" if seeds.DRAWN else "fixed")
+measured_logs.forbid_listing()
 
 
 def _nothing(number: int, frame: FrameType | None) -> None:

@@ -12,6 +12,7 @@ from canid.logs import open_log
 from canid.logs.log import Log
 from canid.values.errors import CanidError, ConfigError
 from canid.values.types import Flag, Frame
+from tests.fixtures import measured_logs
 from tests.fixtures.measured_logs import MISSING
 
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
@@ -40,7 +41,7 @@ def zero(log: Log, own: float) -> str:
 
 
 def test_dates_of_all_languages(reports: Path) -> None:
-    files = sorted((reports / "03-asc-dates").glob("*.asc"))
+    files = measured_logs.files("reports/03-asc-dates/*.asc")
     assert len(files) > 20
     for path in files:
         log, frames = opened(path)
@@ -129,7 +130,7 @@ def test_transmit_requests(reports: Path, suffix: str) -> None:
 def test_no_log_of_these_formats_is_refused_but_what_is_none(reports: Path) -> None:
     """In each folder of .asc, .trc and .blf something is read, or said to be damaged."""
     for folder in ("03-asc-dates", "04-asc-relative", "13-blf-others", "14-blf-appended", "29-more-dialects"):
-        for path in sorted((reports / folder).iterdir()):
+        for path in measured_logs.files(f"reports/{folder}/*"):
             if path.suffix not in (".asc", ".trc", ".blf"):
                 continue
             try:
@@ -141,7 +142,7 @@ def test_no_log_of_these_formats_is_refused_but_what_is_none(reports: Path) -> N
 
 def test_tables_are_no_damaged_logs(reports: Path) -> None:
     """Verbs that need frames say what a table is; every other .csv of the reports is a log, or of an unknown form."""
-    tables = [*reports.glob("22-*/*.csv"), *reports.glob("23-*/*.csv"), *reports.glob("28-*/*.csv")]
+    tables = measured_logs.files("reports/22-*/*.csv", "reports/23-*/*.csv", "reports/28-*/*.csv")
     assert len(tables) > 15
     for path in tables:
         with pytest.raises(ConfigError, match="is a table of named columns"):

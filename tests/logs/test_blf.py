@@ -18,9 +18,9 @@ from canid.logs import open_log, write_log
 from canid.logs.blf.blf_writer import BlfWriter
 from canid.values.errors import OutputError
 from canid.values.types import Flag, Frame
-from tests.fixtures.measured_logs import MEASURED, needs_measured
+from tests.fixtures.measured_logs import files, needs_measured
 
-LOGS = sorted(MEASURED.glob("*/*.blf"))
+LOGS = files("*/*.blf")
 FD_LENGTHS = (0, 1, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import random
-from pathlib import Path
 
 import pytest
 
 from canid.dbc_text import decoded
 from canid.dbc_text.parsing import Content, Parser
+from tests.fixtures import measured_logs
 
 # words as they stand in DBC files; each list has characters whose second byte is a backslash, where the encoding has such
 _WORDS = {
@@ -164,11 +164,11 @@ def test_an_xml_file_is_read_as_it_declares() -> None:
     assert decoded(text.encode("latin-1")) == text
 
 
-def test_reported_files_are_read_right(measured: Path) -> None:
+@measured_logs.needs_measured
+def test_reported_files_are_read_right() -> None:
     """The reported files: a value table each, and a number that says "no target" is no distance."""
-    folder = measured / "reports" / "18-dbc-encodings"
     with Parser() as parser:
-        for path in folder.glob("*.dbc"):
+        for path in measured_logs.files("reports/18-dbc-encodings/*.dbc*"):
             content = parser.dbc(".dbc", path.read_bytes())
             assert not content.left_out, path.name
             if path.name.startswith("sna"):

@@ -14,6 +14,7 @@ from canid.dbc_text.parsing import Content, Message, Parser
 from canid.values.errors import ConfigError
 from canid.values.shipped_files import shipped
 from canid.vehicle.database import Dbc, load
+from tests.fixtures import measured_logs
 
 SIGNAL = ' SG_ Speed : 7|16@0+ (0.01,-2) [0|250] "km/h" X\n'
 MESSAGE = "BO_ 288 MOTION: 8 X\n" + SIGNAL
@@ -166,20 +167,20 @@ def by_regex(text: str) -> dict[tuple[int, str], tuple[object, ...]]:
     return found
 
 
-def public_files(folder: Path) -> list[Path]:
+def public_files() -> list[Path]:
     # what people reported is read as its own README says, which is not always what this reader by lines finds
-    found = [path for path in folder.rglob("*.dbc") if "reports" not in path.relative_to(folder).parts]
-    return sorted({*found, *shipped().rglob("*.dbc")})
+    return sorted({*measured_logs.files("*/*.dbc"), *shipped().rglob("*.dbc")})
 
 
 @pytest.mark.slow("parses hostile files in children")
-def test_public_files_are_read_as_they_are_written(measured: Path) -> None:
+@measured_logs.needs_measured
+def test_public_files_are_read_as_they_are_written() -> None:
     """Every signal of every file: id, start, length, byte order, sign, factor and offset as a second reading has them;
     and where cantools reads a file, line-by-line reading gives all that cantools gives, and repairs nothing.
     """
     repaired = 0
     with Parser() as parser:
-        for file in public_files(measured):
+        for file in public_files():
             text = decoded(file.read_bytes())
             ours = read_tolerantly(text)
             try:

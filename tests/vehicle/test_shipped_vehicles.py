@@ -13,6 +13,7 @@ from canid.drive.drive_reader import read_signals
 from canid.logs import open_log
 from canid.values.frame_columns import chunks
 from canid.vehicle import decoder, read_vehicle
+from tests.fixtures import measured_logs
 
 ROOT = Path(__file__).parents[2]
 # each vehicle, with a log of replay_logs that has its messages
@@ -88,7 +89,7 @@ def test_measured_logs_mean_what_the_original_dbc_says(
     (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
     original, ours = read_vehicle(tmp_path / f"{name}.toml"), read_vehicle(name)
     assert set(ours.roles) == set(original.roles)
-    for log in sorted((measured / folder).glob("*.blf")):
+    for log in measured_logs.files(f"{folder}/*.blf"):
         expected, found = read_signals(log, original), read_signals(log, ours)
         assert set(found) == set(expected) == set(ours.roles)
         for role, (t, value) in expected.items():

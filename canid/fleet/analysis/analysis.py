@@ -65,8 +65,8 @@ def analyse(job: Job, source: Source) -> Outcome:
         >>> from canid.vehicle import read_vehicle
         >>> job = Job("replay_logs/following_urban.blf", -1, 0, "", Settings(windows=False, diagnosis=False, traffic=False))
         >>> outcome = analyse(job, Source(read_vehicle("generic"), None, "generic"))
-        >>> outcome.status.value, round(outcome.tables["drives"][0]["range_rate_K"], 1)
-        ('ok', 5.5)
+        >>> outcome.status.value, 5.0 < outcome.tables["drives"][0]["range_rate_K"] < 6.0
+        ('ok', True)
         >>> analyse(job._replace(log="no.blf"), Source(read_vehicle("generic"), None, "generic")).failure.value
         'missing'
     """
