@@ -34,6 +34,12 @@ def sending(channel: str) -> socket.socket:
     return sock
 
 
+def queued() -> int:
+    """Received frames that no socket has yet, of all processors (softnet_stat, column 12 since Linux 5.10)."""
+    lines = Path("/proc/net/softnet_stat").read_text().splitlines()
+    return sum(int(line.split()[11], 16) for line in lines)
+
+
 def send(channel: str, numbers: Iterable[int]) -> None:
     """Put numbered frames onto a bus; a new socket, since an old one has seen the bus go down."""
     with sending(channel) as sock:

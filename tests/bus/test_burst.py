@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.bus.network import events, numbers, says, shown
+from tests.bus.network import events, numbers, queued, says, shown
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(900)]
 TOTAL = 1_000_000
@@ -31,7 +31,11 @@ REAL_TIME = ("chrt", "--fifo", "50")
 
 @pytest.mark.parametrize(("verb", "priority"), [("record", ()), ("live", ()), ("record", REAL_TIME)])
 def test_received_and_dropped_are_all_that_were_sent(
-    verb: str, priority: tuple[str, ...], tmp_path: Path, start: Callable[..., Any]
+    verb: str,
+    priority: tuple[str, ...],
+    tmp_path: Path,
+    start: Callable[..., Any],
+    until: Callable[..., None],
 ) -> None:
     """1,000,000 frames at full speed: recorded + dropped = sent, also for drops that no socket counts or after the last."""
     recording, reported = tmp_path / "heard.blf", tmp_path / "reported.json"
@@ -45,6 +49,8 @@ def test_received_and_dropped_are_all_that_were_sent(
     sender = start(*priority, sys.executable, "-m", "tests.bus.sendmmsg", "vcan0", TOTAL)
     assert sender.end() == 0, sender.says()
     took = time.monotonic() - began
+    # what waits there when the recorder ends has neither come nor been dropped
+    until(lambda: not queued())
     assert program.end(signal.SIGTERM) == 143, program.says()
     # the device counts for itself what went through it
     assert shown("vcan0")["stats64"]["tx"]["packets"] - before == TOTAL
