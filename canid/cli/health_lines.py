@@ -21,6 +21,8 @@ def health_lines(now: World) -> list[HealthLine]:
     """Recorder, buses and estimators, a line each; then what is missing."""
     stats, counts = now.recorder, now.estimator
     out = [recorder(stats._replace(state="stopping") if now.stopping else stats)]
+    if stats.hidden:
+        out.append(HealthLine(stats.hidden, wrong=True))
     if stats.trigger is not None and not now.stopping and not stats.state.startswith("failed"):
         out.append(trigger(stats.trigger))
     total = sum(each.frames for each in stats.buses) or 1

@@ -100,7 +100,7 @@ def test_waiting_for_a_disk_that_is_stuck_can_be_ended(
             assert (stats.waiting, stats.written) == (0, 100)
             raise EndedError
 
-    monkeypatch.setattr(new_file, "_open_linked", lambda path, head: -1)  # the name is not synced first
+    monkeypatch.setattr(new_file, "_open_linked", lambda *_: -1)  # the name is not synced first
     recorder = recorder_of(request, tmp_path / "x.blf", 100)
     try:
         with pytest.raises(EndedError):
