@@ -144,7 +144,7 @@ class HeldFolder:
     def usable(self) -> bool:
         """Whether files that are created in it have a name that can lead to them. Follows no path, and so never waits."""
         if self.fd is None:
-            return self.path.is_dir()
+            return os.path.isdir(self.path)
         with suppress(OSError):
             return not (self._counted and os.fstat(self.fd).st_nlink == 0) and not _detached(self.fd)
         return False

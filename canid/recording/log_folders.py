@@ -59,7 +59,7 @@ class LogFolders:
         raise first or OutputError(f"cannot create a file in {self._home.path}: the folder is gone")
 
     def candidates(self) -> Iterator[HeldFolder]:
-        """Folders for the next file or for a copy, the best first: the wanted one, where it was and as its path is now."""
+        """Folders for the next file or for a copy, the best first: that of the latest file, the wanted one, those above."""
         offered: list[HeldFolder] = []
         for folder in self._folders():
             if folder.usable and not any(folder.is_same(other) for other in offered):
@@ -67,9 +67,9 @@ class LogFolders:
                 yield folder
 
     def _folders(self) -> Iterator[HeldFolder]:
+        yield self._current
         yield self._home
         yield from _opened(self._wanted.parent)
-        yield self._current
         for path in self._parents:
             yield from _opened(path)
 
