@@ -21,14 +21,15 @@ def health_lines(now: World) -> list[HealthLine]:
     """Recorder, buses and estimators, a line each; then what is missing."""
     stats, counts = now.recorder, now.estimator
     out = [recorder(stats._replace(state="stopping") if now.stopping else stats)]
+    if stats.hidden:
+        out.append(HealthLine(stats.hidden, wrong=True))
     if stats.trigger is not None and not now.stopping and not stats.state.startswith("failed"):
         out.append(trigger(stats.trigger))
     total = sum(each.frames for each in stats.buses) or 1
     out += [bus(each, stats.rate * each.frames / total) for each in stats.buses]
     if counts is not None:
         out.append(estimator(counts))
-    if now.stopping:
-        out += stopping(stats.waiting, 0 if counts is None else _behind(counts))
+    out += ending(now)
     if now.scale:
         out.append(HealthLine(now.scale, wrong=True))
     if now.unsaved:
@@ -132,16 +133,22 @@ def _behind(counts: Counts) -> int:
     return max(counts.offered - counts.done - counts.dropped, 0)
 
 
+def ending(now: World) -> list[HealthLine]:
+    """What the end of this session waits for; none: nothing, or it has not come."""
+    behind = 0 if now.estimator is None else _behind(now.estimator)
+    return stopping(now.recorder.waiting, behind) if now.stopping else []
+
+
 def stopping(waiting: int, behind: int) -> list[HealthLine]:
     """What the end of a session waits for; none: nothing.
 
     Example:
         >>> stopping(12_000, 0)[0].text
-        'stopping: 12,000 frames still to be written; a second signal ends at once'
+        'stopping: 12,000 frames still to be written; a signal now ends at once'
     """
     if not (waiting or behind):
         return []
     what = (
         f"{waiting:,} frames still to be written" if waiting else f"{behind:,} frames still to be estimated"
     )
-    return [HealthLine(f"stopping: {what}; a second signal ends at once", wrong=True)]
+    return [HealthLine(f"stopping: {what}; a signal now ends at once", wrong=True)]

@@ -19,16 +19,24 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if HANGUP is None else (HANGUP,))
 
 
 class Interrupt:
-    """`with Interrupt() as stop:` — `stop()` is True after a signal; a second signal ends the process at once."""
+    """`with Interrupt() as stop:` — `stop()` is True after a signal; a second signal ends the process at once.
+
+    So does the first one after `end_at_once`.
+    """
 
     def __init__(self) -> None:
         """No signal yet."""
         self.signal = 0
+        self._at_once = False
         self._before: dict[int, object] = {}
 
     def __call__(self) -> bool:
         """Whether a signal has come."""
         return bool(self.signal)
+
+    def end_at_once(self) -> None:
+        """The end has begun without a signal, and the user was told that a signal now ends it at once."""
+        self._at_once = True
 
     def __enter__(self) -> Interrupt:
         """Install the handlers."""
@@ -46,7 +54,7 @@ class Interrupt:
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _note(self, number: int, _: FrameType | None) -> None:
-        if self.signal:
+        if self.signal or self._at_once:
             open_terminal.restore_at_once()
             os._exit(128 + number)
         self.signal = number

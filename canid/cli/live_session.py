@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from canid.buses.bus import ReceiveOnlyBus
 from canid.cli import options, publish_options, web_options
-from canid.cli.health_lines import health_lines, received, silent
+from canid.cli.health_lines import ending, health_lines, received, silent
 from canid.cli.interrupt import Interrupt
 from canid.cli.output import background_diagnosis, display, output_kinds, outputs, streams
 from canid.cli.output.background_diagnosis import SESSION_PATIENCE_S, BackgroundDiagnosis
@@ -80,6 +80,7 @@ def run(args: argparse.Namespace, settings: SessionSettings, page: Output | None
             View(title, estimating=estimating, events=web_options.announced(pages)),
             json=json,
             stop=stop,
+            end_at_once=stop.end_at_once,
             controls=controls,
             diagnosis=diagnosis,
             others=[*pages, *publish_options.publishers(args)],
@@ -95,6 +96,7 @@ def watch(
     view: View,
     *,
     stop: Callable[[], bool],
+    end_at_once: Callable[[], object] = lambda: None,
     json: Output | None = None,
     controls: Controls | None = None,
     diagnosis: BackgroundDiagnosis | None = None,
@@ -102,6 +104,8 @@ def watch(
     pages: Sequence[LivePage] = (),
 ) -> tuple[int, end_summary.EstimateTally]:
     """Show a session until it ends; returns the exit code and the estimates.
+
+    `end_at_once` is called once it was shown that a signal now ends the process, whether or not one has come before.
 
     `others` get what the display gets; they are closed at the end. What one of them raises ends its service alone. Those
     of them that are `pages` are also given the tables of all signals.
@@ -135,6 +139,8 @@ def watch(
                     warnings = [bus.listen_only.says for bus in buses if bus.listen_only.warns]
                     wrong = [HealthLine(says, wrong=True) for says in warnings]
                     observers.lines([*health_lines(item), *wrong], item.output)
+                    if ending(item):
+                        end_at_once()
                     observers.status(json_values.plain(recorded(item)))
                     if item.table is not None:
                         for page in pages:

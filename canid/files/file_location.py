@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
+from canid.files import held_folder
+from canid.files.held_folder import HeldFolder, Standing
+
 # Names that NFS and FUSE give to a deleted file while it is open; it is gone once it is closed.
 _DELETED_PREFIXES = (".nfs", ".fuse_hidden")
-# macOS' limit of a path's length, which F_GETPATH needs as the size of its buffer
-_MAC_PATH_MAX = 1024
 
 
 class Place(Enum):
     """The relation between an open file and a path."""
 
     HERE = "is under its name"
+    COVERED = "is under its name, in a folder that is mounted over"
     MOVED = "was moved"
     DELETED = "was deleted"
     HIDDEN = "is out of reach (its folder was unmounted or covered)"
 
 
 class Whereabouts(NamedTuple):
-    """`path`: the file's own where it is HERE or MOVED, else the one under which it was searched."""
+    """`path`: the file's own where it has a name, else the one under which it was searched."""
 
     place: Place
     path: Path
@@ -35,65 +36,58 @@ class Whereabouts(NamedTuple):
         return self.place in (Place.DELETED, Place.HIDDEN)
 
 
-def find(fd: int, path: Path) -> Whereabouts:
-    """Compare an open file (device, inode, link count) with what its path names.
+def find(fd: int, path: Path, folder: HeldFolder) -> Whereabouts:
+    """Compare an open file (device, inode, link count) with what has its name in its folder, and the folder with its path.
 
     Where that is unknown, HERE: writing will fail if the file is gone.
 
-    >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> with open(folder / "a", "x") as file:
-    ...     _ = os.rename(folder / "a", folder / "b")
-    ...     find(file.fileno(), folder / "a").place is Place.HERE
-    False
+    Args:
+        fd: the open file.
+        path: where it was found last.
+        folder: in which it was created.
+
+    Example:
+        >>> import tempfile
+        >>> folder = HeldFolder(Path(tempfile.mkdtemp()))
+        >>> path = folder.path / "a"
+        >>> with open(path, "x") as file:
+        ...     _ = path.rename(folder.path / "b")
+        ...     find(file.fileno(), path, folder).place
+        <Place.MOVED: 'was moved'>
     """
     try:
         opened = os.fstat(fd)
-        named = _named(path)
+        named = folder.status(path.name)
     except OSError:  # EACCES, EIO, ESTALE, ...
         return Whereabouts(Place.HERE, path)
     if named is not None and os.path.samestat(opened, named):
-        return Whereabouts(Place.HERE, path)
+        return _with_its_folder(path, folder)
     if opened.st_nlink == 0:
         return Whereabouts(Place.DELETED, path)
-    new = _path_of(fd)
-    if new is not None:
-        with contextlib.suppress(OSError):
-            named = _named(new)
-            if named is not None and os.path.samestat(opened, named):
-                deleted = new.name.startswith(_DELETED_PREFIXES)
-                return Whereabouts(Place.DELETED, path) if deleted else Whereabouts(Place.MOVED, new)
+    new = held_folder.path_of(fd)
+    if new is not None and _names(new, opened):
+        if new.name.startswith(_DELETED_PREFIXES):
+            return Whereabouts(Place.DELETED, path)
+        return Whereabouts(Place.MOVED, new)
+    if new is not None and folder.names(new.name, opened):  # renamed below what covers its folder
+        return Whereabouts(Place.MOVED, folder.path / new.name)
     return Whereabouts(Place.HIDDEN, path)
 
 
-def folder_of(fd: int, path: Path) -> Path | None:
-    """Path of an open folder, which may have been renamed; None where it was removed or is out of reach."""
-    for named in (path, _path_of(fd)):
-        with contextlib.suppress(OSError):
-            # a folder may be reached through a link
-            if named is not None and os.path.samestat(os.fstat(fd), os.stat(named)):
-                return named
-    return None
+def _with_its_folder(path: Path, folder: HeldFolder) -> Whereabouts:
+    """Of a file that has its name in its folder."""
+    standing = folder.standing()
+    if standing is Standing.GONE:
+        return Whereabouts(Place.HIDDEN, path)
+    now = folder.path / path.name
+    if now != path:
+        return Whereabouts(Place.MOVED, now)
+    return Whereabouts(Place.COVERED if standing is Standing.COVERED else Place.HERE, path)
 
 
-def _named(path: Path) -> os.stat_result | None:
-    """The status of what the path itself names, no link followed; None: nothing."""
+def _names(path: Path, opened: os.stat_result) -> bool:
+    """Whether the path itself, no link followed, names an open file."""
     try:
-        return os.lstat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-
-
-def _path_of(fd: int) -> Path | None:
-    """The path of an open file as the system reports it; None where it does not."""
-    try:
-        return Path(os.readlink(f"/proc/self/fd/{fd}"))  # Linux
+        return os.path.samestat(opened, os.lstat(path))
     except OSError:
-        pass
-    try:
-        import fcntl
-
-        raw = fcntl.fcntl(fd, fcntl.F_GETPATH, bytes(_MAC_PATH_MAX))  # type: ignore[attr-defined,unused-ignore]
-        return Path(os.fsdecode(raw.rstrip(b"\0")))
-    except (ImportError, AttributeError, OSError):
-        return None
+        return False

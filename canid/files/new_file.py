@@ -7,8 +7,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from canid.files import file_location, opening
+from canid.files import file_location
 from canid.files.file_location import Place, Whereabouts
+from canid.files.held_folder import HeldFolder
 from canid.values.errors import OutputError
 
 # macOS and Windows have no fdatasync.
@@ -28,8 +29,12 @@ class ChangedError(OutputError):
 class Disk:
     """A new file. `size` bytes of it are whole; a write that fails leaves `size` as it was."""
 
-    def __init__(self, path: Path, *, head: bytes = b""):
-        """Create it. With a `head` the name appears only once the head is on the disk: no cut leaves it empty."""
+    def __init__(self, path: Path, *, head: bytes = b"", folder: HeldFolder | None = None):
+        """Create it. With a `head` the name appears only once the head is on the disk: no cut leaves it empty.
+
+        `folder`: in which the last component of `path` is created, wherever its path leads; None: what it leads to now.
+        Raises OutputError, TakenError.
+        """
         self.path = path
         self.size = 0
         self.taken = 0  # bytes of an `append` that failed which are in the file, until `keep`
@@ -39,7 +44,8 @@ class Disk:
         self._entry_synced = False
         self._fd = -1
         try:
-            self._fd = _open(path, head=head)
+            self.folder = folder or HeldFolder(path.parent)
+            self._fd = _open(self.folder, path.name, head=head)
         except FileExistsError:
             message = f"{path} exists already: choose another name"
             raise TakenError(message) from None
@@ -48,7 +54,7 @@ class Disk:
         self.size = len(head)
         # Some network file systems have no lasting inode numbers: there only a failing write shows that a file is gone. A
         # device (/dev/null) has no size.
-        self._findable = file_location.find(self._fd, path).place is Place.HERE
+        self._findable = self.folder.names(path.name, os.fstat(self._fd))
         self._sized = self.size_on_disk() == self.size
         self._proved = False  # that the size follows what is written, as some network file systems' does not
 
@@ -93,7 +99,7 @@ class Disk:
         try:
             _to_disk(self.fileno())
             if not self._entry_synced:
-                opening.sync_folder(self.path.parent)
+                self.folder.sync()
                 self._entry_synced = True
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {error.strerror}", error.errno) from None
@@ -102,10 +108,13 @@ class Disk:
         """Where the file is now."""
         if not self._findable or self.closed:
             return Whereabouts(Place.HERE, self.path)
-        return file_location.find(self.fileno(), self.path)
+        return file_location.find(self.fileno(), self.path, self.folder)
 
     def moved(self, path: Path) -> None:
-        """Note the file's new name."""
+        """Note the file's new name, in a folder that may be another one."""
+        with contextlib.suppress(OSError, ValueError):
+            if not self.folder.names(path.name, os.fstat(self.fileno())):
+                self.folder = HeldFolder(path.parent)
         self.path = path
         self._entry_synced = False
 
@@ -113,9 +122,9 @@ class Disk:
         """Read back what was written, whether or not the file still has a name. Raises OSError."""
         return _read(self.fileno(), at, count)
 
-    def copy(self, path: Path) -> Disk:
-        """Copy what was written into a new file, on the disk. Raises OutputError, TakenError."""
-        copied = Disk(path)
+    def copy(self, name: str, folder: HeldFolder) -> Disk:
+        """Copy what was written into a new file of a folder, on the disk. Raises OutputError, TakenError."""
+        copied = Disk(folder.path / name, folder=folder)
         try:
             while copied.size < self.size:
                 chunk = self.read(copied.size, min(_COPY_SIZE, self.size - copied.size))
@@ -131,8 +140,8 @@ class Disk:
     def remove(self) -> None:
         """Close it and delete its name, where that still leads to it: of a file that holds nothing."""
         with contextlib.suppress(OSError, ValueError):
-            if os.path.samestat(os.lstat(self.path), os.fstat(self.fileno())):
-                os.unlink(self.path)
+            if self.folder.names(self.path.name, os.fstat(self.fileno())):
+                self.folder.unlink(self.path.name)
         self.close()
 
     def size_on_disk(self) -> int:
@@ -175,13 +184,13 @@ class Disk:
             raise OutputError(f"cannot write {self.path}: {error.strerror}", error.errno) from None
 
 
-def _open(path: Path, *, head: bytes) -> int:
+def _open(folder: HeldFolder, name: str, *, head: bytes) -> int:
     """Open a new file that begins with `head`; unbuffered, so that a kill loses nothing that was written."""
     if head:
-        linked = _open_linked(path, head)
+        linked = _open_linked(folder, name, head)
         if linked >= 0:
             return linked
-    fd = opening.create(path)
+    fd = folder.create(name)
     try:
         _write(fd, 0, head)
     except OSError:
@@ -190,18 +199,18 @@ def _open(path: Path, *, head: bytes) -> int:
     return fd
 
 
-def _open_linked(path: Path, head: bytes) -> int:
+def _open_linked(folder: HeldFolder, name: str, head: bytes) -> int:
     """Write the head under another name first, then link it: the name never stands for an empty file.
 
     -1 where the file system has no hard links (FAT, some FUSE).
     """
-    if os.path.lexists(path):
+    if folder.has(name):
         raise FileExistsError
-    fd, other = opening.create_temporary(path)
+    fd, other = folder.create_temporary(name)
     try:
         _write(fd, 0, head)
         _to_disk(fd)
-        os.link(other, path)
+        folder.link(other, name)
     except FileExistsError:
         os.close(fd)
         raise
@@ -213,8 +222,8 @@ def _open_linked(path: Path, head: bytes) -> int:
         return -1
     finally:
         with contextlib.suppress(OSError):
-            os.unlink(other)
-    return opening.reopened(fd, path)
+            folder.unlink(other)
+    return folder.reopened(fd, name)
 
 
 def _write(fd: int, at: int, data: bytes) -> None:

@@ -23,15 +23,21 @@ _ALWAYS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 # Opening a FIFO does not block, and no terminal becomes the controlling one.
 _NO_EFFECT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
-_MODE = 0o666  # less the umask, as open() does
+MODE = 0o666  # less the umask, as open() does
 # temporary names that are tried: each is random, so one is enough unless another program interferes
 _TRIES = 8
 # characters of a name that its temporary name shows: with all of a long one it would be too long
 _SHOWN = 40
 
 
-def create(path: str | Path, *, append: bool = False, mode: int = _MODE) -> int:
+def create(path: str | Path, *, append: bool = False, mode: int = MODE, dir_fd: int | None = None) -> int:
     """Create a file for reading and writing; returns its descriptor.
+
+    Args:
+        path: of the file.
+        append: write at its end always.
+        mode: permissions, less the umask.
+        dir_fd: the open folder from which a relative path is followed, here and below; None: the process's own.
 
     Raises:
         FileExistsError: something has this name, if only a link to nothing.
@@ -46,7 +52,7 @@ def create(path: str | Path, *, append: bool = False, mode: int = _MODE) -> int:
         FileExistsError: ...
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | _NO_LINK | _ALWAYS | (os.O_APPEND if append else 0)
-    return os.open(path, flags, mode)
+    return os.open(path, flags, mode, dir_fd=dir_fd)
 
 
 def create_file(path: str | Path) -> BinaryIO:
@@ -68,13 +74,13 @@ def leftovers(target: Path, suffix: str = ".new") -> Iterator[Path]:
 
 
 def create_temporary(
-    target: Path, suffix: str = ".new", *, append: bool = False, mode: int = _MODE
+    target: Path, suffix: str = ".new", *, append: bool = False, mode: int = MODE, dir_fd: int | None = None
 ) -> tuple[int, Path]:
     """Create a file under a random name in the folder of another one; returns descriptor and path. Raises OSError."""
     for _ in range(_TRIES):
         path = temporary_name(target, suffix)
         with suppress(FileExistsError):
-            return create(path, append=append, mode=mode), path
+            return create(path, append=append, mode=mode, dir_fd=dir_fd), path
     raise OSError(None, "no temporary name is free")
 
 
@@ -135,7 +141,7 @@ def private_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def existing(path: str | Path, *, append: bool = False) -> int:
+def existing(path: str | Path, *, append: bool = False, dir_fd: int | None = None) -> int:
     """Open a regular file that has this one name, for reading and writing; it is as it was. Raises OSError.
 
     Example:
@@ -147,9 +153,10 @@ def existing(path: str | Path, *, append: bool = False) -> int:
         Traceback (most recent call last):
         OSError: ...it has another name as well (a hard link)
     """
-    _check(os.lstat(path))  # before it is opened: opening a device can do something
+    # before it is opened: opening a device can do something
+    _check(os.stat(path, dir_fd=dir_fd, follow_symlinks=False))
     flags = os.O_RDWR | _NO_LINK | _NO_EFFECT | _ALWAYS | (os.O_APPEND if append else 0)
-    return _checked(os.open(path, flags))
+    return _checked(os.open(path, flags, dir_fd=dir_fd))
 
 
 def existing_named(path: str | Path, *, write: bool = True) -> int:
@@ -173,13 +180,13 @@ def stream(path: str | Path) -> int:
     return fd
 
 
-def reopened(fd: int, path: Path) -> int:
+def reopened(fd: int, path: Path, *, dir_fd: int | None = None) -> int:
     """An open new file under its own name: the system reports a moved file by the name it was opened with.
 
     The descriptor is closed where it is not the one that is returned.
     """
     try:
-        named = os.open(path, os.O_RDWR | _NO_LINK | _ALWAYS)
+        named = os.open(path, os.O_RDWR | _NO_LINK | _ALWAYS, dir_fd=dir_fd)
     except OSError:
         return fd  # write permission may be missing by the umask, or the name be gone already: later checks notice that
     if os.path.samestat(os.fstat(named), os.fstat(fd)):
@@ -206,11 +213,11 @@ def sync(path: Path) -> None:
         os.close(fd)
 
 
-def sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path, *, dir_fd: int | None = None) -> None:
     """Sync a folder's names: a file whose name is lost is lost."""
     # Windows cannot open folders, and some network file systems cannot sync them
     with suppress(OSError):
-        fd = os.open(folder, os.O_RDONLY)
+        fd = os.open(folder, os.O_RDONLY, dir_fd=dir_fd)
         try:
             os.fsync(fd)
         finally:

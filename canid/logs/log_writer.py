@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from canid.files import derived_name
+from canid.files.held_folder import HeldFolder
 from canid.files.new_file import TakenError
 from canid.logs.blf.blf_writer import BlfWriter
 from canid.logs.formats import log_suffix
@@ -22,16 +23,20 @@ _TEXT_WRITERS = {".asc": "AscWriter", ".log": "CandumpWriter"}
 WRITTEN_SUFFIXES = (".blf", *_TEXT_WRITERS)
 
 
-def open_writer(path: str | os.PathLike[str], start_ns: int | None = None) -> Writer:
+def open_writer(
+    path: str | os.PathLike[str], start_ns: int | None = None, folder: HeldFolder | None = None
+) -> Writer:
     """Open a writer for the path's suffix (one of `WRITTEN_SUFFIXES`).
+
+    `folder`: in which its name is created, wherever its path leads; None: what it leads to now.
 
     Raises ConfigError for another suffix, OutputError where the file exists or cannot be created.
     """
     suffix = check_suffix(path)
     if suffix == ".blf":
-        return BlfWriter(path, start_ns)
+        return BlfWriter(path, start_ns, folder)
     kind = getattr(importlib.import_module("canid.logs.text_writers"), _TEXT_WRITERS[suffix])
-    writer: Writer = kind(path, start_ns)
+    writer: Writer = kind(path, start_ns, folder)
     return writer
 
 
@@ -45,10 +50,11 @@ def check_suffix(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def open_new(path: str | os.PathLike[str], first: int = 1) -> Writer:
+def open_new(path: str | os.PathLike[str], first: int = 1, folder: HeldFolder | None = None) -> Writer:
     """Open a writer for a file of this name or, where it is taken, the next free one: name-2.blf, ...
 
-    `first`: 2 leaves out the name itself. `writer.path` is the name. No other process can get the same one.
+    `first`: 2 leaves out the name itself; `folder`: as of `open_writer`. `writer.path` is the name. No other process can
+    get the same one.
     Raises as `open_writer`.
     """
     path = Path(path)
@@ -57,7 +63,7 @@ def open_new(path: str | os.PathLike[str], first: int = 1) -> Writer:
     for number in count(first):
         name = path if number == 1 else derived_name.sibling(path, stem, f"-{number}{path.suffix}")
         try:
-            return open_writer(name)
+            return open_writer(name, folder=folder)
         except TakenError:
             continue
     raise AssertionError("unreachable")

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.files.held_folder import HeldFolder
 from canid.files.new_file import ChangedError, Disk
 from canid.logs import text_lines_of_columns as lines
 from canid.logs.asc.asc_reader import ERROR_DATA_PREFIX, EXACT_START_PREFIX
@@ -41,14 +42,16 @@ class _Part(NamedTuple):
 class _TextWriter(Writer):
     """The file of either format."""
 
-    def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None):
+    def __init__(
+        self, path: str | os.PathLike[str], start_ns: int | None = None, folder: HeldFolder | None = None
+    ):
         super().__init__(start_ns)
         self._parts: list[_Part] = []
         self._begun = False
         self._ended = False
         self._middles = lines.TextCache(self._middle, _MAX_TEXTS)
         self._tails = lines.TextCache(self._tail_of, _MAX_TEXTS)
-        self.disk = Disk(Path(path))
+        self.disk = Disk(Path(path), folder=folder)
 
     def append_columns(self, chunk: Columns) -> None:
         """Take frames. Where writing fails, `frames` says how many were taken."""

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, Any, Self
 
-from canid.processes import limits
+from canid.processes import memory_victim
 
 # s that a child which was ended by force may take to be gone
 KILL_TIMEOUT_S = 5.0
@@ -74,7 +74,7 @@ class Child:
         assert self._process.stdout is not None
         self.stdin: IO[bytes] = self._process.stdin
         self.stdout: IO[bytes] = self._process.stdout
-        limits.end_first(self.pid)
+        memory_victim.end_before_parent(self.pid)
 
     def __enter__(self) -> Self:
         """Use it within this context."""

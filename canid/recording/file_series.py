@@ -13,14 +13,16 @@ import os
 import re
 import secrets
 import shutil
+import stat
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from pathlib import Path
 
-from canid.files import file_identity, file_location
+from canid.files import file_identity
 from canid.files.derived_name import short_stem
+from canid.files.held_folder import HeldFolder
 from canid.files.new_file import Disk, TakenError
 from canid.logs.blf.blf_layout import FILE_HEADER_SIZE
 from canid.logs.formats import log_suffix
@@ -31,16 +33,6 @@ from canid.recording.ring_list import Entry, RingList
 from canid.recording.rotation import Rotation
 from canid.values.errors import OutputError
 
-_READ = (
-    os.O_RDONLY
-    | getattr(os, "O_NOFOLLOW", 0)
-    | getattr(os, "O_NONBLOCK", 0)
-    | getattr(os, "O_NOCTTY", 0)
-    | getattr(os, "O_CLOEXEC", 0)
-    | getattr(os, "O_BINARY", 0)
-)
-# all functions that are used here must support dir_fd; on Windows none does
-_BY_FOLDER = {os.open, os.stat, os.unlink, os.rename, os.link} <= os.supports_dir_fd
 # A ring by its share of the disk keeps room for this many of its largest file: other files may fill the disk, and the
 # one being written and the next one must fit.
 _FREE_FILES = 2
@@ -54,21 +46,27 @@ class Series:
     """Names the files, remembers them, deletes the oldest. One thread may begin files while another one prunes."""
 
     def __init__(
-        self, wanted: Path, rotation: Rotation, report: Callable[[str, str], object] = lambda what, says: None
+        self,
+        wanted: Path,
+        rotation: Rotation,
+        report: Callable[[str, str], object] = lambda what, says: None,
+        folder: HeldFolder | None = None,
     ):
         """Find a free name and read its list. Raises OutputError, or ConfigError for an unknown suffix.
 
-        `report(what, says)` takes events.
+        `report(what, says)` takes events; `folder`: of the files; None: what the path of `wanted` leads to.
         """
         check_suffix(wanted)
         self._rotation = rotation
         self._report = report
         self._suffix = wanted.name[len(wanted.name) - len(log_suffix(wanted)) :]
-        self._folder = wanted.parent
+        self.folder = folder or folder_of(wanted)
         stem = wanted.name[: len(wanted.name) - len(self._suffix)]
-        self._list = RingList(self._folder, short_stem(stem, _ENDING_BYTES))
+        self._list = RingList(self.folder, short_stem(stem, _ENDING_BYTES))
         self._stem = self._list.stem
-        self._fd = _open_folder(self._folder) if _BY_FOLDER else None
+        # names of journals that are written now: they are kept
+        self.in_use: Callable[[], Collection[str]] = lambda: ()
+        self._without_log: set[str] = set()  # logs that were deleted while their journals were written
         self._session_began = time.monotonic()
         self._began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         self._number = 0
@@ -85,11 +83,11 @@ class Series:
             del self._list.entries[name]
         self._complaints = list(self._list.complaints)
         unidentified = [
-            name for name in self._list.unidentified if name_pattern.fullmatch(name) and self._exists(name)
+            name for name in self._list.unidentified if name_pattern.fullmatch(name) and self.folder.has(name)
         ]
         if unidentified:
             self._complaints.append(
-                f"{self._list.path.name} is of an earlier version and does not identify its files: they are kept"
+                f"{self._list.name} is of an earlier version and does not identify its files: they are kept"
                 f" ({_shown(unidentified)})"
             )
         for name in self._list.unidentified:
@@ -98,12 +96,12 @@ class Series:
 
     def open_next(self) -> Writer:
         """Begin the next file. Raises OutputError."""
-        folder = self._folder_now()
+        self.folder.follow()
         while True:
             self._number += 1
             name = f"{self._stem}_{self._began}_{self._number:06d}{self._suffix}"
             try:
-                writer = open_writer(folder / name)
+                writer = open_writer(self.folder.path / name, folder=self.folder)
             except TakenError:
                 continue
             with self._lock:
@@ -118,29 +116,27 @@ class Series:
                 self._list.note(Entry(name, identity, clocks=read_clocks()))
             return writer
 
-    def own(self, journal: Path, fd: int) -> None:
+    def own(self, journal: str, fd: int) -> None:
         """Note a journal that was just created and written into: it is deleted with its log."""
-        if journal.parent != self._folder:
-            return
-        log = journal.name.split(".events")[0] + self._suffix
+        log = journal.split(".events")[0] + self._suffix
         with contextlib.suppress(OSError, ValueError):
             identity = file_identity.with_beginning(file_identity.of_new_file(fd), fd, 0)
-            if _own_names(self._stem).fullmatch(journal.name):
-                self._list.note(Entry(journal.name, identity, log))
+            if _own_names(self._stem).fullmatch(journal):
+                self._list.note(Entry(journal, identity, log))
 
-    def adopt(self, path: Path) -> None:
+    def adopt(self, name: str) -> None:
         """Note a copy of one of our files: it is deleted in its turn."""
-        if path.parent != self._folder or not _own_names(self._stem).fullmatch(path.name):
+        if not _own_names(self._stem).fullmatch(name):
             return
         with contextlib.suppress(OSError):
-            fd = os.open(path, _READ)
+            fd = self.folder.read(name)
             try:
-                identity = file_identity.with_beginning(file_identity.of_new_file(fd), fd, _skip(path.name))
+                identity = file_identity.with_beginning(file_identity.of_new_file(fd), fd, _skip(name))
                 identity = file_identity.with_end(identity, fd, os.fstat(fd).st_size)
-                self._list.note(Entry(path.name, identity, clocks=read_clocks()))
+                self._list.note(Entry(name, identity, clocks=read_clocks()))
             finally:
                 os.close(fd)
-            self._finished[path.name] = time.monotonic()
+            self._finished[name] = time.monotonic()
 
     def prune(self) -> list[Path]:
         """Delete what the ring does not keep, the oldest first, never one being written; returns what was deleted.
@@ -150,29 +146,17 @@ class Series:
         for says in self._complaints:
             self._report("series_list", says)
         self._complaints.clear()
-        with contextlib.suppress(OutputError):
-            says = self._list.maintain(self._folder_now())
-            if says:
-                self._report("series_list", says)
+        says = self._list.maintain()
+        if says:
+            self._report("series_list", says)
         self._note_beginning()
+        for log in list(self._without_log):
+            self._delete_journals(log)
         return self._deleted() if self._rotation.ring else []
 
     def close(self) -> None:
-        """Close list and folder."""
+        """Close the list."""
         self._list.close()
-        with self._lock:
-            fd, self._fd = self._fd, None
-        if fd is not None:
-            os.close(fd)
-
-    def _folder_now(self) -> Path:
-        """The folder's path, also where it was renamed; raises OutputError where it is gone."""
-        if self._fd is not None:
-            folder = file_location.folder_of(self._fd, self._folder)
-            if folder is None:
-                raise OutputError(f"cannot create a file in {self._folder}: the folder is gone")
-            self._folder = folder
-        return self._folder
 
     # --- the list ---
 
@@ -206,16 +190,16 @@ class Series:
 
     # --- deleting ---
 
-    def delete_oldest(self, folder: Path) -> Path | None:
-        """Delete the oldest file of a ring in `folder`, whatever its age: the disk is full. None: there is none."""
-        if not self._rotation.ring or folder != self._folder:
+    def delete_oldest(self) -> Path | None:
+        """Delete the oldest file of a ring, whatever its age: the disk is full. None: there is none."""
+        if not self._rotation.ring:
             return None
         with self._deleting:
             return next(self._deletions(lambda entry: True), None)
 
     def _deleted(self) -> list[Path]:
         try:
-            usage = shutil.disk_usage(self._fd if self._fd is not None else self._folder)
+            usage = shutil.disk_usage(self.folder.path if self.folder.fd is None else self.folder.fd)
         except OSError:
             return []  # the folder is gone: the writer will report
         with self._deleting:
@@ -250,7 +234,7 @@ class Series:
                     written = entry.name == current or entry.name in self._open
                 if written:
                     break  # a newer one must not go before it
-                if self._exists(entry.name) and not is_due(entry):
+                if self.folder.has(entry.name) and not is_due(entry):
                     break
                 try:
                     why = self._delete(entry)
@@ -264,16 +248,21 @@ class Series:
                     continue
                 self._delete_journals(entry.name)
                 if why is not None:
-                    yield self._folder / entry.name
+                    yield self.folder.path / entry.name
         finally:  # also where no more is asked for
             if kept:
                 self._report(
                     "file_kept",
-                    f"not what {self._list.path.name} lists, and so never deleted: {_shown(kept)}",
+                    f"not what {self._list.name} lists, and so never deleted: {_shown(kept)}",
                 )
 
     def _delete_journals(self, log: str) -> None:
+        """Delete the journals of a log that is deleted; one that is written now follows later."""
+        self._without_log.discard(log)
         for entry in [each for each in list(self._list.entries.values()) if each.log == log]:
+            if entry.name in self.in_use():
+                self._without_log.add(log)
+                continue
             with contextlib.suppress(OSError):
                 why = self._delete(entry)
                 if why:
@@ -283,7 +272,7 @@ class Series:
     def _delete(self, entry: Entry) -> str | None:
         """Delete a file if it is what was noted; returns why it is not, or None where there is none. Raises OSError."""
         try:
-            fd = os.open(self._at(entry.name), _READ, dir_fd=self._fd)
+            fd = self.folder.read(entry.name)
         except FileNotFoundError:
             return None
         except OSError:
@@ -299,38 +288,31 @@ class Series:
     def _unlink(self, name: str, fd: int) -> str:
         """Unlink the name of an open file: renamed first, so that no other file can be put in its place."""
         aside = f".{name}.{secrets.token_hex(8)}.old"
-        if self._fd is None:  # Windows
-            os.unlink(self._at(name))
+        if self.folder.fd is None:  # Windows
+            self.folder.unlink(name)
             return ""
-        os.rename(name, aside, src_dir_fd=self._fd, dst_dir_fd=self._fd)
-        moved = os.stat(aside, dir_fd=self._fd, follow_symlinks=False)
-        if os.path.samestat(moved, os.fstat(fd)):
-            os.unlink(aside, dir_fd=self._fd)
+        self.folder.rename(name, aside)
+        if self.folder.names(aside, os.fstat(fd)):
+            self.folder.unlink(aside)
             return ""
         # another program has replaced it: that file gets its name back, unless there is a newer one
         with contextlib.suppress(FileExistsError):
-            os.link(aside, name, src_dir_fd=self._fd, dst_dir_fd=self._fd, follow_symlinks=False)
-            os.unlink(aside, dir_fd=self._fd)
+            self.folder.link(aside, name)
+            self.folder.unlink(aside)
         return "was replaced in between"
-
-    def _at(self, name: str) -> str:
-        return name if self._fd is not None else str(self._folder / name)
-
-    def _exists(self, name: str) -> bool:
-        return os.path.lexists(self._folder / name)
 
     def _is_regular(self, name: str) -> bool:
         try:
-            status = os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False)
+            status = self.folder.status(name)
         except OSError:
             return True  # the reason is another one
-        return (status.st_mode & 0o170000) == 0o100000
+        return status is None or stat.S_ISREG(status.st_mode)
 
     def _size(self, name: str) -> int:
-        try:
-            return os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=False).st_size
-        except OSError:
-            return 0
+        with contextlib.suppress(OSError):
+            status = self.folder.status(name)
+            return 0 if status is None else status.st_size
+        return 0
 
     def _ages(self, logs: list[Entry]) -> dict[str, float]:
         """S since each file was finished, at least; `logs`: the oldest first.
@@ -366,13 +348,16 @@ class Series:
         return ages
 
 
-def _open_folder(folder: Path) -> int:
-    # as a path only, where the system has that: listing may not be permitted
-    flags = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
+def folder_of(wanted: Path) -> HeldFolder:
+    """Open the folder in which a file shall be created. Raises OutputError.
+
+    >>> str(folder_of(Path("/drive.blf")).path)
+    '/'
+    """
     try:
-        return os.open(folder, flags)
+        return HeldFolder(wanted.parent)
     except OSError as error:
-        raise OutputError(f"cannot use the folder {folder}: {error.strerror}") from None
+        raise OutputError(f"cannot create {wanted}: {error.strerror}", error.errno) from None
 
 
 def _own_names(stem: str) -> re.Pattern[str]:

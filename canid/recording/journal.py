@@ -11,8 +11,10 @@ from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import NamedTuple
 
-from canid.files import derived_name, file_location, opening
+from canid.files import derived_name, file_location
+from canid.files.held_folder import HeldFolder
 from canid.logs.formats import log_suffix
 from canid.values import timestamps
 from canid.values.types import Event
@@ -39,6 +41,13 @@ def journal_path(log: Path) -> Path:
     return derived_name.sibling(log, log.name[: len(log.name) - len(suffix)], ".events.jsonl")
 
 
+class Target(NamedTuple):
+    """The file that events of a time belong into."""
+
+    path: Path
+    folder: HeldFolder | None  # in which its name is; None: what its path leads to
+
+
 class Journal:
     """Appends events; the file begins with the first one. Any thread may write; nothing is ever raised.
 
@@ -54,11 +63,13 @@ class Journal:
         """`log`: whose events they are; None: events go nowhere. `report(what, says)` takes those of the journal itself."""
         self.path = None if log is None else journal_path(log)
         self._report = report
-        # called in the writing thread with every file that is new, and its descriptor
-        self.created: Callable[[Path, int], object] = lambda path, fd: None
+        # called in the writing thread with every file that is new: folder, name and descriptor
+        self.created: Callable[[HeldFolder, str, int], object] = lambda folder, name, fd: None
         self._zero = 0.0  # s, session time at which the log's own time begins
         self._lock = threading.Lock()
-        self._lines: SimpleQueue[tuple[Path, bytes] | None] = SimpleQueue()
+        self._folder: HeldFolder | None = None  # of `path`
+        # lines; without one: the file is left for this one, and nothing is written yet; None: the end
+        self._lines: SimpleQueue[tuple[Target, bytes | None] | None] = SimpleQueue()
         self._given = 0  # lines put into the queue
         self._done = 0  # lines that were written, or could not be
         self._failed = 0
@@ -66,11 +77,14 @@ class Journal:
         self._closed = False
         self._blocked = False  # the wait for it was given up
         # the writing thread's own
-        self._wanted: Path | None = None  # the name that the open file should have
+        self._wanted: Target | None = None  # the name that the open file should have
         self._fd = -1
         self._size = 0
         self._path = Path()
-        self._resumed: list[Path] = []  # where it was last, for events that come after `close`
+        self._held: HeldFolder | None = None  # of the open file
+        self._resumed: list[
+            tuple[HeldFolder, str]
+        ] = []  # where it was last, for events that come after `close`
         self._findable = True
         self._new = False  # created, and nothing written yet
         self._carried = b""  # lines of a file that was deleted, or that the disk did not take
@@ -82,10 +96,18 @@ class Journal:
         carried = self._carried.count(b"\n") if self._closed else 0
         return self._failed + carried + (self._given - self._done if self._blocked else 0)
 
-    def follow(self, log: Path, zero: float) -> None:
-        """The recording goes on in this log, whose own time begins at `zero` s."""
+    def follow(self, log: Path, zero: float, folder: HeldFolder | None = None) -> None:
+        """The recording goes on in this log, whose own time begins at `zero` s; `folder`: of the log."""
         with self._lock:
-            self.path, self._zero = journal_path(log), zero
+            self.path, self._zero, self._folder = journal_path(log), zero, folder
+            if self._thread is not None:
+                self._lines.put((Target(self.path, folder), None))
+
+    def in_use(self) -> frozenset[str]:
+        """Names of the files into which events come now or next."""
+        with self._lock:
+            wanted = () if self.path is None else (self.path.name,)
+        return frozenset((*wanted, self._path.name) if self._fd >= 0 else wanted)
 
     def write(self, event: Event, start_ns: int | None) -> None:
         """Append an event. `start_ns`: epoch ns of its t = 0."""
@@ -97,7 +119,7 @@ class Journal:
             # a lone surrogate (an undecodable byte of a file name) has no UTF-8
             line = (json.dumps(fields, ensure_ascii=False) + "\n").encode("utf-8", "backslashreplace")
             self._given += 1
-            self._lines.put((self.path, line))
+            self._lines.put((Target(self.path, self._folder), line))
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="canid-journal", daemon=True)
                 self._thread.start()
@@ -148,18 +170,26 @@ class Journal:
                 if ends:
                     return
                 continue
+            wanted, line = item
+            if line is None:
+                self._turn_to(wanted)
+                continue
             try:
-                self._append(*item)
+                self._append(wanted, line)
             except (OSError, ValueError):
-                self._carry(item[1])
+                self._carry(line)
             finally:
                 self._done += 1
 
-    def _append(self, wanted: Path, line: bytes) -> None:
+    def _turn_to(self, wanted: Target) -> None:
+        """Leave a file for another one: a log that is finished may be deleted, and its journal with it."""
         if wanted != self._wanted:
             self._leave()
             self._wanted = wanted
             self._resumed = []
+
+    def _append(self, wanted: Target, line: bytes) -> None:
+        self._turn_to(wanted)
         if self._fd < 0:
             self._open(wanted)
         else:
@@ -168,7 +198,8 @@ class Journal:
         self._put(line)
         if self._new:
             self._new = False
-            self.created(self._path, self._fd)
+            assert self._held is not None
+            self.created(self._held, self._path.name, self._fd)
 
     def _carry(self, line: bytes) -> None:
         """Keep a line that the disk did not take: it is tried again with the next one, and once a while."""
@@ -194,26 +225,29 @@ class Journal:
             raise
         self._size += done
 
-    def _open(self, wanted: Path) -> None:
-        resumed = [path for path in self._resumed if os.path.lexists(path)]
-        for path in [*resumed, *_candidates(wanted)]:
-            opened = _open_own(path)
+    def _open(self, wanted: Target) -> None:
+        folder = wanted.folder or HeldFolder(wanted.path.parent)
+        if not folder.usable:
+            raise OSError(f"{folder.path} is gone")
+        resumed = [(held, name) for held, name in self._resumed if held.usable and held.has(name)]
+        for held, name in [*resumed, *((folder, path.name) for path in _candidates(wanted.path))]:
+            opened = _open_own(held, name)
             if opened is None:
                 continue
             self._fd, new = opened
             self._size = os.fstat(self._fd).st_size
-            self._path = path
-            self._resumed = [path]
+            self._path, self._held = held.path / name, held
             self._new = new
             # where inode numbers do not last, its deletion cannot be detected
-            self._findable = file_location.find(self._fd, path).place is file_location.Place.HERE
+            self._findable = held.names(name, os.fstat(self._fd))
+            self._resumed = [(held, name)]
             if not new and not _ends_with_newline(self._fd, self._size):
                 self._put(b"\n")  # a killed process left half a line
             self._put_carried()
-            if path != wanted and path not in resumed:
+            if name != wanted.path.name and (held, name) not in resumed:
                 self._report(
                     "journal_elsewhere",
-                    f"{wanted.name} is another program's file: events are written to {path.name}",
+                    f"{wanted.path.name} is another program's file: events are written to {name}",
                 )
             return
         raise OSError("no name is free")
@@ -228,10 +262,13 @@ class Journal:
             self._put_carried()
             if not self._findable:
                 return
-            where = file_location.find(self._fd, self._path)
+            assert self._held is not None
+            where = file_location.find(self._fd, self._path, self._held)
             if where.place is file_location.Place.MOVED:
+                if not self._held.names(where.path.name, os.fstat(self._fd)):
+                    self._held = HeldFolder(where.path.parent)
                 self._path = where.path
-                self._resumed = [where.path]
+                self._resumed = [(self._held, where.path.name)]
             if where.lost:
                 self._rewrite(where.place.value)
             elif os.fstat(self._fd).st_size < self._size:
@@ -277,14 +314,14 @@ def _candidates(wanted: Path) -> list[Path]:
     ]
 
 
-def _open_own(path: Path) -> tuple[int, bool] | None:
+def _open_own(folder: HeldFolder, name: str) -> tuple[int, bool] | None:
     """Open a new file (True), or one that begins like a journal (False); None: it is another program's."""
     try:
-        return opening.create(path, append=True), True
+        return folder.create(name, append=True), True
     except FileExistsError:
         pass
     try:
-        fd = opening.existing(path, append=True)
+        fd = folder.existing(name, append=True)
     except OSError:
         return None
     try:

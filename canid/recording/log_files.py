@@ -16,11 +16,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from canid.files.held_folder import HeldFolder
 from canid.files.new_file import ChangedError
 from canid.logs.writer import Writer
 from canid.recording.disk_sync import DiskSync
 from canid.recording.log_folders import LogFolders
-from canid.recording.lost_files import LostFiles
+from canid.recording.lost_files import LostFiles, covered
 from canid.recording.rotation import MAX_NOTE_TEXT, Rotation, certain_rows, has_room, is_full
 from canid.recording.running_time import RunningTime
 from canid.recording.thread_join import join
@@ -29,6 +30,9 @@ from canid.values import frame_columns
 from canid.values.errors import OutputError
 from canid.values.frame_columns import rows
 from canid.values.types import Columns, Event
+
+# path of a log, session time of its own zero in s, its folder
+Follow = Callable[[Path, float, HeldFolder], object]
 
 _Ns = npt.NDArray[np.int64]
 
@@ -45,8 +49,8 @@ _MAX_REAL_RATIO = 2.0
 class LogFiles:
     """The current file and those before it.
 
-    `report(what, says)` takes events, from any thread; `began(path, zero)` is called where a file begins, with the
-    session time of its first frame; `follow(path, zero)` where the recording goes on under another name.
+    `report(what, says)` takes events, from any thread; `began(path, zero, folder)` is called where a file begins, with the
+    session time of its first frame; `follow(path, zero, folder)` where the recording goes on under another name.
     """
 
     def __init__(
@@ -54,8 +58,8 @@ class LogFiles:
         wanted: Path,
         rotation: Rotation | None,
         report: Callable[[str, str], object],
-        began: Callable[[Path, float], object],
-        follow: Callable[[Path, float], object],
+        began: Follow,
+        follow: Follow,
     ):
         self.report = report
         self.folders = LogFolders(wanted, rotation, report)
@@ -65,9 +69,11 @@ class LogFiles:
         self._follow = follow
         self.writer: Writer | None = self.folders.open_first()  # None: closed, or no file can be written
         self.path = self._path_before = self.writer.path
+        self.folder = self._folder_before = self.writer.disk.folder
         self.count = 1  # files begun
         self.bytes = self.writer.bytes  # in the current file
         self.lost = ""  # which frames are in no file any more, and why
+        self.hidden = ""  # at the end: why the file is not seen under its path
         self.start_ns: int | None = None  # epoch ns of session time 0
         self._finished_frames = 0  # in files before the current one, less those that were lost
         self._zero: int | None = None  # ns, session time of the file's first frame; None: it has none yet
@@ -131,6 +137,7 @@ class LogFiles:
             self.bytes = last.bytes
         for _, error in self._sync.failures():
             self.errors.note(error)
+        self.hidden = covered(self.folder)
         self.folders.close()
 
     # --- the writing thread ---
@@ -242,7 +249,7 @@ class LogFiles:
         if self._zero is not None and self._next_file_is_due(int(ns[0]), int(running[0])):
             assert self.writer is not None
             self.writer.checkpoint(sync=False)  # all before it is on its way to the disk
-            self.replace(self.folders.open_next(self.path, anywhere=False))
+            self.replace(self.folders.open_next(anywhere=False))
         if self._zero is None:
             self._begin(int(ns[0]), int(running[0]), int(ns.min()))
         assert self.writer is not None
@@ -282,7 +289,7 @@ class LogFiles:
         earliest = min(earliest, running - self._running.furthest_behind)
         self.writer.lead_ns = max(self._lead_ns, ns - earliest + LEAD_NS)
         self.writer.start_ns = self.start_ns + ns
-        self._began(self.path, ns * 1e-9)
+        self._began(self.path, ns * 1e-9, self.folder)
 
     def _next_file_is_due(self, ns: int, running: int) -> bool:
         """Whether the frame at `ns` belongs into a new file."""
@@ -312,11 +319,11 @@ class LogFiles:
             self._finished_frames += writer.kept
             self.writer = None
             if not writer.kept:
-                self.path, self.count = self._path_before, self.count - 1
+                self.path, self.folder, self.count = self._path_before, self._folder_before, self.count - 1
         self._unsaved.clear()
         self.bytes = writer.bytes
         if not writer.kept:
-            self._follow(self.path, self.zero_s)
+            self._follow(self.path, self.zero_s, self.folder)
         self._sync.finish(writer)
 
     def replace(self, writer: Writer) -> None:
@@ -326,18 +333,19 @@ class LogFiles:
             self._finished_frames += before.kept if before is not None else 0
             self.writer = writer
         self._unsaved.clear()
-        self._path_before = self.path
-        self.path, self.count, self.bytes = writer.path, self.count + 1, writer.bytes
+        self._path_before, self._folder_before = self.path, self.folder
+        self.path, self.folder = writer.path, writer.disk.folder
+        self.count, self.bytes = self.count + 1, writer.bytes
         self._zero = None
         self._no_room = False
         self._sync.watch(writer)
         if before is not None:
             self._sync.finish(before)
 
-    def renamed(self, path: Path, zero_s: float) -> None:
+    def renamed(self, path: Path, zero_s: float, folder: HeldFolder) -> None:
         """Note that the recording is now under another name, whose own time begins at `zero_s`."""
-        self.path = path
-        self._follow(path, zero_s)
+        self.path, self.folder = path, folder
+        self._follow(path, zero_s, folder)
 
     def unsaved_of(self, writer: Writer) -> list[Columns]:
         """Frames that were appended and are not in the file."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 
-from canid.logs.log_writer import open_new
+from canid.files.held_folder import HeldFolder, Standing
+from canid.logs.log_writer import check_suffix, open_new
 from canid.logs.writer import Writer
-from canid.recording.file_series import Series
+from canid.recording.file_series import Series, folder_of
 from canid.recording.rotation import Rotation
 from canid.values.errors import OutputError
 
@@ -16,6 +18,7 @@ from canid.values.errors import OutputError
 class LogFolders:
     """Opens the files of one recording, one after the other; a recording with `rotation` has a `Series` of them.
 
+    Folders are held: what is mounted over one, or takes its name, changes nothing. One that is gone is left for the next.
     `report(what, says)` takes events. Raises OutputError, or ConfigError for an unknown suffix.
     """
 
@@ -25,7 +28,11 @@ class LogFolders:
         self._parents = Path(os.path.abspath(wanted)).parent.parents
         self._rotation = rotation or Rotation()
         self._report = report
-        self._series = Series(wanted, rotation, report) if rotation else None
+        check_suffix(wanted)
+        # in which the wanted name is; and of the latest file, which may be another one
+        self._home = self._current = folder_of(wanted)
+        self._series = Series(wanted, rotation, report, self._home) if rotation else None
+        self._journals_in_use: Callable[[], Collection[str]] = lambda: ()
 
     @property
     def rotates(self) -> bool:
@@ -34,70 +41,98 @@ class LogFolders:
 
     def open_first(self) -> Writer:
         """Open the first file. Raises OutputError."""
-        return _first_of(self._series) if self._series else open_new(self._wanted)
+        return _first_of(self._series) if self._series else open_new(self._wanted, folder=self._home)
 
-    def open_next(self, current: Path, *, anywhere: bool) -> Writer:
-        """Open the file that follows `current`; where its folder is gone, in the nearest one above.
+    def open_next(self, *, anywhere: bool) -> Writer:
+        """Open the file that follows; where its folder is gone, in the next one that is there.
 
         `anywhere`: also where the folder is there and cannot be written. Raises OutputError.
         """
         first: OutputError | None = None
-        for folder in self.candidates(current):
+        for folder in self.candidates():
             try:
                 return self.open_in(folder)
             except OutputError as error:
                 first = first or error
-                if not anywhere and os.path.isdir(folder):
+                if not anywhere and folder.usable:
                     break
-        assert first is not None
-        raise first
+        raise first or OutputError(f"cannot create a file in {self._home.path}: the folder is gone")
 
-    def candidates(self, current: Path) -> Iterator[Path]:
-        """Folders for the next file or for a copy of `current`, the best first."""
-        yield self._wanted.parent
-        if current.parent != self._wanted.parent:
-            yield current.parent
-        yield from self._parents
+    def candidates(self) -> Iterator[HeldFolder]:
+        """Folders for the next file or for a copy, the best first: that of the latest file, the wanted one, those above."""
+        offered: list[HeldFolder] = []
+        for folder in self._folders():
+            if folder.usable and not any(folder.is_same(other) for other in offered):
+                offered.append(folder)
+                yield folder
 
-    def open_in(self, folder: Path) -> Writer:
+    def _folders(self) -> Iterator[HeldFolder]:
+        yield self._current
+        yield self._home
+        yield from _opened(self._wanted.parent)
+        for path in self._parents:
+            yield from _opened(path)
+
+    def open_in(self, folder: HeldFolder) -> Writer:
         """Open the next file in a folder. Raises OutputError."""
+        here = folder is self._home or folder.path == self._wanted.parent
         if self._series is None:
-            here = folder == self._wanted.parent
-            return open_new(folder / self._wanted.name, 2 if here else 1)
-        if folder == self._wanted.parent:
-            return self._series.open_next()
-        series = Series(folder / self._wanted.name, self._rotation, self._report)
-        writer = _first_of(series)
-        before, self._series = self._series, series
-        before.close()
+            writer = open_new(folder.path / self._wanted.name, 2 if here else 1, folder)
+        elif folder is self._series.folder:
+            writer = self._series.open_next()
+        else:
+            series = Series(folder.path / self._wanted.name, self._rotation, self._report, folder)
+            series.in_use = self._journals_in_use
+            writer = _first_of(series)
+            self._series.close()
+            self._series = series
+        before, self._current = self._current, folder
+        if before is not folder and not before.usable:
+            says = f"{before.path} {Standing.GONE.value}: the recording goes on in {folder.path}"
+            self._report("folder_gone", says)
+        if here:
+            self._home = folder
         return writer
 
-    def own_journal(self, path: Path, fd: int) -> None:
-        """Note a new journal: it is deleted with its log."""
+    def keep_journals(self, in_use: Callable[[], Collection[str]]) -> None:
+        """Names of journals that are written now, which no ring deletes."""
+        self._journals_in_use = in_use
         if self._series is not None:
-            self._series.own(path, fd)
+            self._series.in_use = in_use
 
-    def adopt(self, path: Path) -> None:
+    def own_journal(self, folder: HeldFolder, name: str, fd: int) -> None:
+        """Note a new journal: it is deleted with its log."""
+        if self._series is not None and folder.is_same(self._series.folder):
+            self._series.own(name, fd)
+
+    def adopt(self, folder: HeldFolder, name: str) -> None:
         """Note a copy of one of the files: it is deleted in its turn."""
-        if self._series is not None:
-            self._series.adopt(path)
+        if self._series is not None and folder.is_same(self._series.folder):
+            self._series.adopt(name)
 
     def prune(self) -> None:
         """Delete what the ring does not keep."""
         for path in self._series.prune() if self._series else ():
             self._report("file_deleted", f"the ring is full: {path.name} is deleted")
 
-    def delete_oldest(self, folder: Path) -> bool:
+    def delete_oldest(self, folder: HeldFolder) -> bool:
         """Make room for a file in a folder: delete the ring's oldest file there, where there is one; whether it was."""
-        path = self._series.delete_oldest(folder) if self._series else None
+        series = self._series
+        path = series.delete_oldest() if series is not None and folder is series.folder else None
         if path is not None:
             self._report("file_deleted", f"the disk is full: {path.name} is deleted, the oldest of the ring")
         return path is not None
 
     def close(self) -> None:
-        """Release the series' list and folder."""
+        """Release the series' list."""
         if self._series is not None:
             self._series.close()
+
+
+def _opened(path: Path) -> Iterator[HeldFolder]:
+    """The folder at a path, where there is one."""
+    with suppress(OSError):
+        yield HeldFolder(path)
 
 
 def _first_of(series: Series) -> Writer:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterable
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
 from canid.files.derived_name import derived
+from canid.files.held_folder import HeldFolder
 from canid.files.new_file import Disk, TakenError
 from canid.logs.formats import log_suffix
 from canid.values.errors import OutputError
@@ -20,10 +20,13 @@ class Restored(NamedTuple):
 
     path: Path | None
     why: str = ""
+    folder: HeldFolder | None = None  # of the copy
 
 
-def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
-    """Copy an open file without a name next to its old `path`, or into the first of `folders` that takes it.
+def restore(disk: Disk, path: Path, folders: Iterable[HeldFolder]) -> Restored:
+    """Copy an open file without a name into its folder, or into the first of `folders` that takes it.
+
+    The copy's name is derived from that of its old `path`.
 
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "drive.blf"
@@ -38,28 +41,30 @@ def restore(disk: Disk, path: Path, folders: Iterable[Path]) -> Restored:
     stem = path.name[: len(path.name) - len(suffix)]
     suffix = path.name[len(stem) :]
     why = ""
-    partial: Path | None = None
-    for folder in (path.parent, *folders):
+    partial: tuple[HeldFolder, str] | None = None
+    for folder in chain((disk.folder,) if disk.folder.usable else (), folders):
         for number in count(1):
-            copy = folder / derived(stem, f"-restored{'' if number == 1 else f'-{number}'}{suffix}")
+            copy = derived(stem, f"-restored{'' if number == 1 else f'-{number}'}{suffix}")
             try:
-                disk.copy(copy).close()
+                disk.copy(copy, folder).close()
             except TakenError:
                 continue
             except OutputError as error:
-                if os.path.lexists(copy):  # a full disk took some of it
+                if folder.has(copy):  # a full disk took some of it
                     if partial is None:
-                        partial = copy
+                        partial = folder, copy
                     else:
-                        _remove(copy)
+                        _remove(folder, copy)
                 why = why or str(error)
                 break
             if partial is not None:
-                _remove(partial)
-            return Restored(copy)
-    return Restored(None, f"{why}; what could be copied is in {partial}" if partial is not None else why)
+                _remove(*partial)
+            return Restored(folder.path / copy, folder=folder)
+    if partial is not None:
+        why = f"{why}; what could be copied is in {partial[0].path / partial[1]}"
+    return Restored(None, why or "no folder is there")
 
 
-def _remove(path: Path) -> None:
+def _remove(folder: HeldFolder, name: str) -> None:
     with contextlib.suppress(OSError):
-        path.unlink()
+        folder.unlink(name)

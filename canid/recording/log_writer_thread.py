@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from canid.recording.log_files import LogFiles
+from canid.recording.log_files import Follow, LogFiles
 from canid.recording.rotation import Rotation
 from canid.recording.thread_join import join
 from canid.values import frame_columns
@@ -44,8 +44,8 @@ class LogWriterThread:
         wanted: Path,
         rotation: Rotation | None,
         report: Callable[[str, str], object],
-        began: Callable[[Path, float], object],
-        follow: Callable[[Path, float], object] = lambda path, zero: None,
+        began: Follow,
+        follow: Follow = lambda path, zero, folder: None,
     ):
         self.files = LogFiles(wanted, rotation, report, began, follow)
         self.dropped = 0  # frames that were not queued because too many waited

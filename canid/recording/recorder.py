@@ -30,6 +30,7 @@ from canid.buses.draining import MAX_DRAIN_S
 from canid.buses.receivers.many_messages import GATHER_S
 from canid.buses.receivers.socketcan import error_counters, meaning, overflowed
 from canid.buses.timestamp_source import TimestampSource
+from canid.files.held_folder import HeldFolder
 from canid.recording import bus_load
 from canid.recording.clock_events import ClockEvents, against_this_computer
 from canid.recording.controls import Mark
@@ -125,10 +126,11 @@ class Recorder:
                     self._journal.follow,
                 )
                 self._journal.created = self._log.files.folders.own_journal
+                self._log.files.folders.keep_journals(self._journal.in_use)
             except CanidError:
                 self._shut()
                 raise
-            self._journal.follow(self._log.files.path, 0.0)
+            self._journal.follow(self._log.files.path, 0.0, self._log.files.folder)
             self._log.start()
             if self._gate is not None:
                 self._gate.bind(self._log, self._announce)
@@ -237,6 +239,7 @@ class Recorder:
             drops_disk=log.dropped if log else 0,
             events_unwritten=self._journal.failed,
             trigger=trigger,
+            hidden=log.files.hidden if log else "",
         )
 
     def _in_queue(self) -> int:
@@ -362,8 +365,8 @@ class Recorder:
             says = f"{each.bus.name}: times are stamped by {each.clock.value}{offset}"
             self._log.files.note(Event(t, "stamp_clock", says))
 
-    def _file_begins(self, path: Path, zero: float) -> None:
-        self._journal.follow(path, zero)
+    def _file_begins(self, path: Path, zero: float, folder: HeldFolder) -> None:
+        self._journal.follow(path, zero, folder)
         if zero:  # the first one gets it with the first frame of each bus
             for each in self._buses:
                 self._note_clock(each, zero)

@@ -46,3 +46,4 @@ class Stats(NamedTuple):
     drops_disk: int = 0  # frames that are not in the log because the disk was too slow
     events_unwritten: int = 0  # that are not in the journal
     trigger: TriggerStats | None = None  # None: all is recorded
+    hidden: str = ""  # at the end: why the log is not seen under `path`, and what shows it

@@ -13,11 +13,10 @@ import stat
 import threading
 import zlib
 from itertools import count
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from canid.files import file_location, opening
 from canid.files.file_identity import FileIdentity
+from canid.files.held_folder import HeldFolder
 from canid.recording.file_age import UNKNOWN, Clocks
 from canid.values.errors import OutputError
 
@@ -72,17 +71,18 @@ class Entry(NamedTuple):
 class RingList:
     """The list's file, locked. `entries`: what was written and not deleted, the oldest first; any thread may note."""
 
-    def __init__(self, folder: Path, stem: str):
+    def __init__(self, folder: HeldFolder, stem: str):
         """Open `stem`.series; where another process has locked it, or another user owns it, the next free name: `stem`-2."""
         self.entries: dict[str, Entry] = {}
         self.unidentified: list[str] = []  # names of an earlier version's list, which held nothing but names
         self.complaints: list[str] = []  # what was wrong with the list
         self._lock = threading.Lock()
         self._dirty = False
-        self.stem, self.path, self._fd = self._locked(folder, stem)
+        self._folder = folder
+        self.stem, self.name, self._fd = self._locked(stem)
         self._size = os.fstat(self._fd).st_size
         # where inode numbers do not last, its deletion cannot be detected
-        self._findable = file_location.find(self._fd, self.path).place is file_location.Place.HERE
+        self._findable = folder.names(self.name, os.fstat(self._fd))
         data = _read(self._fd)
         self._read(data)
         needed = sum(len(entry.line()) for entry in self.entries.values())
@@ -102,8 +102,8 @@ class RingList:
             self.entries.pop(name, None)
             self._append(_line({_DELETED: name}))
 
-    def maintain(self, folder: Path) -> str:
-        """Sync it; rewrite it in `folder` where it is gone. Returns what happened, mostly ""."""
+    def maintain(self) -> str:
+        """Sync it; rewrite it where it is gone from its folder. Returns what happened, mostly ""."""
         with self._lock:
             if self._fd < 0:
                 return ""
@@ -111,13 +111,14 @@ class RingList:
                 if self._dirty:
                     self._dirty = False
                     os.fsync(self._fd)
-            if not self._findable:
+            if not self._findable or not self._folder.usable:
                 return ""
-            where = file_location.find(self._fd, self.path)
-            if where.place is file_location.Place.MOVED and where.path == folder / self.path.name:
-                self.path = where.path  # with its folder
-            elif where.place is not file_location.Place.HERE or os.fstat(self._fd).st_size < self._size:
-                return self._replace(folder / self.path.name)
+            try:
+                listed, named = os.fstat(self._fd), self._folder.status(self.name)
+            except OSError:  # not known: EACCES, EIO, ESTALE, ...
+                return ""
+            if named is None or not os.path.samestat(named, listed) or listed.st_size < self._size:
+                return self._replace()
             return ""
 
     def close(self) -> None:
@@ -137,22 +138,21 @@ class RingList:
             self._size += os.write(self._fd, line)
         self._dirty = True
 
-    def _replace(self, path: Path) -> str:
-        name, self.path = self.path.name, path
+    def _replace(self) -> str:
         try:
             self._rewrite(replace=False)
         except OSError as error:
             os.close(self._fd)
             self._fd = -1
-            return f"{name} is gone and cannot be rewritten ({error.strerror}): files of this recording stay"
-        return f"{name} was deleted, moved or truncated: it is rewritten"
+            return f"{self.name} is gone and cannot be rewritten ({error.strerror}): files of this recording stay"
+        return f"{self.name} was deleted, moved or truncated: it is rewritten"
 
     def _rewrite(self, *, replace: bool) -> None:
         """Write the list without what is not needed any more; `replace`: over the old one."""
         if replace:
-            fd, path = opening.create_temporary(self.path, append=True, mode=_MODE)
+            fd, name = self._folder.create_temporary(self.name, append=True, mode=_MODE)
         else:
-            fd, path = opening.create(self.path, append=True, mode=_MODE), self.path
+            fd, name = self._folder.create(self.name, append=True, mode=_MODE), self.name
         try:
             _lock(fd)
             data = b"".join(entry.line() for entry in self.entries.values())
@@ -161,40 +161,43 @@ class RingList:
                 raise OSError(None, "not written whole")
             os.fsync(fd)
             if replace:
-                os.replace(path, self.path)
+                self._folder.rename(name, self.name)
         except OSError:
             os.close(fd)
             with contextlib.suppress(OSError):
-                os.unlink(path)
+                self._folder.unlink(name)
             raise
         os.close(self._fd)
         self._fd, self._size = fd, len(data)
 
     # --- opening ---
 
-    def _locked(self, folder: Path, stem: str) -> tuple[str, Path, int]:
+    def _locked(self, stem: str) -> tuple[str, str, int]:
         for number, _ in zip(count(1), range(_MAX_NAMES), strict=False):
-            name = stem if number == 1 else f"{stem}-{number}"
-            path = folder / f"{name}.series"
+            own_stem = stem if number == 1 else f"{stem}-{number}"
+            name = f"{own_stem}.series"
             try:
-                fd = self._open(path)
+                fd = self._open(name)
             except OSError as error:
-                raise OutputError(f"cannot create {path}: {error.strerror}") from None
+                raise OutputError(
+                    f"cannot create {self._folder.path / name}: {error.strerror}", error.errno
+                ) from None
             if fd < 0:
                 continue
             if _lock(fd) and os.fstat(fd).st_nlink:  # without a name: another process has just rewritten it
-                return name, path, fd
+                return own_stem, name, fd
             os.close(fd)
-        raise OutputError(f"cannot create {folder / stem}.series: no name is free")
+        raise OutputError(f"cannot create {self._folder.path / stem}.series: no name is free")
 
-    def _open(self, path: Path) -> int:
+    def _open(self, name: str) -> int:
         """Open the list, or create it; -1 and a complaint where it is not ours alone."""
         with contextlib.suppress(FileExistsError):
-            return opening.create(path, append=True, mode=_MODE)
+            return self._folder.create(name, append=True, mode=_MODE)
         try:
             # before it is opened: opening a device can do something
-            why = _not_ours(os.lstat(path))
-            fd = -1 if why else opening.existing(path, append=True)
+            there = self._folder.status(name)
+            why = "" if there is None else _not_ours(there)
+            fd = -1 if why else self._folder.existing(name, append=True)
         except OSError as error:
             why, fd = f"cannot be opened ({error.strerror})", -1
         if fd >= 0:
@@ -207,10 +210,10 @@ class RingList:
                 with contextlib.suppress(OSError):
                     os.fchmod(fd, stat.S_IMODE(status.st_mode) & ~_OTHERS_WRITE)
                 self.complaints.append(
-                    f"{path.name} could be written by other users, which is no longer permitted"
+                    f"{name} could be written by other users, which is no longer permitted"
                 )
         if why:
-            self.complaints.append(f"{path.name} {why}: it is not used")
+            self.complaints.append(f"{name} {why}: it is not used")
         return fd
 
     def _read(self, data: bytes) -> None:
@@ -234,7 +237,7 @@ class RingList:
             self._append(b"\n")  # a killed process left half a line
         if damaged:
             self.complaints.append(
-                f"{damaged:,} lines of {self.path.name} are damaged: the files they list are kept"
+                f"{damaged:,} lines of {self.name} are damaged: the files they list are kept"
             )
 
 

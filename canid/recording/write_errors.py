@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import errno
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from canid.files.held_folder import HeldFolder
 from canid.values.errors import OutputError
 from canid.values.frame_columns import join
 from canid.values.types import Columns
@@ -88,7 +88,7 @@ class WriteErrors:
         if not at_once and time.monotonic() < self._retry_at:
             return False
         ended = files.path.name
-        for folder in files.folders.candidates(files.path):
+        for folder in files.folders.candidates():
             if self._begin_with_room(folder):
                 self._waits = False
                 says = f"{ended} could not be written: the recording goes on in {files.path}"
@@ -101,7 +101,7 @@ class WriteErrors:
             files.report("recording_waits", says)
         return False
 
-    def _begin_with_room(self, folder: Path) -> bool:
+    def _begin_with_room(self, folder: HeldFolder) -> bool:
         """Begin a file in a folder; where that is full, the ring's oldest files are deleted for it."""
         deleted = 0
         while (error := self._begin_in(folder)) is not None:
@@ -117,7 +117,7 @@ class WriteErrors:
                 return False
         return True
 
-    def _begin_in(self, folder: Path) -> OutputError | None:
+    def _begin_in(self, folder: HeldFolder) -> OutputError | None:
         """Begin a file in a folder and write into it what waits; the error where that fails."""
         files, self._progress = self._files, False
         try:

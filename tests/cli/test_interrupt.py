@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -47,3 +49,21 @@ def unwritable(number: int) -> None:
 def test_a_file_that_could_not_be_completed_is_still_reported() -> None:
     with pytest.raises(OutputError), ending():
         unwritable(signal.SIGTERM)
+
+
+POLLED = """
+import os, signal, sys
+from canid.cli.interrupt import Interrupt
+with Interrupt() as stop:
+    if sys.argv[1] == "told":
+        stop.end_at_once()
+    os.kill(os.getpid(), signal.SIGTERM)
+    print(stop(), stop.code)
+"""
+
+
+@pytest.mark.parametrize(("told", "code", "printed"), [("told", 143, ""), ("not told", 0, "True 143\n")])
+def test_the_first_signal_ends_a_program_that_has_said_so(told: str, code: int, printed: str) -> None:
+    """At the end that --duration began no signal has come before, and the line that is shown promises one."""
+    done = subprocess.run([sys.executable, "-c", POLLED, told], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (code, printed)

@@ -13,12 +13,14 @@ from pathlib import Path
 import pytest
 
 from canid.processes.child import EXIT_S, Child, EndedError, NoAnswerError
+from canid.processes.memory_victim import OOM_SCORE
 
 # s; bounds what hangs
 PATIENCE_S = 60.0
 ANSWERS = """
 import ctypes, os, signal, subprocess, sys, time
 from canid.processes import limits
+from canid.processes.memory_victim import OOM_SCORE
 from canid.processes.serve import connect
 parent = connect()
 def started():
@@ -81,7 +83,7 @@ def test_memory_has_a_limit_that_can_be_lifted(child: Child) -> None:
     """What is refused once is given afterwards; the system ends the child before its parent."""
     assert child.ask("memory()") == "no memory"
     assert child.ask("len(bytearray(200_000_000))") == 200_000_000
-    assert Path(f"/proc/{child.pid}/oom_score_adj").read_text(encoding="ascii").strip() == "500"
+    assert Path(f"/proc/{child.pid}/oom_score_adj").read_text(encoding="ascii").strip() == str(OOM_SCORE)
 
 
 def test_a_child_that_hangs_is_ended_with_what_it_started(child: Child) -> None:

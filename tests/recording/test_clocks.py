@@ -53,7 +53,7 @@ def recorded(
     """Record these frames, numbered, through the writing thread; the files in the order of the recording."""
     begun: list[Path] = []
     log = LogWriterThread(
-        folder / f"x{suffix}", rotation, lambda *_: None, lambda path, zero: begun.append(path)
+        folder / f"x{suffix}", rotation, lambda *_: None, lambda path, *_: begun.append(path)
     )
     log.start()
     step = 37

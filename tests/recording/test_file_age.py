@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from canid.files.held_folder import HeldFolder
 from canid.recording import file_series
 from canid.recording.file_age import UNKNOWN, Clocks, elapsed, read_clocks
 from canid.recording.file_series import Series
@@ -109,7 +110,7 @@ def test_the_last_file_of_a_session_makes_no_other_one_old(tmp_path: Path) -> No
 def test_what_was_recorded_since_has_passed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Boots later, with no clock that confirms anything: a file before 7 days of recordings is 7 days old."""
     names = session(tmp_path, 12)
-    series_list = RingList(tmp_path, "x")
+    series_list = RingList(HeldFolder(tmp_path), "x")
     for name in names:
         series_list.note(series_list.entries[name]._replace(clocks=UNKNOWN, recorded=DAY - 1.0))
     series_list.close()

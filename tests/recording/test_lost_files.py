@@ -15,7 +15,7 @@ import pytest
 
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
-from canid.files import file_location
+from canid.files import held_folder
 from canid.logs import open_log
 from canid.recording.recorder import Recorder
 from canid.recording.recorder_stats import Stats
@@ -201,7 +201,7 @@ def test_a_moved_file_without_proc_is_copied(
     sender: Sender, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the system does not report where it went: a copy has a name that is known, and a new file the rest."""
-    monkeypatch.setattr(file_location, "_path_of", lambda fd: None)
+    monkeypatch.setattr(held_folder, "path_of", lambda fd: None)
     run = Run(request, sender, tmp_path / "x.blf")
     run.path.rename(tmp_path / "y.dat")
     run.wait_for("recording_hidden")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import random
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from canid.files.held_folder import HeldFolder
 from canid.recording import file_series
 from canid.recording.file_series import Series
 from canid.recording.journal import Journal, journal_path
@@ -304,7 +306,7 @@ def test_a_journal_goes_with_its_log_if_it_is_ours(tmp_path: Path) -> None:
         series = Series(folder / "x.blf", LIMIT)
         writer = series.open_next()
         journal = Journal(writer.path)
-        journal.created = series.own
+        journal.created = lambda _, name, fd, series=series: series.own(name, fd)
         journal.write(Event(0.0, "one", "first"), 0)
         journal.close()
         writer.close()
@@ -339,15 +341,15 @@ def test_an_exchange_at_the_last_moment_deletes_nothing(
 ) -> None:
     """Between the last check and the deletion a name gets another file: it is there afterwards."""
     (path,) = record(tmp_path, 1)
-    really = os.rename
+    really = os.replace
 
     def rename(src: str, dst: str, **words: int) -> None:
-        monkeypatch.setattr(os, "rename", really)
+        monkeypatch.setattr(os, "replace", really)
         path.unlink()
         path.write_bytes(b"another program was quick")
         really(src, dst, **words)
 
-    monkeypatch.setattr(os, "rename", rename)
+    monkeypatch.setattr(os, "replace", rename)
     deleted, reported = prune(tmp_path)
     assert deleted == []
     assert path.read_bytes() == b"another program was quick"
@@ -357,12 +359,12 @@ def test_an_exchange_at_the_last_moment_deletes_nothing(
 def test_a_list_does_not_grow_without_end(tmp_path: Path) -> None:
     """What is deleted leaves the list when it has become large."""
     entry = Entry("x_20200101T000000Z_000001.blf", Entry.decoded(line_of(tmp_path)).identity)  # type: ignore[union-attr]
-    listed = RingList(tmp_path, "x")
+    listed = RingList(HeldFolder(tmp_path), "x")
     for _ in range(1500):
         listed.note(entry)
     listed.close()
     assert (tmp_path / "x.series").stat().st_size > 1 << 18
-    again = RingList(tmp_path, "x")
+    again = RingList(HeldFolder(tmp_path), "x")
     assert entry.name in again.entries
     again.close()
     assert (tmp_path / "x.series").stat().st_size < 10_000
@@ -377,3 +379,33 @@ def test_an_impossible_name_is_one_line(tmp_path: Path) -> None:
     """A folder that is not there."""
     with pytest.raises(OutputError, match="cannot create"):
         Series(tmp_path / "nowhere/x.blf", LIMIT)
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    """Wait for another thread."""
+    end = time.monotonic() + 60.0
+    while not true() and time.monotonic() < end:
+        time.sleep(0.002)
+    assert true()
+
+
+def test_a_journal_that_is_written_outlives_its_log_until_the_recording_has_left_it(tmp_path: Path) -> None:
+    """A full disk takes the newest finished log while events still come: the journal goes once another one has begun."""
+    series = Series(tmp_path / "x.blf", NOTHING_KEPT)
+    writer = series.open_next()
+    journal = Journal(writer.path)
+    journal.created = lambda _, name, fd: series.own(name, fd)
+    series.in_use = journal.in_use
+    journal.write(Event(0.0, "one", "first"), 0)
+    wait_until(lambda: "events" in (tmp_path / "x.series").read_text())
+    writer.close()
+    series.open_next().close()
+    assert series.prune() == [writer.path]
+    assert journal_path(writer.path).exists()
+    journal.follow(tmp_path / "x_other.blf", 0.0)
+    wait_until(lambda: journal.in_use() == {"x_other.events.jsonl"})
+    series.prune()
+    assert not journal_path(writer.path).exists()
+    journal.close()
+    assert [path.name for path in tmp_path.glob("*.events*")] == []
+    series.close()

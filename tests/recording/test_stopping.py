@@ -100,7 +100,7 @@ def test_waiting_for_a_disk_that_is_stuck_can_be_ended(
             assert (stats.waiting, stats.written) == (0, 100)
             raise EndedError
 
-    monkeypatch.setattr(new_file, "_open_linked", lambda path, head: -1)  # the name is not synced first
+    monkeypatch.setattr(new_file, "_open_linked", lambda *_: -1)  # the name is not synced first
     recorder = recorder_of(request, tmp_path / "x.blf", 100)
     try:
         with pytest.raises(EndedError):
@@ -150,3 +150,49 @@ def test_a_second_signal_ends_a_recorder_whose_disk_is_stuck(tmp_path: Path) -> 
     assert child.wait(PATIENCE) == 128 + signal.SIGTERM
     assert time.monotonic() - began < PATIENCE / 3
     child.stderr.close()
+
+
+ENDING = """
+import os, sys, threading, time
+from canid.files import new_file
+from canid.buses import python_can
+really, stuck = new_file._write, threading.Event()
+def write(fd, at, data):
+    if os.path.exists(sys.argv[2]):
+        stuck.wait()
+    really(fd, at, data)
+new_file._write = write
+def send():
+    can = python_can.load()
+    bus = can.Bus("ending", interface="virtual")
+    while True:
+        bus.send(can.Message(arbitration_id=1, data=bytes(8), is_extended_id=False))
+        time.sleep(0.01)
+threading.Thread(target=send, daemon=True).start()
+from canid.cli import main
+sys.exit(main(["record", "-i", "virtual", "-c", "ending", "-o", sys.argv[1], "--duration", "2"]))
+"""
+
+
+@pytest.mark.slow("a recording in real time, whose disk is stuck")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_one_signal_ends_a_recorder_at_once_whose_end_duration_has_begun(number: int, tmp_path: Path) -> None:
+    """As the line says that is shown meanwhile; it is the first signal."""
+    gate = tmp_path / "stuck"
+    words = [sys.executable, "-c", ENDING, str(tmp_path / "x.blf"), str(gate)]
+    with (tmp_path / "said").open("wb") as said, subprocess.Popen(words, stderr=said) as child:
+        try:
+            end = time.monotonic() + PATIENCE
+            while not (tmp_path / "x.blf").exists() and time.monotonic() < end:
+                time.sleep(0.02)
+            time.sleep(0.5)
+            gate.touch()
+            while b"a signal now ends at once" not in (tmp_path / "said").read_bytes():
+                assert time.monotonic() < end
+                time.sleep(0.02)
+            began = time.monotonic()
+            child.send_signal(number)
+            assert child.wait(PATIENCE) == 128 + number
+            assert time.monotonic() - began < PATIENCE / 3
+        finally:
+            child.kill()

@@ -116,7 +116,7 @@ def next_steps(recording: str) -> list[str]:
 
 
 def play_and_watch(
-    log: Path, speed: float, view: View, record: str, json: Output | None, stop: Callable[[], bool]
+    log: Path, speed: float, view: View, record: str, json: Output | None, stop: Interrupt
 ) -> tuple[int, EstimateTally]:
     """Play a log onto a virtual bus, and run a live session on that bus; returns its exit code and estimates."""
     from canid.buses.bus_opener import open_buses
@@ -139,6 +139,7 @@ def play_and_watch(
         view,
         json=json,
         stop=lambda: stop() or ended.is_set(),
+        end_at_once=stop.end_at_once,
         controls=Controls(),
     )
 

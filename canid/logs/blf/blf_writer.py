@@ -13,6 +13,7 @@ from pathlib import Path
 import deflate
 import numpy as np
 
+from canid.files.held_folder import HeldFolder
 from canid.files.new_file import ChangedError, Disk
 from canid.logs.blf import blf_encoding
 from canid.logs.blf import blf_layout as blf
@@ -39,16 +40,19 @@ class BlfWriter(Writer):
     Every write may raise OutputError; what the last `checkpoint()` wrote stays readable.
     """
 
-    def __init__(self, path: str | os.PathLike[str], start_ns: int | None = None):
+    def __init__(
+        self, path: str | os.PathLike[str], start_ns: int | None = None, folder: HeldFolder | None = None
+    ):
         """Create the file; it holds a header at once.
 
-        `start_ns`: epoch ns of t = 0; None: unknown yet, assign `self.start_ns` before the first `append`.
+        `start_ns`: epoch ns of t = 0; None: unknown yet, assign `self.start_ns` before the first `append`. `folder`: as of
+        `canid.files.new_file.Disk`.
         """
         super().__init__(start_ns)
         self._buffer: list[bytes | memoryview] = []
         self._uncompressed = self._size = blf.FILE_HEADER_SIZE
         self._last = 0  # ns, the latest frame's
-        self.disk = Disk(Path(path), head=self._header())
+        self.disk = Disk(Path(path), head=self._header(), folder=folder)
 
     def append_columns(self, chunk: Columns) -> None:
         """Take frames; full containers are written at once, the rest at the next `checkpoint()`.
