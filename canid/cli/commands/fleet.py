@@ -132,6 +132,7 @@ def results() -> dict[str, Any]:
 def run(args: argparse.Namespace) -> int:
     """Plan, analyse, store."""
     from canid.fleet.analysis import run as fleet_run
+    from canid.fleet.planning.listing import is_url
     from canid.fleet.planning.plan import planned
     from canid.fleet.storage import mirror
     from canid.fleet.storage import store as fleet_store
@@ -140,6 +141,7 @@ def run(args: argparse.Namespace) -> int:
     _know_the_words(args.logs)
     if args.output is None:
         raise ConfigError("fleet: -o DIR is missing: the folder of the results")
+    is_url(args.output)  # before anything is listed: an address that is not opened is refused
     json = options.json_output(args)
     page = report_option.output(args, "fleet")
     read = [path for path in (args.vehicle, args.vehicles) if path]
