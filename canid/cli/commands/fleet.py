@@ -74,7 +74,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--workers", type=count, metavar="N", help="processes; default: one per core")
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tcp://host:8786"
+        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
     )
     parser.add_argument(
         "--timeout",
@@ -264,19 +264,21 @@ def runner(
     args: argparse.Namespace, sources: Mapping[str, Source], inform: Callable[[str], None] = info
 ) -> Callable[[Iterable[Job]], Generator[Outcome]]:
     """Who analyses: processes of this machine, or Dask."""
-    workers = args.workers or cores()
+    if args.scheduler is not None:
+        from canid.fleet.analysis import dask_cluster
+
+        if line := dask_cluster.exposure(args.scheduler):
+            inform(line)
 
     def analysed(jobs: Iterable[Job]) -> Generator[Outcome]:
-        if args.scheduler is not None or workers > cores():
+        if args.scheduler is not None:
             from canid.fleet.analysis import dask_run
 
-            yield from dask_run.outcomes(
-                jobs, sources, scheduler=args.scheduler, workers=workers, inform=inform
-            )
+            yield from dask_run.outcomes(jobs, sources, scheduler=args.scheduler, inform=inform)
         else:
             from canid.fleet.analysis import local_run
 
-            yield from local_run.outcomes(jobs, sources, workers)
+            yield from local_run.outcomes(jobs, sources, args.workers or cores())
 
     return analysed
 
