@@ -29,7 +29,7 @@ NAMES = frozenset(
 
 @pytest.mark.slow("a run of a fleet in processes of its own")
 def test_no_process_of_a_run_listens(tmp_path: Path) -> None:
-    """Looked at all the time, with more workers than cores: no socket of TCP or Unix, and every worker was there."""
+    """At no time, with more workers than cores: no socket of TCP or Unix, and every worker was there."""
     workers = max(WORKERS, len(os.sched_getaffinity(0)) + 1)
     short_logs.write(tmp_path / "logs", max(LOGS, 2 * workers), 8.0)
     words = (tmp_path / "logs", "-o", tmp_path / "out", *QUICK, "--workers", workers)
