@@ -35,6 +35,7 @@ ALLOWED = {
 # distributions that no module imports, and why they are needed
 UNIMPORTED = {
     "aiohttp": "fsspec's http://",
+    "h11": "uvicorn's HTTP, of a version without a known hole",
     "s3fs": "fsspec opens s3:// with it",
     "slycot": "python-control calls it",
 }

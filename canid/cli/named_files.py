@@ -58,8 +58,8 @@ def resolve(args: argparse.Namespace, *, there: bool = True, logs: bool = True) 
 def _found(word: str) -> str:
     """A shipped file's path, or the word as it was given: it may be a URL, a folder with its slash, or `-`.
 
-    >>> _found("zip://**::file://a/b.zip"), _found("./-x.blf"), _found("")
-    ('zip://**::file://a/b.zip', './-x.blf', '')
+    >>> _found("s3://bucket/a.blf"), _found("./-x.blf"), _found("")
+    ('s3://bucket/a.blf', './-x.blf', '')
     """
     path = str(located(word)) if word else word
     return path if os.path.isabs(path) and not os.path.isabs(word) else word

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from tests.fleet import short_logs
+from tests.fleet import certificates, short_logs
 from tests.fleet.dask_processes import DASK, HOST, free_port
 from tests.fleet.short_logs import QUICK, REPO, fleet_here, table
 
 PAGE = (REPO / "docs/clusters.md").read_text("utf-8")
 LOGS = 3
 NUMBERS = "log, key, status, range_rate_K, duration, fit_percent"
-IN_CLUSTER = "tcp://canid-scheduler:8786"
+IN_CLUSTER = "tls://canid-scheduler:8786"
 KUBERNETES = "1.31"
 
 
@@ -54,6 +54,7 @@ def test_the_job_that_slurm_is_given_analyses_the_fleet(logs: Path, tmp_path: Pa
     """A shell takes the place of Slurm: `sbatch` runs the script that it is given."""
     pytest.importorskip("dask_jobqueue", reason="needs dask-jobqueue: pip install dask-jobqueue")
     program = block("python on_slurm").replace("cores=8", "cores=1").replace("maximum=20", "maximum=1")
+    program = program.replace("ib0", "lo")
     (tmp_path / "on_slurm.py").write_text(program)
     for name, does in (
         ("sbatch", 'sh "$1" > job.txt 2>&1 & echo $! > job.pid; echo "Submitted batch job 1"'),
@@ -64,7 +65,7 @@ def test_the_job_that_slurm_is_given_analyses_the_fleet(logs: Path, tmp_path: Pa
     done = subprocess.run(
         [sys.executable, "on_slurm.py", str(logs), "-o", str(tmp_path / "out"), *QUICK],
         cwd=tmp_path,
-        env={**short_logs.environment(), "PATH": f"{tmp_path}:{programs()}"},
+        env={**short_logs.environment(), **certificates.made(tmp_path), "PATH": f"{tmp_path}:{programs()}"},
         capture_output=True,
         text=True,
         timeout=short_logs.PATIENCE_S,
@@ -90,9 +91,15 @@ def test_the_manifest_is_one_of_kubernetes() -> None:
     assert service["spec"]["selector"] == scheduler["spec"]["template"]["metadata"]["labels"]
     for one in (scheduler, worker):
         assert one["spec"]["selector"]["matchLabels"] == one["spec"]["template"]["metadata"]["labels"]
-    address = f"tcp://{service['metadata']['name']}:{service['spec']['ports'][0]['port']}"
+    address = f"tls://{service['metadata']['name']}:{service['spec']['ports'][0]['port']}"
     assert address == IN_CLUSTER
     assert address in worker["spec"]["template"]["spec"]["containers"][0]["command"]
+    for one in (scheduler, worker, job):
+        of_pod = one["spec"]["template"]["spec"]
+        (container,) = of_pod["containers"]
+        assert {"name": "DASK_CONFIG", "value": f"{certificates.OF_PAGE}/dask.yaml"} in container["env"]
+        assert {"name": "tls", "mountPath": certificates.OF_PAGE} in container["volumeMounts"]
+        assert "tls" in {volume["name"] for volume in of_pod["volumes"]}
     assert address in job["spec"]["template"]["spec"]["containers"][0]["args"]
 
 
@@ -103,8 +110,10 @@ def test_the_commands_of_the_manifest_analyse_the_fleet(logs: Path, tmp_path: Pa
         one["spec"].get("template", {}).get("spec", {}).get("containers", [{}])[0] for one in manifest()
     )
     port = free_port()
+    environment = {**short_logs.environment(), **certificates.made(tmp_path)}
     others = {
-        IN_CLUSTER: f"tcp://{HOST}:{port}",
+        IN_CLUSTER: f"tls://{HOST}:{port}",
+        "eth0": "lo",
         "8786": str(port),
         "8": "1",
         "s3://bucket/drives": str(logs),
@@ -119,7 +128,7 @@ def test_the_commands_of_the_manifest_analyse_the_fleet(logs: Path, tmp_path: Pa
         subprocess.Popen(
             words(one["command"]),
             cwd=tmp_path,
-            env={**short_logs.environment(), "PATH": programs()},
+            env={**environment, "PATH": programs()},
             stderr=subprocess.DEVNULL,
         )
         for one in (scheduler, worker)
@@ -129,7 +138,7 @@ def test_the_commands_of_the_manifest_analyse_the_fleet(logs: Path, tmp_path: Pa
         done = subprocess.run(
             of_job,
             cwd=REPO,
-            env=short_logs.environment(),
+            env=environment,
             capture_output=True,
             text=True,
             timeout=short_logs.PATIENCE_S,

@@ -48,7 +48,7 @@ def jobs(tmp_path: Path) -> list[Job]:
 
 
 def run(jobs: list[Job], address: str, **settings: Any) -> list[Outcome]:
-    return list(dask_run.outcomes(jobs, SOURCES, scheduler=address, workers=0, **settings))
+    return list(dask_run.outcomes(jobs, SOURCES, scheduler=address, **settings))
 
 
 @needs_namespaces
@@ -131,7 +131,7 @@ def test_a_scheduler_that_is_killed_is_one_line(tmp_path: Path, jobs: list[Job],
 def test_after_a_kill_the_same_command_goes_on_at_once(
     tmp_path: Path, jobs: list[Job], where: tuple[str, ...]
 ) -> None:
-    """With processes of its own and with Dask's: no orphan holds the folder."""
+    """With a process per core, and with more: no orphan holds the folder."""
     words = (tmp_path / "logs", "-o", tmp_path / "out", *QUICK, *where)
     of = subprocess.Popen(
         short_logs.command(*words),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +18,7 @@ from canid.fleet.analysis.job import Failure, Job, Outcome, Status
 from canid.values.errors import CanidError, ConfigError
 from tests.fleet import short_logs
 from tests.fleet.dask_processes import Cluster, cluster, descendants, free_port
-from tests.fleet.fleet_jobs import GENERIC, REPO, SOURCES, job
+from tests.fleet.fleet_jobs import GENERIC, SOURCES, job
 from tests.fleet.test_isolated import gone, numbers
 
 # of Dask's own threads, at the end of the process
@@ -65,7 +64,7 @@ def test_the_rows_are_those_of_this_machine(
             yield one
 
     found = []
-    for outcome in dask_run.outcomes(lazily(), SOURCES, scheduler=running.address, workers=0):
+    for outcome in dask_run.outcomes(lazily(), SOURCES, scheduler=running.address):
         found.append(outcome)
         assert len(taken) - len(found) < 2 * dask_run.JOBS_PER_THREAD
     check(found, expected)
@@ -79,9 +78,7 @@ def test_a_worker_that_is_killed_loses_nothing(
     found = []
     children: list[int] = []
     lines: list[str] = []
-    for outcome in dask_run.outcomes(
-        jobs * 2, SOURCES, scheduler=running.address, workers=0, inform=lines.append
-    ):
+    for outcome in dask_run.outcomes(jobs * 2, SOURCES, scheduler=running.address, inform=lines.append):
         found.append(outcome)
         if len(found) == 3:
             workers = running.processes("multiprocessing.spawn")
@@ -113,9 +110,7 @@ def test_a_log_that_kills_its_workers_fails_alone(
 ) -> None:
     """`crashed`; no other log is blamed for it, whatever was in the same workers' hands."""
     poisoned = Job("poison.blf", -1, 0, "generic", together=(Poison(),))  # type: ignore[arg-type]
-    found = list(
-        dask_run.outcomes([*jobs[:3], poisoned, *jobs[3:]], SOURCES, scheduler=running.address, workers=0)
-    )
+    found = list(dask_run.outcomes([*jobs[:3], poisoned, *jobs[3:]], SOURCES, scheduler=running.address))
     (failed,) = (one for one in found if one.log == poisoned.log)
     assert (failed.status, failed.failure) == (Status.FAILED, Failure.CRASHED)
     check([one for one in found if one is not failed], expected)
@@ -128,9 +123,7 @@ def test_the_scheduler_is_killed_and_comes_back(
     """At the same address: what has no outcome is submitted again, with one line for the user."""
     lines: list[str] = []
     found = []
-    for outcome in dask_run.outcomes(
-        jobs, SOURCES, scheduler=running.address, workers=0, inform=lines.append
-    ):
+    for outcome in dask_run.outcomes(jobs, SOURCES, scheduler=running.address, inform=lines.append):
         found.append(outcome)
         if len(found) == 2:
             running.restart_scheduler()
@@ -147,9 +140,7 @@ def test_a_scheduler_that_never_comes_back(tmp_path: Path, jobs: list[Job]) -> N
         found: list[Outcome] = []
 
         def run() -> None:
-            for outcome in dask_run.outcomes(
-                jobs, SOURCES, scheduler=made.address, workers=0, patience_s=2.0
-            ):
+            for outcome in dask_run.outcomes(jobs, SOURCES, scheduler=made.address, patience_s=2.0):
                 found.append(outcome)
                 if len(found) == 2:
                     made.scheduler.kill()
@@ -158,25 +149,6 @@ def test_a_scheduler_that_never_comes_back(tmp_path: Path, jobs: list[Job]) -> N
             run()
     assert 2 <= len(found) < LOGS
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.slow("runs of a fleet in processes of their own")
-def test_workers_of_this_machine(jobs: list[Job], expected: dict[str, str]) -> None:
-    """Without a scheduler it starts its own, in silence, and ends it, children included."""
-    text = (
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "from tests.fleet.own_cluster import main\n"
-        "if __name__ == '__main__': main(sys.argv[2:])\n"
-    )
-    logs = [one.log for one in jobs[:3]]
-    done = subprocess.run(
-        [sys.executable, "-c", text, str(REPO), *logs],
-        capture_output=True, text=True, timeout=120, check=False, cwd=REPO,
-    )  # fmt: skip
-    assert done.stderr == ""
-    lines = done.stdout.splitlines()
-    assert sorted(lines[:3]) == sorted(f"{log} ok" for log in logs)
-    assert all(gone(int(pid)) for pid in lines[3].split())
 
 
 def test_another_version_is_refused() -> None:
@@ -198,7 +170,7 @@ def test_workers_without_canid_are_refused(tmp_path: Path, jobs: list[Job]) -> N
             "--nthreads 1 --no-dashboard"
         )
         with pytest.raises(ConfigError, match="cannot import canid") as raised:
-            next(dask_run.outcomes(jobs, SOURCES, scheduler=made.address, workers=0))
+            next(dask_run.outcomes(jobs, SOURCES, scheduler=made.address))
     assert "\n" not in str(raised.value)
 
 
@@ -209,6 +181,6 @@ def test_nothing_at_the_address(address: str, jobs: list[Job], monkeypatch: pyte
     monkeypatch.setattr("canid.fleet.analysis.dask_cluster.CONNECT_S", 1.0)
     named = address.format(port=free_port())
     with pytest.raises(ConfigError) as raised:
-        next(dask_run.outcomes(jobs, SOURCES, scheduler=named, workers=0))
+        next(dask_run.outcomes(jobs, SOURCES, scheduler=named))
     assert named in str(raised.value)
     assert "\n" not in str(raised.value)

@@ -6,7 +6,6 @@ import gzip
 import json
 import os
 import threading
-import zipfile
 from collections import Counter
 from pathlib import Path
 
@@ -138,23 +137,6 @@ def test_any_path_has_its_row(tmp_path: Path) -> None:
     again = fleet_here(logs, "-o", out, *QUICK)
     assert "0 analysed now" in again.stdout
     assert "\u202e" not in again.stdout + again.stderr
-
-
-@pytest.mark.slow("runs of a fleet in processes of their own")
-def test_logs_in_an_archive(tmp_path: Path) -> None:
-    """An fsspec URL of two links: workers fetch each log from the archive; a second run does nothing."""
-    with zipfile.ZipFile(tmp_path / "logs.zip", "w") as archive:
-        for number, name in enumerate(("anna/a b.log", "ben/c.log", "ben/empty.log", "notes.txt")):
-            archive.writestr(name, short_logs.log(number) if number < 2 else b"")
-    words = (f"zip://**::file://{tmp_path}/logs.zip", "-o", tmp_path / "out", *QUICK)
-    assert fleet_here(*words).returncode == 4
-    columns = "split_part(log, '::', 1), driver, status, failure"
-    assert table(tmp_path / "out", "logs", columns) == [
-        ("zip://anna/a b.log", "anna", "ok", ""),
-        ("zip://ben/c.log", "ben", "ok", ""),
-        ("zip://ben/empty.log", "ben", "failed", "empty"),
-    ]
-    assert "0 analysed now" in fleet_here(*words).stdout
 
 
 @pytest.mark.slow("runs of a fleet in processes of their own")

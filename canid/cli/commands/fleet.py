@@ -74,7 +74,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--workers", type=count, metavar="N", help="processes; default: one per core")
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tcp://host:8786"
+        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
     )
     parser.add_argument(
         "--timeout",
@@ -132,6 +132,7 @@ def results() -> dict[str, Any]:
 def run(args: argparse.Namespace) -> int:
     """Plan, analyse, store."""
     from canid.fleet.analysis import run as fleet_run
+    from canid.fleet.planning.listing import is_url
     from canid.fleet.planning.plan import planned
     from canid.fleet.storage import mirror
     from canid.fleet.storage import store as fleet_store
@@ -140,6 +141,7 @@ def run(args: argparse.Namespace) -> int:
     _know_the_words(args.logs)
     if args.output is None:
         raise ConfigError("fleet: -o DIR is missing: the folder of the results")
+    is_url(args.output)  # before anything is listed: an address that is not opened is refused
     json = options.json_output(args)
     page = report_option.output(args, "fleet")
     read = [path for path in (args.vehicle, args.vehicles) if path]
@@ -262,19 +264,21 @@ def runner(
     args: argparse.Namespace, sources: Mapping[str, Source], inform: Callable[[str], None] = info
 ) -> Callable[[Iterable[Job]], Generator[Outcome]]:
     """Who analyses: processes of this machine, or Dask."""
-    workers = args.workers or cores()
+    if args.scheduler is not None:
+        from canid.fleet.analysis import dask_cluster
+
+        if line := dask_cluster.exposure(args.scheduler):
+            inform(line)
 
     def analysed(jobs: Iterable[Job]) -> Generator[Outcome]:
-        if args.scheduler is not None or workers > cores():
+        if args.scheduler is not None:
             from canid.fleet.analysis import dask_run
 
-            yield from dask_run.outcomes(
-                jobs, sources, scheduler=args.scheduler, workers=workers, inform=inform
-            )
+            yield from dask_run.outcomes(jobs, sources, scheduler=args.scheduler, inform=inform)
         else:
             from canid.fleet.analysis import local_run
 
-            yield from local_run.outcomes(jobs, sources, workers)
+            yield from local_run.outcomes(jobs, sources, args.workers or cores())
 
     return analysed
 

@@ -40,7 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--vehicles", metavar="MAP.toml", help="mapping file, likewise")
     parser.add_argument("--workers", type=int, metavar="N", help="processes; default: one per core")
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tcp://host:8786"
+        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
     )
     parser.add_argument(
         "--timeout",

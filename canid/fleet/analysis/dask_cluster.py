@@ -1,14 +1,16 @@
-"""The connection to a Dask cluster: a scheduler's address, or workers that are started on this machine."""
+"""The connection to a Dask cluster, by the address of its scheduler."""
 
 from __future__ import annotations
 
+import ipaddress
 import logging
 import time
 import warnings
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
+from urllib.parse import urlsplit
 
 from canid.fleet.analysis import dask_worker
 from canid.fleet.analysis.key import PROGRAM
@@ -22,13 +24,6 @@ RETRY_S = 0.5
 CLOSE_S = 5.0
 # evaluated by every process of the cluster: nothing of canid has to be there to ask for it
 _PROGRAM_OF = "(lambda key: getattr(key, 'PROGRAM', key.IDENTITY))(__import__('canid.fleet.analysis.key', fromlist=['key']))"
-
-# of processes that are started here: with Dask's defaults a worker that waits takes 4 % of a core, with these 1 %
-_IDLE = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "5s",
-}
 
 _LOGGING = ("distributed", "tornado", "asyncio")
 
@@ -62,62 +57,98 @@ def quiet() -> Iterator[None]:
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)
     try:
-        with dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT_S}s", **_IDLE}):
+        with dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT_S}s"}):
             yield
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
 
 
-@contextmanager
-def local_cluster(workers: int) -> Iterator[str]:
-    """Start a scheduler and workers on this machine; its address. All ends with the context."""
+def exposure(address: str) -> str:
+    """What is to be known of a connection that leaves this machine without TLS; "": nothing.
+
+    Example:
+        >>> exposure("tls://node1:8786"), exposure("tcp://127.0.0.1:8786"), exposure("tcp://[::1]:8786")
+        ('', '', '')
+        >>> exposure("node1:8786").partition(":")[0]
+        'node1'
+    """
+    protocol, separator, rest = address.partition("://")
+    if protocol == "tls" or _is_loopback(rest if separator else address):
+        return ""
+    return (
+        f"{address}: neither encrypted nor authenticated: whoever reaches the scheduler or a worker runs code as you; "
+        "tls:// and a certificate: docs/clusters.md"
+    )
+
+
+def _is_loopback(place: str) -> bool:
+    """Of "host:port"."""
     try:
-        cluster = distributed().LocalCluster(
-            # one process whose threads wait for their children: a process for each thread costs its start and 3 % of a core
-            n_workers=1,
-            threads_per_worker=workers,
-            host="127.0.0.1",
-            dashboard_address=None,
-            # a worker holds next to nothing: its child has a limit of its own
-            memory_limit=0,
-            silence_logs=logging.CRITICAL + 1,
-        )
-    except (RuntimeError, OSError) as error:
-        # from a script without `if __name__ == "__main__":` a process cannot be started in this way
-        why = one_line(error.__cause__ or error)
-        raise CanidError(f"fleet: Dask's workers cannot be started on this machine ({why})") from None
-    try:
-        yield str(cluster.scheduler_address)
-    finally:
-        with suppress(Exception):  # whatever is left is ended with this process
-            cluster.close(timeout=CLOSE_S)
+        host = urlsplit(f"//{place}").hostname or ""
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def connected(address: str, patience_s: float) -> Any:
-    """A client of a scheduler.
+    """A client of a scheduler; of one with TLS, with the certificate that Dask's configuration names.
 
     Args:
-        address: such as "tcp://host:8786".
+        address: such as "tls://host:8786".
         patience_s: s that it may take until it answers.
 
     Raises:
-        ConfigError: it is no address.
+        ConfigError: it is no address, or its certificate and that of the configuration do not match.
         SchedulerLostError: nothing answers.
     """
+    from distributed.comm.core import FatalCommClosedError
+
     deadline = time.monotonic() + patience_s
+    security = _security(address)
     while True:
         left = deadline - time.monotonic()
         try:
             return distributed().Client(
-                address, timeout=max(min(left, CONNECT_S), RETRY_S), set_as_default=False, name="canid-fleet"
+                address,
+                security=security,
+                timeout=max(min(left, CONNECT_S), RETRY_S),
+                set_as_default=False,
+                name="canid-fleet",
             )
         except ValueError as error:
             raise ConfigError(f"fleet: --scheduler {address}: {one_line(error)}") from None
+        except FatalCommClosedError:
+            raise ConfigError(
+                f"fleet: --scheduler {address}: its certificate is none that Dask's configuration here names "
+                "(distributed.comm.tls; docs/clusters.md)"
+            ) from None
         except (OSError, TimeoutError):  # nobody listens, or it does not answer
             if time.monotonic() + RETRY_S >= deadline:
                 raise SchedulerLostError(f"no Dask scheduler answers at {address}") from None
             time.sleep(RETRY_S)
+
+
+def _security(address: str) -> Any:
+    """The certificates of Dask's configuration. Raises ConfigError where they cannot serve for an address."""
+    if not address:  # Dask would start a cluster of its own
+        raise ConfigError("fleet: --scheduler: is empty; an address is such as tls://host:8786")
+    where = f"fleet: --scheduler {address}"
+    try:
+        security = distributed().Security()
+        given = security.get_connection_args("client")
+    except Exception as error:  # a file that is missing, is not readable, or is no certificate
+        raise ConfigError(
+            f"{where}: the certificate for clients in Dask's configuration cannot be used ({one_line(error)}): "
+            "distributed.comm.tls, docs/clusters.md"
+        ) from None
+    if address.startswith("tls://") and given.get("ssl_context") is None:
+        raise ConfigError(
+            f"{where}: Dask's configuration here names no certificate for clients: distributed.comm.tls, docs/clusters.md"
+        )
+    if given.get("require_encryption") and not address.startswith("tls://"):
+        raise ConfigError(f"{where}: Dask's configuration here requires encryption: tls://")
+    return security
 
 
 def threads(client: Any) -> dict[str, int]:

@@ -14,7 +14,7 @@ import queue
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -50,8 +50,7 @@ def outcomes(
     jobs: Iterable[Job],
     sources: Mapping[str, Source],
     *,
-    scheduler: str | None,
-    workers: int,
+    scheduler: str,
     inform: Inform = lambda _: None,
     patience_s: float = PATIENCE_S,
 ) -> Generator[Outcome]:
@@ -62,8 +61,7 @@ def outcomes(
     Args:
         jobs: taken one by one, a few more than are analysed.
         sources: by the jobs' `source`.
-        scheduler: address, such as "tcp://host:8786"; None: workers are started on this machine.
-        workers: that are started without a scheduler.
+        scheduler: address, such as "tls://host:8786".
         inform: takes a line for the user, where the scheduler or the last worker is lost.
         patience_s: s that is waited for it.
 
@@ -76,15 +74,12 @@ def outcomes(
         CanidError: scheduler or workers did not come back.
     """
     dask_cluster.distributed()
-    with ExitStack() as stack:
-        stack.enter_context(dask_cluster.quiet())
-        local = scheduler is None
-        address = scheduler or stack.enter_context(dask_cluster.local_cluster(workers))
-        run = _Run(jobs, sources, address, inform, patience_s)
+    with dask_cluster.quiet():
+        run = _Run(jobs, sources, scheduler, inform, patience_s)
         try:
             yield from run.outcomes()
         finally:
-            run.close(local)
+            run.close()
 
 
 class _Run:
@@ -136,13 +131,8 @@ class _Run:
                 self._yielded = True
                 yield outcome
 
-    def close(self, local: bool) -> None:
-        """Give up what is in hand; of an own cluster, end the children first, which it would wait for."""
-        if self._client is None:
-            return
-        with suppress(Exception):  # the cluster may be gone
-            if local:
-                self._client.run(dask_worker.end_children)
+    def close(self) -> None:
+        """Give up what is in hand."""
         self._drop()
 
     # --- connection ---

@@ -44,11 +44,6 @@ def given(source: Source) -> Source:
     return source
 
 
-def end_children() -> None:
-    """End the analyses that run on this worker."""
-    _CHILDREN.close()
-
-
 def other_version(theirs: str, ours: str) -> str:
     """The line for a worker whose results would be others, or which could not be understood.
 

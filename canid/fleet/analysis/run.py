@@ -12,7 +12,7 @@ from canid.fleet.analysis import storage_wait
 from canid.fleet.analysis.job import Failure, Job, Outcome, Settings, Status
 from canid.fleet.analysis.key import key
 from canid.fleet.analysis.storage_wait import Runner
-from canid.fleet.planning import listing, same_bytes
+from canid.fleet.planning import address, listing, same_bytes
 from canid.fleet.planning.plan import Plan, PlannedLog
 from canid.fleet.planning.same_bytes import File
 from canid.fleet.storage import consolidated, outcome_rows
@@ -153,7 +153,7 @@ def _keys(
     files = [
         File(planned.log, planned.size, number)
         for number in pending
-        if not listing.is_url((planned := plan.logs[number]).log)
+        if not address.scheme_of((planned := plan.logs[number]).log)
     ]
     stored = {known.size for known in store.by_key.values()}
     return {

@@ -13,7 +13,7 @@ from contextlib import closing
 
 from canid.fleet.analysis.isolated import failed
 from canid.fleet.analysis.job import Failure, Job, Outcome
-from canid.fleet.planning import fetched, listing
+from canid.fleet.planning import address, fetched
 
 # s for which an outage is waited for: a restart of a service takes minutes
 PATIENCE_S = 600.0
@@ -32,13 +32,12 @@ def storage_of(log: str) -> str:
     """The storage of a URL: what answers or does not; "": a local file.
 
     Example:
-        >>> storage_of("s3://bucket/a/b.blf"), storage_of("zip://a.blf::http://host:80/c.zip"), storage_of("/a.blf")
+        >>> storage_of("s3://bucket/a/b.blf"), storage_of("http://host:80/c.blf"), storage_of("/a.blf")
         ('s3://bucket', 'http://host:80', '')
     """
-    if not listing.is_url(log):
-        return ""
-    scheme, _, rest = log.rpartition("::")[2].partition("://")
-    return f"{scheme}://{rest.partition('/')[0]}"
+    scheme = address.scheme_of(log)
+    rest = log.removeprefix(f"{scheme}://")
+    return f"{scheme}://{rest.partition('/')[0]}" if scheme else ""
 
 
 def outcomes(jobs: Iterable[Job], runner: Runner, inform: Callable[[str], None]) -> Generator[Outcome]:

@@ -15,8 +15,8 @@ from urllib.parse import urlsplit
 from canid.files import opening
 from canid.fleet.analysis.failed import Failed, failure_of
 from canid.fleet.analysis.job import Failure
-from canid.fleet.planning import listing, remote
-from canid.values.errors import one_line
+from canid.fleet.planning import address, remote
+from canid.values.errors import ConfigError, one_line
 
 # s before another attempt where the storage itself does not answer; the run waits for a longer outage (`storage_wait`)
 PAUSES_S = (1.0, 4.0)
@@ -53,12 +53,14 @@ def fetched(log: str, listed: Listed | None = None) -> Iterator[Path]:
         ...     path.name
         'following_urban.blf'
     """
-    if not listing.is_url(log):
-        yield Path(log)
-        return
-    scheme = log.partition("://")[0]
-    system, path = _file_system(log, scheme)
-    if scheme in ("file", "local"):
+    try:
+        if not address.is_address(log):
+            yield Path(log)
+            return
+    except ConfigError as error:
+        raise Failed(Failure.UNREADABLE, one_line(error)) from None
+    system, path = _file_system(log)
+    if address.scheme_of(log) in address.LOCAL:
         yield Path(path)
         return
     with tempfile.TemporaryDirectory(prefix="canid-") as folder:
@@ -94,8 +96,8 @@ def seen(log: str) -> bool:
         (True, False)
     """
     try:
-        if listing.is_url(log):
-            system, path = _file_system(log, log.partition("://")[0])
+        if address.is_address(log):
+            system, path = _file_system(log)
             system.info(path)
         else:
             with open(log, "rb"):
@@ -113,7 +115,7 @@ def answers(log: str) -> bool:
         (True, False)
     """
     try:
-        system, path = _file_system(log, log.partition("://")[0])
+        system, path = _file_system(log)
         system.invalidate_cache()
         system.info(path)
     except Exception as error:  # each storage has exceptions of its own
@@ -154,11 +156,12 @@ def _fetch(system: Any, path: str, target: Path, listed: Listed) -> None:
     _check(system.info(path), Listed(target.stat().st_size if known is not None else -1, _time(info)))
 
 
-def _file_system(log: str, scheme: str) -> tuple[Any, str]:
+def _file_system(log: str) -> tuple[Any, str]:
+    scheme = address.scheme_of(log)
     try:
-        system, path = remote.opened(log)
+        system, path = address.opened(log)
     except ImportError as error:
-        extra = "s3" if scheme.startswith("s3") else "fleet"
+        extra = "s3" if scheme in address.S3 else "fleet"
         reason = f"{scheme} URLs need a package: {one_line(error)}; pip install 'canid[{extra}]'"
         raise Failed(Failure.NOT_REACHED, reason) from None
     except Exception as error:  # each storage has exceptions of its own

@@ -7,16 +7,15 @@ twice, so loops of links end.
 from __future__ import annotations
 
 import os
-import re
 import stat
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from canid.fleet.planning import globs
+from canid.fleet.planning import address, globs
 from canid.logs import formats
-from canid.values.errors import ConfigError
+from canid.values.errors import ConfigError, one_line
 from canid.vehicle.file_bytes import read as read_bytes
 from canid.vehicle.quoting import brief
 
@@ -24,7 +23,6 @@ from canid.vehicle.quoting import brief
 MAX_LIST_BYTES = 64_000_000
 # the file by which a folder of canid fleet is known; such folders hold no logs
 MARK = "fleet.json"
-_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*(?:::|://)")
 # size of a log that was named but is not there
 MISSING = -1
 
@@ -41,12 +39,9 @@ class Listed(NamedTuple):
     @property
     def relative(self) -> str:
         """The path below the root, with slashes."""
-        if not is_url(self.log):
-            return below(self.log, self.root)
-        # of a URL in several links, such as of an archive in a bucket, the first holds the path
-        path = below(self.log, self.root).partition("::")[0]
+        path = below(self.log, self.root)
         # the names of a web server are encoded (RFC 3986, sec. 2.1), those of other storage are as they are
-        return unquote(path) if self.log.startswith(("http://", "https://")) else path
+        return unquote(path) if address.scheme_of(self.log) in address.WEB else path
 
 
 def below(path: str, root: str) -> str:
@@ -61,13 +56,16 @@ def below(path: str, root: str) -> str:
 
 
 def is_url(words: str) -> bool:
-    """Whether it is an fsspec URL.
+    """Whether what a user names is an address in storage: what exists as a file is a file, whatever its name holds.
+
+    Raises:
+        ConfigError: it has the form of an address, and canid opens none of its kind.
 
     Example:
-        >>> is_url("s3://bucket/a.blf"), is_url("a.blf"), is_url("simplecache::s3://bucket/a")
-        (True, False, True)
+        >>> is_url("s3://bucket/a.blf"), is_url("a.blf"), is_url("a::b.blf")
+        (True, False, False)
     """
-    return bool(_URL.match(words))
+    return not os.path.lexists(words) and address.is_address(words)
 
 
 def listed(words: Sequence[str], skip: Sequence[str] = ()) -> list[Listed]:
@@ -294,20 +292,28 @@ def _of_list(path: str, skipped: frozenset[tuple[int, int]]) -> list[Listed]:
         word = line.strip()
         if not word or word.startswith("#"):
             continue
-        if is_url(word):
-            from canid.fleet.planning import remote
-
-            out += remote.listed(word)
-            continue
-        full = os.path.join(folder, word)
-        if os.path.isdir(full):
-            out += [file._replace(root=folder) for file in walked(full, skipped)]
-        elif not os.path.lexists(full) and globs.is_pattern(word):
-            out += matched(full, skipped)
-        else:
-            # a line that names nothing is one failed log, not the end of a run over all others
-            file = named(full)
-            out.append(file._replace(root=folder) if file.log.startswith(f"{folder}/") else file)
+        # a line that names nothing is one failed log, not the end of a run over all others
+        try:
+            out += _of_line(word, folder, skipped)
+        except ConfigError as error:
+            out.append(Listed(word, folder, MISSING, 0, one_line(error)))
     if not out:
         raise ConfigError(f"{path}: names no log; write one path a line")
     return out
+
+
+def _of_line(word: str, folder: str, skipped: frozenset[tuple[int, int]]) -> list[Listed]:
+    """The logs of one line of a list in a folder. Raises ConfigError where it names none."""
+    full = os.path.join(folder, word)
+    if os.path.isdir(full):
+        logs = _some(walked(full, skipped), f"{brief(word)}: holds no log")
+        return [file._replace(root=folder) for file in logs]
+    if not os.path.lexists(full):
+        if address.is_address(word):
+            from canid.fleet.planning import remote
+
+            return remote.listed(word)
+        if globs.is_pattern(word):
+            return _some(matched(full, skipped), f"{brief(word)}: matches no log")
+    file = named(full)
+    return [file._replace(root=folder) if file.log.startswith(f"{folder}/") else file]

@@ -105,8 +105,9 @@ def _below_named(file: Listed, flat: frozenset[str]) -> str:
     return f"{name}/{file.relative}" if file.root in flat and name else file.relative
 
 
-def _need_no_vehicle(listed: Sequence[Listed]) -> None:
-    frames = [file.log for file in listed if not _may_be_table(file.relative)]
+def _need_no_vehicle(files: Sequence[Listed]) -> None:
+    # a line of a list that names nothing is a failed log, with or without a vehicle file
+    frames = [file.log for file in files if file.size != listing.MISSING and not _may_be_table(file.relative)]
     if frames:
         more = f" (and {len(frames) - 1:,} more)" if len(frames) > 1 else ""
         raise ConfigError(

@@ -7,7 +7,8 @@ from datetime import datetime
 from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING, Any
 
-from canid.fleet.planning import globs
+from canid.fleet.planning import address, globs
+from canid.fleet.planning.address import opened as opened  # of `storage.mirror` as well
 from canid.values.errors import ConfigError, one_line
 from canid.vehicle.quoting import brief
 
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 _HTTP = "Last-Modified"  # as of RFC 9110, sec. 5.6.7
 # names under which file systems state when a file was changed
 _MODIFIED = ("mtime", "LastModified", "last_modified", "modified", "updated", "created", _HTTP)
-_LOCAL = frozenset({"file", "local"})
-# of botocore: its four retries take 9 s where nothing listens, and canid has its own, which are longer
-_BOTO = {"retries": {"max_attempts": 1}}
 
 
 def listed(url: str) -> list[Listed]:
@@ -30,18 +28,14 @@ def listed(url: str) -> list[Listed]:
     """
     from canid.fleet.planning import listing
 
-    scheme = url.partition("://")[0]
-    try:
-        import fsspec  # noqa: F401
-    except ImportError:
-        raise ConfigError(f"{brief(url)}: URLs need fsspec: pip install 'canid[fleet]'") from None
+    scheme = address.scheme_of(url)
     try:
         system, path = opened(url)
-        if scheme in _LOCAL:
+        if scheme in address.LOCAL:
             return listing.listed([path])
         files = _found(system, path)
     except ImportError as error:
-        extra = "s3" if scheme.startswith("s3") else "fleet"
+        extra = "s3" if scheme in address.S3 else "fleet"
         raise ConfigError(f"{brief(url)}: {one_line(error)}; pip install 'canid[{extra}]'") from None
     except ConfigError:
         raise
@@ -61,7 +55,7 @@ def listed(url: str) -> list[Listed]:
     out = [
         listing.Listed(
             url_of(url, name),
-            root_of(url, root),
+            url_of(url, root.rstrip("/")),
             int(info.get("size") or 0),
             modified_ns(info),
         )
@@ -71,24 +65,6 @@ def listed(url: str) -> list[Listed]:
     if not out:
         raise ConfigError(f"{brief(url)}: holds no log")
     return out
-
-
-def opened(url: str) -> tuple[Any, str]:
-    """The file system of a URL, and the path in it.
-
-    Raises:
-        ImportError: a package is missing.
-        Exception: of each storage, where the URL is none of its own.
-
-    Example:
-        >>> opened("memory://a/b.blf")[1]
-        '/a/b.blf'
-    """
-    import fsspec
-
-    of_s3 = any(link.startswith(("s3://", "s3a://")) for link in url.split("::"))
-    system, path = fsspec.core.url_to_fs(url, **({"s3": {"config_kwargs": _BOTO}} if of_s3 else {}))
-    return system, str(path)
 
 
 def _found(system: Any, path: str) -> dict[str, Any]:
@@ -112,28 +88,12 @@ def url_of(url: str, path: str) -> str:
     """The URL of another path in the storage of a URL.
 
     Example:
-        >>> url_of("s3://bucket/**.blf", "bucket/a.blf"), url_of("zip://*.blf::s3://b/c.zip", "a.blf")
-        ('s3://bucket/a.blf', 'zip://a.blf::s3://b/c.zip')
-        >>> url_of("simplecache::s3://bucket/x", "bucket/a.blf")
-        'simplecache::s3://bucket/a.blf'
+        >>> url_of("s3://bucket/**.blf", "bucket/x://a::b.blf"), url_of("http://host/", "http://host/a.blf")
+        ('s3://bucket/x://a::b.blf', 'http://host/a.blf')
     """
-    links = url.split("::")
-    at = next(k for k, link in enumerate(links) if "://" in link)
-    scheme = links[at].partition("://")[0]
-    links[at] = path if "://" in path else f"{scheme}://{path}"
-    return "::".join(links)
-
-
-def root_of(url: str, path: str) -> str:
-    """The URL of a folder, with which those of all logs in it begin.
-
-    Example:
-        >>> root_of("zip://*.blf::s3://b/c.zip", "anna"), root_of("simplecache::s3://b/x", "b")
-        ('zip://anna', 'simplecache::s3://b')
-    """
-    links = url_of(url, path.rstrip("/")).split("::")
-    at = next(k for k, link in enumerate(links) if "://" in link)
-    return "::".join(links[: at + 1])
+    scheme = address.scheme_of(url)
+    # the paths of fsspec's web servers are whole URLs
+    return path if scheme in address.WEB else f"{scheme}://{path}"
 
 
 def modified_ns(info: Mapping[str, Any]) -> int:
