@@ -35,7 +35,7 @@ class Interrupt:
         return bool(self.signal)
 
     def end_at_once(self) -> None:
-        """The end has begun without a signal, and the user was told that a signal now ends it at once."""
+        """The end has begun without a signal, and it was said that a signal now ends it at once."""
         self._at_once = True
 
     def __enter__(self) -> Interrupt:

@@ -67,7 +67,8 @@ class HeldFolder:
         )
         if _BY_DESCRIPTOR:
             self.fd = os.open(self.path, _HOLD)
-            weakref.finalize(self, os.close, self.fd)
+            # not at the end of the process: threads that do not end before may hold it
+            weakref.finalize(self, os.close, self.fd).atexit = False
             self._counted = os.fstat(self.fd).st_nlink > 0
         self._known = None if self.fd is None else path_of(self.fd)
 

@@ -55,15 +55,17 @@ POLLED = """
 import os, signal, sys
 from canid.cli.interrupt import Interrupt
 with Interrupt() as stop:
-    if sys.argv[1] == "told":
+    if sys.argv[1] == "announced":
         stop.end_at_once()
     os.kill(os.getpid(), signal.SIGTERM)
     print(stop(), stop.code)
 """
 
 
-@pytest.mark.parametrize(("told", "code", "printed"), [("told", 143, ""), ("not told", 0, "True 143\n")])
-def test_the_first_signal_ends_a_program_that_has_said_so(told: str, code: int, printed: str) -> None:
+@pytest.mark.parametrize(
+    ("when", "code", "printed"), [("announced", 143, ""), ("not announced", 0, "True 143\n")]
+)
+def test_the_first_signal_ends_a_program_that_has_said_so(when: str, code: int, printed: str) -> None:
     """At the end that --duration began no signal has come before, and the line that is shown promises one."""
-    done = subprocess.run([sys.executable, "-c", POLLED, told], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", POLLED, when], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (code, printed)

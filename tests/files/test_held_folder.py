@@ -45,7 +45,7 @@ note("detached")
 
 
 def test_a_mount_over_a_held_folder_changes_nothing(tmp_path: Path) -> None:
-    """Names are created, renamed and deleted below it; it is told from a folder that was unmounted."""
+    """Names are created, renamed and deleted below it; a folder that was unmounted is another case."""
     why = mounted_recording.unavailable()
     if why:
         pytest.skip(why)

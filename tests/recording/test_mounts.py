@@ -72,7 +72,7 @@ def test_a_single_file_is_written_on_below_a_mount(namespace: None, tmp_path: Pa
     assert done.code == 143, done.said
     assert numbers(tmp_path / "rec") == list(range(done.sent))
     assert [path.name for path in tmp_path.rglob("*.blf")] == ["x.blf"]
-    assert done.events == ["folder_covered"]
+    assert done.events == ["listen_only", "folder_covered"]
     assert f"`umount {tmp_path / 'rec'}` shows them" in done.printed
 
 

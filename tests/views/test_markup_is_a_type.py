@@ -1,4 +1,4 @@
-"""What is markup is told by its type alone: text of a log is escaped, whatever it begins with."""
+"""What is markup is known by its type alone: text of a log is escaped, whatever it begins with."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ HOSTILE = "{}<script>alert(1)</script>"
 BY_TEXT = re.compile(
     r"""(startswith\(\s*[("']+\s*<|\[:\d+\]\s*[!=]=\s*["']<|["']<\w+["' ]+\s*(not\s+)?in\b|is_safe)"""
 )
+INSERTS = re.compile(r"\.(inner|outer)HTML\b|insertAdjacentHTML|document\.write\b")
 
 
 @pytest.mark.parametrize(
