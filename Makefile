@@ -50,14 +50,15 @@ check-rest: $(VENV)/.dev
 newest:
 	$(PYTHON) -m venv --clear $(VENV)-newest
 	$(VENV)-newest/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	$(VENV)-newest/bin/pip freeze --exclude-editable | diff constraints.txt - || echo "newer releases than constraints.txt: right"
+	$(VENV)-newest/bin/pip freeze --exclude-editable | diff --ignore-case constraints.txt - || echo "on the right: newer releases than constraints.txt"
 	tests/bus/alone $(VENV)-newest/bin/pytest -n $(WORKERS) --dist worksteal -m "not slow" $(PYTEST_ARGS)
 
-# constraints.txt anew: the newest releases that pyproject.toml allows
-constraints:
-	$(PYTHON) -m venv --clear $(VENV)-newest
-	$(VENV)-newest/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	$(VENV)-newest/bin/pip freeze --exclude-editable >constraints.txt
+# constraints.txt anew: the newest releases that pyproject.toml allows and the oldest Python takes (Debian 12 has 3.11.2)
+constraints: $(VENV)/bin/pip
+	@mkdir -p build
+	$(BIN)/pip install --quiet --disable-pip-version-check --dry-run --ignore-installed --report build/pins.json \
+	    --python-version 3.11.0 --only-binary :all: --target build/pins '.[dev]'
+	$(BIN)/python tests/packaging/pins.py build/pins.json >constraints.txt
 
 # warnings are errors: a link or an anchor that leads nowhere, a page that is in no table of contents
 docs: $(VENV)/.dev

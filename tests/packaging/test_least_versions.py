@@ -146,6 +146,22 @@ def test_every_package_of_the_tests_is_pinned() -> None:
     } == {}
 
 
+def test_every_pin_can_be_installed_on_the_oldest_python() -> None:
+    """By what the installed packages say of themselves: a pin that wants 3.11.5 ends `make` on Debian 12, which has 3.11.2."""
+    pinned = pins()
+    oldest = least(SpecifierSet(PROJECT["requires-python"]))
+    assert oldest is not None
+    wanted = {
+        name: distribution(name).metadata["Requires-Python"] or ""
+        for name in closure(declared(["dev"]), pinned)
+        if name in pinned and Version(distribution(name).version) == pinned[name]
+    }
+    assert len(wanted) > 100
+    assert {
+        name: text for name, text in wanted.items() if not SpecifierSet(text).contains(f"{oldest}.0")
+    } == {}
+
+
 def test_every_bound_accepts_its_pin() -> None:
     pinned = pins()
     of_dev = {canonicalize_name(one.name): one for one in declared(["dev"])}
