@@ -6,8 +6,8 @@ import os
 import stat
 from pathlib import Path
 
+from canid.processes.kernel_files import of_the_kernel
 from canid.values.errors import ConfigError, LogError
-from canid.values.kernel_files import of_the_kernel
 
 
 def regular_file(path: Path) -> os.stat_result:

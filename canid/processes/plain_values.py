@@ -100,7 +100,7 @@ class _Unpickler(pickle.Unpickler):
         """What a message names."""
         if (module, name) == (array.__module__, array.__qualname__):
             return array
-        found = self.named.get((module, name))
-        if found is None:
+        kind = self.named.get((module, name))
+        if kind is None:
             raise pickle.UnpicklingError(f"{module}.{name} is no value")
-        return found
+        return kind

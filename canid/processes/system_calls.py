@@ -77,22 +77,22 @@ def machine() -> str:
     return platform.machine() if known and sys.platform == "linux" else ""
 
 
-def seccomp_number(of: str) -> int:
+def seccomp_number(machine_name: str) -> int:
     """The number of seccomp(2) on a machine."""
-    return _MACHINES[of].seccomp
+    return _MACHINES[machine_name].seccomp
 
 
-def filter_program(of: str) -> bytes:
+def filter_program(machine_name: str) -> bytes:
     """The filter as an array of struct sock_filter.
 
     Args:
-        of: "x86_64" or "aarch64".
+        machine_name: "x86_64" or "aarch64".
 
     Example:
         >>> len(filter_program("x86_64")) % 8
         0
     """
-    arch, column, _ = _MACHINES[of]
+    arch, column, _ = _MACHINES[machine_name]
     refuse, absent = _ERRNO | errno.EPERM, _ERRNO | errno.ENOSYS
     program = [
         (_LOAD, 0, 0, _ARCH_AT),

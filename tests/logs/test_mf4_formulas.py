@@ -257,7 +257,7 @@ def table(kind: int, rows: list[tuple[float, ...]], names: tuple[str, ...], **mo
 
 
 def test_values_of_each_conversion() -> None:
-    """By hand: edges of ranges, the middle between two keys, beyond a table, unsorted keys, texts beside numbers."""
+    """By hand: edges of ranges, the middle between two keys, beyond a table, unsorted keys, texts among numbers."""
     x = np.array([0.0, 1.0, 1.5, 2.0, 9.0])
     pairs = table(4, [(2.0, 20.0), (1.0, 10.0)], ("raw", "phys"), val_param_nr=4)
     assert applied.physical(x, pairs, "x").tolist() == [10.0, 10.0, 15.0, 20.0, 20.0]

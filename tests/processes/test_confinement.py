@@ -290,7 +290,7 @@ def test_the_numbers_of_this_machine_are_those_of_its_headers() -> None:
 
 
 def test_where_the_kernel_refuses_it_goes_on() -> None:
-    """Where prctl, Landlock and seccomp are refused, as a container may: nothing is raised, and it is told."""
+    """Where prctl, Landlock and seccomp are refused, as a container may: nothing is raised, and it is known."""
     if not offered().system_calls or platform.machine() != "x86_64":
         pytest.skip("needs a filter of x86-64")
     # refuse prctl(157), seccomp(317), landlock_create_ruleset(444)
@@ -314,7 +314,7 @@ print(tuple(found), found.complete, found.describe())
     )
 
 
-def test_what_is_offered_is_told_in_one_line() -> None:
+def test_what_is_offered_is_one_line() -> None:
     """By the command that asks it; every combination has its own words."""
     ran = subprocess.run(
         [sys.executable, "-m", "canid.processes.confinement"], capture_output=True, text=True, check=True

@@ -36,7 +36,7 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         marker = folder / f"marker{k}"
         path = folder / f"x{k}.mf4"
         wrong += _of_log(path, marker, rng) if rng.random() < 0.6 else _of_measurement(path, marker, rng)
-        # beside the file, and where canid is run
+        # next to the file, and where canid is run
         if made := [name for name in (*os.listdir(folder), *os.listdir()) if name.startswith("marker")]:
             wrong.append(f"{path.name}: {', '.join(made)} was made")
     yield Outcome(

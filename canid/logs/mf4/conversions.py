@@ -141,8 +141,8 @@ def _value_table(x: _Floats, conversion: Any, *, interpolated: bool) -> _Floats:
     above = np.minimum(np.searchsorted(keys, x), len(keys) - 1)
     below = np.maximum(above - 1, 0)
     # in the middle the lower key counts
-    found: _Floats = np.where(x - keys[below] <= keys[above] - x, values[below], values[above])
-    return np.where(x >= keys[-1], values[-1], found)
+    nearest: _Floats = np.where(x - keys[below] <= keys[above] - x, values[below], values[above])
+    return np.where(x >= keys[-1], values[-1], nearest)
 
 
 def _value_ranges(raw: Any, conversion: Any) -> _Floats:
@@ -169,17 +169,17 @@ def _to_text(raw: Any, conversion: Any, channel: str, depth: int) -> Any:
     texts = np.full(len(raw), "", object)
     is_text = np.full(len(raw), False)
     for k in np.unique(at).tolist():
-        of = at == k
+        here = at == k
         row = rows[k]
-        found = (
+        converted = (
             _text(row)
             if row is None or isinstance(row, bytes | str)
-            else _converted(raw[of], row, channel, depth + 1)
+            else _converted(raw[here], row, channel, depth + 1)
         )
-        if isinstance(found, str) or found.dtype.kind not in "biuf":
-            texts[of], is_text[of] = found, True
+        if isinstance(converted, str) or converted.dtype.kind not in "biuf":
+            texts[here], is_text[here] = converted, True
         else:
-            numbers[of] = found
+            numbers[here] = converted
     return texts if len(raw) and is_text.all() else numbers
 
 

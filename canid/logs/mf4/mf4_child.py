@@ -135,12 +135,12 @@ def _members(mdf: RawMdf, index: int, names: Sequence[str], kind: str) -> tuple[
 def times(mdf: RawMdf, index: int, start: int = 0, count: int | None = None) -> Any:
     """(n,) s since the start, of records of a group. Raises ConversionError, and whatever asammdf raises."""
     raw = mdf.times(index, start, count)
-    of = mdf.master(index)
-    if of is None or of not in mdf.conversions:
+    master = mdf.master(index)
+    if master is None or master not in mdf.conversions:
         return raw
-    group, channel = of
+    group, channel = master
     name = str(mdf.file.groups[group].channels[channel].name)
-    return conversions.number(raw, mdf.conversions[of], name)
+    return conversions.number(raw, mdf.conversions[master], name)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ class RawMdf(NamedTuple):
 
     def samples(self, group: int, channel: int, start: int = 0, count: int | None = None) -> tuple[Any, Any]:
         """Raw values of some records, and which are invalid (None: not known). Raises whatever asammdf raises."""
-        found = self.file.get(
+        samples, invalid = self.file.get(
             group=group,
             index=channel,
             raw=True,
@@ -44,12 +44,12 @@ class RawMdf(NamedTuple):
             record_offset=start,
             record_count=count,
         )
-        return found[0], found[1]
+        return samples, invalid
 
     def master(self, group: int) -> tuple[int, int] | None:
         """The group and channel that hold the times of a group; None: it has none."""
-        of = self.file.groups[group].channel_group
-        group = int(of.cg_master_index) if int(of.flags) & _MASTER_ELSEWHERE else group
+        block = self.file.groups[group].channel_group
+        group = int(block.cg_master_index) if int(block.flags) & _MASTER_ELSEWHERE else group
         channel = self.file.masters_db.get(group)
         return None if channel is None else (group, channel)
 
