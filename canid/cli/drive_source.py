@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -97,9 +96,11 @@ def car(args: argparse.Namespace, verb: str, vehicle: str | None = None) -> Car:
 
 
 def _is_map(name: str) -> bool:
+    from canid.logs.input_file import is_regular
+
     path = Path(name)
     try:
-        if not os.path.isfile(path):  # a pipe is never waited for
+        if not is_regular(path):  # a pipe is never waited for
             return False
         with path.open("rb") as file:
             return bool(_COLUMNS.search(file.read(_BEGIN_BYTES)))

@@ -1,15 +1,14 @@
 """Parsing of untrusted files (TOML by tomllib, DBC by cantools) in a child process with limits.
 
 Such a file can exhaust its parser in many ways: nesting, dotted keys, ranges that are expanded, lengths of 10^8 bits,
-loops of multiplexers. None of them is checked for here; the parser has limits of CPU time and memory, and returns plain
-tuples. The recorder's process is not delayed by it either.
+loops of multiplexers. None of them is checked for here; the parser has limits of CPU time and memory, no rights to write,
+send or start anything (`confinement`), and returns plain tuples. The recorder's process is not delayed by it either.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-import pickle
 import re
 import signal
 import sys
@@ -24,8 +23,9 @@ from canid.dbc_text.attributes import declared
 from canid.dbc_text.message_lines import name_in
 from canid.dbc_text.overlap import overlaps
 from canid.dbc_text.string_ends import marked, unmarked
-from canid.processes import child_process, limits
+from canid.processes import child_process, limits, plain_values
 from canid.processes.child import EXIT_S, Child, NoAnswerError
+from canid.processes.confinement import confine
 from canid.processes.import_guard import without
 from canid.processes.serve import connect
 
@@ -123,7 +123,10 @@ class Parser:
                 _kept[key] = answer
                 while len(_kept) > KEPT_ANSWERS:
                     _kept.popitem(last=False)
-        status, content = pickle.loads(answer)
+        try:
+            status, content = plain_values.loads(answer, (Signal, Message, Container, Repair))
+        except Exception as error:  # of a parser that a file has taken over: pickle raises errors of any kind
+            raise ParseError(f"its parser answers nonsense ({type(error).__name__})") from None
         if status == "bad":
             raise ParseError(content)
         return content
@@ -131,7 +134,7 @@ class Parser:
     def _answer(self, kind: str, suffix: str, data: bytes) -> bytes:
         try:
             if self._child is None:
-                self._child = Child(child_process.command("canid.dbc_text.parsing"))
+                self._child = Child(child_process.command("canid.dbc_text.parsing"), answers=())
             answer: bytes = self._child.ask((kind, suffix, data), WALL_S)
             return answer
         except OSError as error:
@@ -157,10 +160,11 @@ def _unmarked(signal: Signal) -> Signal:
 
 def main() -> int:
     """Answer requests until the input ends: ("ok", content) or ("bad", why), pickled."""
-    parent = connect()
+    parent = connect(plain=True)
     sys.setrecursionlimit(1000)
     left = _budget()
     of_signals = CPU_S_PER_SIGNAL * MAX_SIGNALS
+    confined = False
     for kind, suffix, data in parent.messages():
         if kind == "dbc":
             # cantools takes 0.2 s to import: not part of a file's budget. It would also import asammdf
@@ -169,6 +173,9 @@ def main() -> int:
             left = max(left, _budget()) if left == CPU_S else left
             more = min(_signals_s(data), of_signals)
             left, of_signals = left + more, of_signals - more
+        if not confined:
+            confine()
+            confined = True
         limits.limit_more_data(MEMORY_BYTES)
         limits.limit_cpu(left)
         answer = _answered(kind, suffix, data)
@@ -193,7 +200,7 @@ def _signals_s(data: bytes) -> float:
 def _answered(kind: str, suffix: str, data: bytes) -> bytes:
     try:
         content = _toml(data) if kind == "toml" else _dbc(suffix, data)
-        answer = pickle.dumps(("ok", content), protocol=5)
+        answer = plain_values.dumps(("ok", content))
         if len(answer) <= MAX_ANSWER_BYTES:
             return answer
         why = f"it describes more than {MAX_ANSWER_BYTES / 1e6:g} MB"
@@ -201,7 +208,7 @@ def _answered(kind: str, suffix: str, data: bytes) -> bytes:
         why = str(error)
     except Exception as error:  # of any kind: the file is invalid
         why = _line(error)
-    return pickle.dumps(("bad", why), protocol=5)
+    return plain_values.dumps(("bad", why))
 
 
 def _line(error: BaseException) -> str:

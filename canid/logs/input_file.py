@@ -6,6 +6,7 @@ import os
 import stat
 from pathlib import Path
 
+from canid.processes.kernel_files import of_the_kernel
 from canid.values.errors import ConfigError, LogError
 
 
@@ -26,6 +27,19 @@ def regular_file(path: Path) -> os.stat_result:
         raise LogError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
     if stat.S_ISDIR(status.st_mode):
         raise LogError(f"{path} is a folder: name a log file in it")
-    if not stat.S_ISREG(status.st_mode):
+    if not stat.S_ISREG(status.st_mode) or of_the_kernel(status):
         raise LogError(f"{path} is no file but a device or a pipe: name a log file")
     return status
+
+
+def is_regular(path: Path) -> bool:
+    """Whether a path names what `regular_file` takes: before a file is looked into to learn what it is.
+
+    >>> is_regular(Path("/nowhere/drive.blf"))
+    False
+    """
+    try:
+        regular_file(path)
+    except (ConfigError, LogError):
+        return False
+    return True

@@ -12,11 +12,11 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, Any, Self
 
-from canid.processes import memory_victim
+from canid.processes import memory_victim, plain_values
 
 # s that a child which was ended by force may take to be gone
 KILL_TIMEOUT_S = 5.0
@@ -47,6 +47,7 @@ class Child:
         command: Sequence[str],
         environment: Mapping[str, str] | None = None,
         inherited: Sequence[int] = (),
+        answers: Collection[type] | None = None,
     ) -> None:
         """Start it.
 
@@ -54,11 +55,14 @@ class Child:
             command: of `child_process.command`.
             environment: variables; None: those of this process.
             inherited: file descriptors that it gets.
+            answers: of a child that parses what strangers wrote (`connect(plain=True)`): the types of its answers, besides
+                numbers, texts and arrays (`plain_values`). None: it is trusted, and answers with any type.
 
         Raises:
             OSError: it cannot be started.
         """
         self.killed = False
+        self._answers = answers
         self.peak_bytes = 0  # resident set size of a child that ended by itself; 0: not known
         self._process = subprocess.Popen(
             command,
@@ -109,13 +113,18 @@ class Child:
             NoAnswerError: there is none.
         """
         with self._limited(limit_s):
-            return pickle.load(self.stdout)
+            return self._load()
 
     def ask(self, message: Any, limit_s: float | None = None) -> Any:
         """Send a message and wait for its answer; see `receive`."""
         with self._limited(limit_s):
             self.write(message)
+            return self._load()
+
+    def _load(self) -> Any:
+        if self._answers is None:
             return pickle.load(self.stdout)
+        return plain_values.load(self.stdout, self._answers)
 
     @contextmanager
     def _limited(self, limit_s: float | None) -> Iterator[None]:

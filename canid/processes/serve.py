@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from typing import IO, Any, NamedTuple
 
+from canid.processes import plain_values
 from canid.processes.one_thread import use_one_thread
 
 
@@ -17,6 +18,7 @@ class Connection(NamedTuple):
 
     source: IO[bytes]
     sink: IO[bytes]
+    plain: bool = False  # answers are values alone, as `Child(answers=...)` expects them
 
     def messages(self) -> Iterator[Any]:
         """Messages of the parent, until it closes the pipe or dies."""
@@ -29,15 +31,18 @@ class Connection(NamedTuple):
 
     def answer(self, answer: Any) -> None:
         """Send an answer. Raises OSError where the parent is gone."""
-        self.sink.write(pickle.dumps(answer, protocol=5))
+        self.sink.write(plain_values.dumps(answer) if self.plain else pickle.dumps(answer, protocol=5))
         self.sink.flush()
 
 
-def connect() -> Connection:
+def connect(*, plain: bool = False) -> Connection:
     """Begin as a child; to be called once, before numpy is imported.
 
     What a library prints goes to standard error, not between the answers. SIGINT and SIGHUP are ignored: a Ctrl-C in
     the terminal is for the parent to answer. Linear algebra has one thread: other cores belong to other processes.
+
+    Args:
+        plain: answer with values alone (`plain_values`): what every child does that parses what strangers wrote.
     """
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
@@ -45,4 +50,4 @@ def connect() -> Connection:
     use_one_thread()
     sink = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    return Connection(sys.stdin.buffer, sink)
+    return Connection(sys.stdin.buffer, sink, plain)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import mmap
-import os
 from pathlib import Path
 
 from canid.logs import content, formats
+from canid.logs.input_file import is_regular
 from canid.values.errors import LogError
 
 TEXT_SUFFIXES = (*formats.TABLE_SUFFIXES, *(f"{suffix}.gz" for suffix in formats.TABLE_SUFFIXES))
@@ -37,7 +37,7 @@ def is_table(path: str | Path) -> bool:
         return _is_measurement(file)
     if kind in formats.TABLES_ALONE:
         return True
-    if kind not in TEXT_SUFFIXES or not os.path.isfile(file):
+    if kind not in TEXT_SUFFIXES or not is_regular(file):
         return kind in TEXT_SUFFIXES and not kind.startswith(".csv")
     try:
         form, lines = content.head_of(file)
@@ -52,7 +52,7 @@ def is_table(path: str | Path) -> bool:
 
 def _is_measurement(file: Path) -> bool:
     """Whether an .mf4 holds signals and no events of a bus: names of channels are never compressed."""
-    if not os.path.isfile(file):  # a pipe would be waited for
+    if not is_regular(file):  # a pipe would be waited for
         return False
     try:
         with file.open("rb") as opened:

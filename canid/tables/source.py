@@ -43,6 +43,7 @@ class Source(Protocol):
     rows: int  # as far as known before they are read; else 0
     count: LineCount  # the rows, and the lines that are none, of the latest reading
     progress: float  # 0..1, of the latest reading
+    notes: Sequence[str]  # sentences of what the file has and the table has not
 
     def sample(self) -> list[list[str]]:
         """The texts of the first rows, up to `SAMPLE_ROWS`, a list per column."""

@@ -78,7 +78,12 @@ def open_table(
         'time = time, pedal = pedal, speed = speed [km/h], gap = gap, range_rate = range_rate'
     """
     by = by or ColumnMap()
-    return table_of(source_of(path, by), by, selection or Selection(), progress)
+    source = source_of(path, by)
+    try:
+        return table_of(source, by, selection or Selection(), progress)
+    except ConfigError as error:
+        # what is missing may be what the file has in another form
+        raise (ConfigError("; ".join([str(error), *source.notes])) if source.notes else error) from None
 
 
 def table_of(
@@ -92,7 +97,8 @@ def table_of(
     chosen, turn = (None, 0) if selection.vehicle_id is None else vehicle_ids.numbered(selection.vehicle_id)
     numbered = int(chosen) if chosen is not None and chosen.isdecimal() and len(chosen) < 4 else None
     resolved = resolve(source.headings, by, source.name, numbered, says)
-    by_role, notes = resolved.found, [resolved.note] if resolved.note else []
+    by_role = resolved.found
+    notes = [*source.notes, *([resolved.note] if resolved.note else [])]
     by = resolved.map
     if TIME not in by_role and not (TIME in by.entries and by.entries[TIME].rate):
         raise ConfigError(

@@ -6,6 +6,7 @@ import os
 import stat
 from pathlib import Path
 
+from canid.processes.kernel_files import of_the_kernel
 from canid.values.errors import ConfigError
 from canid.vehicle.quoting import brief
 
@@ -42,12 +43,11 @@ def read(path: Path, largest: int, what: str) -> bytes:
         status = os.fstat(handle)
         if stat.S_ISDIR(status.st_mode):
             raise ConfigError(f"{name} is a folder: name a {what} in it")
-        if not stat.S_ISREG(status.st_mode):
+        if not stat.S_ISREG(status.st_mode) or of_the_kernel(status):
             raise ConfigError(f"{what} {name} is not a regular file")
         size = status.st_size
         if size <= largest:
-            with os.fdopen(os.dup(handle), "rb") as file:
-                data = file.read(largest + 1)
+            data = _read(handle, largest + 1)
             size = len(data)  # a file may grow meanwhile, and of some the system reports no size
         if size > largest:
             raise ConfigError(f"{what} {name} has {size:,} bytes; at most {max(largest, 0):,} are read")
@@ -56,3 +56,12 @@ def read(path: Path, largest: int, what: str) -> bytes:
         raise ConfigError(f"{what} {name} cannot be read: {error.strerror}") from None
     finally:
         os.close(handle)
+
+
+def _read(handle: int, most: int) -> bytes:
+    """Up to so many bytes. Raises OSError, BlockingIOError where there is nothing to read at present."""
+    parts, left = [], most
+    while left > 0 and (part := os.read(handle, min(left, 1 << 20))):
+        parts.append(part)
+        left -= len(part)
+    return b"".join(parts)

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.logs.local_time import epoch_ns
+from canid.logs.mf4.conversions import ConversionError
 from canid.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS
 from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, join_octets
 from canid.values.types import Flag
@@ -37,6 +38,8 @@ _EXTENDED_BIT = 1 << 31
 # bytes of a CAN FD frame by its data length code (ISO 11898-1:2015, table 5)
 _FD_LENGTHS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int64)
 _MARKS = {"EDL": Flag.FD, "BRS": Flag.BRS, "ESI": Flag.ESI}
+# without which a frame is another one
+_NEEDED = ("BusChannel", "DataLength", "DLC", "IDE")
 
 _Ints = npt.NDArray[np.int64]
 _Bools = npt.NDArray[np.bool_]
@@ -84,7 +87,7 @@ class End(NamedTuple):
     why: str  # `COMPLETE`, `NO_ASAMMDF`, or the reason why nothing more can be read
     incomplete: int = 0  # records of which the file does not hold all
     impossible: int = 0  # records with numbers that no frame has
-    failed: int = 0  # records that asammdf cannot read
+    failed: int = 0  # records that cannot be read
     failure: str = ""  # its first reason
     others: tuple[tuple[str, int], ...] = ()  # events that are no frames: what they are, and how many
     signals: tuple[str, ...] = ()  # channels of groups that hold no events of a bus, the first of them
@@ -137,7 +140,9 @@ def parts(group: Group, first: int, size: int) -> Iterator[Part]:
         except (BrokenPipeError, MemoryError):
             raise
         except Exception as error:  # asammdf raises errors of any kind on damaged files
-            group.failures[f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"] += asked
+            says = " ".join(str(error).split())[:200]
+            known = isinstance(error, ConversionError)
+            group.failures[says if known else f"asammdf: {type(error).__name__}: {says}"] += asked
 
 
 def _part(group: Group, start: int, asked: int) -> Part:
@@ -150,9 +155,10 @@ def _part(group: Group, start: int, asked: int) -> Part:
                 columns[name] = group.fetch(name, start, asked)
             except MemoryError:
                 raise
-            except Exception:
+            except Exception as error:
                 # an error frame is one without its details; of others the length and the channel matter
-                if group.kind != "CAN_ErrorFrame" and name in ("BusChannel", "DataLength", "DLC", "IDE"):
+                needed = (*_NEEDED, *_MARKS, "Dir") if isinstance(error, ConversionError) else _NEEDED
+                if group.kind != "CAN_ErrorFrame" and name in needed:
                     raise
     n = min(map(len, columns.values()))
     octets = _octets(group, start, asked)

@@ -12,8 +12,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from canid.logs.mf4 import bus_groups
+from canid.logs.mf4 import bus_groups, conversions, raw_mdf
 from canid.logs.mf4.bus_groups import COMPLETE, NO_ASAMMDF, End, Start
+from canid.logs.mf4.raw_mdf import RawMdf, VersionError
 from canid.processes import limits
 from canid.processes.serve import Connection, connect
 
@@ -32,14 +33,14 @@ _NAMED = 5
 
 def main(path: str) -> int:
     """Send all frames of `path`."""
-    parent = connect()
+    parent = connect(plain=True)
     parent.answer(_sent(path, parent))
     return 0
 
 
 def _sent(path: str, parent: Connection) -> End:
     try:
-        import asammdf
+        asammdf = raw_mdf.load()
     except ImportError:
         return End(NO_ASAMMDF)
     size = os.path.getsize(path)
@@ -51,13 +52,12 @@ def _sent(path: str, parent: Connection) -> End:
     why = COMPLETE
     try:
         limits.limit_cpu(seconds)
-        opened: Any = asammdf.MDF  # its keywords are not typed
-        file = opened(path, process_bus_logging=False)
-        groups, others, signals = _groups(file)
+        mdf = raw_mdf.opened(asammdf, path)
+        groups, others, signals = _groups(mdf)
         first = bus_groups.first_channel(groups)
         for group in groups:
             group.first_channel = first
-        parent.answer(start(file.header))
+        parent.answer(start(mdf.file.header))
         streams = [bus_groups.parts(group, _FIRST_RECORDS, _RECORDS) for group in groups]
         for part in bus_groups.merged(streams):
             parent.answer(part)
@@ -66,7 +66,7 @@ def _sent(path: str, parent: Connection) -> End:
         raise
     except Exception as error:  # asammdf raises errors of any kind on damaged files
         limits.limit_data(None)  # what is known can still be sent
-        why = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        why = failure(error)
     failures = sum((group.failures for group in groups), Counter[str]())
     return End(
         why,
@@ -80,22 +80,29 @@ def _sent(path: str, parent: Connection) -> End:
     )
 
 
+def failure(error: Exception) -> str:
+    """Why a file cannot be read, within a line."""
+    if isinstance(error, VersionError):
+        return str(error)
+    return f"asammdf failed ({type(error).__name__}: {' '.join(str(error).split())[:200]})"
+
+
 def start(header: Any) -> Start:
     """The start of a measurement. ASAM MDF 4, HDBLOCK: bit 0 of hd_time_flags is "local time"."""
     return Start(int(header.abs_time), bool(header.time_flags & 1))
 
 
-def _groups(file: Any) -> tuple[list[Any], Counter[str], list[str]]:
+def _groups(mdf: RawMdf) -> tuple[list[Any], Counter[str], list[str]]:
     """The groups of frames; how many events there are of other kinds; names of channels that are no events."""
     groups: list[bus_groups.Group] = []
     others: Counter[str] = Counter()
     signals: list[str] = []
-    for index, group in enumerate(file.groups):
+    for index, group in enumerate(mdf.file.groups):
         records = int(group.channel_group.cycles_nr)
         names = [str(channel.name) for channel in group.channels]
         kind = next((kind for kind in bus_groups.KINDS if f"{kind}.ID" in names or kind in names), None)
         if kind is not None:
-            members, fetch = _members(file, index, names, kind)
+            members, fetch = _members(mdf, index, names, kind)
             groups.append(bus_groups.Group(kind, members, records, fetch))
             continue
         of_bus = [
@@ -106,29 +113,34 @@ def _groups(file: Any) -> tuple[list[Any], Counter[str], list[str]]:
         if of_bus:
             others[of_bus[0]] += records
         else:
-            master = file.masters_db.get(index)
+            master = mdf.file.masters_db.get(index)
             signals += [name for k, name in enumerate(names) if k != master]
     return [group for group in groups if group.records], +others, signals
 
 
-def _members(file: Any, index: int, names: Sequence[str], kind: str) -> tuple[list[str], Any]:
+def _members(mdf: RawMdf, index: int, names: Sequence[str], kind: str) -> tuple[list[str], Any]:
     """The members of a group's frames, and how they are read."""
     places = {name.removeprefix(f"{kind}."): k for k, name in enumerate(names) if name.startswith(f"{kind}.")}
 
     def fetch(member: str, start: int, count: int) -> Any:
         if member == "t":
-            return file.get_master(index, record_offset=start, record_count=count)
-        return file.get(
-            group=index,
-            index=places[member],
-            raw=True,
-            samples_only=True,
-            ignore_invalidation_bits=True,
-            record_offset=start,
-            record_count=count,
-        )[0]
+            return times(mdf, index, start, count)
+        place = places[member]
+        raw, _ = mdf.samples(index, place, start, count)
+        return conversions.number(raw, mdf.conversions.get((index, place)), names[place])
 
     return list(places), fetch
+
+
+def times(mdf: RawMdf, index: int, start: int = 0, count: int | None = None) -> Any:
+    """(n,) s since the start, of records of a group. Raises ConversionError, and whatever asammdf raises."""
+    raw = mdf.times(index, start, count)
+    master = mdf.master(index)
+    if master is None or master not in mdf.conversions:
+        return raw
+    group, channel = master
+    name = str(mdf.file.groups[group].channels[channel].name)
+    return conversions.number(raw, mdf.conversions[master], name)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-from canid.logs.mf4.bus_groups import COMPLETE, NO_ASAMMDF, End, Start
+from canid.logs.mf4.bus_groups import NO_ASAMMDF, End, Part, Start
 from canid.logs.reader_state import ReadState
 from canid.processes.child import EXIT_S, Child, NoAnswerError
 from canid.processes.child_process import command
@@ -33,7 +33,8 @@ def read_mf4_columns(path: Path, state: ReadState, wanted: WantedIds | None) -> 
     """The same, as columns."""
     first: int | None = None
     end = End("")
-    with Child(command("canid.logs.mf4.mf4_child", os.path.abspath(path), options=("-W", "ignore"))) as child:
+    words = command("canid.logs.mf4.mf4_child", os.path.abspath(path), options=("-W", "ignore"))
+    with Child(words, answers=(Start, Part, End)) as child:
         start = 0
         try:
             while not isinstance(answer := child.receive(), End):
@@ -59,7 +60,8 @@ def read_mf4_columns(path: Path, state: ReadState, wanted: WantedIds | None) -> 
         except NoAnswerError:
             code = child.end(EXIT_S)
             slow = code == -getattr(signal, "SIGPROF", 0)
-            end = End("found no frame in it for many seconds" if slow else f"ended with code {code}")
+            said = "found no frame in it for many seconds" if slow else f"ended with code {code}"
+            end = End(f"asammdf failed ({said})")
     if end.why == NO_ASAMMDF:
         raise ConfigError(f"{path}: reading .mf4 needs asammdf; run: pip install canid[mf4]")
     _close(path, state, end)
@@ -68,7 +70,7 @@ def read_mf4_columns(path: Path, state: ReadState, wanted: WantedIds | None) -> 
 def _close(path: Path, state: ReadState, end: End) -> None:
     """Count what is no frame. Raises LogError where nothing was read."""
     state.other_kinds.update(dict(end.others))
-    why = f"asammdf failed ({end.why})" if end.why != COMPLETE else ""
+    why = end.why
     damaged = end.incomplete + end.impossible + end.failed
     total = -1 if why else state.frames + damaged
     says = "; ".join(
@@ -76,7 +78,7 @@ def _close(path: Path, state: ReadState, end: End) -> None:
         for n, text in (
             (end.incomplete, f"{end.incomplete:,} records are incomplete, as behind a power failure"),
             (end.impossible, f"{end.impossible:,} frames have a time, id, channel or length that cannot be"),
-            (end.failed, f"asammdf cannot read {end.failed:,} records ({end.failure})"),
+            (end.failed, f"{end.failed:,} records cannot be read ({end.failure})"),
             (bool(why), why),
         )
         if n

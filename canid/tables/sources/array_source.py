@@ -17,6 +17,8 @@ from canid.values.types import Array
 class ArraySource:
     """Columns in memory, all of one length."""
 
+    notes: Sequence[str] = ()
+
     def __init__(self, columns: Mapping[str, Any], name: str = "the table", count: LineCount | None = None):
         """Take the columns. Raises ValueError where one of them is not one-dimensional, or has another length."""
         self.name = name

@@ -30,6 +30,8 @@ _MEMORY, _MAX_GROUP_BYTES = "256MB", 80_000_000
 class ParquetSource:
     """A Parquet file."""
 
+    notes: Sequence[str] = ()
+
     def __init__(self, path: Path):
         """Read the columns' names and types. Raises LogError where it is no Parquet file."""
         self.name = str(path)

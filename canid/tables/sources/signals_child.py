@@ -1,8 +1,9 @@
 """Run as `python -m canid.tables.sources.signals_child FILE`: sends the decoded signals of an .mf4 or .mcap to its parent.
 
 A process of its own because asammdf is slow to import, and because these files are untrusted. Messages: the start
-(`bus_groups.Start`), then a tuple `(name, t, [(signal, unit, values), ...])` for each group, t in s since that start and
-values an array of floats or a list of texts; the last message is a text: `COMPLETE`, or why no more can be read.
+(`bus_groups.Start`), then a tuple `(name, t, [(signal, unit, values), ...], left out)` for each group, t in s since that
+start, values an array of floats or a list of texts, and a sentence for each signal whose conversion is not applied; the last
+message is a text: `COMPLETE`, or why no more can be read.
 """
 
 from __future__ import annotations
@@ -14,8 +15,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from canid.logs.mf4 import raw_mdf
 from canid.logs.mf4.bus_groups import Start
+from canid.logs.mf4.conversions import ConversionError, physical
+from canid.logs.mf4.mf4_child import failure, start, times
 from canid.processes import limits
+from canid.processes.confinement import confine
 from canid.processes.serve import Connection, connect
 
 COMPLETE, NO_ASAMMDF, NO_MCAP = "", "asammdf is missing", "mcap is missing"
@@ -25,12 +32,14 @@ _CPU_S, _CPU_S_PER_MIB = 20.0, 2.0
 _EXTRA_BYTES, _BYTES_PER_FILE_BYTE = 512 << 20, 64
 # objects within objects of a JSON message
 _MAX_DEPTH = 6
-Group = tuple[str, Any, list[tuple[str, str, Any]]]
+# sentences of what is left out, of one group
+_MAX_SENTENCES = 100
+Group = tuple[str, Any, list[tuple[str, str, Any]], list[str]]
 
 
 def main(path: str) -> int:
     """Send all signals of `path`."""
-    parent = connect()
+    parent = connect(plain=True)
     size = os.path.getsize(path)
     limits.limit_more_data(_EXTRA_BYTES + _BYTES_PER_FILE_BYTE * size)
     limits.limit_cpu(_CPU_S + _CPU_S_PER_MIB * size / (1 << 20))
@@ -49,45 +58,62 @@ def _sent(read: Any, path: str, parent: Connection) -> str:
         raise
     except Exception as error:  # both libraries raise errors of any kind on damaged files
         limits.limit_data(None)
-        return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        return _failure(error, read)
     return COMPLETE
 
 
+def _failure(error: Exception, read: Any) -> str:
+    if read is _mf4:
+        return failure(error)
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
 def _mf4(path: str) -> Iterator[Start | Group]:
-    import asammdf
-
-    from canid.logs.mf4.mf4_child import start
-
-    opened: Any = asammdf.MDF  # its keywords are not typed
-    file = opened(path, process_bus_logging=False)
+    mdf = raw_mdf.opened(raw_mdf.load(), path)
+    file = mdf.file
     yield start(file.header)
     for index, group in enumerate(file.groups):
         master = file.masters_db.get(index)
         if master is None or not group.channel_group.cycles_nr or group.channel_group.flags & 2:
             continue  # without a time, or events of a bus
-        t = file.get_master(index)
-        signals = []
-        for place in range(len(group.channels)):
+        signals: list[tuple[str, str, Any]] = []
+        left_out: list[str] = []
+        name = str(group.channel_group.acq_name or f"group {index}")
+        try:
+            t = times(mdf, index)
+        except ConversionError as error:
+            yield name, np.zeros(0), [], [f"{error}; all of {name} has its times from it"]
+            continue
+        for place, channel in enumerate(group.channels):
             if place != master:
                 try:
-                    signal = file.get(group=index, index=place, ignore_invalidation_bits=True)
-                    values = _values(signal.samples, signal.invalidation_bits)
+                    values = _signal(mdf, index, place)
+                except ConversionError as error:
+                    left_out.append(str(error))
+                    continue
                 except MemoryError:
                     raise
                 except Exception:  # one channel that cannot be read costs no other
                     continue
                 if values is not None and len(values) == len(t):
-                    signals.append((str(signal.name), str(signal.unit or ""), values))
-        if signals:
-            yield str(group.channel_group.acq_name or f"group {index}"), t, signals
+                    conversion = mdf.conversions.get((index, place))
+                    unit = str((conversion and conversion.unit) or channel.unit or "")
+                    signals.append((str(channel.name), unit, values))
+        if signals or left_out:
+            yield name, t, signals, left_out[:_MAX_SENTENCES]
+
+
+def _signal(mdf: raw_mdf.RawMdf, index: int, place: int) -> Any:
+    """Physical values of a channel; None: a structure or bytes."""
+    raw, invalid = mdf.samples(index, place)
+    if raw.ndim != 1 or raw.dtype.names:
+        return None
+    name = str(mdf.file.groups[index].channels[place].name)
+    return _values(physical(raw, mdf.conversions.get((index, place)), name), invalid)
 
 
 def _values(samples: Any, invalid: Any) -> Any:
-    """Numbers with NaN where they are invalid, or texts; None: a structure or bytes."""
-    import numpy as np
-
-    if samples.ndim != 1 or samples.dtype.names:
-        return None
+    """Numbers with NaN where they are invalid, or texts; None: bytes."""
     if samples.dtype.kind in "biuf":
         values = samples.astype(float)
         if invalid is not None:
@@ -102,8 +128,9 @@ def _values(samples: Any, invalid: Any) -> Any:
 
 
 def _mcap(path: str) -> Iterator[Start | Group]:
-    import numpy as np
     from mcap.reader import make_reader
+
+    confine()
 
     rows: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     units: dict[str, dict[str, str]] = {}
@@ -137,7 +164,7 @@ def _mcap(path: str) -> Iterator[Start | Group]:
             # canid's own files have the time of a row twice
             if name != "t" or not units[topic]:
                 signals.append((name, str(units[topic].get(name, "")), values))
-        yield topic, t, signals
+        yield topic, t, signals, []
 
 
 def _flat(value: dict[str, Any], before: str, depth: int) -> dict[str, Any]:

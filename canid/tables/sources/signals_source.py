@@ -19,6 +19,8 @@ from canid.tables.sources.signals_child import COMPLETE, NO_ASAMMDF, NO_MCAP, Gr
 from canid.values.errors import ConfigError, DamagedLogError
 from canid.values.timestamps import EPOCH_FLOOR_S
 
+# sentences of what is left out that a message has
+_NAMED = 3
 _MISSING = {
     NO_ASAMMDF: "asammdf; run: pip install canid[mf4]",
     NO_MCAP: "mcap; run: pip install canid[export]",
@@ -36,9 +38,8 @@ def read_signals_file(path: Path) -> ArraySource:
     """
     groups: list[Group] = []
     start_ns = 0
-    with Child(
-        command("canid.tables.sources.signals_child", os.path.abspath(path), options=("-W", "ignore"))
-    ) as child:
+    words = command("canid.tables.sources.signals_child", os.path.abspath(path), options=("-W", "ignore"))
+    with Child(words, answers=(Start,)) as child:
         try:
             while not isinstance(answer := child.receive(), str):
                 if isinstance(answer, Start):
@@ -52,22 +53,33 @@ def read_signals_file(path: Path) -> ArraySource:
         raise ConfigError(f"{path}: reading {path.suffix} needs {_MISSING[why]}")
     if why != COMPLETE:
         raise DamagedLogError(f"cannot read {path}: {why}")
+    left_out = [sentence for *_, sentences in groups for sentence in sentences]
+    groups = [group for group in groups if group[2]]
     if not groups:
-        raise ConfigError(f"{path}: holds no signals and no CAN frames")
-    return ArraySource(_columns(groups, start_ns), str(path))
+        why = f" that canid reads ({_several(left_out)})" if left_out else ""
+        raise ConfigError(f"{path}: holds no signals and no CAN frames{why}")
+    source = ArraySource(_columns(groups, start_ns), str(path))
+    if left_out:
+        source.notes = (f"{path}: {_several(left_out)}",)
+    return source
+
+
+def _several(sentences: list[str]) -> str:
+    more = f"; and {len(sentences) - _NAMED:,} more" if len(sentences) > _NAMED else ""
+    return "; ".join(sentences[:_NAMED]) + more
 
 
 def _columns(groups: list[Group], start_ns: int) -> dict[str, Any]:
     """Rows of all groups in the order of time; cells of other groups are empty."""
-    t = np.concatenate([np.asarray(of_group, float) for _, of_group, _ in groups])
+    t = np.concatenate([np.asarray(of_group, float) for _, of_group, *_ in groups])
     order = np.argsort(t, kind="stable")
     times: Any = t[order]
     if start_ns >= EPOCH_FLOOR_S * 10**9:
         times = (np.round(times * 1e9).astype(np.int64) + start_ns).astype("datetime64[ns]")
     columns = {TIME: times}
-    counts = Counter(name for _, _, signals in groups for name, _, _ in signals)
+    counts = Counter(name for _, _, signals, _ in groups for name, _, _ in signals)
     begin = 0
-    for group, of_group, signals in groups:
+    for group, of_group, signals, _ in groups:
         part = slice(begin, begin + len(of_group))
         begin += len(of_group)
         for name, unit, values in signals:

@@ -31,6 +31,8 @@ _POINT = re.compile(r"[-+]?\d*\.\d+")
 class TextSource:
     """A file of delimited text, plain or gzipped."""
 
+    notes: Sequence[str] = ()
+
     def __init__(self, path: Path, names: Sequence[str] = ()):
         """Judge the layout. Raises LogError where it is no table."""
         self.name = str(path)
