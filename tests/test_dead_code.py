@@ -27,7 +27,6 @@ PLAIN_DECORATORS = {"property", "cached_property", "staticmethod", "classmethod"
 
 # what stands there all the same, and why
 ALLOWED = {
-    "canid.processes.limits:end_first": "memory_victim does this with another value: to be deleted",
     "canid.logs.log:Log.events_read": "with the other counts of Log it accounts for every line of a file",
     "canid.export.fmu_driver:CanidDriver": "pythonfmu3 makes it within an FMU",
     "canid.export.fmu_driver:CanidDriver.do_step": "the simulator that runs the FMU calls it",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -13,6 +14,7 @@ import numpy as np
 from canid.export import names
 from canid.export.csv_table import TIME, TimeColumn, no_date
 from canid.export.table import Origin, Table, in_ns
+from canid.files import duckdb_files, opening
 from canid.values import timestamps
 from canid.values.errors import ConfigError
 
@@ -67,18 +69,11 @@ def _write(
         "table": table.title,
         "program": f"{origin.program} export",
     }
-    pairs = ", ".join(f"'{key}': {_literal(text)}" for key, text in metadata.items())
     db.register("exported", columns)
+    fd = opening.existing(path)
     try:
-        db.execute(
-            f"COPY exported TO {_literal(path)} "
-            f"(FORMAT parquet, COMPRESSION zstd, USE_TMP_FILE false, KV_METADATA {{{pairs}}})"
-        )
+        duckdb_files.write_parquet(db, "exported", fd, path, notes=metadata)
     except io_error as error:
         raise OSError(0, str(error).rpartition(": ")[2] or str(error)) from error
-
-
-def _literal(text: str) -> str:
-    """A string of SQL; a lone surrogate (bytes of a file name that are no text) is made visible."""
-    safe = text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
-    return "'" + safe.replace("'", "''") + "'"
+    finally:
+        os.close(fd)

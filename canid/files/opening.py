@@ -204,15 +204,6 @@ def has_name(fd: int, path: Path) -> bool:
         return False
 
 
-def sync(path: Path) -> None:
-    """Sync a file that another program has written. Raises OSError."""
-    fd = existing(path)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
-
-
 def sync_folder(folder: Path, *, dir_fd: int | None = None) -> None:
     """Sync a folder's names: a file whose name is lost is lost."""
     # Windows cannot open folders, and some network file systems cannot sync them

@@ -58,12 +58,6 @@ def resident_bytes() -> int:
     return _memory_bytes(1)
 
 
-def end_first(pid: int) -> None:
-    """Where memory runs out, the system shall end this child, not its parent."""
-    with suppress(OSError):
-        kernel_setting(f"/proc/{pid}/oom_score_adj", "500")
-
-
 def ordinary_priority(pid: int) -> None:
     """Take from a child the raised priority that it has inherited."""
     with suppress(AttributeError, OSError):

@@ -164,6 +164,7 @@ class FleetSummary(NamedTuple):
     no_causes: str  # why there are none; ""
     next_drives: tuple[Next, ...]
     provenance: Mapping[str, str]  # what of the folder makes these numbers: versions, hashes, settings
+    logs_sha256: str = ""  # of logs.parquet as it was when these numbers were made
 
 
 def interval(value: float | None, low: float | None, high: float | None) -> Interval:

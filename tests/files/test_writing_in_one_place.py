@@ -27,10 +27,6 @@ ALLOWED = {
         "export/mf4_child.py",
         "file.save",
     ): "asammdf writes by name: the random one of complete_files, which exists",
-    (
-        "export/parquet_table.py",
-        "COPY",
-    ): "DuckDB writes by name: the random one of complete_files, which exists",
     ("canid_study/views/figure_svg.py", "canvas.savefig"): "into a text in memory",
     ("cli/output/outputs.py", "sys.stdout.write_bytes"): "standard output",
     ("cli/output/outputs.py", "self._file.write_bytes"): "an OutputFile, which is open",
@@ -39,9 +35,9 @@ ALLOWED = {
     ("export/driver_models.py", "savemat"): "into memory",
     ("export/mat_file.py", "savemat"): "into an open file",
     (
-        "fleet/storage/parquet_files.py",
+        "files/duckdb_files.py",
         "COPY",
-    ): "DuckDB writes by name: in a folder of opening.private_folder",
+    ): "DuckDB writes into a descriptor of opening.create or opening.existing",
 }
 WRITES = ("O_WRONLY", "O_RDWR", "O_CREAT", "O_APPEND", "O_TRUNC", "O_TMPFILE")
 # functions of modules, and methods, that open a file by its name for writing

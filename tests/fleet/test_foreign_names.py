@@ -25,7 +25,7 @@ from tests.fleet.test_killed import logs, rows
 CONTENT = b"LOGG a recording of a drive that nobody can drive again\n" * 100
 # all fixed names of a folder, those of earlier versions too
 NAMES = (
-    *("fleet.lock", "fleet.json", ".fleet.json.new", "parts", "segments"),
+    *("fleet.lock", "fleet.json", ".fleet.json.new", "parts", "segments", ".tables.complete"),
     *(f"{name}.parquet" for name in TABLES),
     *(f".{name}.{kind}.new" for name in TABLES for kind in ("parquet", "jsonl")),
     *(f"segments/{k:06d}.jsonl" for k in range(1, 8)),

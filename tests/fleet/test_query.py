@@ -12,7 +12,8 @@ import pytest
 
 from canid.cli import Parser
 from canid.cli.commands import fleet_query
-from canid.fleet.storage.columns import DRIVERS, POPULATION
+from canid.fleet.storage import generations, summary_tables
+from canid.fleet.storage.columns import DRIVERS
 from canid.fleet.storage.queries import QUERIES
 from canid.values.errors import ConfigError, LogError
 from canid.views.query_table import text
@@ -26,8 +27,11 @@ HOSTILE = "evil\x1b[2J\n'); DROP TABLE drives; -- =1+1 \u202e 前車"
 def planted(tmp_path_factory: pytest.TempPathFactory) -> Planted:
     of = made(tmp_path_factory.mktemp("fleet") / "it's *[x] ü", seed=4, drivers=3, drives=3)
     # as a summary leaves them: nothing has to be pooled for these tests
-    table(of.folder / "drivers.parquet", DRIVERS, [{"driver": "driver 001", "range_rate_K": 0.5}])
-    table(of.folder / "population.parquet", POPULATION, [{"parameter": "range_rate_K"}])
+    pooled = {
+        "drivers": [{"driver": "driver 001", "range_rate_K": 0.5}],
+        "population": [{"parameter": "range_rate_K"}],
+    }
+    summary_tables.written(of.folder, pooled, generations.current(of.folder))
     return of
 
 

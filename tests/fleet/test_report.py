@@ -233,7 +233,7 @@ def test_the_command_writes_a_page_and_no_other_file(
         _run(tmp_path, "-o", tmp_path / "other.html")
     with pytest.raises(ConfigError, match=r"not an \.html file"):
         _run(folder, "-o", folder / "drives.parquet")
-    assert sorted(path.suffix for path in folder.iterdir()) == [".parquet"] * 8
+    assert sorted(path.suffix for path in folder.iterdir()) == [".lock", *[".parquet"] * 8]
 
 
 @pytest.mark.slow("runs of a fleet in processes of their own")

@@ -11,12 +11,15 @@ import sys
 from collections.abc import Iterator
 from difflib import get_close_matches
 from itertools import compress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from canid.cli import options
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.progress import is_terminal
 from canid.values.errors import DONE, ConfigError, OutputError
+
+if TYPE_CHECKING:
+    from canid.fleet.storage.database import Database
 
 # characters of a line where the output is no terminal
 PLAIN_WIDTH = 80
@@ -25,6 +28,8 @@ MAX_ROWS = 100
 # rows that are fetched at once
 PART_ROWS = 1000
 FORMATS = ("table", "csv", "json")
+# times that tables may be replaced while a query begins: each takes a run of canid fleet
+TRIES = 20
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,23 +72,37 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return _list()
     from canid.fleet.storage import mirror
-    from canid.fleet.storage.database import opened
+    from canid.fleet.storage.database import database
 
     named, question = _asked(args)
     sql = _sql(question)
     folder = mirror.local(named)
-    _summarised(folder, sql)
-    with opened(folder, args.memory, args.own) as db:
-        _execute(db, sql)
-        names = [column[0] for column in db.description]
-        if args.format == "table":
-            _table(db, names)
-        else:
-            write = _csv if args.format == "csv" else _json
-            for line in write(names, _fetched(db)):
-                # what a file holds is data: a terminal is not to act on it
-                print_line(line) if is_terminal(sys.stdout) else sys.stdout.write(f"{line}\n")
-    return DONE
+    for _ in range(TRIES):
+        with database(folder, args.memory, args.own) as tables:
+            _pooled(tables, folder, sql)
+            tables.close_off()
+            try:
+                _execute(tables.db, sql)
+            except ConfigError:
+                if tables.replaced():
+                    continue  # a table that lost its name is refused: those that have it now are asked
+                raise
+            _show(tables.db, args.format)
+            return DONE
+    raise OutputError(
+        f"{named}: runs of canid fleet replace its tables again and again; ask when they have ended"
+    )
+
+
+def _show(db: Any, form: str) -> None:
+    names = [column[0] for column in db.description]
+    if form == "table":
+        _table(db, names)
+        return
+    write = _csv if form == "csv" else _json
+    for line in write(names, _fetched(db)):
+        # what a file holds is data: a terminal is not to act on it
+        print_line(line) if is_terminal(sys.stdout) else sys.stdout.write(f"{line}\n")
 
 
 def _asked(args: argparse.Namespace) -> tuple[str, str]:
@@ -111,20 +130,19 @@ def _sql(question: str) -> str:
     return question
 
 
-def _summarised(folder: str, sql: str) -> None:
-    """Make the tables of drivers and of the population, if they are asked for and older than the drives."""
-    from canid.fleet.answers.summary import current, summarise
-    from canid.fleet.storage.database import is_folder
+def _pooled(tables: Database, folder: str, sql: str) -> None:
+    """Make the tables of drivers and of the population, if they are asked for and are not those of the drives."""
+    from canid.fleet.answers.summary import pool
 
-    if not re.search(r"\b(drivers|population)\b", sql) or not is_folder(folder) or current(folder):
+    if not re.search(r"\b(drivers|population)\b", sql, re.IGNORECASE) or tables.opened.has_pooled():
         return
     info(
         "the drives are pooled first: the tables of drivers and of the population are not those of the drives"
     )
     try:
-        summarise(folder)
+        pool(tables, folder)
     except OutputError as error:
-        info(f"{error}; the query answers from the tables that are there")
+        info(f"{error}; the answer is right, and the next query pools them again")
 
 
 def _execute(db: Any, sql: str) -> None:

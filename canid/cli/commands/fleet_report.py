@@ -15,6 +15,7 @@ from canid.values.errors import DONE
 
 if TYPE_CHECKING:
     from canid.values.findings import Provenance
+    from canid.values.fleet_summary import FleetSummary
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """Summarise, show the answer, write the page."""
     from canid.fleet.answers.summary import summarise
     from canid.fleet.storage import mirror
-    from canid.fleet.storage.database import is_folder, not_a_folder
+    from canid.fleet.storage.generations import is_folder, not_a_folder
     from canid.views.fleet_report.fleet_document import page, text
 
     folder = mirror.local(args.folder)
@@ -46,21 +47,22 @@ def run(args: argparse.Namespace) -> int:
     summary = summarise(folder)
     for line in text(summary):
         print_line(line)
-    complete_files.write(written, lambda: page(summary, _provenance(args, folder, summary.counts.logs)))
+    complete_files.write(written, lambda: page(summary, _provenance(args, folder, summary)))
     if written is not None:
         info(f"{args.output} written")
     return DONE
 
 
-def _provenance(args: argparse.Namespace, folder: str, logs: int) -> Provenance:
-    from canid.cli.provenance import sha256, versions
+def _provenance(args: argparse.Namespace, folder: str, summary: FleetSummary) -> Provenance:
+    from canid.cli.provenance import versions
     from canid.values.findings import Provenance
 
     before = _analysis(folder)
     command = reproducing(args, "fleet report", args.folder, options=("-o",))
     return Provenance(
-        log=f"{logs:,} logs of {args.folder}, listed in logs.parquet",
-        log_sha256=sha256(Path(folder) / "logs.parquet"),
+        log=f"{summary.counts.logs:,} logs of {args.folder}, listed in logs.parquet",
+        # as it was when it was read: a run may have replaced it since
+        log_sha256=summary.logs_sha256,
         command=f"{before}; {command}" if before else command,
         versions=versions(),
     )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import stat
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from canid.fleet.answers import causes, data_quality, estimates, next_drives, questions, sentences
 from canid.fleet.answers.pooled import driver_row, parameter_row, population
-from canid.fleet.storage import summary_tables
-from canid.fleet.storage.database import opened, rows
+from canid.fleet.storage import generations, summary_tables
+from canid.fleet.storage.database import Database, database, rows
 from canid.population import drive_forecast, hierarchical
 from canid.population.drive_table import DriveTable
 from canid.values.fleet_summary import Excluded, FleetSummary, Kind, Next, Population
@@ -18,6 +18,8 @@ from canid.values.fleet_summary import Excluded, FleetSummary, Kind, Next, Popul
 
 def summarise(folder: str | Path) -> FleetSummary:
     """Summarise a fleet, and write `drivers.parquet` and `population.parquet` into its folder.
+
+    They are written where the folder still holds the drives that are summarised and no run works there, else not at all.
 
     Args:
         folder: of `canid fleet -o`.
@@ -31,22 +33,35 @@ def summarise(folder: str | Path) -> FleetSummary:
         OutputError: the tables cannot be written.
     """
     folder = Path(folder)
-    with opened(folder) as db:
-        summary = _found(db, folder)
-    summary_tables.written(
-        folder,
-        {
-            "drivers": [
-                driver_row(pooled, driver) for pooled in summary.populations for driver in pooled.drivers
-            ],
-            "population": [
-                parameter_row(pooled, parameter)
-                for pooled in summary.populations
-                for parameter in pooled.parameters
-            ],
-        },
-    )
+    with database(folder) as fleet:
+        summary = _found(fleet, folder)
+    summary_tables.kept(folder, fleet.opened.generation, tables(summary))
     return summary
+
+
+def pool(fleet: Database, folder: str | Path) -> None:
+    """Make the tables of drivers and of the population of what is open, and write them as `summarise` does.
+
+    Raises:
+        OutputError: they cannot be written; they are those of the drives all the same.
+    """
+    made = tables(_found(fleet, Path(folder)))
+    fleet.put(made)
+    summary_tables.kept(Path(folder), fleet.opened.generation, made)
+
+
+def tables(summary: FleetSummary) -> dict[str, list[Mapping[str, Any]]]:
+    """The rows of the tables of drivers and of the population."""
+    return {
+        "drivers": [
+            driver_row(pooled, driver) for pooled in summary.populations for driver in pooled.drivers
+        ],
+        "population": [
+            parameter_row(pooled, parameter)
+            for pooled in summary.populations
+            for parameter in pooled.parameters
+        ],
+    }
 
 
 def current(folder: str | Path) -> bool:
@@ -56,19 +71,14 @@ def current(folder: str | Path) -> bool:
         >>> current("replay_logs")
         False
     """
-    times = []
-    for name in ("drives", "drivers", "population"):
-        try:
-            status = (Path(folder) / f"{name}.parquet").lstat()
-            if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
-                return False  # of another program
-            times.append(status.st_mtime_ns)
-        except OSError:
-            return False
-    return times[0] <= min(times[1:])
+    if not generations.is_folder(folder):
+        return False
+    with database(folder) as fleet:
+        return fleet.opened.has_pooled()
 
 
-def _found(db: Any, folder: Path) -> FleetSummary:
+def _found(fleet: Database, folder: Path) -> FleetSummary:
+    db = fleet.db
     counts = data_quality.counts(db)
     populations: list[Population] = []
     left_out: list[Excluded] = []
@@ -95,6 +105,7 @@ def _found(db: Any, folder: Path) -> FleetSummary:
         no_causes=no_causes,
         next_drives=(),
         provenance=_provenance(db),
+        logs_sha256=fleet.opened.files["logs"].sha256(),
     )
     summary = summary._replace(
         next_drives=(*next_drives.chosen(summary, db), *gains)[: next_drives.MAX_ENTRIES]

@@ -1,14 +1,17 @@
-"""DuckDB in memory with one view per table of a fleet folder; it reads these files and nothing else, and writes none."""
+"""DuckDB in memory with one view per table of a fleet folder, all of one generation; it writes no files."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from canid.files import duckdb_files
+from canid.fleet.storage import generations, parquet_files, typed_rows
 from canid.fleet.storage.columns import (
     DRIVERS,
     EVENTS,
@@ -16,9 +19,11 @@ from canid.fleet.storage.columns import (
     JOINT_FINDINGS,
     POPULATION,
     POWER,
+    SUMMARIES,
     WINDOWS,
     Column,
 )
+from canid.fleet.storage.generations import NEEDED, Tables
 from canid.values.errors import ConfigError, DamagedLogError, one_line
 
 # what may be missing: a fleet without a diagnosis has no findings, and one that was interrupted no summary yet
@@ -31,46 +36,57 @@ _EMPTY: dict[str, Sequence[Column]] = {
     "population": POPULATION,
     "joint_findings": JOINT_FINDINGS,
 }
-NEEDED = ("logs", "drives")
 VIEWS = (*NEEDED, *_EMPTY)
 # bytes; a sort of all windows of 10,000 h takes less, and a laptop of 8 GB stays usable
 MEMORY_BYTES = 2_000_000_000
 
 
-def is_folder(path: str | Path) -> bool:
-    """Is it a folder that `canid fleet` has written?
+class Database(NamedTuple):
+    """The tables of one generation, and a connection with their views."""
 
-    Example:
-        >>> is_folder("replay_logs")
-        False
-    """
-    return all(os.path.isfile(Path(path) / f"{name}.parquet") for name in NEEDED)
+    db: Any  # duckdb.DuckDBPyConnection
+    opened: Tables
 
+    def put(self, summaries: Mapping[str, Iterable[Mapping[str, Any]]]) -> None:
+        """Answer with these rows for tables of `columns.SUMMARIES`, in memory."""
+        for name, made in summaries.items():
+            columns = SUMMARIES[name]
+            text = json.dumps([typed_rows.typed(row, columns) for row in made])
+            types = json.dumps([{column.name: column.type for column in columns}])
+            self.db.execute(f"DROP VIEW {name}")
+            self.db.execute(
+                f"CREATE TABLE {name} AS SELECT each.* FROM (SELECT unnest(from_json(?::JSON, ?)) AS each)",
+                [text, types],
+            )
 
-def not_a_folder(path: str | Path) -> ConfigError:
-    """The error for a folder without the tables."""
-    return ConfigError(
-        f"{path}: is no folder of canid fleet (logs.parquet and drives.parquet are missing); "
-        "`canid fleet LOGS... -o DIR` writes one"
-    )
+    def close_off(self) -> None:
+        """Let the connection open these tables and nothing else, and let nobody change that."""
+        duckdb_files.allow_only(self.db, list(self.opened.files.values()))
+
+    def replaced(self) -> bool:
+        """Whether another run has replaced a table since."""
+        return not all(file.has_name() for file in self.opened.files.values())
 
 
 @contextmanager
-def opened(
-    folder: str | Path, memory_bytes: int = MEMORY_BYTES, tables: Sequence[str | Path] = ()
-) -> Iterator[Any]:
-    """Open the tables of a fleet folder.
+def opened(folder: str | Path) -> Iterator[Any]:
+    """The connection of `database`: a `duckdb.DuckDBPyConnection` with the views `VIEWS`."""
+    with database(folder) as tables:
+        yield tables.db
 
-    Once the views are there, DuckDB may open these files only, its settings are locked, and it has no folder for temporary
-    files: what does not fit into the memory is refused.
+
+@contextmanager
+def database(
+    folder: str | Path, memory_bytes: int = MEMORY_BYTES, tables: Sequence[str | Path] = ()
+) -> Iterator[Database]:
+    """Open the tables of a fleet folder: those of one generation, also while a run replaces them.
+
+    It has no folder for temporary files: what does not fit into the memory is refused.
 
     Args:
         folder: of `canid fleet -o`.
         memory_bytes: that DuckDB may take.
         tables: those of the user, CSV or Parquet, which are read at once, each under the name of `table_name`.
-
-    Yields:
-        A connection (`duckdb.DuckDBPyConnection`) with the views `VIEWS`.
 
     Raises:
         ConfigError: it is no such folder, duckdb is missing, or a table of the user cannot be read.
@@ -80,32 +96,28 @@ def opened(
         import duckdb
     except ImportError as error:
         raise ConfigError("fleet: needs duckdb: pip install 'canid[fleet]'") from error
-    if not is_folder(folder):
-        raise not_a_folder(folder)
-    with duckdb.connect() as db:
-        allowed = []
+    with duckdb_files.opened() as files, duckdb.connect() as db:
+        generation = generations.opened(db, files, Path(folder))
         for name in VIEWS:
-            path = str((Path(folder) / f"{name}.parquet").resolve())
-            if os.path.isfile(path):
-                allowed.append(path)
-                source = f"SELECT * FROM read_parquet({literal(path)})"
-            else:
-                source = _without_rows(_EMPTY[name])
+            file = generation.files.get(name)
+            source = (
+                f"SELECT * FROM {duckdb_files.parquet([file])}"
+                if file is not None
+                else parquet_files.without_rows(_EMPTY[name])
+            )
             try:
                 db.execute(f"CREATE VIEW {name} AS {source}")
             except duckdb.Error as error:
                 raise DamagedLogError(
-                    f"{path}: cannot be read ({_first_line(error)}); run `canid fleet` on the folder again"
+                    f"{file.path if file else folder}: cannot be read ({_first_line(error)}); run `canid fleet` on the "
+                    "folder again"
                 ) from error
         db.execute(f"SET memory_limit = '{memory_bytes}B'")
         for table in tables:
             _add_own(db, str(table))
         # a query that needs more is refused: files that it left would be no part of the folder
         db.execute("SET temp_directory = ''")
-        db.execute(f"SET allowed_paths = [{', '.join(map(literal, allowed))}]")
-        db.execute("SET enable_external_access = false")
-        db.execute("SET lock_configuration = true")
-        yield db
+        yield Database(db, generation)
 
 
 def table_name(path: str | Path) -> str:
@@ -128,22 +140,18 @@ def _add_own(db: Any, path: str) -> None:
         raise ConfigError(f"{path}: {name} is a table of the fleet; give the file another name")
     if not os.path.isfile(path):
         raise ConfigError(f"{path}: no such file")
-    read = "read_parquet" if Path(path).suffix.lower() == ".parquet" else "read_csv"
     try:
-        db.execute(f'CREATE TABLE "{name}" AS SELECT * FROM {read}([{literal(_plain(path))}])')
+        with duckdb_files.opened() as files:
+            file = files.add(path)
+            is_parquet = file.path.suffix.lower() == ".parquet"
+            source = duckdb_files.parquet([file]) if is_parquet else duckdb_files.csv(file)
+            db.execute(f"CREATE TABLE {parquet_files.name(name)} AS SELECT * FROM {source}")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
     except duckdb.Error as error:
         taken = "already exists" in str(error)
         why = f"another file has the name {name}" if taken else f"cannot be read ({_first_line(error)})"
         raise ConfigError(f"{path}: {why}") from None
-
-
-def _plain(path: str) -> str:
-    """A path as DuckDB takes it for itself: its *, ? and [ are wildcards elsewhere.
-
-    >>> _plain("a[1]*.csv")
-    'a[[]1][*].csv'
-    """
-    return re.sub(r"([*?[])", r"[\1]", path)
 
 
 def rows(db: Any, sql: str, values: Sequence[Any] = ()) -> list[dict[str, Any]]:
@@ -151,25 +159,6 @@ def rows(db: Any, sql: str, values: Sequence[Any] = ()) -> list[dict[str, Any]]:
     done = db.execute(sql, list(values))
     names = [column[0] for column in done.description]
     return [dict(zip(names, row, strict=True)) for row in done.fetchall()]
-
-
-def literal(text: str) -> str:
-    """A string of SQL.
-
-    Raises:
-        ConfigError: DuckDB cannot name such a file.
-
-    Example:
-        >>> literal("it's")
-        "'it''s'"
-    """
-    if text.encode("utf-8", "ignore").decode() != text:  # bytes of a file name that are no text
-        raise ConfigError(f"{text!r}: DuckDB cannot open a file of this name; rename the folder")
-    return "'" + text.replace("'", "''") + "'"
-
-
-def _without_rows(columns: Sequence[Column]) -> str:
-    return "SELECT " + ", ".join(f'NULL::{c.type} AS "{c.name}"' for c in columns) + " WHERE false"
 
 
 def _first_line(error: Exception) -> str:

@@ -23,6 +23,10 @@ class LockError(OutputError):
     """Another run works in the folder, or may: it is not the disk that is in the way."""
 
 
+# of this process, by its id and the folder: closing another descriptor of the file would end the lock
+_held: dict[tuple[int, int, int], Lock] = {}
+
+
 class Lock(NamedTuple):
     """A lock that is held."""
 
@@ -40,7 +44,7 @@ class Lock(NamedTuple):
 
 @contextmanager
 def held(folder: Path) -> Iterator[Lock]:
-    """Hold the lock.
+    """Hold the lock, which may be held by this process already: then it is until that one ends.
 
     It is a POSIX record lock: worker processes that outlive a killed run do not inherit it, and it works on NFS.
 
@@ -53,14 +57,29 @@ def held(folder: Path) -> Iterator[Lock]:
         >>> with held(Path(tempfile.mkdtemp())) as lock:
         ...     lock.check()
     """
+    identity = _identity(folder)
+    if identity in _held:
+        _held[identity].check()
+        yield _held[identity]
+        return
     fd = _opened(folder)
     try:
         with suppress(OSError):  # a full disk: the lock holds all the same
             os.ftruncate(fd, 0)
             os.write(fd, f"{_BEGINNING}{os.getpid()} on {socket.gethostname()}".encode())
-        yield Lock(folder, fd)
+        yield _held.setdefault(identity, Lock(folder, fd))
     finally:
+        _held.pop(identity, None)
         os.close(fd)
+
+
+def _identity(folder: Path) -> tuple[int, int, int]:
+    """This process and a folder. Raises OutputError."""
+    try:
+        status = os.stat(folder)
+    except OSError:
+        raise OutputError(f"{folder}: was removed") from None
+    return os.getpid(), status.st_dev, status.st_ino
 
 
 def _opened(folder: Path) -> int:

@@ -15,21 +15,20 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from canid.files import opening
 from canid.fleet.planning import remote
 from canid.fleet.planning.listing import MARK, is_url
-from canid.fleet.storage import journal, parts
+from canid.fleet.storage import generations, journal, lock, parts
 from canid.fleet.storage.columns import SUMMARIES, TABLES
 from canid.fleet.storage.lock import LockError
 from canid.values.errors import CanidError, ConfigError, OutputError, one_line
 
 _LAST_OF_PART = f"{journal.LAST}.parquet"
-# uploaded, and fetched, in this order: `logs` says that the other tables are those of its logs, and the summaries count as
-# current where they are not older than the drives
+# uploaded in this order; the generation that they name says which belong together (generations.py)
 _TABLES = tuple(f"{name}.parquet" for name in (*TABLES, *SUMMARIES, "logs"))
 _ROOT = (MARK, *_TABLES)
 _PART = re.compile(r"parts/([0-9]{6,9}(?:-[0-9]{6,9})?)/\w+\.parquet")
@@ -64,12 +63,13 @@ def working(folder: str) -> Iterator[Working]:
         yield Working(Path(folder), lambda: None)
         return
     mirror = _Mirror(folder)
-    mirror.pull()
-    try:
-        yield Working(mirror.folder, mirror.push)
-    finally:
-        if os.path.exists(mirror.folder / MARK):
-            mirror.push()
+    with mirror.held():
+        mirror.pull()
+        try:
+            yield Working(mirror.folder, mirror.push)
+        finally:
+            if os.path.exists(mirror.folder / MARK):
+                mirror.push()
 
 
 def local(folder: str) -> str:
@@ -82,7 +82,9 @@ def local(folder: str) -> str:
     if not is_url(folder):
         return folder
     mirror = _Mirror(folder)
-    mirror.pull()
+    # a run that works in the copy has tables at least as new
+    with suppress(LockError), mirror.held():
+        mirror.pull_tables()
     return str(mirror.folder)
 
 
@@ -115,10 +117,24 @@ class _Mirror:
         except Exception as error:  # each storage has exceptions of its own
             raise ConfigError(f"{url}: {one_line(error)}; pip install 'canid[fleet,s3]'") from None
 
-    def pull(self) -> None:
-        """Fetch the parts that are not here, and the tables that another machine has written."""
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Hold the lock of the local copy. Raises LockError where another process of this machine works in it."""
         with self._saying("cannot be read"):
             self.folder.mkdir(parents=True, exist_ok=True)
+        with lock.held(self.folder):
+            yield
+
+    def pull(self) -> None:
+        """Fetch the parts that are not here, and the tables that another machine has written."""
+        self._pull(_complete)
+
+    def pull_tables(self) -> None:
+        """Fetch the tables alone."""
+        self._pull(lambda _: [])
+
+    def _pull(self, wanted: Callable[[Mapping[str, str]], list[str]]) -> None:
+        with self._saying("cannot be read"):
             there = self._there()
             if there and MARK not in there:
                 raise OutputError(
@@ -127,11 +143,11 @@ class _Mirror:
             known = self._known()
             # first by what the copy is known as a fleet's folder
             self._fetch([MARK], there, known)
-            for name in _complete(there):
+            for name in wanted(there):
                 if not self._is_here(name):
                     self._fetch_part(name, there)
                 known[f"parts/{name}"] = there[f"parts/{name}/{_LAST_OF_PART}"]
-            self._fetch(_TABLES, there, known)
+            self._fetch_tables(there, known)
             self._note(known)
 
     def push(self) -> None:
@@ -174,6 +190,20 @@ class _Mirror:
                     self._system.get_file(self._at(name), str(made / name))
                     os.replace(made / name, self.folder / name)
                 known[name] = [there[name], *_local(self.folder / name)]
+
+    def _fetch_tables(self, there: Mapping[str, str], known: dict[str, Any]) -> None:
+        """Fetch the tables that are others than the last time, once they are those of one run."""
+        generations.published(self.folder)
+        names = [name for name in _TABLES if name in there and _stated(known.get(name)) != there[name]]
+        if not names:
+            return
+        with opening.private_folder(self.folder / "tables") as made:
+            for name in names:
+                self._system.get_file(self._at(name), str(made / name))
+            # else another machine uploads its tables just now; those that are here are whole
+            if generations.are_whole(self.folder, made) or not generations.is_folder(self.folder):
+                generations.written(self.folder, made, lambda: None)
+                known |= {name: [there[name], *_local(self.folder / name)] for name in names}
 
     def _fetch_part(self, name: str, there: Mapping[str, str]) -> None:
         (self.folder / "parts").mkdir(exist_ok=True)

@@ -1,15 +1,16 @@
-"""Parquet files of DuckDB: written under a temporary name, synced, and renamed when they are whole."""
+"""Parquet files of a fleet: written by DuckDB into a folder of their own, and synced; what they hold, and what they lack."""
 
 from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from canid.files import opening
+from canid.files import duckdb_files, opening
+from canid.files.duckdb_files import Files
 from canid.fleet.storage.columns import Column
 from canid.values.errors import ConfigError, OutputError, one_line
 
@@ -48,20 +49,12 @@ def connected(folder: Path, doing: str = "written") -> Iterator[Any]:
         yield connection
     except duckdb.Error as error:
         raise OutputError(f"{folder}: tables cannot be {doing} ({one_line(error)})") from None
+    except OSError as error:
+        raise OutputError(f"{error.filename or folder}: cannot be {doing} ({error.strerror})") from None
     finally:
         connection.close()
         with suppress(OSError):
             temporary.rmdir()
-
-
-def quoted(text: str | Path) -> str:
-    """A text as SQL has it.
-
-    Example:
-        >>> quoted("it's")
-        "'it''s'"
-    """
-    return "'" + str(text).replace("'", "''") + "'"
 
 
 def name(text: str) -> str:
@@ -74,33 +67,42 @@ def name(text: str) -> str:
     return '"' + text.replace('"', '""') + '"'
 
 
-def of_lines(path: Path, columns: Sequence[Column], max_row_bytes: int = MAX_ROW_BYTES) -> str:
-    """SQL for the rows of a file with a JSON object a line; DuckDB takes twice the bytes of the largest row at once."""
-    types = ", ".join(f"{quoted(column.name)}: {quoted(column.type)}" for column in columns)
-    return (
-        f"read_json({quoted(path)}, format = 'newline_delimited', columns = {{{types}}}, "
-        f"maximum_object_size = {max_row_bytes})"
-    )
+def of_lines(files: Files, path: Path, columns: Sequence[Column], max_row_bytes: int = MAX_ROW_BYTES) -> str:
+    """SQL for the rows of a file with a JSON object a line."""
+    types = {column.name: column.type for column in columns}
+    return duckdb_files.json_lines(files.add(path), types, max_row_bytes)
 
 
-def of_files(paths: Sequence[Path], columns: Sequence[Column]) -> str:
+def without_rows(columns: Sequence[Column]) -> str:
+    """A query for a table without rows.
+
+    Example:
+        >>> without_rows([Column("t", "DOUBLE")])
+        'SELECT NULL::DOUBLE AS "t" WHERE false'
+    """
+    return f"SELECT {', '.join(f'NULL::{c.type} AS {name(c.name)}' for c in columns)} WHERE false"
+
+
+def of_files(files: Files, paths: Sequence[Path], columns: Sequence[Column]) -> str:
     """SQL for the rows of Parquet files; a column that an older file has not is NULL."""
-    typed = ", ".join(f"NULL::{column.type} AS {name(column.name)}" for column in columns)
-    nothing = f"SELECT {typed} WHERE false"
+    nothing = without_rows(columns)
     if not paths:
         return f"({nothing})"
-    files = ", ".join(map(quoted, paths))
     chosen = ", ".join(name(column.name) for column in columns)
-    every = f"SELECT * FROM read_parquet([{files}], union_by_name = true)"
+    every = f"SELECT * FROM {duckdb_files.parquet([files.add(path) for path in paths], union_by_name=True)}"
     return f"(SELECT {chosen} FROM ({nothing} UNION ALL BY NAME {every}))"
 
 
-def write(connection: Any, sql: str, path: Path) -> None:
-    """Write what a query gives as a Parquet file into a private folder (`opening.private_folder`), and sync it."""
-    connection.execute(
-        f"COPY ({sql}) TO {quoted(path)} (FORMAT parquet, COMPRESSION zstd, ROW_GROUP_SIZE_BYTES {ROW_GROUP_BYTES})"
-    )
-    opening.sync(path)
+def write(connection: Any, sql: str, path: Path, notes: Mapping[str, str] | None = None) -> None:
+    """Write what a query gives as a new Parquet file, with texts that it carries, and sync it. Raises OSError."""
+    fd = opening.create(path)
+    try:
+        duckdb_files.write_parquet(
+            connection, f"({sql})", fd, path, notes=notes, row_group_bytes=ROW_GROUP_BYTES
+        )
+        os.fsync(fd)
+    finally:
+        os.close(fd)
 
 
 def unreadable(connection: Any, path: Path) -> str:
@@ -110,7 +112,8 @@ def unreadable(connection: Any, path: Path) -> str:
     try:
         if not stat.S_ISREG(os.lstat(path).st_mode):
             return "not a regular file"
-        connection.execute(f"SELECT count(*) FROM read_parquet({quoted(path)})").fetchone()
+        with duckdb_files.opened() as files:
+            connection.execute(f"SELECT count(*) FROM {duckdb_files.parquet([files.add(path)])}").fetchone()
     except OSError as error:
         return str(error.strerror)
     except duckdb.Error as error:

@@ -19,7 +19,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from canid.files import opening
+from canid.files import duckdb_files, opening
+from canid.files.duckdb_files import Files
 from canid.fleet.storage import journal, parquet_files
 from canid.fleet.storage.columns import TABLES
 from canid.fleet.storage.journal import Journal
@@ -193,7 +194,8 @@ def merged(folder: Path, check: Callable[[], object]) -> None:
             for table in COLUMNS:
                 if any(_file(part, table) for part in before):
                     path = staged / f"{table}.parquet"
-                    parquet_files.write(connection, f"SELECT * FROM {rows(before, table)}", path)
+                    with duckdb_files.opened() as files:
+                        parquet_files.write(connection, f"SELECT * FROM {rows(files, before, table)}", path)
         if why := _lacking(staged, before):
             raise OutputError(f"{folder}: its parts cannot be merged: {why}")
     _delete(before)
@@ -221,11 +223,15 @@ def _write(segment: Journal, staged: Path) -> None:
     with parquet_files.connected(segment.path.parents[1]) as connection:
         for name, count in counts.items():
             lines, path = staged / f"{name}.jsonl", staged / f"{name}.parquet"
-            parquet_files.write(
-                connection, f"SELECT * FROM {parquet_files.of_lines(lines, COLUMNS[name])}", path
-            )
-            if parquet_files.count(connection, parquet_files.of_files([path], COLUMNS[name])) != count:
-                raise OutputError(f"{segment.path}: cannot be turned into a part: rows of {name} are missing")
+            with duckdb_files.opened() as files:
+                parquet_files.write(
+                    connection, f"SELECT * FROM {parquet_files.of_lines(files, lines, COLUMNS[name])}", path
+                )
+                written = parquet_files.of_files(files, [path], COLUMNS[name])
+                if parquet_files.count(connection, written) != count:
+                    raise OutputError(
+                        f"{segment.path}: cannot be turned into a part: rows of {name} are missing"
+                    )
             lines.unlink()
 
 
@@ -303,9 +309,11 @@ def _lacking(cover: Path, covered: Sequence[Path]) -> str:
         return f"{foreign} is no table"
     with parquet_files.connected(cover.parents[1]) as connection:
         for table, columns in COLUMNS.items():
-            among = parquet_files.of_files([path] if (path := _file(cover, table)) else [], columns)
-            if lost := parquet_files.missing(connection, rows(covered, table), among):
-                return f"{lost:,} rows of {table} are not in it"
+            with duckdb_files.opened() as files:
+                paths = [path] if (path := _file(cover, table)) else []
+                among = parquet_files.of_files(files, paths, columns)
+                if lost := parquet_files.missing(connection, rows(files, covered, table), among):
+                    return f"{lost:,} rows of {table} are not in it"
     return ""
 
 
@@ -346,42 +354,44 @@ def keys(folder: Path) -> Iterator[str]:
 
 def content_bytes(connection: Any, present: Sequence[Path], table: str) -> int:
     """Bytes of a table in parts, without compression."""
-    files = [path for part in present if (path := _file(part, table))]
-    if not files:
+    paths = [path for part in present if (path := _file(part, table))]
+    if not paths:
         return 0
-    names = ", ".join(map(parquet_files.quoted, files))
-    sql = f"SELECT sum(total_uncompressed_size)::BIGINT FROM parquet_metadata([{names}])"
-    number: int = connection.execute(sql).fetchone()[0] or 0
+    with duckdb_files.opened() as files:
+        sizes = duckdb_files.parquet_sizes([files.add(path) for path in paths])
+        sql = f"SELECT sum(total_uncompressed_size)::BIGINT FROM {sizes}"
+        number: int = connection.execute(sql).fetchone()[0] or 0
     return number
 
 
 def _fetched(folder: Path, table: str, names: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-    files = [path for part in parts(folder) if (path := _file(part, table))]
-    if not files:
+    paths = [path for part in parts(folder) if (path := _file(part, table))]
+    if not paths:
         return
-    with parquet_files.connected(folder, "read") as connection:
+    with duckdb_files.opened() as files, parquet_files.connected(folder, "read") as connection:
         chosen = ", ".join(map(parquet_files.name, names))
-        connection.execute(f"SELECT {chosen} FROM {parquet_files.of_files(files, COLUMNS[table])}")
+        connection.execute(f"SELECT {chosen} FROM {parquet_files.of_files(files, paths, COLUMNS[table])}")
         # rows at a time: memory stays that of what is known
         while fetched := connection.fetchmany(10_000):
             yield from fetched
 
 
-def rows(present: Sequence[Path], table: str) -> str:
+def rows(files: Files, present: Sequence[Path], table: str) -> str:
     """SQL for the rows of a table in parts: the results of a key are those of the first part that holds its drive.
 
     So a part that somebody has copied counts nothing twice, and one that has lost its drives leaves no rows of theirs.
     """
     if table == journal.LAST:
-        return parquet_files.of_files([path for part in present if (path := _file(part, table))], OUTCOMES)
+        paths = [path for part in present if (path := _file(part, table))]
+        return parquet_files.of_files(files, paths, OUTCOMES)
 
     def numbered(name: str, chosen: str) -> str:
-        files = ((number, path) for number, part in enumerate(present) if (path := _file(part, name)))
+        paths = ((number, path) for number, part in enumerate(present) if (path := _file(part, name)))
         columns = COLUMNS[name]
-        nothing = f"SELECT {chosen}, 0 AS {_PART} FROM {parquet_files.of_files([], columns)}"
+        nothing = f"SELECT {chosen}, 0 AS {_PART} FROM {parquet_files.of_files(files, [], columns)}"
         each = (
-            f"SELECT {chosen}, {n} AS {_PART} FROM {parquet_files.of_files([path], columns)}"
-            for n, path in files
+            f"SELECT {chosen}, {n} AS {_PART} FROM {parquet_files.of_files(files, [path], columns)}"
+            for n, path in paths
         )
         return " UNION ALL ".join((nothing, *each))
 

@@ -3,7 +3,7 @@
     fleet.json       by which the folder is known: version, command, settings, what came of the logs, the tables' columns
     segments/        the journal of outcomes (journal.py)
     parts/           journals turned into Parquet files (parts.py)
-    logs.parquet, drives.parquet, ...   the tables of the current plan (consolidated.py)
+    logs.parquet, drives.parquet, ...   the tables of the current plan (consolidated.py, generations.py)
 
 Results are stored by content: under the key of their log's bytes, source and settings, once.
 """
@@ -23,7 +23,7 @@ from canid.files import opening
 from canid.fleet.analysis.job import Outcome, Status
 from canid.fleet.planning.listing import MARK
 from canid.fleet.planning.plan import PlannedLog
-from canid.fleet.storage import journal, lock, parquet_files, parts, typed_rows
+from canid.fleet.storage import generations, journal, lock, parquet_files, parts, typed_rows
 from canid.fleet.storage.columns import TABLES, schema
 from canid.fleet.storage.lock import Lock
 from canid.fleet.storage.outcome_rows import OUTCOMES, Known, identity, known
@@ -181,6 +181,10 @@ def opened(path: str | Path, made: Callable[[], object] = lambda: None) -> Itera
             pass  # an installation without DuckDB is noticed before anything is analysed
         if not os.path.exists(folder / MARK):
             note(folder, held.check)
+        try:
+            generations.published(folder)
+        except OSError as error:
+            raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
         store = Store(folder, held, made)
         try:
             yield store

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from canid.files import opening
 from canid.fleet.storage.columns import Column
 
 # a name in bytes that are no text; and NUL, which ends a text in some programs
@@ -60,6 +62,17 @@ def _value(value: Any, kind: str) -> Any:
     return _OF_TYPE[kind](value)
 
 
+def write_lines(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[Column]) -> None:
+    """Write rows into a new file, a JSON object a line. Raises OSError."""
+    with opening.create_file(path) as file:
+        for row in rows:
+            file.write(_json(typed(row, columns)).encode() + b"\n")
+
+
+def _json(row: Mapping[str, Any]) -> str:
+    return json.dumps(row, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
 def line(name: str, row: Mapping[str, Any]) -> bytes:
     r"""A row of a table as one line, from which `of_line` cuts the row without parsing it.
 
@@ -67,8 +80,7 @@ def line(name: str, row: Mapping[str, Any]) -> bytes:
         >>> line("power", {"key": "a"})
         b'["power",{"key":"a"}]\n'
     """
-    made = json.dumps(row, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return f'["{name}",{made}]\n'.encode()
+    return f'["{name}",{_json(row)}]\n'.encode()
 
 
 def of_line(made: bytes) -> tuple[str, bytes]:

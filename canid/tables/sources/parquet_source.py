@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from canid.files import duckdb_files
+from canid.files.duckdb_files import OpenFile
 from canid.logs.text_lines import LineCount
 from canid.tables.source import BLOCK_ROWS, EMPTY, MAX_COLUMNS, NO_NUMBER, SAMPLE_ROWS, Block
 from canid.values.errors import ConfigError, DamagedLogError, LogError
@@ -37,17 +39,17 @@ class ParquetSource:
         self.name = str(path)
         self.count = LineCount()
         self.progress = 0.0
-        # duckdb takes *, ? and [ in a name for a pattern
-        literal = re.sub(r"([*?\[])", r"[\1]", str(path.resolve())).replace("'", "''")
-        self._from = f"read_parquet('{literal}')"
-        rows = self._all(f"DESCRIBE SELECT * FROM {self._from}")
+        self._path = path
+        rows = self._all("DESCRIBE SELECT *")
         self.headings: Sequence[str] = [str(row[0]) for row in rows]
         self._types = [str(row[1]) for row in rows]
         if len(rows) > MAX_COLUMNS:
             raise LogError(f"{path}: has {len(rows):,} columns; at most {MAX_COLUMNS:,} are read")
-        self.rows = int(self._all(f"SELECT count(*) FROM {self._from}")[0][0])
-        sizes = f"SELECT path_in_schema, max(total_uncompressed_size) FROM parquet_metadata('{literal}') GROUP BY 1"
-        self._sizes = {str(name).partition(", ")[0]: int(size or 0) for name, size in self._all(sizes)}
+        self.rows = int(self._all("SELECT count(*)")[0][0])
+        sizes = self._all(
+            "SELECT path_in_schema, max(total_uncompressed_size)", duckdb_files.parquet_sizes, "GROUP BY 1"
+        )
+        self._sizes = {str(name).partition(", ")[0]: int(size or 0) for name, size in sizes}
 
     def _connect(self) -> Any:
         try:
@@ -62,10 +64,18 @@ class ParquetSource:
         }
         return duckdb.connect(config=settings)
 
-    def _all(self, query: str, most: int = MAX_COLUMNS * 100) -> list[tuple[Any, ...]]:
+    def _all(
+        self,
+        select: str,
+        source: Callable[[list[OpenFile]], str] = duckdb_files.parquet,
+        rest: str = "",
+        most: int = MAX_COLUMNS * 100,
+    ) -> list[tuple[Any, ...]]:
         db = self._connect()
         try:
-            rows: list[tuple[Any, ...]] = db.execute(query).fetchmany(most)
+            with duckdb_files.opened() as files:
+                query = f"{select} FROM {source([files.add(self._path)])} {rest}"
+                rows: list[tuple[Any, ...]] = db.execute(query).fetchmany(most)
             return rows
         except Exception as error:  # duckdb raises many kinds for damaged files
             raise LogError(
@@ -78,7 +88,7 @@ class ParquetSource:
         """The texts of the first rows, a list per column."""
         wanted = ", ".join(self._as_text(k) if self._fits(k) else "''" for k in range(len(self.headings)))
         # no LIMIT: it keeps the rows before their texts are shortened, a copy of each
-        rows = self._all(f"SELECT {wanted} FROM {self._from}", SAMPLE_ROWS)
+        rows = self._all(f"SELECT {wanted}", most=SAMPLE_ROWS)
         return [["" if row[k] is None else str(row[k]) for row in rows] for k in range(len(self.headings))]
 
     def _column(self, k: int) -> str:
@@ -119,9 +129,9 @@ class ParquetSource:
             )
         wanted = [self._as_number(k) for k in numbers] + [self._as_text(k) for k in texts]
         select = ", ".join(f"{expression} AS c{j}" for j, expression in enumerate(wanted))
-        db = self._connect()
+        db, files = self._connect(), duckdb_files.Files()
         try:
-            cursor = db.execute(f"SELECT {select} FROM {self._from}")
+            cursor = db.execute(f"SELECT {select} FROM {duckdb_files.parquet([files.add(self._path)])}")
             while rows := cursor.fetchmany(BLOCK_ROWS):
                 columns = list(zip(*rows, strict=True))
                 values: Array = np.full((len(rows), len(numbers)), float(EMPTY))
@@ -140,6 +150,7 @@ class ParquetSource:
             self.count.damaged.add(0, 0, f"it {why}")
         finally:
             db.close()
+            files.close()
 
 
 def _reason(error: Exception) -> str:
