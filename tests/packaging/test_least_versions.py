@@ -152,7 +152,7 @@ def test_every_pin_can_be_installed_on_the_oldest_python() -> None:
     oldest = least(SpecifierSet(PROJECT["requires-python"]))
     assert oldest is not None
     wanted = {
-        name: distribution(name).metadata["Requires-Python"] or ""
+        name: distribution(name).metadata.get("Requires-Python", "")
         for name in closure(declared(["dev"]), pinned)
         if name in pinned and Version(distribution(name).version) == pinned[name]
     }
