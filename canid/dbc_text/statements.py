@@ -17,20 +17,22 @@ _KEYWORDS = (  # noqa: SIM905
 _KEYWORD = "(?:" + "|".join(_KEYWORDS) + ")(?![A-Za-z0-9_])"
 # a keyword that begins a line: reading goes on there after a defect
 _LINE_WITH_KEYWORD = re.compile(rf"\n[ \t]*(?={_KEYWORD})")
-_BLANK = re.compile(r"(?:\s|//[^\n]*)*+")
+_BLANK = re.compile(r"\s*(?://[^\n]*\s*)*")
 _AT_KEYWORD = re.compile(_KEYWORD)
 # names alone, below NS_ and in lists that are continued on the next line
-_WORDS = re.compile(r"(?:\n[ \t]*[A-Za-z_][A-Za-z0-9_]*[ \t]*(?=\n|$))*+")
-_LIST = re.compile(rf'(?:\n(?![ \t]*{_KEYWORD})[ \t]*(?:[A-Za-z_][\w, \t]*(?=\n|$)|[\[("@|][^\n]*))*+')
+_WORDS = re.compile(r"(?:\n[ \t]*[A-Za-z_][A-Za-z0-9_]*[ \t]*(?=\n|$))*")
+_LIST = re.compile(rf'(?:\n(?![ \t]*{_KEYWORD})[ \t]*(?:[A-Za-z_][\w, \t]*(?=\n|$)|[\[("@|][^\n]*))*')
 # another statement on the same line
 _INLINE = re.compile(r'(?:[^"\n]|"[^"\n]*")*?[\s"](?=(?:BO_|SG_|CM_|VAL_)\s)')
-_STRING = r'"(?:\\"|[^"])*+"'
+# `(?=(?P<x>...))(?P=x)`: once matched, nothing of it is given back. A possessive quantifier says the same, and Python before
+# 3.11.5 matches it wrongly behind a group (gh-106052).
+_STRING = r'"(?=(?P<string>(?:[^"\\]+|\\+"?)*))(?P=string)"'
 # a string may go on over lines, but not over the begin of the next statement: its quote is missing
-_SAFE_STRING = rf'"(?:\\"|[^"\n]|\n(?![ \t]*{_KEYWORD}[ \t]))*+"'
+_SAFE_STRING = rf'"(?=(?P<safe>(?:[^"\\\n]+|\\+"?|\n(?![ \t]*{_KEYWORD}[ \t]))*))(?P=safe)"'
 _OBJECT = r"(?:BO_\s*\d+|SG_\s*\d+\s+[A-Za-z_]\w*|(?:BU_|EV_)\s*[A-Za-z_]\w*)?"
 _COMMENT = re.compile(rf"CM_\s*{_OBJECT}\s*{_STRING}\s*;")
-_ODD_COMMENT = re.compile(rf'CM_[^"\n;]*+{_STRING}\s*;')
-_UP_TO_SEMICOLON = re.compile(rf'(?:[^";\n]|\n(?![ \t]*{_KEYWORD})|{_SAFE_STRING})*+;')
+_ODD_COMMENT = re.compile(rf'CM_[^"\n;]*{_STRING}\s*;')
+_UP_TO_SEMICOLON = re.compile(rf'(?=(?P<all>(?:[^";\n]+|\n(?![ \t]*{_KEYWORD})|{_SAFE_STRING})*))(?P=all);')
 _COMMENT_END = re.compile(r'"[ \t]*;[ \t]*(?=\n|$)')
 # lines that people write as comments
 _REMARK = re.compile(r"[#*;]|/\*|--|==")

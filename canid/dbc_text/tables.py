@@ -12,7 +12,8 @@ Key = tuple[int, bool]  # frame id, and whether it has 29 bits
 # pages of one signal; a selector of 16 bits has as many
 _MAX_PAGES = 65_536
 _ID = r"(?P<id>0[xX][0-9a-fA-F]{1,9}|\d{1,12})"
-_STRING = r'"((?:\\"|[^"])*+)"'
+# nothing of it is given back: see statements.py
+_STRING = r'"(?=(?P<string>(?:[^"\\]+|\\+"?)*))(?P=string)"'
 _PAIR = re.compile(rf"\s*([-+]?[\d.xXa-fA-FeE+-]{{1,40}})\s*{_STRING}")
 _VALUES = re.compile(rf"VAL_\s*{_ID}\s+(?P<name>[^\s\"]+)(?P<rest>.*)", re.DOTALL)
 _TABLE = re.compile(r"VAL_TABLE_\s*(?P<name>[^\s\"]+)(?P<rest>.*)", re.DOTALL)

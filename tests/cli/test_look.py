@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import re
+import shlex
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -144,7 +145,9 @@ def test_text_fits_its_width_and_is_bounded(
     assert ran.out.rstrip().endswith(f"next: canid look {tmp_path / 'many.log'} --dbc FILE.dbc")
     assert canid("look", tmp_path / "many.log", "--all").out.count("0x") == 300
     ran = canid("look", URBAN, "--dbc", GENERIC)
-    assert ran.out.rstrip().endswith(f"next: canid init {GENERIC} --log {URBAN}")
+    assert ran.out.rstrip().endswith(
+        f"next: canid init {shlex.quote(str(GENERIC))} --log {shlex.quote(str(URBAN))}"
+    )
     for columns in (60, 80, 200):
         monkeypatch.setattr("canid.cli.commands.look.width", lambda columns=columns: columns)
         rows = canid("look", URBAN, "--dbc", GENERIC).out.splitlines()[4:-2]

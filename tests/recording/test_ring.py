@@ -232,7 +232,10 @@ def test_a_list_that_is_not_private_is_neither_read_nor_written(
 def test_a_list_of_another_user_is_not_used(tmp_path: Path) -> None:
     """Nobody makes a ring delete files for him."""
     record(tmp_path)
-    os.chown(tmp_path / "x.series", 12345, -1)
+    try:
+        os.chown(tmp_path / "x.series", 12345, -1)
+    except OSError:
+        pytest.skip("in a namespace of users root gives files to nobody else")
     deleted, reported = prune(tmp_path)
     assert deleted == []
     assert "another user" in reported[0]

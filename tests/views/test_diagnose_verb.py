@@ -3,8 +3,10 @@
 import hashlib
 import json
 import re
+import shlex
 import sys
 from collections.abc import Callable
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -74,7 +76,7 @@ def test_the_page_lies_in_this_folder_under_the_log_s_name(canid: Callable[..., 
     vehicle = read_vehicle("generic")
     for file in (vehicle.path, *vehicle.dbc):
         assert hashlib.sha256(Path(file).read_bytes()).hexdigest() in html
-    assert f"canid diagnose {URBAN} --vehicle generic --stop 5" in html
+    assert f"canid diagnose {shlex.quote(str(URBAN))} --vehicle generic --stop 5" in unescape(html)
 
 
 def test_a_named_page_replaces_what_was_there(canid: Callable[..., Ran], tmp_path: Path) -> None:
