@@ -56,7 +56,7 @@ def test_a_link_to_a_file_of_the_kernel_is_no_log(tmp_path: Path, capsys: pytest
     vehicle = tmp_path / "v.toml"
     vehicle.write_text('dbc = "x.dbc"\n[signals]\nspeed = "A.b"\n', encoding="utf-8")
     assert main(["check", "--vehicle", str(vehicle)]) == 2
-    # who may not open it is told that
+    # who may not open it gets the reason of the system
     assert re.search("x.dbc is not a regular file|x.dbc cannot be read", capsys.readouterr().err)
 
 
