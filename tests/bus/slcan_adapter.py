@@ -10,6 +10,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pty
+import select
 import struct
 import termios
 import threading
@@ -31,6 +32,7 @@ class Adapter:
     def __init__(self, bitrate: int = 500_000, mode: str = "listen-only on"):
         self._wire, self._line = pty.openpty()
         tty.setraw(self._line)
+        os.set_blocking(self._wire, False)
         fcntl.ioctl(self._line, termios.TIOCSETD, struct.pack("i", N_SLCAN))
         answer = fcntl.ioctl(self._line, SIOCGIFNAME, bytes(16))
         self.name = answer.split(b"\0")[0].decode()
@@ -42,8 +44,11 @@ class Adapter:
 
     def _read(self) -> None:
         while True:
+            select.select([self._wire], [], [])
             try:
                 self.commands += os.read(self._wire, 4096)
+            except BlockingIOError:
+                continue
             except OSError:
                 return  # the other end is closed
 
@@ -71,8 +76,15 @@ class Adapter:
 
     def _write(self, line: str) -> None:
         data = line.encode()
+        end = time.monotonic() + PATIENCE_S
         while data:
-            data = data[os.write(self._wire, data) :]
+            try:
+                data = data[os.write(self._wire, data) :]
+            except BlockingIOError:
+                # 64 kB wait for the driver, which wakes no writer when it has taken them: a write that waits would do so
+                # for ever
+                assert time.monotonic() < end, f"{self.name} takes nothing"
+                time.sleep(0.01)
 
     def close(self) -> None:
         """Unplug: the kernel removes the device."""
