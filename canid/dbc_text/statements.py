@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from canid.dbc_text.content import Repair
+from canid.dbc_text.strings import STRING
 
 _KEYWORDS = (  # noqa: SIM905
     "BA_ BA_DEF_ BA_DEF_DEF_ BA_DEF_DEF_REL_ BA_DEF_REL_ BA_DEF_SGTYPE_ BA_REL_ BA_SGTYPE_ BO_ BO_TX_BU_ BS_ BU_ "
@@ -17,22 +18,20 @@ _KEYWORDS = (  # noqa: SIM905
 _KEYWORD = "(?:" + "|".join(_KEYWORDS) + ")(?![A-Za-z0-9_])"
 # a keyword that begins a line: reading goes on there after a defect
 _LINE_WITH_KEYWORD = re.compile(rf"\n[ \t]*(?={_KEYWORD})")
-_BLANK = re.compile(r"\s*(?://[^\n]*\s*)*")
+_BLANK = re.compile(r"\s*")
+_REMARK_LINE = re.compile(r"//[^\n]*\s*")
 _AT_KEYWORD = re.compile(_KEYWORD)
-# names alone, below NS_ and in lists that are continued on the next line
-_WORDS = re.compile(r"(?:\n[ \t]*[A-Za-z_][A-Za-z0-9_]*[ \t]*(?=\n|$))*")
-_LIST = re.compile(rf'(?:\n(?![ \t]*{_KEYWORD})[ \t]*(?:[A-Za-z_][\w, \t]*(?=\n|$)|[\[("@|][^\n]*))*')
+# a line of names alone, below NS_, and of lists that are continued on the next line
+_WORDS = re.compile(r"\n[ \t]*[A-Za-z_][A-Za-z0-9_]*[ \t]*(?=\n|$)")
+_LIST = re.compile(rf'\n(?![ \t]*{_KEYWORD})[ \t]*(?:[A-Za-z_][\w, \t]*(?=\n|$)|[\[("@|][^\n]*)')
 # another statement on the same line
 _INLINE = re.compile(r'(?:[^"\n]|"[^"\n]*")*?[\s"](?=(?:BO_|SG_|CM_|VAL_)\s)')
-# `(?=(?P<x>...))(?P=x)`: once matched, nothing of it is given back. A possessive quantifier says the same, and Python before
-# 3.11.5 matches it wrongly behind a group (gh-106052).
-_STRING = r'"(?=(?P<string>(?:[^"\\]+|\\+"?)*))(?P=string)"'
-# a string may go on over lines, but not over the begin of the next statement: its quote is missing
-_SAFE_STRING = rf'"(?=(?P<safe>(?:[^"\\\n]+|\\+"?|\n(?![ \t]*{_KEYWORD}[ \t]))*))(?P=safe)"'
 _OBJECT = r"(?:BO_\s*\d+|SG_\s*\d+\s+[A-Za-z_]\w*|(?:BU_|EV_)\s*[A-Za-z_]\w*)?"
-_COMMENT = re.compile(rf"CM_\s*{_OBJECT}\s*{_STRING}\s*;")
-_ODD_COMMENT = re.compile(rf'CM_[^"\n;]*{_STRING}\s*;')
-_UP_TO_SEMICOLON = re.compile(rf'(?=(?P<all>(?:[^";\n]+|\n(?![ \t]*{_KEYWORD})|{_SAFE_STRING})*))(?P=all);')
+_COMMENT = re.compile(rf"CM_\s*{_OBJECT}\s*{STRING}\s*;")
+_ODD_COMMENT = re.compile(rf'CM_[^"\n;]*{STRING}\s*;')
+_STOP = re.compile(rf'[";]|\n(?=[ \t]*{_KEYWORD})')
+# a string may go on over lines, but not over the begin of the next statement: its quote is missing
+_STRING_STOP = re.compile(rf'(?<!\\)"|\n(?=[ \t]*{_KEYWORD}[ \t])')
 _COMMENT_END = re.compile(r'"[ \t]*;[ \t]*(?=\n|$)')
 # lines that people write as comments
 _REMARK = re.compile(r"[#*;]|/\*|--|==")
@@ -94,8 +93,7 @@ def divided(text: str) -> Statements:
 def _spans(text: str, feeds: list[int], repairs: list[Repair]) -> Iterator[tuple[str, int, int]]:
     position = 0
     while True:
-        blank = _BLANK.match(text, position)
-        position = blank.end() if blank else position
+        position = _repeated(_REMARK_LINE, text, _matched(_BLANK, text, position))
         if position >= len(text):
             return
         at = _AT_KEYWORD.match(text, position)
@@ -115,26 +113,40 @@ def _end(text: str, begin: int, keyword: str) -> tuple[int, tuple[str, str] | No
         if inline is not None:
             return inline.end(), None
     if keyword in ("BO_", "SG_", "BU_"):
-        return _matched(_LIST, text, line), None
+        return _repeated(_LIST, text, line), None
     if keyword == "NS_":
-        return _matched(_WORDS, text, line), None
+        return _repeated(_WORDS, text, line), None
     if keyword in ("BS_", "VERSION", ""):
         return line, None
-    pattern = _COMMENT if keyword == "CM_" else _UP_TO_SEMICOLON
-    whole = pattern.match(text, begin)
-    if whole is not None:
+    if keyword != "CM_":
+        end = _behind_semicolon(text, begin)
+        if end:
+            return end, None
+    elif whole := _COMMENT.match(text, begin):
         return whole.end(), None
-    odd = _ODD_COMMENT.match(text, begin) if keyword == "CM_" else None
-    if odd is not None:
+    elif odd := _ODD_COMMENT.match(text, begin):
         return odd.end(), ("comment", "a comment on nothing that a DBC has")
     following = _LINE_WITH_KEYWORD.search(text, begin)
     last = following.start() if following else len(text)
     if keyword == "CM_":
-        end = _COMMENT_END.search(text, begin, last)
-        if end is not None:
-            return end.end(), ("comment", "a comment that ends at the last quote before its semicolon")
+        close = _COMMENT_END.search(text, begin, last)
+        if close is not None:
+            return close.end(), ("comment", "a comment that ends at the last quote before its semicolon")
         return last, ("comment", "a comment that ends before the next statement")
     return last, ("semicolon", "a statement that ends before the next one")
+
+
+def _behind_semicolon(text: str, begin: int) -> int:
+    """Where a statement ends with its semicolon, one in a string not counted; 0: it has none."""
+    position = begin
+    while stop := _STOP.search(text, position):
+        if stop[0] == ";":
+            return stop.end()
+        close = _STRING_STOP.search(text, stop.end()) if stop[0] == '"' else None
+        if close is None or close[0] != '"':
+            return 0
+        position = close.end()
+    return 0
 
 
 def _line_end(text: str, begin: int) -> int:
@@ -145,6 +157,13 @@ def _line_end(text: str, begin: int) -> int:
 def _matched(pattern: re.Pattern[str], text: str, at: int) -> int:
     match = pattern.match(text, at)
     return match.end() if match else at
+
+
+def _repeated(pattern: re.Pattern[str], text: str, at: int) -> int:
+    """As the pattern repeated: `(...)*` would remember every repetition, some hundred bytes each."""
+    while (match := pattern.match(text, at)) and match.end() > at:
+        at = match.end()
+    return at
 
 
 def is_remark(line: str) -> bool:

@@ -6,15 +6,14 @@ import re
 from typing import NamedTuple
 
 from canid.dbc_text.message_lines import frame_id, integer
+from canid.dbc_text.strings import STRING
 
 Key = tuple[int, bool]  # frame id, and whether it has 29 bits
 
 # pages of one signal; a selector of 16 bits has as many
 _MAX_PAGES = 65_536
 _ID = r"(?P<id>0[xX][0-9a-fA-F]{1,9}|\d{1,12})"
-# nothing of it is given back: see statements.py
-_STRING = r'"(?=(?P<string>(?:[^"\\]+|\\+"?)*))(?P=string)"'
-_PAIR = re.compile(rf"\s*([-+]?[\d.xXa-fA-FeE+-]{{1,40}})\s*{_STRING}")
+_PAIR = re.compile(rf"\s*([-+]?[\d.xXa-fA-FeE+-]{{1,40}})\s*{STRING}")
 _VALUES = re.compile(rf"VAL_\s*{_ID}\s+(?P<name>[^\s\"]+)(?P<rest>.*)", re.DOTALL)
 _TABLE = re.compile(r"VAL_TABLE_\s*(?P<name>[^\s\"]+)(?P<rest>.*)", re.DOTALL)
 _VALUE_OF_VARIABLE = re.compile(r"VAL_\s*[A-Za-z_]\w*\s")
@@ -24,7 +23,7 @@ _PAGES = re.compile(
 )
 _RANGE = re.compile(r"(\d{1,12})\s*-\s*(\d{1,12})")
 _LOOSE = re.compile(rf"[A-Z_]+\s*{_ID}(?:\s+(?P<name>[^\s:;]+))?")
-_VALUE = rf'(?:{_STRING}|([^\s";]+))\s*;?\s*$'
+_VALUE = rf'(?:{STRING}|([^\s";]+))\s*;?\s*$'
 _ATTRIBUTE = re.compile(
     rf'BA_\s*"(?P<name>[^"]*)"\s*(?:(?P<kind>BO_|SG_)\s*{_ID}(?:\s+(?P<signal>[^\s"]+)(?=\s))?)?\s*{_VALUE}'
 )
@@ -174,4 +173,4 @@ def default(text: str) -> tuple[str, str] | None:
 def choices(text: str) -> tuple[str, list[str]] | None:
     """Parse BA_DEF_ of an enumeration."""
     match = _DEFINITION.match(text)
-    return None if match is None else (match["name"], re.findall(_STRING, match["choices"]))
+    return None if match is None else (match["name"], re.findall(STRING, match["choices"]))

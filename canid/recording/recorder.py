@@ -1,7 +1,7 @@
 """The recorder: one reading thread per bus, one that passes frames on, and the log's own threads.
 
-No consumer can cost a frame: readers put frames into an unbounded queue; from there they go to the log first and then
-to the consumer. The log has threads of its own (`log_writer_thread`): a disk that stalls delays neither the buses nor
+Readers put frames into a queue (`arrivals`: a minute of a full bus); from there they go to the log first and then to the
+consumer. The log has threads of its own (`log_writer_thread`): a disk that stalls delays neither the buses nor
 the estimates.
 
 Each attribute is written by one thread alone, by assignment; the others only read it:
@@ -9,7 +9,7 @@ Each attribute is written by one thread alone, by assignment; the others only re
 - the caller's thread (`start`, `stop`): `_log`, `_state`, `_readers`;
 - `canid-pass` (`_pass_frames`): `_frames`, `_not_passed`, `_not_understood`, `_rate`, `_lag`, `_first_ns`, `_latest`,
   `_latest_at`;
-- `canid-read-N`: the attributes of its own `BusReader`; its frames come through `_queue`;
+- `canid-read-N`: the attributes of its own `BusReader`; its frames come through `_arrivals`;
 - any thread: `_events`, `_stopping` and the journal, which are safe for that.
 """
 
@@ -32,6 +32,7 @@ from canid.buses.receivers.socketcan import error_counters, meaning, overflowed
 from canid.buses.timestamp_source import TimestampSource
 from canid.files.held_folder import HeldFolder
 from canid.recording import bus_load
+from canid.recording.arrivals import Arrivals
 from canid.recording.clock_events import ClockEvents, against_this_computer
 from canid.recording.controls import Mark
 from canid.recording.journal import Journal
@@ -88,14 +89,14 @@ class Recorder:
         self._gate = gate
         self._rotation = rotation
         self._consumer = consumer
-        self._queue: SimpleQueue[Arrival | None] = SimpleQueue()
+        self._arrivals = Arrivals()
         self._stopping = threading.Event()
         # where only the disk waits for the frames of one bus, as long as between two checkpoints
         waited_for = len(buses) > 1 or (consumer is not None and prompt)
         self._gather = GATHER_S if waited_for else CHECKPOINT_S
         numbers = of_open_buses([bus.channel for bus in buses])
         self._buses = [
-            BusReader(bus, index, self._queue.put, self._stopping, self._report, self._gather, number)
+            BusReader(bus, index, self._arrivals.put, self._stopping, self._report, self._gather, number)
             for index, (bus, number) in enumerate(zip(buses, numbers, strict=True))
         ]
         self._clocks = ClockEvents(self._buses, self._report)
@@ -168,7 +169,7 @@ class Recorder:
             while thread.is_alive() and time.monotonic() < deadline:
                 thread.join(PROGRESS_S)
                 waiting()
-        self._queue.put(None)
+        self._arrivals.end()
         join(self._passing, waiting)
         self._report_drops()
         self._clocks.since_the_last_call()
@@ -236,7 +237,7 @@ class Recorder:
             start_ns=self._first_ns,
             buses=buses,
             files=log.files.count if log else 0,
-            drops_disk=log.dropped if log else 0,
+            drops_disk=self._arrivals.dropped + (log.dropped if log else 0),
             events_unwritten=self._journal.failed,
             trigger=trigger,
             hidden=log.files.hidden if log else "",
@@ -244,7 +245,7 @@ class Recorder:
 
     def _in_queue(self) -> int:
         received = sum(each.received for each in self._buses)
-        return max(received - self._frames - self._not_understood, 0)
+        return max(received - self._frames - self._not_understood - self._arrivals.dropped, 0)
 
     def _state_text(self, trigger: TriggerStats | None) -> str:
         log = self._log
@@ -294,7 +295,7 @@ class Recorder:
         n = 0
         try:
             # before Python 3.13 a signal may make this wait last until the next frame: of no harm in this thread
-            item = self._queue.get(timeout=timeout)
+            item = self._arrivals.get(timeout)
             if len(self._buses) > 1 and not self._stopping.is_set():
                 time.sleep(BATCH_WAIT_S)
             while item is not None:
@@ -302,7 +303,7 @@ class Recorder:
                 n += len(item.frames.ns)
                 if n >= BATCH_FRAMES:
                     return batch, False
-                item = self._queue.get_nowait()
+                item = self._arrivals.get(0.0)
         except Empty:
             return batch, False
         return batch, True
@@ -402,6 +403,15 @@ class Recorder:
                     f" {each.overflows:,} in all); the frames that were lost there are not counted",
                 )
                 each.overflows_reported = each.overflows
+
+        for bus, count, first_ns, last_ns in self._arrivals.dropped_since_the_last_call():
+            zero = first_ns if self._first_ns is None else self._first_ns
+            first, last = (1e-9 * (ns - zero) for ns in (first_ns, last_ns))
+            self._report(
+                "frames_not_recorded",
+                f"{self._buses[bus].bus.name}: {count:,} frames from {first:.6f} s to {last:.6f} s are not in the log: the"
+                " computer was too busy, or a consumer of frames took too long",
+            )
 
     # --- events: any thread ---
 

@@ -43,7 +43,7 @@ class Stats(NamedTuple):
     start_ns: int | None  # epoch ns of the first frame
     buses: tuple[BusStats, ...]
     files: int = 0  # that were begun
-    drops_disk: int = 0  # frames that are not in the log because the disk was too slow
+    drops_disk: int = 0  # frames that are not in the log because the disk, or canid itself, was too slow
     events_unwritten: int = 0  # that are not in the journal
     trigger: TriggerStats | None = None  # None: all is recorded
     hidden: str = ""  # at the end: why the log is not seen under `path`, and what shows it

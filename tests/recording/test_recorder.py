@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import resource
 import signal
 import struct
@@ -21,11 +22,13 @@ import pytest
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
 from canid.logs import open_log
+from canid.recording import arrivals
 from canid.recording.controls import Mark
-from canid.recording.recorder import Recorder
+from canid.recording.recorder import BATCH_FRAMES, Recorder
 from canid.values.errors import OutputError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Columns, Event, Frame
+from tests.fixtures.markers import markers
 
 
 class Sender:
@@ -181,6 +184,31 @@ def test_a_consumer_that_hangs_costs_no_frame(
     assert recorder.stop().written == 2000
 
 
+def test_what_a_consumer_that_hangs_keeps_is_bounded_and_the_rest_counted(
+    sender: Sender, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beyond the bound frames are dropped: written + counted = sent, in the count, the journal and the log itself."""
+    monkeypatch.setattr(arrivals, "MAX_WAITING_FRAMES", 500)
+    hang = threading.Event()
+    recorder = Recorder(buses_of(request), tmp_path / "x.blf", lambda frames: hang.wait(60)).start()
+    for i in range(2000):
+        sender.send(i)
+    wait_for(lambda: recorder.stats().drops_disk > 0)
+    assert recorder.stats().waiting <= 500 + BATCH_FRAMES
+    hang.set()
+    stats = recorder.stop()
+    assert stats.drops_disk >= 100
+    assert stats.written + stats.drops_disk == 2000
+    assert len(list(open_log(tmp_path / "x.blf"))) == stats.written
+    journal = [json.loads(line) for line in (tmp_path / "x.events.jsonl").read_text().splitlines()]
+    says = [line["says"] for line in journal if line["what"] == "frames_not_recorded"]
+    counted = [int(re.search(r": ([\d,]+) frames", text)[1].replace(",", "")) for text in says]  # type: ignore[index]
+    assert sum(counted) == stats.drops_disk
+    assert says == [
+        event.says for event in markers(tmp_path / "x.blf") if event.what == "frames_not_recorded"
+    ]
+
+
 def test_a_restart_overwrites_nothing(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Three recordings to one name are three files, each readable."""
     sender = Sender(request.node.name)
@@ -309,7 +337,8 @@ CHILD = f"""
 import os, sys, time
 from canid.buses import python_can
 from canid.buses.bus_opener import open_buses
-from canid.recording.recorder import Recorder
+from canid.recording import arrivals
+from canid.recording.recorder import BATCH_FRAMES, Recorder
 can = python_can.load()
 sender = can.Bus("kill", interface="virtual")
 recorder = Recorder(open_buses([dict(interface="virtual", channel="kill")]), sys.argv[1]).start()
