@@ -73,7 +73,7 @@ def recorder(stats: Stats) -> HealthLine:
     if not path:
         return HealthLine(f"not recording   {stats.frames:,} frames seen")
     late = f"   the disk is {stats.lag:.1f} s behind" if stats.lag > MAX_LAG_S else ""
-    lost = f"   {dropped:,} frames NOT RECORDED: the disk is too slow" if dropped else ""
+    lost = f"   {dropped:,} frames NOT RECORDED: the disk or the computer is too slow" if dropped else ""
     lost += f"   {unwritten:,} events are NOT IN THE JOURNAL" if unwritten else ""
     many = f" (file {files})" if files > 1 else ""
     text = f"{stats.state} {path}{many}   {stats.written:,} frames, {file_size(stats.bytes)}{late}{lost}"

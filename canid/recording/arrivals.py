@@ -21,7 +21,7 @@ class Dropped(NamedTuple):
     """Frames of one bus that were not taken."""
 
     bus: int
-    count: int
+    frames: int
     first_ns: int
     last_ns: int
 
@@ -76,6 +76,6 @@ class Arrivals:
         first, last = int(arrival.frames.ns[0]), int(arrival.frames.ns[-1])
         for k, before in enumerate(self._dropped):
             if before.bus == arrival.bus:
-                self._dropped[k] = Dropped(before.bus, before.count + n, before.first_ns, last)
+                self._dropped[k] = Dropped(before.bus, before.frames + n, before.first_ns, last)
                 return
         self._dropped.append(Dropped(arrival.bus, n, first, last))

@@ -18,7 +18,7 @@ import time
 import tty
 from collections.abc import Iterable
 
-from tests.bus.network import ip, shown
+from tests.bus.network import ip, queued, shown
 
 N_SLCAN = 17  # linux/tty.h
 SIOCGIFNAME = 0x8910
@@ -53,9 +53,18 @@ class Adapter:
                 return  # the other end is closed
 
     def frames(self, numbers: Iterable[int]) -> None:
-        """Frames from the bus that carry their numbers, as in `network.counted`."""
+        """Frames from the bus that carry their numbers, as in `network.counted`; ends when the driver has passed them on."""
+        before, count = self._received(), 0
         for i in numbers:
             self._write(f"t{0x100 + i % 16:03X}8{i:016X}\r")
+            count += 1
+        end = time.monotonic() + PATIENCE_S
+        while self._received() < before + count or queued():
+            assert time.monotonic() < end, f"{self.name} has received {self._received() - before} of {count}"
+            time.sleep(0.01)
+
+    def _received(self) -> int:
+        return int(shown(self.name)["stats64"]["rx"]["packets"])
 
     def state(self, letter: str, tec: int, rec: int) -> None:
         """The controller is now error active `a`, warning `w`, passive `p`, or bus-off `b`; `ip` shows it."""
@@ -87,7 +96,7 @@ class Adapter:
                 time.sleep(0.01)
 
     def close(self) -> None:
-        """Unplug: the kernel removes the device."""
+        """Unplug: the kernel removes the device. What the driver has not taken by then is lost on the line."""
         os.close(self._line)
         self._reading.join(PATIENCE_S)
         os.close(self._wire)

@@ -6,7 +6,9 @@ import json
 import math
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,17 @@ def on_virtual(tmp_path: Path, recording: Path, **_: Any) -> tuple[list[dict[str
     return lines, drops
 
 
+def children_wait(parent: int) -> bool:
+    """Whether, after 50 ms, no child process runs or is ready to run: whoever has no processor yet is ready."""
+    time.sleep(0.05)
+    states = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it has ended
+            state, its_parent = status.read_text().rpartition(")")[2].split()[:2]
+            states += [state] if int(its_parent) == parent else []
+    return "S" in states and "R" not in states
+
+
 def between_processes(
     bus: tuple[str, ...],
     number: int,
@@ -75,6 +88,8 @@ def between_processes(
     # the estimators may be behind the bus on a slow machine; 2.5 s: they report every half second, of samples that are
     # up to 1.9 s old
     until(lambda: reported.read_text().endswith("\n") and rows(reported.read_text())[-1]["t"] > PART - 2.5)
+    # and what came after the frames of those samples may still be on its way to them
+    until(lambda: all(children_wait(live.process.pid) for _ in range(20)))
     assert live.end(number) == 128 + number, live.says()
     assert " 0 dropped" in live.printed(), live.printed()
     assert "not estimated" not in live.printed(), live.says()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import ast
+import errno
 import math
+import os
 import socket
 import struct
 import subprocess
@@ -12,6 +14,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
 
@@ -344,6 +347,47 @@ def test_the_socketcan_loop_waits_counts_and_tells() -> None:
         receiver.close()
         with pytest.raises(BusError, match="socketcan can0 is lost"):
             receiver.recv(0.1)
+
+
+class Reporting(socket.socket):
+    """A datagram socket that reports errors before some of what it holds, as that of a device which is removed."""
+
+    script: ClassVar[list[int]] = []  # errno of each call in turn; 0: as it is
+
+    def recvmsg(self, *arguments: Any) -> Any:
+        code = self.script.pop(0) if self.script else 0
+        if code:
+            raise OSError(code, os.strerror(code))
+        return super().recvmsg(*arguments)
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        [errno.ENODEV],
+        [errno.ENETDOWN, errno.ENODEV],
+        [errno.ENETDOWN, 0, errno.ENODEV],
+        [0, 0, errno.ENETDOWN, 0, errno.ENODEV, errno.ENODEV],
+    ],
+)
+def test_what_a_removed_device_has_received_is_read_first(
+    script: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel reports down and gone, in any order with the reading: every frame comes, then the loss, once."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        inner = Reporting(socket.AF_INET, socket.SOCK_DGRAM)
+        inner.bind(("127.0.0.1", 0))
+        bus = argparse.Namespace(socket=inner, channel="can0", shutdown=inner.close)
+        receiver = socketcan.SocketcanReceiver(bus)
+        for i in range(10):
+            sender.sendto(struct.pack("=IB3x8s", i, 1, bytes([i])), inner.getsockname())
+        monkeypatch.setattr(Reporting, "script", list(script))
+        got = [receiver.recv(1.0) for _ in range(10)]
+        assert [frame.id for frame in got if frame] == list(range(10))
+        with pytest.raises(BusError, match="socketcan can0 is lost"):
+            receiver.recv(0.1)
+        assert receiver.recv(0.0) is None
+        receiver.close()
 
 
 def test_an_inverted_filter_is_refused_where_it_would_do_nothing() -> None:

@@ -56,6 +56,10 @@ _RX_OVERFLOW = 0x01
 _CONTROLLER = {0x30: "error_passive", 0x0C: "error_warning", 0x40: "error_active"}
 
 
+# reports of a lost device, of which none says that nothing waits: more come from a socket that is broken alone
+_MOST_REPORTS = 8
+
+
 class Parsed(NamedTuple):
     """A message of the socket: the frame, stamped by the kernel, and its ancillary data."""
 
@@ -168,6 +172,7 @@ class SocketcanReceiver:
         self._drops_seen = 0  # the kernel's own count, of 32 bits
         self._counting = threading.Lock()  # any thread may query
         self._fault: BusError | None = None
+        self._reports = 0  # of the device's loss, since nothing waited
         self._meminfo = dropped(self._socket) is not None
         configure(self._socket, ask_for_drops=not self._meminfo)
         if hardware:
@@ -230,7 +235,7 @@ class SocketcanReceiver:
 
     def _is_empty(self) -> None:
         """Nothing waits; raises BusError where the device was found to be down before what waited was read."""
-        fault, self._fault = self._fault, None
+        fault, self._fault, self._reports = self._fault, None, 0
         if fault is not None:
             raise fault from None
         if self._device is not None:
@@ -239,13 +244,15 @@ class SocketcanReceiver:
     def _is_lost(self, error: OSError) -> None:
         """The device is down or gone. The kernel reports this before the frames that it still holds: these come first.
 
-        Raises BusError at the second report.
+        A device that is removed is reported twice, down and gone: the second time perhaps before its frames were read. A
+        socket that does nothing but report has no frames: raises BusError.
         """
         fault = BusError(f"{self._name} is lost ({error.strerror}): is the device up and plugged in?")
         if error.errno != errno.ENETDOWN and self._device is not None:
             self._device.unbound()
-        if self._fault is not None:
-            self._fault = None
+        self._reports += 1
+        if self._reports >= _MOST_REPORTS:
+            self._fault, self._reports = None, 0
             raise fault from None
         self._fault = fault
 
