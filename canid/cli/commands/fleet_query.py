@@ -170,7 +170,10 @@ def error_line(text: str) -> str:
     said, _, picture = text.partition("\nLINE ")
     at = f" (line {picture.partition(':')[0]})" if picture else ""
     hint = ""
-    if "Out of Memory" in said:
+    before, asks, _ = said.partition("\n\nPlease try installing")
+    if asks:
+        said, hint = before, "; canid loads no extension of DuckDB"
+    elif "Out of Memory" in said:
         said, hint = said.partition("\n")[0], "; allow more by --memory, or ask for less"
     elif "does not exist" in said and "Table with name" in said:
         from canid.fleet.storage.database import VIEWS
