@@ -113,13 +113,16 @@ def test_a_file_that_is_called_as_an_address_is_a_file(
     monkeypatch.setattr(duckdb_files, "DESCRIPTORS", descriptors)
     fleet = made(tmp_path / "fleet", seed=1, drivers=1, drives=2)
     monkeypatch.chdir(tmp_path)
-    for scheme in ("http", "https", "s3", "hf"):
-        url = f"{scheme}://{asked[0].partition('://')[2]}/{scheme}x.csv"
+    schemes = ("http", "https", "s3", "hf")
+    urls = [f"{scheme}://{asked[0].partition('://')[2]}/{scheme}x.csv" for scheme in schemes]
+    for url in urls:
         Path(url).parent.mkdir(parents=True)
         Path(url).write_text("driver,age\ndriver 000,34\n", encoding="utf-8")
-        sql = f"SELECT age FROM {scheme}x"
-        assert main(["fleet", "query", str(fleet.folder), sql, "--with", url, "--format", "csv"]) == 0
-        assert capsys.readouterr().out.split() == ["age", "34"]
+    sql = f"SELECT age FROM {' JOIN '.join(f'{scheme}x USING (driver, age)' for scheme in schemes)}"
+    sql = sql.replace(" USING (driver, age)", "", 1)
+    own = [word for url in urls for word in ("--with", url)]
+    assert main(["fleet", "query", str(fleet.folder), sql, *own, "--format", "csv"]) == 0
+    assert capsys.readouterr().out.split() == ["age", "34"]
 
 
 def test_a_question_that_needs_an_extension_is_one_line(
