@@ -88,7 +88,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=bounded_numbers.number("a time in seconds (such as 0.1)", *SAMPLING_S),
         default=0.1,
         metavar="S",
-        help="sampling interval of the samples in seconds; default: 0.1",
+        help=f"sampling interval of the samples in seconds, {SAMPLING_S[0]:g} to {SAMPLING_S[1]:g}; default: 0.1",
     )
     options.part(parser)
     options.force(parser)
