@@ -193,25 +193,6 @@ def _stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
-def minutes_of(text: str) -> tuple[float, ...]:
-    """Lengths of drives.
-
-    Raises:
-        ConfigError: they are no numbers above 0.
-
-    Example:
-        >>> minutes_of("1,10")
-        (1.0, 10.0)
-    """
-    try:
-        out = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        out = ()
-    if not out or min(out) <= 0:
-        raise ConfigError(f"study: --minutes {text}: not a list of numbers above 0, such as 1,10")
-    return out
-
-
 @contextmanager
 def _mapped(jobs: int | None) -> Iterator[Callable[..., Iterator[Any]]]:
     """A `map` over processes, in the order of what is given; with one process the ordinary one."""
@@ -228,7 +209,7 @@ def _mapped(jobs: int | None) -> Iterator[Callable[..., Iterator[Any]]]:
 
 def reproduced(args: argparse.Namespace, vehicle: Vehicle) -> Study:
     """Simulate the printed drivers, each through frames and a .blf, and study what is read back."""
-    minutes = minutes_of(args.minutes)
+    minutes: tuple[float, ...] = args.minutes
     with _mapped(args.jobs) as run, tempfile.TemporaryDirectory() as folder:
         simulations, study = _reproduction(args, minutes)
         with Progress("simulating the printed drivers") as bar:
@@ -279,7 +260,7 @@ def _reproduction(
     from canid_study.chen_ulsoy import reproduction as steering_reproduction
 
     if len(minutes) > 1:
-        raise ConfigError(f"study: --minutes {args.minutes}: one length for lane keeping")
+        raise ConfigError("study: --minutes: one length for lane keeping")
     settings = _settings(args)
     if args.bootstraps is None:
         settings = settings._replace(bootstraps=REPLICATES)

@@ -16,6 +16,7 @@ from typing import Any
 from canid.buses import python_can
 from canid.buses.bus import ReceiveOnlyBus
 from canid.buses.bus_opener import INVERTED_FILTER
+from canid.values import bounded_numbers
 from canid.values.bus_names import of_open_buses
 from canid.values.errors import ConfigError
 from canid.values.types import Frame
@@ -44,10 +45,15 @@ def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
         default=suppress,
         help="channel: can0, PCAN_USBBUS1, ...; repeat the option for more buses",
     )
-    group.add_argument("-b", "--bitrate", type=int, default=suppress, help="bit rate in bit/s")
+    group.add_argument(
+        "-b", "--bitrate", type=bounded_numbers.bit_rate, default=suppress, help="bit rate in bit/s"
+    )
     group.add_argument("--fd", action="store_true", default=suppress, help="use CAN FD")
     group.add_argument(
-        "--data-bitrate", type=int, default=suppress, help="bit rate of the CAN FD data phase in bit/s"
+        "--data-bitrate",
+        type=bounded_numbers.bit_rate,
+        default=suppress,
+        help="bit rate of the CAN FD data phase in bit/s",
     )
     group.add_argument(
         "--timing",
@@ -147,9 +153,12 @@ def can_filter(text: str) -> dict[str, int]:
     inverted = "~" in text
     id_, _, mask = text.partition("~" if inverted else ":")
     try:
-        return {"can_id": int(id_, 16) | (INVERTED_FILTER if inverted else 0), "can_mask": int(mask, 16)}
+        numbers = int(id_, 16), int(mask, 16)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no filter (such as 100:7FC, in hex)") from None
+        numbers = (-1, -1)
+    if not all(0 <= number < 1 << 32 for number in numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} is no filter (such as 100:7FC, in hex)")
+    return {"can_id": numbers[0] | (INVERTED_FILTER if inverted else 0), "can_mask": numbers[1]}
 
 
 def _known(interface: str) -> None:

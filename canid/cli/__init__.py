@@ -43,6 +43,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError, with the closest option as a hint."""
+        # a word of a megabyte is no line
+        message = re.sub(r"(\S{80})\S{40,}", r"\1...", message)
         unknown = re.search(r"unrecognized arguments: (--[\w-]+)", message)
         known = re.findall(r"--[\w-]+", self.format_usage())
         close = get_close_matches(unknown[1], known, n=1) if unknown else []

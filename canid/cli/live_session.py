@@ -23,7 +23,7 @@ from canid.cli.room import check_room
 from canid.recording.controls import Controls
 from canid.recording.recorder_stats import Stats
 from canid.session.session import SessionSettings, World, session
-from canid.values import json_values
+from canid.values import bounded_numbers, json_values
 from canid.values.errors import DONE, NO_BUS, NOT_WRITTEN
 from canid.views import end_summary
 from canid.views.terminal_view.state import HealthLine, View
@@ -40,7 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from canid.buses.command_line import add_bus_arguments
 
-    parser.add_argument("--duration", type=options.seconds, metavar="S", help="stop after S seconds")
+    parser.add_argument("--duration", type=bounded_numbers.seconds, metavar="S", help="stop after S seconds")
     options.json_file(parser)
     publish_options.arguments(parser)
     web_options.arguments(parser)

@@ -1,15 +1,15 @@
-"""Options that several verbs share, and the parsing of their values."""
+"""Options that several verbs share."""
 
 from __future__ import annotations
 
 import argparse
 import math
-import re
 from typing import TYPE_CHECKING
 
 from canid.cli.output import output_kinds
 from canid.cli.output.outputs import Output
 from canid.logs import formats
+from canid.values import bounded_numbers
 
 if TYPE_CHECKING:
     from canid.recording.rotation import Rotation
@@ -47,28 +47,28 @@ def rotation(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "-s",
         "--file-size",
-        type=size,
+        type=bounded_numbers.size,
         default=0,
         metavar="SIZE",
         help="begin a new file before this size: 500k, 100M, 2G",
     )
     group.add_argument(
         "--file-time",
-        type=span,
+        type=bounded_numbers.span,
         default=math.inf,
         metavar="TIME",
         help="begin a new file after this time: 30s, 10min, 1h",
     )
     group.add_argument(
         "--keep-time",
-        type=span,
+        type=bounded_numbers.span,
         default=math.inf,
         metavar="TIME",
         help="delete files of this series older than this: 12h, 7d",
     )
     group.add_argument(
         "--keep-share",
-        type=share,
+        type=bounded_numbers.share,
         default=math.nan,
         metavar="PERCENT",
         help="delete the oldest files of this series when it takes more than this share of the disk: 50%%",
@@ -114,17 +114,24 @@ def part(parser: argparse.ArgumentParser) -> None:
     """--start and --stop."""
     parser.add_argument(
         "--start",
-        type=seconds,
+        type=bounded_numbers.seconds,
         default=-math.inf,
         metavar="S",
         help="leave out what is earlier than S seconds after the log's first frame",
     )
     parser.add_argument(
         "--stop",
-        type=seconds,
+        type=bounded_numbers.seconds,
         default=float("inf"),
         metavar="S",
         help="leave out what is later than S seconds after it",
+    )
+
+
+def workers(parser: argparse.ArgumentParser, name: str = "--workers") -> None:
+    """--workers, of a verb that runs processes."""
+    parser.add_argument(
+        name, type=bounded_numbers.processes, metavar="N", help="processes; default: one per core"
     )
 
 
@@ -132,7 +139,7 @@ def listening(parser: argparse.ArgumentParser) -> None:
     """--duration, of a verb that reads a bus for a while."""
     parser.add_argument(
         "--duration",
-        type=seconds,
+        type=bounded_numbers.seconds,
         default=5.0,
         metavar="S",
         help="seconds to listen to the bus; default: 5",
@@ -144,105 +151,6 @@ def window(args: argparse.Namespace) -> Window:
     from canid.values.window import Window
 
     return Window(args.start, args.stop)
-
-
-def seconds(text: str) -> float:
-    """A time in s, for argparse.
-
-    Example:
-        >>> seconds("1.5")
-        1.5
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not value >= 0.0:
-        raise argparse.ArgumentTypeError(f'"{text}" is not a time in seconds (such as 12.5)')
-    return value
-
-
-def size(text: str) -> int:
-    """A size in bytes, for argparse.
-
-    Example:
-        >>> size("500k"), size("2 GB"), size("10000")
-        (500000, 2000000000, 10000)
-    """
-    return round(
-        _with_unit(text, {"": 1, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}, "a size (such as 100M)", "b")
-    )
-
-
-def span(text: str) -> float:
-    """A time above 0 in s, for argparse.
-
-    Example:
-        >>> span("10min"), span("1.5h"), span("30")
-        (600.0, 5400.0, 30.0)
-    """
-    units = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
-    return _with_unit(text, units, "a time (such as 10min)", "")
-
-
-def share(text: str) -> float:
-    """A share, for argparse.
-
-    Example:
-        >>> share("50%"), share("0.5 %")
-        (0.5, 0.005)
-    """
-    value = _with_unit(text, {"": 0.01, "%": 0.01}, "a share (such as 50%)", "")
-    if value > 1.0:
-        raise argparse.ArgumentTypeError(f'"{text}" is more than the whole disk')
-    return value
-
-
-def _with_unit(text: str, units: dict[str, float], what: str, ignored: str) -> float:
-    match = re.fullmatch(r"\s*([0-9.]+)\s*([a-z%]*)\s*", text.lower())
-    try:
-        if match is None:
-            raise ValueError
-        value = float(match[1]) * units[match[2].removesuffix(ignored) if ignored else match[2]]
-    except (ValueError, KeyError):
-        value = 0.0
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'"{text}" is not {what}')
-    return value
-
-
-def above_zero(text: str) -> float:
-    """A number above 0, for argparse.
-
-    Example:
-        >>> above_zero("0.1")
-        0.1
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f'"{text}" is not a number above 0')
-    return value
-
-
-def speed(text: str) -> float:
-    """A replay speed, for argparse: a factor, or max.
-
-    Example:
-        >>> speed("10"), speed("max")
-        (10.0, inf)
-    """
-    if text == "max":
-        return float("inf")
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f'"{text}" is not a speed (a factor such as 1 or 10, or max)')
-    return value
 
 
 def json_output(args: argparse.Namespace) -> Output | None:

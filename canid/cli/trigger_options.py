@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from canid.cli import options
 from canid.triggers import trigger as triggers
 from canid.triggers.trigger import Trigger
+from canid.values import bounded_numbers
 from canid.values.errors import ConfigError
 
 
@@ -25,13 +25,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--pre",
-        type=options.seconds,
+        type=bounded_numbers.seconds,
         metavar="S",
         help=f"s before a trigger that are recorded, at most {triggers.MAX_PRE_S:g}; default: {triggers.PRE_S:g}",
     )
     group.add_argument(
         "--post",
-        type=options.seconds,
+        type=bounded_numbers.seconds,
         metavar="S",
         help=f"s after the last frame for which it is true; default: {triggers.POST_S:g}",
     )

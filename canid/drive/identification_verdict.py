@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from canid.drive.drive_parameters import Identified
+from canid.drive.response_sentence import response
 from canid.identification.identifiability import gain_only, quotable
 from canid.signal_checks.drive_time import too_short
 from canid.signal_checks.signal_checks import sentence
 from canid.values import estimate_text
 from canid.values.names import SYMBOLS, capitalised, readable
 from canid.values.numbers import gain_unit, interval
-from canid.values.response_sentence import response
 from canid.values.types import QUOTED, Channel, Identifiable, LearnGate, Status
 
 

@@ -16,7 +16,6 @@ from canid.export.csv_table import TIME, TimeColumn, no_date
 from canid.export.table import Origin, Table, in_ns
 from canid.files import duckdb_files, opening
 from canid.values import timestamps
-from canid.values.errors import ConfigError
 
 Write = Callable[..., None]
 
@@ -33,11 +32,9 @@ def opened() -> Iterator[Write]:
         ConfigError: duckdb is missing; of `write`: the log states no date and `time` needs one.
         OSError: of `write`: the file cannot be written.
     """
-    try:
+    with duckdb_files.connected("Parquet", "export") as db:
         import duckdb
-    except ImportError as error:
-        raise ConfigError("Parquet needs duckdb: pip install 'canid[export]'") from error
-    with duckdb.connect() as db:
+
         yield partial(_write, db, duckdb.IOException)
 
 

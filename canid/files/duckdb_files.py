@@ -1,10 +1,11 @@
-"""Files that DuckDB reads and writes: opened here, and handed to it by their descriptors, so that no name means anything.
+"""DuckDB without extensions, and its files: handed to it by their descriptors, so that no name means anything.
 
 In a path DuckDB takes `name=value` for a column and replaces the file's own, and *, ? and [ for a pattern, with which it
 goes through the names next to the file; nothing escapes a backslash. A descriptor (`/proc/self/fd/7`) has no such name, and
-stays the same file while another one takes its place. Where the system has none, the path is escaped.
+stays the same file while another one takes its place. Where the system has none, the path is absolute, which is never an
+address, and escaped.
 
-Nothing else in canid hands a file to DuckDB (`tests/files/test_duckdb_in_one_place.py`).
+Nothing else in canid connects to DuckDB or hands a file to it (`tests/files/test_duckdb_in_one_place.py`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ DESCRIPTORS = "/proc/self/fd"
 _PLAIN = "hive_partitioning = false"
 # how a file of text is packed, by its suffix: a descriptor has none
 _PACKED = {".gz": "gzip", ".zst": "zstd"}
+# What DuckDB has not built in (http://, other programs' files), and it would fetch code from a server for, or load what it
+# finds in the home folder: canid's own SQL needs none.
+_NO_EXTENSIONS = {"autoinstall_known_extensions": False, "autoload_known_extensions": False}
 
 
 class OpenFile(NamedTuple):
@@ -75,17 +79,40 @@ class Files:
             os.close(self._fds.pop())
 
 
+def connected(needed_by: str, extra: str, **settings: str | int | bool) -> Any:
+    """A connection to a new database in memory (`duckdb.DuckDBPyConnection`), which loads no extension.
+
+    Args:
+        needed_by: what cannot be done without DuckDB, for the error.
+        extra: of canid, which installs it.
+        settings: further ones of DuckDB.
+
+    Raises:
+        ConfigError: DuckDB is not installed.
+
+    Example:
+        >>> with connected("Parquet", "export", threads=1) as db:
+        ...     db.execute("SELECT current_setting('threads'), current_setting('autoload_known_extensions')").fetchone()
+        (1, False)
+    """
+    try:
+        import duckdb
+    except ImportError as error:
+        raise ConfigError(f"{needed_by} needs duckdb: pip install 'canid[{extra}]'") from error
+    return duckdb.connect(config={**settings, **_NO_EXTENSIONS})
+
+
 @contextmanager
 def opened() -> Iterator[Files]:
     r"""Files that are closed at the end.
 
     Example:
-        >>> import duckdb, tempfile
+        >>> import tempfile
         >>> path = Path(tempfile.mkdtemp()) / "driver=zoe" / "[1].csv"
         >>> path.parent.mkdir()
         >>> path.write_text("driver,K\nanna,0.5\n")
         18
-        >>> with opened() as files, duckdb.connect() as db:
+        >>> with opened() as files, connected("Parquet", "export") as db:
         ...     db.execute(f"SELECT * FROM {csv(files.add(path))}").fetchall()
         [('anna', 0.5)]
     """

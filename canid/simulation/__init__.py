@@ -17,6 +17,8 @@ from canid.simulation.planted_effects import Shares, Strength
 
 __all__ = [
     "LEADS",
+    "MAX_MINUTES",
+    "MIN_MINUTES",
     "NOISES",
     "PROFILES",
     "START_UTC",
@@ -33,6 +35,8 @@ __all__ = [
 
 # What `profile` may be: behind a lead on three kinds of road, or alone, keeping the lane.
 PROFILES = (*LEADS, "lane")
+# of a drive: its motion needs some samples, and a day of 100 Hz is 2 GB of columns
+MIN_MINUTES, MAX_MINUTES = 0.01, 1440.0
 
 
 def simulate(
@@ -87,8 +91,10 @@ def simulate(
         raise ValueError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
     if noise not in NOISES:
         raise ValueError(f"noise {noise!r} is not one of {', '.join(NOISES)}")
-    if not 0 < minutes < 24 * 60:
-        raise ValueError(f"minutes must be above 0 and below a day, not {minutes}")
+    if not MIN_MINUTES <= minutes <= MAX_MINUTES:
+        raise ValueError(
+            f"minutes must be {MIN_MINUTES:g} at least and {MAX_MINUTES:g} at most, not {minutes}"
+        )
     if profile == "lane":
         if isinstance(driver, DriverTruth):
             raise ValueError("profile 'lane' takes a driver of type Steering")

@@ -9,10 +9,10 @@ from markupsafe import Markup
 
 from canid.comparison.comparison import DIFFERENT, NOT_COMPARABLE, Comparison, Row
 from canid.comparison.drive import DriveEstimates
+from canid.drive.response_sentence import FOR_EACH
 from canid.values.findings import Provenance
 from canid.values.names import label, readable
 from canid.values.numbers import chance, interval, number
-from canid.values.response_sentence import FOR_EACH
 from canid.values.terminal_text import terminal_text
 from canid.values.types import Interval
 from canid.views.comparison_report.forest import forest

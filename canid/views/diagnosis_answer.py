@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from canid.drive.response_sentence import response
 from canid.values.findings import (
     Finding,
     Report,
@@ -16,7 +17,6 @@ from canid.values.findings import (
 )
 from canid.values.names import capitalised, readable
 from canid.values.numbers import number, role_unit
-from canid.values.response_sentence import response
 from canid.values.types import Interval
 from canid.views import closed_loop, diagnosis_text, search_bounds, signal_text
 from canid.views import diagnosis_parts as parts

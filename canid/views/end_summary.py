@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from canid.drive.response_sentence import response
 from canid.values import estimate_text
 from canid.values.names import HEADLINE_MARK
-from canid.values.response_sentence import response
 from canid.values.types import Damage, Estimate, Event, MonitorReport, Sample, SignalReport, Status
 from canid.views.document.document_text import wrapped
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -54,7 +55,7 @@ def shell() -> Callable[[str], Ran]:
     """Run a shell line in which `canid` is this canid."""
 
     def run(line: str) -> Ran:
-        script = f'canid() {{ "{sys.executable}" -m canid "$@"; }}\n{line}'
+        script = f'canid() {{ {shlex.quote(sys.executable)} -m canid "$@"; }}\n{line}'
         environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
         done = subprocess.run(
             ["bash", "-c", script], capture_output=True, text=True, timeout=600, env=environment, check=False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import re
+import shlex
 import shutil
 import threading
 from collections.abc import Callable
@@ -298,7 +299,7 @@ def test_a_dbc_that_is_none(canid: Canid, log: Path, tmp_path: Path) -> None:
         (("replay", "LOG"), "--vehicle"),
         (("replay",), "LOG"),
         (("identify", "LOG"), "--vehicle"),
-        (("simulate", "x.blf", "--minutes", "0"), '"0" is not a number above 0'),
+        (("simulate", "x.blf", "--minutes", "0"), '"0" is not a time in minutes'),
         (("simulate", "x.blf", "--noise", "pink"), "'pink'"),
         (("simulate", "x.mp3"), ".mp3"),
         (("export", "LOG", "--vehicle", "generic", "--dt", "0"), "--dt"),
@@ -376,10 +377,10 @@ def test_a_full_disk(canid: Canid, log: Path, shell: Callable[[str], Any]) -> No
     ran = canid("replay", log, *part, "--json", "/dev/full")
     assert ran.code == NOT_WRITTEN
     assert "/dev/full: cannot be written (No space left on device)" in ran.line
-    ran = shell(f"canid replay {log} --vehicle generic --stop 2 >/dev/full")
+    ran = shell(f"canid replay {shlex.quote(str(log))} --vehicle generic --stop 2 >/dev/full")
     assert ran.code == NOT_WRITTEN
     assert "standard output: No space left on device" in ran.line
-    ran = shell(f"canid check {log} | head -1; exit ${{PIPESTATUS[0]}}")
+    ran = shell(f"canid check {shlex.quote(str(log))} | head -1; exit ${{PIPESTATUS[0]}}")
     assert (ran.code, ran.err) == (DONE, "")
 
 

@@ -7,6 +7,7 @@ import json
 import os
 import pty
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -153,7 +154,9 @@ def test_a_signal_ends_replay_cleanly(tmp_path: Path, number: int, code: int) ->
 @pytest.mark.parametrize("setting", ["", "NO_COLOR=1", "TERM=dumb", "TERM=xterm"])
 def test_plain_lines_without_a_terminal(shell: Callable[[str], Any], setting: str) -> None:
     """A pipe gets lines of text without any control character, whatever the environment."""
-    ran = shell(f"{setting + ' ' if setting else ''}canid replay {URBAN} --vehicle generic --stop 10")
+    ran = shell(
+        f"{setting + ' ' if setting else ''}canid replay {shlex.quote(str(URBAN))} --vehicle generic --stop 10"
+    )
     assert ran.code == DONE
     assert not re.search(r"[\x00-\x09\x0b-\x1f]", ran.out + ran.err)
     assert re.search(r"^ +\d+\.\d s  armax +converging", ran.out, re.MULTILINE)

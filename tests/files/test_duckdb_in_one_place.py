@@ -1,4 +1,4 @@
-"""One module hands files to DuckDB, and no name of a file or folder means anything to it."""
+"""One module connects to DuckDB and hands files to it, and no name of a file or folder means anything to it."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ OPENS = re.compile(
     r"|\bCOPY\b.*\bTO\b|\b(IMPORT|EXPORT) DATABASE\b|\bATTACH\b|\bglob\s*\(|allowed_(paths|directories)",
     re.DOTALL,
 )
+CONNECTS = re.compile(r"from _?duckdb\b|import (.*, )?(_duckdb\b|duckdb(\.| as ))|duckdb\.\w+\(")
 METHODS = {
     *("read_parquet", "read_csv", "read_json", "from_parquet", "from_csv_auto", "write_parquet", "write_csv"),
     *("to_parquet", "to_csv"),
@@ -83,6 +84,43 @@ def test_no_other_module_hands_files_to_duckdb() -> None:
 )
 def test_such_a_mention_is_found(source: str) -> None:
     assert list(opening_sql(source))
+
+
+def connecting(source: str) -> Iterator[str]:
+    """How a source makes a connection of its own, or takes the one that all modules of a process share."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import | ast.ImportFrom | ast.Call) and CONNECTS.match(
+            text := ast.unparse(node)
+        ):
+            yield text
+
+
+def test_no_other_module_connects_to_duckdb() -> None:
+    """Read from the source: each connection is made where extensions are turned off."""
+    found = {
+        f"{path.relative_to(CANID)}: {each}"
+        for path in sorted(CANID.rglob("*.py"))
+        if str(path.relative_to(CANID)) != ONLY and "duckdb" in (source := path.read_text("utf-8"))
+        for each in connecting(source)
+    }
+    assert found == set()
+    assert list(connecting((CANID / ONLY).read_text("utf-8")))
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "duckdb.connect()",
+        "duckdb.sql('SELECT 1')",
+        "duckdb.read_csv(path)",
+        "from duckdb import connect",
+        "import duckdb as d",
+        "import _duckdb",
+    ],
+)
+def test_such_a_connection_is_found(source: str) -> None:
+    """The test above would fail for each of these."""
+    assert list(connecting(source))
 
 
 @cache

@@ -65,13 +65,16 @@ class Cluster:
         return made
 
     def start_scheduler(self) -> subprocess.Popen[bytes]:
-        return self._start(f"exec {DASK} scheduler --host {HOST} --port {self.port} --no-dashboard")
+        return self._start(
+            f"exec {shlex.quote(DASK)} scheduler --host {HOST} --port {self.port} --no-dashboard"
+        )
 
     def start_worker(self, hidden: Path | None = None, **environment: str) -> None:
         """Start a worker; it sees an empty folder in the place of `hidden`."""
-        one = f"{DASK} worker {self.address} --host {HOST} --nthreads 1 --no-dashboard"
+        one = f"{shlex.quote(DASK)} worker {self.address} --host {HOST} --nthreads 1 --no-dashboard"
         if hidden is not None:
-            one = f"unshare --mount sh -c 'mount -t tmpfs none {shlex.quote(str(hidden))} && exec {one}'"
+            inside = f"mount -t tmpfs none {shlex.quote(str(hidden))} && exec {one}"
+            one = f"unshare --mount sh -c {shlex.quote(inside)}"
         self._start(f"while sleep 0.1; do {one}; done", **environment)
 
     def restart_scheduler(self) -> None:

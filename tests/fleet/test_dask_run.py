@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Iterator
@@ -166,8 +167,9 @@ def test_workers_without_canid_are_refused(tmp_path: Path, jobs: list[Job]) -> N
         hidden.mkdir(parents=True)
         (hidden / "__init__.py").write_text("raise ModuleNotFoundError(\"No module named 'canid'\")\n")
         made._start(
-            f"PYTHONPATH={hidden.parent} {sys.executable} -m distributed.cli.dask_worker {made.address} --host 127.0.0.1 "
-            "--nthreads 1 --no-dashboard"
+            f"{shlex.quote(sys.executable)} -m distributed.cli.dask_worker {made.address} --host 127.0.0.1 --nthreads 1 "
+            "--no-dashboard",
+            PYTHONPATH=str(hidden.parent),
         )
         with pytest.raises(ConfigError, match="cannot import canid") as raised:
             next(dask_run.outcomes(jobs, SOURCES, scheduler=made.address))

@@ -7,6 +7,7 @@ import io
 import os
 import pickle
 import random
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -60,7 +61,7 @@ def test_a_message_calls_nothing(tmp_path: Path) -> None:
     """Calls of os, builtins, numpy, of canid and of attributes of what is listed are refused before they are made."""
     marker = tmp_path / "marker"
     messages = [
-        pickle.dumps(_Calls(os.system, f"touch {marker}"), protocol=5),
+        pickle.dumps(_Calls(os.system, f"touch {shlex.quote(str(marker))}"), protocol=5),
         pickle.dumps(_Calls(eval, f"open({str(marker)!r}, 'w')"), protocol=5),
         pickle.dumps(_Calls(open, str(marker), "w"), protocol=2),
         pickle.dumps(np.arange(3), protocol=5),
@@ -123,7 +124,7 @@ def test_a_child_cannot_make_its_parent_act(tmp_path: Path) -> None:
         "import os, pickle, sys\n"
         "class Call:\n"
         "    def __reduce__(self):\n"
-        f"        return os.system, ('touch {marker}',)\n"
+        f"        return os.system, ({shlex.join(['touch', str(marker)])!r},)\n"
         "sys.stdout.buffer.write(pickle.dumps(Call()))\n"
     )
     with (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,19 @@ HOSTILE = "{}<script>alert(1)</script>"
 BY_TEXT = re.compile(
     r"""(startswith\(\s*[("']+\s*<|\[:\d+\]\s*[!=]=\s*["']<|["']<\w+["' ]+\s*(not\s+)?in\b|is_safe)"""
 )
+# where a text that is no literal becomes markup, and why it may
+MADE = {
+    ("canid/views/document/templates.py", "code"): "escapes it first",
+    ("canid/views/document/templates.py", "css_string"): "is of letters, digits and code points alone",
+    ("canid/views/document/templates.py", "file_text"): "a file of the package",
+    ("canid/views/document/document_page.py", "page"): "JSON whose every < is escaped",
+    ("canid/views/document/document_page.py", "spoken"): "is markup already, to which elements are added",
+    ("canid/views/drawing/palette.py", "light"): "is markup already, whose colors are replaced",
+    ("canid/views/drawing/plotly_package.py", "plotly_script"): "a file of plotly",
+    ("canid/views/notebook/fragment.py", "fragment"): "of a template that escapes",
+    ("canid/views/signal_page/signal_page.py", "file"): "JSON whose every < is escaped",
+    ("canid_study/views/study_page.py", "page"): "drawn by matplotlib, and a file of the package",
+}
 INSERTS = re.compile(r"\.(inner|outer)HTML\b|insertAdjacentHTML|document\.write\b")
 
 
@@ -60,3 +75,54 @@ def test_no_source_judges_markup_by_its_text() -> None:
         if ">>>" not in line and (BY_TEXT.search(line) or INSERTS.search(line))
     ]
     assert found == []
+
+
+def markup_made(source: str) -> Iterator[str]:
+    """Functions of a source that make markup of what is no literal."""
+    for owner in ast.walk(ast.parse(source)):
+        if isinstance(owner, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda | ast.Module):
+            for node in _within(owner):
+                if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] in (
+                    "Markup",
+                    "safe",
+                ):
+                    if not all(isinstance(each, ast.Constant) for each in node.args):
+                        yield getattr(owner, "name", "")
+                elif isinstance(node, ast.ImportFrom) and node.module == "markupsafe":
+                    yield from (each.asname for each in node.names if each.asname)
+
+
+def _within(owner: ast.AST) -> Iterator[ast.AST]:
+    """Nodes of a function, without those of functions in it."""
+    for child in ast.iter_child_nodes(owner):
+        yield child
+        if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield from _within(child)
+
+
+def test_markup_is_made_of_literals() -> None:
+    """Whatever is put into them is escaped by their type; every other place is known, with its reason."""
+    found = {
+        (str(path.relative_to(CANID.parent)), name)
+        for package in (CANID, CANID.parent / "canid_study")
+        for path in sorted(package.rglob("*.py"))
+        if "Markup" in (source := path.read_text(encoding="utf-8"))
+        for name in markup_made(source)
+    }
+    assert found == set(MADE)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "Markup(text)",
+        "Markup(f'<b>{text}</b>')",
+        "Markup('<b>' + text)",
+        "markupsafe.Markup('<b>%s' % text)",
+        "from markupsafe import Markup as M",
+        "f = lambda text: Markup(text)",
+    ],
+)
+def test_markup_of_a_text_is_found(source: str) -> None:
+    """The test above would fail for each of these."""
+    assert list(markup_made(source))

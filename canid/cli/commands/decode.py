@@ -15,7 +15,7 @@ from canid.cli.output import complete_files, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.reading import report_log, report_silence
 from canid.cli.signals import selection
-from canid.values import json_values
+from canid.values import bounded_numbers, json_values
 from canid.values.errors import DAMAGED, DONE, ConfigError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--duration",
-        type=options.seconds,
+        type=bounded_numbers.seconds,
         metavar="S",
         help="seconds to listen to the bus; default: 5, with --table until q",
     )

@@ -23,7 +23,7 @@ from canid.cli.output.outputs import Output
 from canid.identification.identifiability import QUOTABLE
 from canid.recording.controls import Controls
 from canid.session.session import SessionSettings, World, session
-from canid.values import estimate_text
+from canid.values import bounded_numbers, estimate_text
 from canid.values.errors import CHECK_FAILED, DONE
 from canid.values.names import SYMBOLS, readable
 from canid.values.types import Channel, Identifiable, Interval
@@ -54,7 +54,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--speed",
-        type=options.speed,
+        type=bounded_numbers.speed,
         default=DEFAULT_SPEED,
         metavar="X",
         help=f"factor of real time; default: {DEFAULT_SPEED:g}",

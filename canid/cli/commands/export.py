@@ -10,6 +10,7 @@ from canid.cli import options, reading
 from canid.cli.output import complete_files, outputs
 from canid.cli.output.messages import info
 from canid.files.derived_name import short_stem
+from canid.values import bounded_numbers
 from canid.values.errors import DAMAGED, DONE, ConfigError
 
 if TYPE_CHECKING:
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 DRIVERS = ("sumo", "control", "idtf", "latex", "fmu")
 FORMATS = ("csv", "parquet", "mat", "mf4", "mcap", "vbo", "plotjuggler", *DRIVERS)
 TABLES = ("csv", "parquet")
+
+# s between two rows: no bus has more frames than one in 0.1 ms of one id; a day
+RASTER_S = (1e-4, 86_400.0)
+# s between two samples: the checks of the signals need four in a second
+SAMPLING_S = (1e-3, 0.25)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +60,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--raster",
-        type=options.above_zero,
+        type=bounded_numbers.number("a time in seconds (such as 0.1)", *RASTER_S),
         metavar="S",
         help="write the signals in one table with a row every S seconds; the last value is held",
     )
@@ -79,10 +85,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--dt",
-        type=options.above_zero,
+        type=bounded_numbers.number("a time in seconds (such as 0.1)", *SAMPLING_S),
         default=0.1,
         metavar="S",
-        help="sampling interval of the samples in seconds; default: 0.1",
+        help=f"sampling interval of the samples in seconds, {SAMPLING_S[0]:g} to {SAMPLING_S[1]:g}; default: 0.1",
     )
     options.part(parser)
     options.force(parser)

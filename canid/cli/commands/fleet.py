@@ -20,6 +20,7 @@ from canid.cli.output import complete_files, outputs
 from canid.cli.output.messages import info, line_printer
 from canid.cli.output.progress import Progress, is_terminal
 from canid.logs import formats
+from canid.values import bounded_numbers
 from canid.values.errors import DAMAGED, DONE, ConfigError, OutputError
 
 if TYPE_CHECKING:
@@ -72,20 +73,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="what the names of folders are, such as '{car}/{driver}' or '{group}/*/{driver}'; "
         "default: {driver}, or {car}/{driver} where there are two",
     )
-    parser.add_argument("--workers", type=count, metavar="N", help="processes; default: one per core")
+    options.workers(parser)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
     )
     parser.add_argument(
         "--timeout",
-        type=options.span,
+        type=bounded_numbers.span,
         default=default.timeout_s,
         metavar="TIME",
         help="time that one log may take: 10min, 2h; default: 1h",
     )
     parser.add_argument(
         "--memory",
-        type=options.size,
+        type=bounded_numbers.size,
         default=default.memory_bytes,
         metavar="SIZE",
         help="memory that one log may take: 500M, 8G; default: 4G",
@@ -105,23 +106,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.time_zone(parser)
     options.json_file(parser)
     report_option.add(parser, "write a page on the fleet, as canid fleet report does", default="fleet.html")
-
-
-def count(text: str) -> int:
-    """A number of processes, for argparse.
-
-    Example:
-        >>> count("4")
-        4
-    """
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    # more processes than any machine has cores are a slip
-    if not 1 <= value <= 10_000:
-        raise argparse.ArgumentTypeError(f'"{text}" is not a number of processes')
-    return value
 
 
 def results() -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from canid.cli import options
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.progress import Progress
+from canid.values import bounded_numbers
 from canid.values.errors import DAMAGED, DONE, ConfigError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", help="folder of canid fleet")
     parser.add_argument(
         "--together",
-        type=options.span,
+        type=bounded_numbers.span,
         default=MAX_S,
         metavar="TIME",
         help="usable driving of one driver that is diagnosed together; default: 1h; its cost grows with it",
@@ -38,20 +39,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="vehicle file or column map, where it is no longer where the run of canid fleet had it",
     )
     parser.add_argument("--vehicles", metavar="MAP.toml", help="mapping file, likewise")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes; default: one per core")
+    options.workers(parser)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
     )
     parser.add_argument(
         "--timeout",
-        type=options.span,
+        type=bounded_numbers.span,
         default=DEFAULT_TIMEOUT_S,
         metavar="TIME",
         help="time that one driver may take: 10min, 2h; default: 4h",
     )
     parser.add_argument(
         "--memory",
-        type=options.size,
+        type=bounded_numbers.size,
         default=Settings().memory_bytes,
         metavar="SIZE",
         help="memory that one driver may take: 500M, 8G; default: 4G",

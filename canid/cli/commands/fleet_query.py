@@ -13,9 +13,9 @@ from difflib import get_close_matches
 from itertools import compress
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import options
 from canid.cli.output.messages import info, print_line
 from canid.cli.output.progress import is_terminal
+from canid.values import bounded_numbers
 from canid.values.errors import DONE, ConfigError, OutputError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--list", action="store_true", help="list the ready questions, and the tables")
     parser.add_argument(
         "--memory",
-        type=options.size,
+        type=bounded_numbers.size,
         default=MEMORY_BYTES,
         metavar="SIZE",
         help="memory that a query may take: 500M, 8G; default: 2G",
@@ -170,7 +170,10 @@ def error_line(text: str) -> str:
     said, _, picture = text.partition("\nLINE ")
     at = f" (line {picture.partition(':')[0]})" if picture else ""
     hint = ""
-    if "Out of Memory" in said:
+    before, asks, _ = said.partition("\n\nPlease try installing")
+    if asks:
+        said, hint = before, "; canid loads no extension of DuckDB"
+    elif "Out of Memory" in said:
         said, hint = said.partition("\n")[0], "; allow more by --memory, or ask for less"
     elif "does not exist" in said and "Table with name" in said:
         from canid.fleet.storage.database import VIEWS

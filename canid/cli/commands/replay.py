@@ -19,7 +19,7 @@ from canid.cli.output.observers import Observers
 from canid.cli.output.outputs import Output, TextOutput
 from canid.cli.provenance import provenance
 from canid.recording.controls import Controls
-from canid.values import json_values
+from canid.values import bounded_numbers, json_values
 from canid.values.bus_names import bus_text, of_open_buses
 from canid.values.errors import DAMAGED, DONE, ConfigError
 from canid.values.types import Estimate, Event, MonitorReport, Sample, SignalReport
@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     drive_source.arguments(parser)
     parser.add_argument(
         "--speed",
-        type=options.speed,
+        type=bounded_numbers.speed,
         metavar="1|10|max",
         help="factor of real time, or max; default: max, with --onto or --web: 1",
     )

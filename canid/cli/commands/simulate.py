@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,7 @@ from canid.cli.output import complete_files, output_kinds, outputs
 from canid.cli.output.messages import info
 from canid.cli.output.outputs import Output
 from canid.files import derived_name
+from canid.values import bounded_numbers
 from canid.values.errors import DONE, CanidError, ConfigError, OutputError
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ MAX_OUTSIDE = 0.2
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    from canid.simulation import NOISES, PROFILES
+    from canid.simulation import MAX_MINUTES, MIN_MINUTES, NOISES, PROFILES
 
     parser.add_argument(
         "out", metavar="OUT.blf", help="log to write; the suffix (.blf, .asc, .log) selects the format"
@@ -34,14 +36,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.vehicle(parser, required=False)
     parser.add_argument(
         "--seed",
-        type=int,
+        type=bounded_numbers.seed,
         default=1,
         metavar="N",
         help="random seed; the same seed gives the same log; default: 1",
     )
     parser.add_argument(
         "--minutes",
-        type=options.above_zero,
+        type=bounded_numbers.number("a time in minutes (such as 3)", MIN_MINUTES, MAX_MINUTES),
         default=3.0,
         metavar="M",
         help="length of the drive in minutes; default: 3",
@@ -92,9 +94,12 @@ def hidden(text: str) -> tuple[str, tuple[float, ...]]:
     if name not in (WITH_NUMBERS if numbers else PLANTABLE):
         raise argparse.ArgumentTypeError(f"{name!r} cannot be hidden; choose from {', '.join(PLANTABLE)}")
     try:
-        return name, tuple(float(x) for x in numbers.split(",") if x)
+        values = tuple(float(x) for x in numbers.split(",") if x)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: the values after = must be numbers") from None
+        values = (math.nan,)
+    if not all(map(math.isfinite, values)):
+        raise argparse.ArgumentTypeError(f"{text!r}: the values after = must be numbers")
+    return name, values
 
 
 def run(args: argparse.Namespace) -> int:

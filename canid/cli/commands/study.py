@@ -9,8 +9,11 @@ import argparse
 from typing import Any
 
 from canid.cli import drive_source, options
+from canid.values import bounded_numbers
 
 PAPERS = ("grover", "chen-ulsoy")
+# drivers, drives of each, replicates: more take years
+MAX_COUNT = 100_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,11 +31,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "grover", help="car following: Grover's method and canid's on the same episodes"
     )
     grover.add_argument(
-        "--min-episode", type=options.seconds, metavar="S", help="shortest episode in s; default: 20"
+        "--min-episode", type=bounded_numbers.seconds, metavar="S", help="shortest episode in s; default: 20"
     )
     grover.add_argument(
         "--gate-fit",
-        type=float,
+        type=bounded_numbers.number("a fit in percent (such as 20)", 0.0, 100.0),
         metavar="PERCENT",
         help="leave out episodes where a transfer function fits less; default: 0, none",
     )
@@ -42,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     chen.add_argument(
         "--segment",
-        type=options.above_zero,
+        type=bounded_numbers.number("a time in seconds (such as 60)", 1.0, 86_400.0),
         metavar="S",
         help="length of a segment in s; default: 60, of short logs less",
     )
@@ -52,19 +55,37 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default="folder",
         help="what is one driver's: a file, a folder (the default), or the logs that MAP.toml names in [drivers]",
     )
-    chen.add_argument("--bootstraps", type=int, metavar="N", help="replicates for null bands and intervals")
-    chen.add_argument("--drivers", type=int, metavar="N", help="with --reproduce: drivers; default: 12")
     chen.add_argument(
-        "--c1", type=float, metavar="C", help="with --reproduce: moving average of the driver's noise"
+        "--bootstraps",
+        type=bounded_numbers.whole("a number of replicates", 0, MAX_COUNT),
+        metavar="N",
+        help="replicates for null bands and intervals",
     )
     chen.add_argument(
-        "--push", type=float, metavar="A", help="with --reproduce: disturbance of the road in m/s²"
+        "--drivers",
+        type=bounded_numbers.whole("a number of drivers", 1, MAX_COUNT),
+        metavar="N",
+        help="with --reproduce: drivers; default: 12",
+    )
+    chen.add_argument(
+        "--c1",
+        type=bounded_numbers.number("a coefficient of a moving average (such as 0.5)", -1.0, 1.0),
+        metavar="C",
+        help="with --reproduce: moving average of the driver's noise",
+    )
+    chen.add_argument(
+        "--push",
+        type=bounded_numbers.number("a disturbance in m/s² (such as 0.1)", 0.0, 10.0),
+        metavar="A",
+        help="with --reproduce: disturbance of the road in m/s²",
     )
     _of_logs(chen, "120")
 
 
 def _of_logs(parser: argparse.ArgumentParser, minutes: str) -> None:
     """Options of a study of logs."""
+    from canid.simulation import MAX_MINUTES, MIN_MINUTES
+
     parser.add_argument("logs", metavar="LOG", nargs="*", help=options.LOGS)
     options.vehicle(parser, required=False)
     drive_source.arguments(parser)
@@ -75,21 +96,29 @@ def _of_logs(parser: argparse.ArgumentParser, minutes: str) -> None:
         help="simulate the paper's drivers through DBC and .blf, and study those",
     )
     parser.add_argument(
-        "--seed", type=int, default=1, metavar="N", help="with --reproduce: random seed; default: 1"
+        "--seed",
+        type=bounded_numbers.seed,
+        default=1,
+        metavar="N",
+        help="with --reproduce: random seed; default: 1",
     )
     parser.add_argument(
         "--minutes",
+        type=bounded_numbers.numbers("a list of times in minutes (such as 1,10)", MIN_MINUTES, MAX_MINUTES),
         default=minutes,
         metavar="M",
         help=f"with --reproduce: length of the drives; default: {minutes}",
     )
     parser.add_argument(
-        "--seeds", type=int, metavar="N", help="with --reproduce: drives of each driver and length"
+        "--seeds",
+        type=bounded_numbers.whole("a number of drives", 1, MAX_COUNT),
+        metavar="N",
+        help="with --reproduce: drives of each driver and length",
     )
     parser.add_argument(
         "--check", action="store_true", help="exit with 1 if a figure of --reproduce is missed (for CI)"
     )
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one per core")
+    options.workers(parser, "--jobs")
     _common(parser)
 
 

@@ -17,6 +17,8 @@ from canid.values.bus_names import NamedBus, bus_of, on_log
 if TYPE_CHECKING:
     from canid.contents.binding import DbcFile
     from canid.contents.log_survey import Wanted
+# of the number of a bus; a log format has at most 16 bits for it
+MAX_BUS_DIGITS = 5
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -109,7 +111,7 @@ def matcher(pattern: str) -> Callable[[str], bool]:
 
 def whole(text: str) -> int:
     """A bus, for argparse."""
-    if text.isdecimal():
+    if text.isdecimal() and len(text) <= MAX_BUS_DIGITS:
         return int(text)
     if not re.fullmatch(r"[A-Za-z][!-~]{0,254}", text):
         raise argparse.ArgumentTypeError(

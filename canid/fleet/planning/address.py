@@ -73,12 +73,59 @@ def opened(url: str) -> tuple[Any, str]:
     """
     if not is_address(url):
         raise ConfigError(f"{brief(url)}: is no address such as s3://bucket/logs")
-    import fsspec
-
-    scheme = scheme_of(url)
-
-    # not fsspec's own way from a text to a file system: it takes `::` in a name for a chain
-    of_scheme = fsspec.get_filesystem_class(scheme)
-    settings = {"config_kwargs": _BOTO} if scheme in S3 else {}
+    of_scheme = _class_of(url)
+    settings = {"config_kwargs": _BOTO} if scheme_of(url) in S3 else {}
     system = of_scheme(**{**of_scheme._get_kwargs_from_urls(url), **settings})
     return system, str(of_scheme._strip_protocol(url))
+
+
+def of_path(url: str, path: str) -> str | None:
+    """The address of a path that the storage of an address has listed: opened again, it leads there.
+
+    An address may name an account, which is no part of a path (`abfs://container@account.dfs.core.windows.net`), and what a
+    name holds may mean something in an address: of the ways to write it, that one is taken which the storage itself reads as
+    this path of this account.
+
+    Returns:
+        None: no address leads to it.
+
+    Example:
+        >>> of_path("s3://bucket/**/*.blf", "bucket/x://a::b.blf"), of_path("http://host/", "http://host/a.blf")
+        ('s3://bucket/x://a::b.blf', 'http://host/a.blf')
+        >>> of_path("s3://bucket/", "bucket/a/") is None
+        True
+    """
+    of_scheme = _class_of(url)
+    wanted = of_scheme._get_kwargs_from_urls(url), path.lstrip("/")
+    for made in _written(url, path):
+        if (
+            of_scheme._get_kwargs_from_urls(made),
+            str(of_scheme._strip_protocol(made)).lstrip("/"),
+        ) == wanted:
+            return made
+    return None
+
+
+def _written(url: str, path: str) -> list[str]:
+    """Ways to write the address of a path in the storage of an address.
+
+    >>> _written("abfs://box@zoe.dfs.core.windows.net/*", "box/a.blf")[2]
+    'abfs://box@zoe.dfs.core.windows.net/a.blf'
+    """
+    scheme = scheme_of(url)
+    if scheme in WEB:  # the paths of fsspec's web servers are whole addresses
+        return [path] if scheme_of(path) in WEB else []
+    authority = url.partition("://")[2].partition("/")[0]
+    first, slash, rest = path.lstrip("/").partition("/")
+    return [
+        f"{scheme}://{path}",
+        f"{scheme}://{authority}/{path.lstrip('/')}",
+        f"{scheme}://{first}@{authority.rpartition('@')[2]}{slash}{rest}",
+    ]
+
+
+def _class_of(url: str) -> Any:
+    import fsspec
+
+    # not fsspec's own way from a text to a file system: it takes `::` in a name for a chain
+    return fsspec.get_filesystem_class(scheme_of(url))

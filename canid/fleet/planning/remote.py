@@ -1,4 +1,4 @@
-"""Logs in storage that fsspec reads: a file, a folder or a pattern as a URL, such as s3://bucket/fleet/**.blf."""
+"""Logs in storage that fsspec reads: a file, a folder or a pattern as a URL, such as s3://bucket/fleet/**/*.blf."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING, Any
 
 from canid.fleet.planning import address, globs
-from canid.fleet.planning.address import opened as opened  # of `storage.mirror` as well
 from canid.values.errors import ConfigError, one_line
 from canid.vehicle.quoting import brief
 
@@ -30,7 +29,7 @@ def listed(url: str) -> list[Listed]:
 
     scheme = address.scheme_of(url)
     try:
-        system, path = opened(url)
+        system, path = address.opened(url)
         if scheme in address.LOCAL:
             return listing.listed([path])
         files = _found(system, path)
@@ -53,12 +52,7 @@ def listed(url: str) -> list[Listed]:
         ):
             files[name] = info | _stated(system, name)
     out = [
-        listing.Listed(
-            url_of(url, name),
-            url_of(url, root.rstrip("/")),
-            int(info.get("size") or 0),
-            modified_ns(info),
-        )
+        _of_file(url, root.rstrip("/"), name, info)
         for name, info in sorted(files.items())
         if info.get("type", "file") == "file" and (name == path or listing.is_log(name.rpartition("/")[2]))
     ]
@@ -84,16 +78,18 @@ def _stated(system: Any, path: str) -> dict[str, Any]:
         return {}
 
 
-def url_of(url: str, path: str) -> str:
-    """The URL of another path in the storage of a URL.
+def _of_file(url: str, root: str, path: str, info: Mapping[str, Any]) -> Listed:
+    """A file that the storage of a URL has listed below a root."""
+    from canid.fleet.planning import listing
 
-    Example:
-        >>> url_of("s3://bucket/**.blf", "bucket/x://a::b.blf"), url_of("http://host/", "http://host/a.blf")
-        ('s3://bucket/x://a::b.blf', 'http://host/a.blf')
-    """
-    scheme = address.scheme_of(url)
-    # the paths of fsspec's web servers are whole URLs
-    return path if scheme in address.WEB else f"{scheme}://{path}"
+    log = address.of_path(url, path)
+    if log is None:
+        name = f"{address.scheme_of(url)}://{path}"
+        return listing.Listed(
+            name, url, listing.MISSING, 0, "no address leads to a file of this name: rename it"
+        )
+    above = log.removesuffix(listing.below(path, root) if root else path.lstrip("/"))
+    return listing.Listed(log, above, int(info.get("size") or 0), modified_ns(info))
 
 
 def modified_ns(info: Mapping[str, Any]) -> int:

@@ -92,11 +92,9 @@ def database(
         ConfigError: it is no such folder, duckdb is missing, or a table of the user cannot be read.
         DamagedLogError: a table is damaged.
     """
-    try:
+    with duckdb_files.opened() as files, duckdb_files.connected(*parquet_files.NEEDS_DUCKDB) as db:
         import duckdb
-    except ImportError as error:
-        raise ConfigError("fleet: needs duckdb: pip install 'canid[fleet]'") from error
-    with duckdb_files.opened() as files, duckdb.connect() as db:
+
         generation = generations.opened(db, files, Path(folder))
         for name in VIEWS:
             file = generation.files.get(name)

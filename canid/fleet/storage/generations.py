@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from canid.files import duckdb_files, opening
 from canid.files.duckdb_files import Files, OpenFile
 from canid.fleet.storage.columns import SUMMARIES, TABLES
+from canid.fleet.storage.parquet_files import NEEDS_DUCKDB
 from canid.values.errors import ConfigError, DamagedLogError, one_line
 
 # the text of a Parquet file that names the generation
@@ -92,9 +93,7 @@ def not_a_folder(folder: str | Path) -> ConfigError:
 
 def current(folder: Path) -> str:
     """The generation that a folder holds now; "": none that is whole. Takes no time for what is being written."""
-    import duckdb
-
-    with duckdb.connect() as db, duckdb_files.opened() as files:
+    with duckdb_files.connected(*NEEDS_DUCKDB) as db, duckdb_files.opened() as files:
         try:
             tables = _once(db, files, folder)
         except (ConfigError, DamagedLogError):
@@ -104,9 +103,7 @@ def current(folder: Path) -> str:
 
 def are_whole(folder: Path, made: Path) -> bool:
     """Whether tables of another folder are, with those of this one that they do not replace, of one generation."""
-    import duckdb
-
-    with duckdb.connect() as db, duckdb_files.opened() as files:
+    with duckdb_files.connected(*NEEDS_DUCKDB) as db, duckdb_files.opened() as files:
         try:
             return _once(db, files, folder, made) is not None
         except (ConfigError, DamagedLogError):

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from canid.files import opening
-from canid.fleet.planning import remote
+from canid.fleet.planning import address, remote
 from canid.fleet.planning.listing import MARK, is_url
 from canid.fleet.storage import generations, journal, lock, parts
 from canid.fleet.storage.columns import SUMMARIES, TABLES
@@ -113,7 +113,7 @@ class _Mirror:
         self.url = url.rstrip("/")
         self.folder = copy_of(url)
         try:
-            self._system, self._path = remote.opened(self.url)
+            self._system, self._path = address.opened(self.url)
         except Exception as error:  # each storage has exceptions of its own
             raise ConfigError(f"{url}: {one_line(error)}; pip install 'canid[fleet,s3]'") from None
 

@@ -12,8 +12,10 @@ from typing import Any
 from canid.files import duckdb_files, opening
 from canid.files.duckdb_files import Files
 from canid.fleet.storage.columns import Column
-from canid.values.errors import ConfigError, OutputError, one_line
+from canid.values.errors import OutputError, one_line
 
+# for `duckdb_files.connected`: who needs it, and what installs it
+NEEDS_DUCKDB = ("canid fleet", "fleet")
 # bytes that DuckDB may take beyond what Python holds; more goes to temporary files
 MEMORY_BYTES = 1_000_000_000
 # bytes after which a group of rows is written, whatever its rows: what is not written yet is in memory several times over
@@ -30,21 +32,19 @@ def connected(folder: Path, doing: str = "written") -> Iterator[Any]:
         ConfigError: DuckDB is not installed.
         OutputError: what is done with it fails, such as on a full disk.
     """
-    try:
-        import duckdb
-    except ImportError:
-        raise ConfigError("canid fleet needs DuckDB: pip install 'canid[fleet]'") from None
     # of a name that nobody can have taken before
     temporary = opening.temporary_name(folder / "duckdb")
-    config: dict[str, str | bool | int | float | list[str]] = {
-        "memory_limit": f"{MEMORY_BYTES // 1_000_000}MB",
-        "temp_directory": str(temporary),
+    connection = duckdb_files.connected(
+        *NEEDS_DUCKDB,
+        memory_limit=f"{MEMORY_BYTES // 1_000_000}MB",
+        temp_directory=str(temporary),
         # each thread buffers row groups of its own; the cores are the workers'
-        "threads": 1,
+        threads=1,
         # a group of rows is written when it is large: with the order kept, only when it has its number of rows
-        "preserve_insertion_order": False,
-    }
-    connection = duckdb.connect(config=config)
+        preserve_insertion_order=False,
+    )
+    import duckdb
+
     try:
         yield connection
     except duckdb.Error as error:

@@ -13,7 +13,7 @@ from canid.files import duckdb_files
 from canid.files.duckdb_files import OpenFile
 from canid.logs.text_lines import LineCount
 from canid.tables.source import BLOCK_ROWS, EMPTY, MAX_COLUMNS, NO_NUMBER, SAMPLE_ROWS, Block
-from canid.values.errors import ConfigError, DamagedLogError, LogError
+from canid.values.errors import DamagedLogError, LogError
 from canid.values.types import Array
 from canid.vehicle.quoting import brief
 
@@ -52,17 +52,8 @@ class ParquetSource:
         self._sizes = {str(name).partition(", ")[0]: int(size or 0) for name, size in sizes}
 
     def _connect(self) -> Any:
-        try:
-            import duckdb
-        except ImportError as error:
-            raise ConfigError("Parquet needs duckdb: pip install 'canid[export]'") from error
-        settings: dict[str, Any] = {
-            "memory_limit": _MEMORY,
-            "autoinstall_known_extensions": False,
-            # each thread has a group of rows in memory
-            "threads": 1,
-        }
-        return duckdb.connect(config=settings)
+        # each thread has a group of rows in memory
+        return duckdb_files.connected("Parquet", "export", memory_limit=_MEMORY, threads=1)
 
     def _all(
         self,

@@ -57,7 +57,7 @@ def _differences(rows: Sequence[Row], height: float) -> Markup:
     return svg(parts, WIDTH, height, alt)
 
 
-def _names(rows: Sequence[Row]) -> list[str]:
+def _names(rows: Sequence[Row]) -> list[Markup]:
     return [
         text(label(row.name), NAMES, _y(k) + 4, "differs" if row.differs else "name", "end")
         for k, row in enumerate(rows)
@@ -68,7 +68,7 @@ def _y(k: int) -> float:
     return TOP + ROW * (k + 0.5)
 
 
-def _values(row: Row, y: float) -> list[str]:
+def _values(row: Row, y: float) -> list[Markup]:
     """Both intervals between the ends of the row's own scale, which stand in front of and behind them."""
     at = scale([*row.a, *row.b], PLACE[0] + LOW_END, PLACE[1] - HIGH_END)
     if at is None:
@@ -83,7 +83,7 @@ def _values(row: Row, y: float) -> list[str]:
     ]
 
 
-def _difference(row: Row, y: float, at: Scale) -> list[str]:
+def _difference(row: Row, y: float, at: Scale) -> list[Markup]:
     difference = _percent(row.difference, row.a.value)
     if not all(map(math.isfinite, difference)):
         return [text("A is 0", PLACE[0], y + 4, "tick")]

@@ -13,7 +13,7 @@ from canid.views.drawing.svg import Scale, element, scale, small, text, ticks
 
 def interval_line(
     iv: Interval, at: Scale, y: float, kind: str, *, radius: float = 3.5, arrow: float = 5.0
-) -> list[str]:
+) -> list[Markup]:
     """A line with a dot at the value; an arrow where the interval ends outside of the scale.
 
     Args:
@@ -25,8 +25,8 @@ def interval_line(
         arrow: px.
 
     Example:
-        >>> interval_line(Interval(1.0, 0.0, 2.0), Scale(0.0, 2.0, 0.0, 10.0), 5.0, "a")
-        ['<line class="a" x1="0" x2="10" y1="5" y2="5"/>', '<circle class="a" cx="5" cy="5" r="3.5"/>']
+        >>> print(*interval_line(Interval(1.0, 0.0, 2.0), Scale(0.0, 2.0, 0.0, 10.0), 5.0, "a"))
+        <line class="a" x1="0" x2="10" y1="5" y2="5"/> <circle class="a" cx="5" cy="5" r="3.5"/>
     """
     parts = []
     ends = math.isfinite(iv.low) and math.isfinite(iv.high)
@@ -43,7 +43,7 @@ def interval_line(
     return parts
 
 
-def value_axis(at: Scale, top: float, bottom: float) -> list[str]:
+def value_axis(at: Scale, top: float, bottom: float) -> list[Markup]:
     """Grid lines and ticks below."""
     parts = []
     for value in ticks(at.low, at.high):

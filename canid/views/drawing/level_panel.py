@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from markupsafe import Markup
+
 from canid.values.numbers import number
 from canid.values.types import Array
 from canid.views.drawing.svg import Scale, element, points, text, ticks, time_ticks
 
 
-def axes(x: Scale, y: Scale, most: tuple[int, int] = (10, 5)) -> list[str]:
+def axes(x: Scale, y: Scale, most: tuple[int, int] = (10, 5)) -> list[Markup]:
     """Grid lines at round values, and the ticks of both axes; `most`: ticks of the time and of the value."""
     parts = []
     for value in ticks(y.low, y.high, most[1]):
@@ -19,7 +21,7 @@ def axes(x: Scale, y: Scale, most: tuple[int, int] = (10, 5)) -> list[str]:
     return parts + [text(f"{t:.0f} s", x(t), y.start + 15, "tick", "middle") for t in times]
 
 
-def level(t: Array, middle: Array, low: Array, high: Array, x: Scale, y: Scale, kind: str) -> list[str]:
+def level(t: Array, middle: Array, low: Array, high: Array, x: Scale, y: Scale, kind: str) -> list[Markup]:
     """The band and the level; arrays (n,)."""
     edge = [*zip(t, high, strict=True), *reversed(list(zip(t, low, strict=True)))]
     return [
@@ -30,7 +32,7 @@ def level(t: Array, middle: Array, low: Array, high: Array, x: Scale, y: Scale, 
     ]
 
 
-def windows(t: Array, value: Array, half: Array, x: Scale, y: Scale) -> list[str]:
+def windows(t: Array, value: Array, half: Array, x: Scale, y: Scale) -> list[Markup]:
     """Estimates of windows with their intervals, value ± half; arrays (n,)."""
     parts = []
     for at, v, h in zip(t, value, half, strict=True):
@@ -39,7 +41,7 @@ def windows(t: Array, value: Array, half: Array, x: Scale, y: Scale) -> list[str
     return parts
 
 
-def changes(at: Iterable[float], x: Scale, y: Scale) -> list[str]:
+def changes(at: Iterable[float], x: Scale, y: Scale) -> list[Markup]:
     """Dashed lines at the times of changes, s."""
     parts = []
     for t in at:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from markupsafe import Markup
+
 from canid.views.document.templates import file_text
 
 # the pages' own on white, whose contrast is above 3 on black as well, and greys in between for what is not;
@@ -16,13 +18,13 @@ NOTEBOOK = {
 }  # fmt: skip
 
 
-def light(style: str) -> str:
+def light(style: Markup) -> Markup:
     """A style sheet with the pages' colors on white in the place of their names, for a file that stands alone.
 
     Example:
-        >>> light("a { color: var(--ink); }")
-        'a { color: #1b1f24; }'
+        >>> light(Markup("a { color: var(--ink); }"))
+        Markup('a { color: #1b1f24; }')
     """
     root = file_text("document/page.css").partition("}")[0]
     colors = dict(re.findall(r"--([\w-]+): ([^;]+);", root))
-    return re.sub(r"var\(--([\w-]+)\)", lambda name: colors[name[1]], style)
+    return Markup(re.sub(r"var\(--([\w-]+)\)", lambda name: colors[name[1]], style))

@@ -1,5 +1,7 @@
 """Static SVG: scales, ticks, elements with rounded coordinates, and escaped text.
 
+A part of a drawing is `Markup`, which only `element` makes: a text is escaped wherever it is put in.
+
 Colors and widths are those of `drawing.css` by class, or attributes where there is no style sheet (notebooks).
 """
 
@@ -9,7 +11,9 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
+
+from canid.values.terminal_text import terminal_text
 
 # s between two ticks of a time axis
 TIME_STEPS_S = (1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 3600.0)
@@ -88,20 +92,33 @@ def _multiples(low: float, high: float, step: float) -> list[float]:
     return [round(k * step, 9) for k in range(first, last + 1)]
 
 
-def element(name: str, kind: str = "", **attributes: float | str) -> str:
-    """An element without content; `_` in the name of an attribute stands for `-`.
+def element(name: str, kind: str = "", content: str = "", **attributes: float | str) -> Markup:
+    """An element; `_` in the name of an attribute stands for `-`.
+
+    Args:
+        name: of the element.
+        kind: its class.
+        content: `Markup`, such as other elements, as it is; any other text is data.
+        attributes: numbers are rounded, texts are data.
 
     Example:
         >>> element("line", "a", x1=1.0, y1=2.25, stroke_width=2)
-        '<line class="a" x1="1" y1="2.2" stroke-width="2"/>'
+        Markup('<line class="a" x1="1" y1="2.2" stroke-width="2"/>')
+        >>> element("g", content=element("title", content="a < b"))
+        Markup('<g><title>a &lt; b</title></g>')
     """
-    return f"<{name}{_attributes(kind, attributes)}/>"
+    shown = _attributes(kind, attributes)
+    if not content:
+        return Markup("<{}{}/>").format(name, shown)
+    return Markup("<{0}{1}>{2}</{0}>").format(name, shown, _data(content))
 
 
-def text(words: str, x: float, y: float, kind: str = "", anchor: str = "start", **more: float | str) -> str:
-    """A text; whatever it holds is data."""
+def text(
+    words: str, x: float, y: float, kind: str = "", anchor: str = "start", **more: float | str
+) -> Markup:
+    """A text; whatever it holds is data, also where it is `Markup`."""
     place: dict[str, float | str] = {"x": x, "y": y, "text_anchor": anchor}
-    return f"<text{_attributes(kind, place | more)}>{escape(words)}</text>"
+    return element("text", kind, str(words), **place | more)
 
 
 def points(pairs: Iterable[tuple[float, float]]) -> str:
@@ -109,30 +126,37 @@ def points(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{_value(x)},{_value(y)}" for x, y in pairs)
 
 
-def svg(parts: Iterable[str], width: float, height: float, alt: str) -> Markup:
+def svg(parts: Iterable[Markup], width: float, height: float, alt: str) -> Markup:
     """The whole drawing, as wide as its place allows."""
     return whole(parts, (width, height), alt, "drawing", style=f"max-width: {_value(width)}px")
 
 
-def small(parts: Iterable[str], width: float, height: float, alt: str = "", kind: str = "") -> Markup:
+def small(parts: Iterable[Markup], width: float, height: float, alt: str = "", kind: str = "") -> Markup:
     """A drawing of fixed size for a cell of a table; without `alt` it repeats what other cells say."""
     return whole(parts, (width, height), alt, kind, width=width, height=height)
 
 
 def whole(
-    parts: Iterable[str], size: tuple[float, float], alt: str, kind: str = "", **more: float | str
+    parts: Iterable[Markup], size: tuple[float, float], alt: str, kind: str = "", **more: float | str
 ) -> Markup:
     """A drawing with further attributes of its element."""
     box: dict[str, float | str] = {"viewBox": f"0 0 {_value(size[0])} {_value(size[1])}"}
     said: dict[str, float | str] = {"role": "img", "aria_label": alt} if alt else {"aria_hidden": "true"}
-    return Markup(f"<svg{_attributes(kind, box | said | more)}>{''.join(parts)}</svg>")
+    return element("svg", kind, Markup("").join(parts), **box | said | more)
 
 
-def _attributes(kind: str, attributes: dict[str, float | str]) -> str:
+def _attributes(kind: str, attributes: dict[str, float | str]) -> Markup:
     named: dict[str, float | str] = {"class": kind} if kind else {}
     shown = named | attributes
-    return "".join(f' {key.replace("_", "-")}="{_value(x)}"' for key, x in shown.items())
+    return Markup("").join(
+        Markup(' {}="{}"').format(key.replace("_", "-"), _value(x)) for key, x in shown.items()
+    )
 
 
 def _value(x: float | str) -> str:
-    return str(escape(x)) if isinstance(x, str) else f"{x:.1f}".removesuffix(".0")
+    return _data(str(x)) if isinstance(x, str) else f"{x:.1f}".removesuffix(".0")
+
+
+def _data(text: str) -> str:
+    """A text without what XML cannot hold, whose characters are shown as on a terminal; markup as it is."""
+    return text if isinstance(text, Markup) else terminal_text(text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from markupsafe import Markup
 
 from canid.drive.drive_parameters import Identified
 from canid.values.numbers import number
@@ -25,10 +26,9 @@ def svg(drive: Identified, log: str, vehicle: str) -> str:
     result = drive.whole.get("fopdt")
     parameters = followed(result, drive.drive_summary.output)
     title = f"{log}: {vehicle}"
-    style = light(file_text("drawing/drawing.css"))
     parts = [
-        "<!-- canid identify -->",
-        f"<style>{style}</style>",
+        Markup("<!-- canid identify -->"),
+        element("style", content=light(file_text("drawing/drawing.css"))),
         element("rect", width="100%", height="100%", fill="white"),
         text(title, LEFT, 22, "head"),
     ]
@@ -42,7 +42,7 @@ def svg(drive: Identified, log: str, vehicle: str) -> str:
     return f"{drawing}\n"
 
 
-def _panel(drawn: FollowedParameter, changes: Sequence[float], duration: float, top: float) -> list[str]:
+def _panel(drawn: FollowedParameter, changes: Sequence[float], duration: float, top: float) -> list[Markup]:
     """One parameter over the drive."""
     low, high = float(np.min(drawn.low)), float(np.max(drawn.high))
     reach = MARGIN * max(high - low, float(np.median(2.0 * drawn.half)), 1e-9)

@@ -97,7 +97,7 @@ def _scale(parameter: Parameter, drivers: Sequence[Driver]) -> Scale:
     return scale(ends, *PLACE, spare=0.05) or Scale(0.0, 1.0, *PLACE)
 
 
-def _population(parameter: Parameter, at: Scale, bottom: float) -> list[str]:
+def _population(parameter: Parameter, at: Scale, bottom: float) -> list[Markup]:
     """The range of a new driver, and the population's mean."""
     parts = []
     ends = (parameter.new_driver.low, parameter.new_driver.high)

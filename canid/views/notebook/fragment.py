@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from html import escape
 
 import numpy as np
 from markupsafe import Markup
@@ -87,8 +86,14 @@ def chart(
         parts.append(svg.text(f"{time:.0f} s", x(time), height - 3, anchor=anchor, fill=INK))
     for name, values, color in curves:
         parts += [
-            f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.2">'
-            f"<title>{escape(name)}</title></polyline>"
+            svg.element(
+                "polyline",
+                content=svg.element("title", content=name),
+                points=points,
+                fill="none",
+                stroke=color,
+                stroke_width="1.2",
+            )
             for points in _polylines(t, values, x, y)
         ]
     says = f"{'; '.join(name for name, _, _ in curves)} over time"
