@@ -17,7 +17,7 @@ LOCAL = ("file", "local")
 WEB = ("http", "https")
 S3 = ("s3", "s3a")
 # by fsspec's names: storage that gives bytes and lists names; `memory` is that of this process
-SCHEMES = (*LOCAL, *WEB, *S3, "gs", "gcs", "az", "abfs", "abfss", "adl", "oss", "memory")
+SCHEMES = (*LOCAL, *WEB, *S3, "gs", "gcs", "az", "abfs", "abfss", "oss", "memory")
 # a scheme, or several links of which one has a scheme
 _FORM = re.compile(r"(?:[A-Za-z][A-Za-z0-9+.-]*::)*([A-Za-z][A-Za-z0-9+.-]*)://", re.ASCII)
 # of botocore: its four retries take 9 s where nothing listens, and canid has its own, which are longer
