@@ -86,11 +86,11 @@ class Confinement(NamedTuple):
         """What is to be refused, in words, and whether this system does."""
         files, calls = self.landlock > 0, self.system_calls
         write = "write outside a folder of its own" if kept.folders else "write"
-        start = "start other programs" if kept.children else "start anything"
+        start = "start anything with other rights" if kept.children else "start anything"
         rights = {
             write: files or (calls and not kept.writes),
             "connect" if kept.connections else "send": calls or self.landlock >= _TCP_SINCE,
-            start: files or (calls and not kept.children),
+            start: self.no_new_privileges if kept.children else files or calls,
         }
         # without children that is part of starting nothing
         return rights | ({"signal others": self.landlock >= _SCOPE_SINCE} if kept.children else {})
@@ -218,8 +218,8 @@ def main(arguments: list[str]) -> int:
         parent = connect(plain=True)
         parent.answer(tuple(confine()))
         return 0
-    found = offered()
-    sys.stdout.write("".join(f"{found.describe(what, kept)}\n" for what, kept in _PROCESSES))
+    confinement = offered()
+    sys.stdout.write("".join(f"{confinement.describe(what, kept)}\n" for what, kept in _PROCESSES))
     return 0
 
 

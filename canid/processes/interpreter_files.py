@@ -1,6 +1,8 @@
 """The files that the kernel executes where a child process of canid is started: the interpreter, and its loader.
 
-Libraries are mapped, not executed, and need no right but that to read (landlock(7)).
+Libraries are mapped, not executed, and need no right but that to read (landlock(7)). So the loader, which has to be
+executed, can be told to load any program: that these files alone are executed is a hurdle. The wall is that whatever is
+started has the rights of the process that started it.
 """
 
 from __future__ import annotations
@@ -25,17 +27,17 @@ def executed() -> tuple[str, ...]:
         >>> executed()[0] == sys.executable
         True
     """
-    found: dict[str, None] = {}
+    starters: dict[str, None] = {}
     # where `sys.executable` is a wrapper, it executes this one
     for path in (sys.executable, "/proc/self/exe"):
         with suppress(OSError):
-            _add(os.readlink(path) if path.startswith("/proc/") else path, found)
-    return tuple(found)
+            _add(os.readlink(path) if path.startswith("/proc/") else path, starters)
+    return tuple(starters)
 
 
-def _add(path: str, found: dict[str, None]) -> None:
+def _add(path: str, starters: dict[str, None]) -> None:
     for _ in range(_MAX_DEPTH):
-        found[path] = None
+        starters[path] = None
         path = _starter(path)
         if not path:
             return

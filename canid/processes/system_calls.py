@@ -69,8 +69,8 @@ _WRITING = {
 }
 _STARTING = {"fork", "vfork", "execve", "kill"}
 _ANSWERING = {"accept", "accept4", "listen", "sendto", "sendmsg"}
-# and the argument that holds their flags: a socket whose connection has ended connects anew with MSG_FASTOPEN (tcp(7)),
-# without connect(2)
+# and the argument that holds their flags: a socket that listened and was shut down connects with MSG_FASTOPEN (tcp(7)),
+# without connect(2), and Landlock does not see it (Linux 6.18)
 _SENDING, _MSG_FASTOPEN = {"sendto": 3, "sendmsg": 2}, 0x20000000
 # their arguments stand in memory, which a filter cannot read: without them libc calls `clone` and `openat`
 _ABSENT = {"clone3": (435, 435), "openat2": (437, 437)}

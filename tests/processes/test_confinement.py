@@ -134,6 +134,40 @@ def test_nothing_is_sent(child: Child, listening: int, tmp_path: Path) -> None:
     assert is_refused(child.ask("tried('socket.socketpair()')"))
 
 
+# sockets of its own, before it is confined: one that listens, one that has a connection
+SOCKETS = """
+listener = socket.create_server(("127.0.0.1", 0))
+near = socket.create_connection(listener.getsockname())
+far, _ = listener.accept()
+from canid.processes.kept_rights import Kept
+confinement.confine(Kept(connections=True))
+def shut_down():
+    listener.shutdown(socket.SHUT_RD)
+def sent(sock, flags, port):
+    return sock.sendto(b"secret", flags, ("127.0.0.1", port))
+"""
+
+
+@needs_all
+def test_one_that_keeps_its_connections_makes_no_other(listening: int) -> None:
+    """It answers who has connected; a listener that it shuts down, which may connect by sending, is refused."""
+    with child_with(SOCKETS) as child:
+        assert child.ask("far.send(b'answer'), near.recv(9)") == (6, b"answer")
+        assert child.ask("near.close(), far.recv(9)") == (None, b"")
+        child.ask("shut_down()")
+        for sock in ("listener", "far"):
+            for flags in ("socket.MSG_FASTOPEN", "socket.MSG_FASTOPEN | socket.MSG_DONTWAIT"):
+                assert is_refused(child.ask(f"tried('sent({sock}, {flags}, {listening})')")), (sock, flags)
+            assert is_refused(
+                child.ask(
+                    f"tried(\"{sock}.sendmsg([b'a'], [], socket.MSG_FASTOPEN, ('127.0.0.1', {listening}))\")"
+                )
+            )
+            assert is_refused(child.ask(f"tried(\"{sock}.connect(('127.0.0.1', {listening}))\")"))
+        assert is_refused(child.ask("tried('socket.socket()')"))
+        assert is_refused(child.ask("tried('os.fork()')"))
+
+
 @needs_all
 def test_nothing_is_started_or_signalled(child: Child) -> None:
     """No process is forked or executed, and none of another session gets a signal or other limits."""
