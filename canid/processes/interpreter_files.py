@@ -1,7 +1,7 @@
 """The files that the kernel executes where a child process of canid is started: the interpreter, and its loader.
 
 Libraries are mapped, not executed, and need no right but that to read (landlock(7)). So the loader, which has to be
-executed, can be told to load any program: that these files alone are executed is a hurdle. The wall is that whatever is
+executed, can load any program: that these files alone are executed is a hurdle. The wall is that whatever is
 started has the rights of the process that started it.
 """
 
