@@ -31,8 +31,9 @@ MAX_IDLE_SHARE = 0.5
 MEMORY_EXIT_CODE = 12
 # s that a child may take to import its mathematics: 2 s on a laptop, 60 s on an emulated machine
 START_TIMEOUT_S = 180.0
-# how C++ code ends that gets no memory, once it held this share of what it may: what it asked for is not counted
-_OF_SHORT_MEMORY = tuple(-int(number) for number in (signal.SIGSEGV, signal.SIGABRT))
+# how C++ code ends that gets no memory, and with which code glibc's loader ends a process that has none for a thread's data,
+# once it held this share of what it may: what it asked for is not counted
+_OF_SHORT_MEMORY = (*(-int(number) for number in (signal.SIGSEGV, signal.SIGABRT)), 127)
 MIN_PEAK_SHARE = 0.5
 _NONSENSE = "ended in the middle of its answer, or answered nonsense"
 # Dask sets it in its workers: malloc then gives the memory of each array back to the system, and takes it again, for 17 %
