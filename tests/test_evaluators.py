@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeGuard
 
 import pytest
 
@@ -98,15 +99,34 @@ def test_children_that_parse_answer_with_values() -> None:
     """Whoever gives up rights answers with values alone, and whoever starts such a child says which types those have."""
     texts = {name: text for name, text in sources().items() if not name.startswith("canid/processes/")}
     parsers = {name for name, text in texts.items() if "connect(plain=True)" in text}
-    assert {name.rpartition("/")[2] for name in parsers} == {"parsing.py", "mf4_child.py", "signals_child.py"}
+    # fetches, and parses nothing but the answers of a storage
+    fetcher = "canid/fleet/analysis/fetch_process.py"
+    assert {name.rpartition("/")[2] for name in parsers - {fetcher}} == {
+        *("parsing.py", "mf4_child.py", "signals_child.py", "analysis_process.py"),
+    }
     for parser in parsers:
         module = parser.removesuffix(".py").replace("/", ".")
-        starters = [name for name, text in texts.items() if f'command("{module}"' in text]
+        starters = [name for name, text in texts.items() if f'"{module}"' in text]
         assert starters, module
         for starter in starters:
-            assert len(re.findall(r"\bChild\(", texts[starter])) == texts[starter].count("answers="), starter
+            started = [
+                node for node in ast.walk(ast.parse(texts[starter])) if _starts_a_child(node, texts[starter])
+            ]
+            assert started, starter
+            for call in started:
+                assert "answers" in {word.arg for word in call.keywords}, starter
         # by itself, or where it opens an .mf4
-        assert "confine()" in texts[parser] or "raw_mdf.opened(" in texts[parser], parser
+        confined = (
+            re.search(r"^ +confine\(", texts[parser], re.MULTILINE) or "raw_mdf.opened(" in texts[parser]
+        )
+        assert confined or parser == fetcher, parser
+
+
+def _starts_a_child(node: ast.AST, text: str) -> TypeGuard[ast.Call]:
+    """Whether this is a call of `canid.processes.child.Child`, under whatever name."""
+    renamed = re.search(r"from canid\.processes\.child import (?:.*, )?Child(?: as (\w+))?", text)
+    name = (renamed[1] or "Child") if renamed else ""
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name
 
 
 def test_asammdf_is_opened_in_one_place() -> None:

@@ -74,13 +74,18 @@ def lowest_priority(pid: int) -> None:
 
 def kernel_setting(path: str, text: str) -> None:
     """Write a setting of a process: a file of /proc. Raises OSError."""
-    if not path.startswith("/proc/"):
-        raise ValueError(f"{path}: not a file of /proc")
-    fd = os.open(path, os.O_WRONLY | _ALWAYS)
+    fd = opened_setting(path)
     try:
         os.write(fd, text.encode("ascii"))
     finally:
         os.close(fd)
+
+
+def opened_setting(path: str) -> int:
+    """Open a setting of a process for writing; the caller closes it. Raises OSError."""
+    if not path.startswith("/proc/"):
+        raise ValueError(f"{path}: not a file of /proc")
+    return os.open(path, os.O_WRONLY | _ALWAYS)
 
 
 def _memory_bytes(field: int) -> int:

@@ -2,7 +2,8 @@
 
 Landlock, where the kernel has it, refuses by what a call does; this filter, by the call's number. It also refuses where
 Landlock is absent, and what Landlock does not cover: sockets other than TCP's, new processes, signals to others, modes and
-owners of files. Numbers: asm/unistd_64.h (x86-64) and asm-generic/unistd.h (arm64) of Linux 6.18.
+owners of files. What a process keeps (`Kept`) is left to it. Numbers: asm/unistd_64.h (x86-64) and asm-generic/unistd.h
+(arm64) of Linux 6.18.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import platform
 import struct
 import sys
 from typing import NamedTuple
+
+from canid.processes.kept_rights import NOTHING, Kept
 
 
 class _Machine(NamedTuple):
@@ -48,14 +51,36 @@ _REFUSED = {
     **{"chroot": (161, 51), "bpf": (321, 280), "perf_event_open": (298, 241), "userfaultfd": (323, 282)},
     **{"keyctl": (250, 219), "add_key": (248, 217), "request_key": (249, 218), "io_uring_setup": (425, 425)},
 }  # fmt: skip
+# what of them is left to a process that keeps a right: Landlock limits writing to folders, what is executed to Python, and
+# signals to what the process has started
+_WRITING = {
+    *(
+        "creat",
+        "mkdir",
+        "mkdirat",
+        "rmdir",
+        "unlink",
+        "unlinkat",
+        "rename",
+        "renameat",
+        "renameat2",
+        "truncate",
+    ),
+}
+_STARTING = {"fork", "vfork", "execve", "kill"}
+_ANSWERING = {"accept", "accept4", "listen", "sendto", "sendmsg"}
+# and the argument that holds their flags: a socket that listened and was shut down connects with MSG_FASTOPEN (tcp(7)),
+# without connect(2), and Landlock does not see it (Linux 6.18)
+_SENDING, _MSG_FASTOPEN = {"sendto": 3, "sendmsg": 2}, 0x20000000
 # their arguments stand in memory, which a filter cannot read: without them libc calls `clone` and `openat`
 _ABSENT = {"clone3": (435, 435), "openat2": (437, 437)}
 # name: numbers, and the argument that holds the flags of open(2)
 _OPEN = {"open": ((2, -1), 1), "openat": ((257, 56), 2)}
 # a process of the same user; argument 0 names it, 0: this one
 _PRLIMIT = (302, 261)
-# a thread is one with CLONE_THREAD in its flags, argument 0 (linux/sched.h)
-_CLONE, _CLONE_THREAD = (56, 220), 0x10000
+# argument 0 of clone(2) has the flags: a thread is one with CLONE_THREAD; a process may have none of CLONE_NEW*, whose
+# namespaces would give it rights (linux/sched.h)
+_CLONE, _CLONE_THREAD, _CLONE_NEW = (56, 220), 0x10000, 0x7E020000
 # numbers of the x32 interface begin here; nothing uses it
 _X32 = 0x40000000
 
@@ -82,11 +107,12 @@ def seccomp_number(machine_name: str) -> int:
     return _MACHINES[machine_name].seccomp
 
 
-def filter_program(machine_name: str) -> bytes:
+def filter_program(machine_name: str, kept: Kept = NOTHING) -> bytes:
     """The filter as an array of struct sock_filter.
 
     Args:
         machine_name: "x86_64" or "aarch64".
+        kept: what it leaves.
 
     Example:
         >>> len(filter_program("x86_64")) % 8
@@ -102,15 +128,23 @@ def filter_program(machine_name: str) -> bytes:
         (_AT_LEAST, 0, 1, _X32),
         (_RETURN, 0, 0, refuse),
     ]
-    for calls, answer in ((_REFUSED, refuse), (_ABSENT, absent)):
+    left = _left(kept)
+    refused = {name: numbers for name, numbers in _REFUSED.items() if name not in left}
+    for calls, answer in ((refused, refuse), (_ABSENT, absent)):
         for numbers in calls.values():
             if numbers[column] >= 0:
                 program += [(_EQUAL, 0, 1, numbers[column]), (_RETURN, 0, 0, answer)]
     writing = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
-    for numbers, argument in _OPEN.values():
+    for numbers, argument in () if kept.writes else _OPEN.values():
         if numbers[column] >= 0:
             program += _where_bits(numbers[column], argument, writing, refuse, _ALLOW)
-    program += _where_bits(_CLONE[column], 0, _CLONE_THREAD, _ALLOW, refuse)
+    for name, argument in _SENDING.items():
+        if name in left:
+            program += _where_bits(_REFUSED[name][column], argument, _MSG_FASTOPEN, refuse, _ALLOW)
+    if kept.children:
+        program += _where_bits(_CLONE[column], 0, _CLONE_NEW, refuse, _ALLOW)
+    else:
+        program += _where_bits(_CLONE[column], 0, _CLONE_THREAD, _ALLOW, refuse)
     program += _where_bits(_PRLIMIT[column], 0, 0xFFFFFFFF, refuse, _ALLOW)
     program.append((_RETURN, 0, 0, _ALLOW))
     return b"".join(struct.pack("<HBBI", *instruction) for instruction in program)
@@ -119,6 +153,15 @@ def filter_program(machine_name: str) -> bytes:
 def filter_arguments() -> tuple[int, int]:
     """The operation and flags of seccomp(2): install the filter, in all threads of the process."""
     return _SET_MODE_FILTER, _ALL_THREADS
+
+
+def _left(kept: Kept) -> set[str]:
+    """The calls that a process may make because of what it keeps."""
+    left: set[str] = set()
+    left |= _WRITING if kept.writes else set()
+    left |= _STARTING if kept.children else set()
+    left |= _ANSWERING if kept.connections else set()
+    return left
 
 
 def _where_bits(

@@ -1,6 +1,7 @@
 """The web server of the live page, the child process: messages in on standard input, requests out on standard output.
 
-Standard output takes one request a line. It never blocks: what the parent does not read is dropped.
+Standard output takes one request a line. It never blocks: what the parent does not read is dropped. Before it takes the
+first connection it gives up its rights to write, connect, start and signal anything (`confinement`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
+from canid.processes.confinement import confine
+from canid.processes.kept_rights import Kept
 from canid.processes.serve import connect
 from canid.web.access import Access, Guard
 from canid.web.hub import Hub
@@ -93,6 +96,8 @@ async def serve(config: dict[str, Any], sock: socket.socket, answers: int) -> No
             loop.call_soon_threadsafe(take, lines)
         loop.call_soon_threadsafe(loop.call_later, LAST_WORDS_S, os._exit, 0)
 
+    # the loop has its own sockets, and no thread has been started
+    confine(Kept(connections=True))
     threading.Thread(target=read, daemon=True).start()
     await server.serve(sockets=[sock])
 

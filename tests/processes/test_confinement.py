@@ -18,6 +18,7 @@ import pytest
 from canid.processes import system_calls
 from canid.processes.child import EXIT_S, Child, EndedError
 from canid.processes.confinement import Confinement, offered
+from canid.processes.kept_rights import Kept
 
 PATIENCE_S = 60.0
 # {}: what is applied
@@ -131,6 +132,40 @@ def test_nothing_is_sent(child: Child, listening: int, tmp_path: Path) -> None:
                 kind,
             )
     assert is_refused(child.ask("tried('socket.socketpair()')"))
+
+
+# sockets of its own, before it is confined: one that listens, one that has a connection
+SOCKETS = """
+listener = socket.create_server(("127.0.0.1", 0))
+near = socket.create_connection(listener.getsockname())
+far, _ = listener.accept()
+from canid.processes.kept_rights import Kept
+confinement.confine(Kept(connections=True))
+def shut_down():
+    listener.shutdown(socket.SHUT_RD)
+def sent(sock, flags, port):
+    return sock.sendto(b"secret", flags, ("127.0.0.1", port))
+"""
+
+
+@needs_all
+def test_one_that_keeps_its_connections_makes_no_other(listening: int) -> None:
+    """It answers who has connected; a listener that it shuts down, which may connect by sending, is refused."""
+    with child_with(SOCKETS) as child:
+        assert child.ask("far.send(b'answer'), near.recv(9)") == (6, b"answer")
+        assert child.ask("near.close(), far.recv(9)") == (None, b"")
+        child.ask("shut_down()")
+        for sock in ("listener", "far"):
+            for flags in ("socket.MSG_FASTOPEN", "socket.MSG_FASTOPEN | socket.MSG_DONTWAIT"):
+                assert is_refused(child.ask(f"tried('sent({sock}, {flags}, {listening})')")), (sock, flags)
+            assert is_refused(
+                child.ask(
+                    f"tried(\"{sock}.sendmsg([b'a'], [], socket.MSG_FASTOPEN, ('127.0.0.1', {listening}))\")"
+                )
+            )
+            assert is_refused(child.ask(f"tried(\"{sock}.connect(('127.0.0.1', {listening}))\")"))
+        assert is_refused(child.ask("tried('socket.socket()')"))
+        assert is_refused(child.ask("tried('os.fork()')"))
 
 
 @needs_all
@@ -257,6 +292,59 @@ def test_the_filter_of_each_machine(machine: str) -> None:
     assert answer_of(program, arch, 0x40000000 | read) == refuse
 
 
+# numbers in the order in which they are named below
+KEPT_CALLS = {
+    "x86_64": (59, 62, 258, 288, 50, 44, 46, 42, 49, 101, 268, 56, 257),
+    "aarch64": (221, 129, 34, 242, 201, 206, 211, 203, 200, 117, 53, 220, 56),
+}
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_the_filter_leaves_what_is_kept_and_no_more(machine: str) -> None:
+    """A right leaves its calls; new namespaces, connections by sending, modes of files and other processes stay refused."""
+    arch = MACHINES[machine][0]
+    (
+        execve,
+        kill,
+        mkdirat,
+        accept4,
+        listen,
+        sendto,
+        sendmsg,
+        connect,
+        bind,
+        ptrace,
+        fchmodat,
+        clone,
+        openat,
+    ) = KEPT_CALLS[machine]
+    allow, refuse = 0x7FFF0000, 0x50000 | errno.EPERM
+    every = {execve, kill, mkdirat, accept4, listen, sendto, sendmsg}
+    for kept, left in (
+        (Kept(), set()),
+        (Kept(folders=("/tmp",)), {mkdirat}),
+        (Kept(children=True), {execve, kill, mkdirat}),
+        (Kept(connections=True), {accept4, listen, sendto, sendmsg}),
+        (Kept(("/tmp",), children=True, connections=True), every),
+    ):
+        program = system_calls.filter_program(machine, kept)
+        for number in every:
+            assert answer_of(program, arch, number) == (allow if number in left else refuse), (kept, number)
+        for number in (connect, bind, ptrace, fchmodat):
+            assert answer_of(program, arch, number) == refuse, (kept, number)
+        # SIGCHLD, a thread, CLONE_VM | CLONE_VFORK; of namespaces all seven (linux/sched.h)
+        for flags in (17, 0x4111):
+            assert answer_of(program, arch, clone, flags) == (allow if kept.children else refuse)
+        assert answer_of(program, arch, clone, 0x3D0F00) == allow
+        for namespace in (17, 25, 26, 27, 28, 29, 30):
+            assert answer_of(program, arch, clone, 1 << namespace | 17) == refuse
+        for flags in (1, 2, 0o100):
+            assert answer_of(program, arch, openat, 0, 0, flags) == (allow if kept.writes else refuse)
+        assert answer_of(program, arch, sendto, 3, 0, 9, 0x20000000) == refuse
+        assert answer_of(program, arch, sendmsg, 3, 0, 0x20000000) == refuse
+        assert answer_of(program, arch, sendto, 3, 0, 9, 0x4000) == (allow if kept.connections else refuse)
+
+
 def test_the_numbers_of_this_machine_are_those_of_its_headers() -> None:
     """Every call that is refused by name is that call's number, as the system's own headers have it."""
     headers = {
@@ -314,11 +402,25 @@ print(tuple(found), found.complete, found.describe())
     )
 
 
-def test_what_is_offered_is_one_line() -> None:
+def test_what_is_offered_is_a_line_for_each_kind_of_process() -> None:
     """By the command that asks it; every combination has its own words."""
     ran = subprocess.run(
         [sys.executable, "-m", "canid.processes.confinement"], capture_output=True, text=True, check=True
     )
-    assert ran.stdout == offered().describe() + "\n"
+    first, *others = ran.stdout.splitlines()
+    assert first == offered().describe()
+    assert len(others) == len(set(others)) == 2
     lines = {Confinement(True, abi, calls).describe() for abi in (0, 1, 4) for calls in (False, True)}
     assert len(lines) == 6
+
+
+@pytest.mark.parametrize("kept", [Kept(), Kept(("/tmp",)), Kept(children=True), Kept(connections=True)])
+def test_what_is_said_to_be_refused_is_what_the_parts_refuse(kept: Kept) -> None:
+    """With more parts nothing more is missing; with all of them nothing, with none everything."""
+    whole, none = Confinement(True, 7, True), Confinement(False, 0, False)
+    assert whole.missing(kept) == []
+    assert len(none.missing(kept)) == (4 if kept.children else 3)
+    for abi in range(8):
+        alone = set(Confinement(True, abi, False).missing(kept))
+        assert set(Confinement(True, abi, True).missing(kept)) <= alone
+        assert alone <= set(Confinement(True, max(abi - 1, 0), False).missing(kept))

@@ -6,6 +6,8 @@ import hashlib
 import os
 import stat
 import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,12 +53,17 @@ class _File(NamedTuple):
         return cls(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
-def analyse(job: Job, source: Source) -> Outcome:
+# gives a local path for a log and what was listed of it, as `fetched.fetched` does
+Fetched = Callable[[str, Listed], AbstractContextManager[Path]]
+
+
+def analyse(job: Job, source: Source, local: Fetched = fetched) -> Outcome:
     """Analyse one log: read it, identify, diagnose, and make rows of what was found.
 
     Args:
         job: the log and the settings.
         source: how it is decoded.
+        local: fetches it, where it is in a storage.
 
     Returns:
         the rows of `columns.TABLES`; or why there are none. No log raises, whatever it holds.
@@ -72,9 +79,9 @@ def analyse(job: Job, source: Source) -> Outcome:
     """
     path = job.log
     try:
-        with fetched(job.log, Listed(job.size, job.modified_ns)) as local:
-            path = str(local)
-            return _of_file(local, job, source)
+        with local(job.log, Listed(job.size, job.modified_ns)) as file:
+            path = str(file)
+            return _of_file(file, job, source)
     except Exception as error:  # whatever a library raises about one log: the other logs go on
         return _failed(job, "", error, Failure.ERROR, path)
 

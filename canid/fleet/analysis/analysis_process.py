@@ -1,57 +1,68 @@
-"""The child of `canid.fleet.analysis.isolated`: analyses one log after another, within limits, until its parent is gone."""
+"""The child of `canid.fleet.analysis.isolated`: analyses one log after another, within limits, until its parent is gone.
+
+Before the first byte of a log it gives up its rights to write outside of its scratch folder, to send, to start other
+programs and to signal others (`confinement`): logs are strangers', and it parses them. What is to be fetched it asks its
+parent for. Answers: `READY`; then of each request `(FETCH, log)` as often as needed, which the parent answers as
+`fetch_process` does, and `(DONE, outcome, bytes that this process holds)`.
+"""
 
 from __future__ import annotations
 
 import faulthandler
 import os
-import queue
 import shutil
-import signal
 import sys
 import tempfile
-import threading
-import time
-from contextlib import suppress
-from typing import Any, NoReturn
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from canid.fleet.analysis.isolated import MEMORY_EXIT_CODE
+from canid.fleet.analysis.isolated import DONE, FETCH, MEMORY_EXIT_CODE, READY
+from canid.fleet.analysis.requests import Requests
 from canid.processes import limits
+from canid.processes.confinement import confine
+from canid.processes.kept_rights import Kept
 from canid.processes.serve import Connection, connect
 
-# s between two checks whether the parent still lives
-PARENT_CHECK_S = 0.5
+if TYPE_CHECKING:
+    from canid.fleet.planning.fetched import Listed
+
 # s beyond a log's own limit, after which a child that nobody ended ends itself: its parent has died, and Python cannot run
 GRACE_S = 10.0
 
 
 def main() -> NoReturn:
     """Answer requests over standard input: (job, fingerprint of its source, the source or None)."""
-    connection = connect()
+    connection = connect(plain=True)
     parent, scratch = int(sys.argv[1]), sys.argv[2]
-    # what is fetched or written on the way is there, and the parent deletes it
-    tempfile.tempdir = scratch
-    requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(connection, requests, scratch), daemon=True).start()
-    threading.Thread(target=_watch, args=(parent, scratch), daemon=True).start()
+    # of this process, and of those that it starts
+    tempfile.tempdir = os.environ["TMPDIR"] = scratch
     code = 1
     try:
-        _serve(requests, connection)
+        _serve(connection, parent, scratch)
     except MemoryError:
         code = MEMORY_EXIT_CODE
     finally:
         os._exit(code)  # at once: the threads are in the middle of reading
 
 
-def _serve(requests: queue.SimpleQueue[Any], connection: Connection) -> None:
+def _serve(connection: Connection, parent: int, scratch: str) -> None:
+    from canid.fleet.analysis import peak_memory
     from canid.fleet.analysis.analysis import analyse
     from canid.fleet.answers.joint_diagnosis import diagnose_together
     from canid.fleet.answers.recent_traces import RecentTraces
 
-    connection.answer("ready")
+    # opens what it is set with, which stays open
+    peak_memory.restart()
+    confine(Kept(folders=(scratch,), children=True))
+    requests = Requests(connection, parent, scratch)
+    connection.answer(READY)
+    fetched = _by_parent(connection, requests)
     sources: dict[str, Any] = {}
     recent = RecentTraces()
     while True:
-        job, fingerprint, source = requests.get()
+        job, fingerprint, source = requests.next()
         if source is not None:
             sources[fingerprint] = source
         # ends the process without the interpreter, should that be kept busy
@@ -59,33 +70,39 @@ def _serve(requests: queue.SimpleQueue[Any], connection: Connection) -> None:
         limits.limit_data(job.settings.memory_bytes)
         try:
             of_job = sources[fingerprint]
-            outcome = diagnose_together(job, of_job, recent) if job.together else analyse(job, of_job)
+            outcome = (
+                diagnose_together(job, of_job, recent, fetched)
+                if job.together
+                else analyse(job, of_job, fetched)
+            )
         finally:
             limits.limit_data(None)
             faulthandler.cancel_dump_traceback_later()
-        connection.answer((tuple(outcome), limits.resident_bytes()))
+        connection.answer((DONE, tuple(outcome), limits.resident_bytes()))
 
 
-def _read(connection: Connection, requests: queue.SimpleQueue[Any], scratch: str) -> None:
-    """Pass requests on; where the input ends, the parent has closed it or died, and nobody wants an answer."""
-    with suppress(Exception):  # whatever ends the input ends this process
-        for request in connection.messages():
-            requests.put(request)
-    _end(scratch)
+def _by_parent(connection: Connection, requests: Requests) -> Callable[[str, Listed], Any]:
+    """What gives a local path for a log: as `fetched.fetched`, by the parent."""
+    from canid.fleet.analysis.failed import Failed
+    from canid.fleet.analysis.job import Failure
+    from canid.fleet.planning import fetched
 
+    @contextmanager
+    def given(log: str, listed: Listed) -> Iterator[Path]:
+        if not fetched.is_stored(log):
+            with fetched.fetched(log, listed) as path:
+                yield path
+            return
+        connection.answer((FETCH, log))
+        copy, failure, reason = requests.next()
+        if failure:
+            raise Failed(Failure(failure), reason)
+        try:
+            yield Path(copy)
+        finally:
+            shutil.rmtree(Path(copy).parent, ignore_errors=True)
 
-def _watch(parent: int, scratch: str) -> None:
-    """End where the parent is gone: another process may hold the other end of the input open."""
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECK_S)
-    _end(scratch)
-
-
-def _end(scratch: str) -> None:
-    shutil.rmtree(scratch, ignore_errors=True)
-    if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
-        os.killpg(0, signal.SIGKILL)  # and what it has started itself
-    os._exit(0)
+    return given
 
 
 if __name__ == "__main__":

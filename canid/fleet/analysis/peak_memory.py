@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from canid.processes import limits
@@ -13,7 +15,13 @@ def restart() -> None:
     """Let the peak begin anew; where the system cannot, it stays that of the process's life."""
     with suppress(OSError):
         # proc(5): 5 resets the peak resident set size
-        limits.kernel_setting("/proc/self/clear_refs", "5")
+        os.write(_setting(), b"5")
+
+
+@cache
+def _setting() -> int:
+    """Opened once: a process that has given up its rights to write keeps it."""
+    return limits.opened_setting("/proc/self/clear_refs")
 
 
 def peak_bytes() -> int | None:

@@ -17,7 +17,7 @@ from canid.diagnosis.diagnose import diagnose_drives
 from canid.diagnosis.several_drives import shared_car
 from canid.diagnosis.several_drives.joined_drives import join
 from canid.effects import CATALOGUE
-from canid.fleet.analysis.analysis import opened_log, read_log
+from canid.fleet.analysis.analysis import Fetched, opened_log, read_log
 from canid.fleet.analysis.failed import Failed, failure_of, reason_of
 from canid.fleet.analysis.job import Failure, Job, Outcome, Settings, Source, Status
 from canid.fleet.analysis.key import IDENTITY
@@ -123,13 +123,14 @@ def key(keys: Iterable[str], subject: str = "driver") -> str:
     return hashlib.sha256("\n".join(["joint", subject, IDENTITY, *sorted(keys)]).encode()).hexdigest()
 
 
-def diagnose_together(job: Job, source: Source, recent: RecentTraces) -> Outcome:
+def diagnose_together(job: Job, source: Source, recent: RecentTraces, local: Fetched = fetched) -> Outcome:
     """Diagnose the logs of `job.together`.
 
     Args:
         job: with two or more logs of one driver in one car, or of one car.
         source: how all of them are decoded.
         recent: what this process has read last.
+        local: fetches a log, where it is in a storage.
 
     Returns:
         rows of `columns.JOINT_FINDINGS`, one without a cause where none was found; or why there are none.
@@ -138,7 +139,7 @@ def diagnose_together(job: Job, source: Source, recent: RecentTraces) -> Outcome
         traces = [
             recent.trace(
                 f"{member.log} {member.size} {member.modified_ns} {source.fingerprint}",
-                partial(_trace, member, source),
+                partial(_trace, member, source, local),
             )
             for member in job.together
         ]
@@ -159,15 +160,15 @@ def _check_unchanged(path: Path, job: Job) -> None:
         raise Failed(Failure.CHANGED, "changed since it was analysed: run canid fleet again")
 
 
-def _trace(member: Job, source: Source) -> Trace:
+def _trace(member: Job, source: Source, local: Fetched) -> Trace:
     """Read one drive. Raises Failed, which names it."""
     path = ""
     try:
-        with fetched(member.log, Listed(member.size, member.modified_ns)) as local:
-            path = str(local)
-            _check_unchanged(local, member)
-            log, vehicle = opened_log(local, source)
-            return read_log(local, log, vehicle).trace
+        with local(member.log, Listed(member.size, member.modified_ns)) as file:
+            path = str(file)
+            _check_unchanged(file, member)
+            log, vehicle = opened_log(file, source)
+            return read_log(file, log, vehicle).trace
     except Exception as error:  # as of one log alone
         reason = reason_of(error, path, member.log)
         raise Failed(failure_of(error, Failure.ERROR), f"{member.log}: {reason}") from None

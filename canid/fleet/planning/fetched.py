@@ -53,39 +53,63 @@ def fetched(log: str, listed: Listed | None = None) -> Iterator[Path]:
         ...     path.name
         'following_urban.blf'
     """
-    try:
-        if not address.is_address(log):
-            yield Path(log)
-            return
-    except ConfigError as error:
-        raise Failed(Failure.UNREADABLE, one_line(error)) from None
-    system, path = _file_system(log)
-    if address.scheme_of(log) in address.LOCAL:
-        yield Path(path)
+    if not is_stored(log):
+        yield Path(_file_system(log)[1] if address.is_address(log) else log)
         return
     with tempfile.TemporaryDirectory(prefix="canid-") as folder:
-        target = Path(folder) / f"log{_suffixes(path)}"
-        for pause in (*PAUSES_S, None):
-            try:
-                _fetch(system, path, target, listed or Listed())
-                break
-            except Failed:
-                raise
-            except Exception as error:  # each storage has exceptions of its own
-                out = is_outage(error)
-                if out and pause is not None:
-                    # what a storage keeps in memory of its folders may be of before
-                    system.invalidate_cache()
-                    target.unlink(missing_ok=True)
-                    time.sleep(pause)
-                    continue
-                if out:
-                    raise Failed(
-                        Failure.NOT_REACHED, f"its storage does not answer ({one_line(error)})"
-                    ) from None
-                failure = failure_of(error, Failure.UNREADABLE)
-                raise Failed(failure, f"cannot be fetched ({one_line(error)})") from None
-        yield target
+        yield fetch(log, listed or Listed(), Path(folder))
+
+
+def is_stored(log: str) -> bool:
+    """Whether a log has to be fetched: it is no local file.
+
+    Raises:
+        Failed: it has the form of an address, and canid opens none of its kind.
+
+    Example:
+        >>> is_stored("s3://bucket/a.blf"), is_stored("file:///a.blf"), is_stored("a.blf")
+        (True, False, False)
+    """
+    try:
+        return address.is_address(log) and address.scheme_of(log) not in address.LOCAL
+    except ConfigError as error:
+        raise Failed(Failure.UNREADABLE, one_line(error)) from None
+
+
+def fetch(log: str, listed: Listed, folder: Path) -> Path:
+    """Fetch a log of a storage.
+
+    Args:
+        log: URL.
+        listed: what is known of it.
+        folder: where the copy is made.
+
+    Raises:
+        Failed: it cannot be fetched; see `fetched`.
+    """
+    system, path = _file_system(log)
+    target = folder / f"log{_suffixes(path)}"
+    for pause in (*PAUSES_S, None):
+        try:
+            _fetch(system, path, target, listed)
+            break
+        except Failed:
+            raise
+        except Exception as error:  # each storage has exceptions of its own
+            out = is_outage(error)
+            if out and pause is not None:
+                # what a storage keeps in memory of its folders may be of before
+                system.invalidate_cache()
+                target.unlink(missing_ok=True)
+                time.sleep(pause)
+                continue
+            if out:
+                raise Failed(
+                    Failure.NOT_REACHED, f"its storage does not answer ({one_line(error)})"
+                ) from None
+            failure = failure_of(error, Failure.UNREADABLE)
+            raise Failed(failure, f"cannot be fetched ({one_line(error)})") from None
+    return target
 
 
 def seen(log: str) -> bool:
