@@ -14,7 +14,9 @@ import errno
 import hashlib
 import os
 import re
+import secrets
 import stat
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -85,7 +87,8 @@ def connected(needed_by: str, extra: str, **settings: str | int | bool) -> Any:
     Args:
         needed_by: what cannot be done without DuckDB, for the error.
         extra: of canid, which installs it.
-        settings: further ones of DuckDB.
+        settings: further ones of DuckDB. What does not fit into its memory goes to the folder of temporary files: its own
+            choice is the current folder.
 
     Raises:
         ConfigError: DuckDB is not installed.
@@ -99,7 +102,9 @@ def connected(needed_by: str, extra: str, **settings: str | int | bool) -> Any:
         import duckdb
     except ImportError as error:
         raise ConfigError(f"{needed_by} needs duckdb: pip install 'canid[{extra}]'") from error
-    return duckdb.connect(config={**settings, **_NO_EXTENSIONS})
+    # made when it is needed, and removed by DuckDB
+    spilled = os.path.join(tempfile.gettempdir(), f"canid-{secrets.token_hex(8)}")
+    return duckdb.connect(config={"temp_directory": spilled, **settings, **_NO_EXTENSIONS})
 
 
 @contextmanager
