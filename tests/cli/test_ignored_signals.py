@@ -22,7 +22,11 @@ VERBS = {
 
 
 def handled(pid: int, number: signal.Signals) -> tuple[bool, bool]:
-    """Does a process ignore this signal, and does it catch it? By /proc, signal 1 is bit 0."""
+    """Does canid ignore this signal, and does it catch it? By /proc, signal 1 is bit 0. Neither, as long as it is the shell,
+    which catches SIGINT until its trap is set.
+    """
+    if Path(f"/proc/{pid}/cmdline").read_bytes().startswith(b"sh\0"):
+        return False, False
     status = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
     bit = 1 << (number - 1)
     return bool(int(status["SigIgn"], 16) & bit), bool(int(status["SigCgt"], 16) & bit)
