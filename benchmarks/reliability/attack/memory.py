@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import random
+import socket
 import subprocess
 import sys
 import time
@@ -24,7 +25,7 @@ RATES = (500, 2000, 4000)  # frames/s
 # verb and words, and how many children it has at least
 VERBS = (
     ("live", ("--vehicle", "generic"), 1),
-    ("live", ("--vehicle", "generic", "--web", "127.0.0.1:0"), 2),
+    ("live", ("--vehicle", "generic", "--web"), 2),
     ("record", ("--vehicle", "generic", "--trigger", "speed > -1"), 1),
 )
 # takes memory without an end, a piece at a time: `room` bytes, then more than there are
@@ -37,54 +38,84 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
         yield Outcome(f"not tried: {CGROUPS} is not there, or not this user's", math.nan, 0)
         return
     verb, words, children = rng.choice(VERBS)
+    if "--web" in words:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            words = (*words, f"127.0.0.1:{free.getsockname()[1]}")
     path = folder / "x.blf"
     sender = Sender(folder, rng.choice(RATES))
     with (
         _cgroup(f"canid-{os.getpid()}-{rng.randrange(1 << 30)}") as group,
-        Recording(path, *words, verb=verb, talk=folder, bus=sender.words) as recording,
+        Recording(path, *words, verb=verb, talk=folder, bus=sender.words, prefix=_inside(group)) as recording,
         sender,
     ):
-        recorder = recording.process.pid
-        until(lambda: len(descendants(recorder)) >= children)
-        sender.wait(rng.uniform(0.2, 2.0))
-        for pid in (recorder, *descendants(recorder)):
-            with suppress(OSError):
-                (group / "cgroup.procs").write_text(str(pid))
-        before = descendants(recorder)
-        used = sum(map(_resident, (recorder, *before)))
-        # the other program is smaller than the recorder when its memory ends: the marks of the processes decide
-        (group / "memory.limit_in_bytes").write_text(
-            str(used + int(_resident(recorder) * rng.uniform(0.2, 0.6)))
-        )
-        hog = subprocess.Popen([sys.executable, "-I", "-c", HOG, str(rng.randrange(1 << 18, 1 << 22))])
-        try:
-            (group / "cgroup.procs").write_text(str(hog.pid))
-            until(
-                lambda: (
-                    set(descendants(recorder)) != set(before)
-                    or recording.process.poll() is not None
-                    or hog.poll() is not None
-                )
+        yield _filled(path, group, recording, sender, children, rng)
+
+
+def _filled(
+    path: Path, group: Path, recording: Recording, sender: Sender, least: int, rng: random.Random
+) -> Outcome:
+    """The other program begins once all children are there, and ends once the kernel has ended something."""
+    recorder = recording.process.pid
+    before = _settled(recorder, least)
+    sender.wait(rng.uniform(0.2, 2.0))
+    # room for less than the recorder holds, so that it is not the size that decides
+    room = int(_resident(recorder) * rng.uniform(0.2, 0.6))
+    (group / "memory.limit_in_bytes").write_text(str(_held(group) + room))
+    words = [sys.executable, "-I", "-c", HOG, str(rng.randrange(1 << 18, 1 << 22))]
+    hog = subprocess.Popen([*_inside(group), *words])
+    try:
+        until(
+            lambda: (
+                bool(before - _children(recorder))
+                or recording.process.poll() is not None
+                or hog.poll() is not None
             )
-            spared = not set(before) - set(descendants(recorder))
-        finally:
-            hog.kill()
-            hog.wait()
-        time.sleep(rng.uniform(0.0, 1.0))
-        gone = recording.process.poll()
-        sender.end()
-        code = recording.end() if gone is None else gone
-        instant = time.time()
+        )
+        spared = before <= _children(recorder)
+    finally:
+        hog.kill()
+        hog.wait()
+    time.sleep(rng.uniform(0.0, 1.0))
+    gone = recording.process.poll()
+    sender.end()
+    code = recording.end() if gone is None else gone
     outcome = after_an_end(
-        path, sender, instant, "a cgroup that is full: live, live with --web, record --trigger"
+        path, sender, time.time(), "a cgroup that is full: live, live with --web, record --trigger"
     )  # type: ignore[arg-type]
     wrong = [outcome.wrong] if outcome.wrong else []
     wrong += [f"the recorder was ended: {gone}"] if gone is not None else []
     wrong += ["no child was ended first"] if spared else []
     wrong += [f"{outcome.frames} frames lost"] if outcome.frames else []
     wrong += [f"exit code {code}"] if gone is None and code != 143 else []
-    about = f" ({verb} {' '.join(words)})" if wrong else ""
-    yield outcome._replace(lost=math.nan, wrong="; ".join(wrong) + about)
+    about = f" ({recording.said[-200:]})" if wrong else ""
+    return outcome._replace(lost=math.nan, wrong="; ".join(wrong) + about)
+
+
+def _inside(group: Path) -> tuple[str, ...]:
+    """What starts a program in a cgroup, so that what it holds is counted from its beginning."""
+    return ("sh", "-c", 'echo $$ >"$0" && exec "$@"', str(group / "cgroup.procs"))
+
+
+def _settled(pid: int, least: int) -> set[int]:
+    """Its children, once there are enough and the same for 2 s."""
+    before, since = _children(pid), time.monotonic()
+
+    def settled() -> bool:
+        nonlocal before, since
+        now = _children(pid)
+        if now != before or len(now) < least:
+            before, since = now, time.monotonic()
+        return time.monotonic() - since > 2.0
+
+    until(settled)
+    return before
+
+
+def _held(group: Path) -> int:
+    """Bytes that its processes hold, without copies of files."""
+    stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
+    return int(stat["total_rss"])
 
 
 @contextmanager
@@ -99,6 +130,16 @@ def _cgroup(name: str) -> Iterator[Path]:
                 (CGROUPS / "cgroup.procs").write_text(pid)
         with suppress(OSError):
             group.rmdir()
+
+
+def _children(pid: int) -> set[int]:
+    """Those that run; one that was ended is listed until its parent has asked for it."""
+    found = set()
+    for child in descendants(pid):
+        with suppress(OSError):
+            if Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX":
+                found.add(child)
+    return found
 
 
 def _resident(pid: int) -> int:
