@@ -78,13 +78,18 @@ def test_what_is_to_be_installed_exists() -> None:
 
 @pytest.mark.slow("the commands of a page")
 def test_hints_that_are_known_at_run_time_only() -> None:
-    """Those of interfaces and of schemes of URLs; there are no others that this test does not know."""
+    """Those of interfaces, of schemes of URLs and of what needs DuckDB; there are no others that this test does not know."""
     for interface in can.VALID_INTERFACES:
         assert package_of(interface) == "" or wrong(package_of(interface)) == ""
     assert {*PACKAGES} <= set(can.VALID_INTERFACES)
     assert {"s3", "fleet"} <= extras_of("canid")
+    source = "".join(path.read_text(encoding="utf-8") for path in sorted(ROOT.glob("canid/**/*.py")))
+    for_duckdb = re.findall(r"(?:duckdb_files\.connected\(|NEEDS_DUCKDB = \()\"[^\"]+\", \"(\w+)\"", source)
+    assert len(for_duckdb) >= 3
+    assert {*for_duckdb} <= extras_of("canid")
     unknown = {f"{where}: {word}" for where, word in hints() if ANY in word}
     assert {one.partition(":")[0] for one in unknown} <= {
+        "canid/files/duckdb_files.py",
         "canid/fleet/planning/remote.py",
         "canid/fleet/planning/fetched.py",
     }
