@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +18,8 @@ from canid.values.errors import CanidError
 HANGUP: int | None = getattr(signal, "SIGHUP", None)
 # sent by a terminal, a service manager and a closed ssh session
 SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if HANGUP is None else (HANGUP,)))
+# s until a signal whose exception was dropped is sent again
+AGAIN_S = 0.02
 
 
 class Interrupt:
@@ -79,9 +83,22 @@ def ending() -> Iterator[None]:
     """Raise KeyboardInterrupt or `Ended` on a signal, for verbs without a loop that polls `Interrupt`.
 
     A signal that the parent process ignores (nohup, a background job of a shell) stays ignored. Libraries make errors of
-    their own of such an exception (numpy an ImportError, while it is imported): it is raised again in their place.
+    their own of such an exception (numpy an ImportError, while it is imported): it is raised again in their place. Python
+    itself drops one that is raised while a finaliser or a weak reference's callback runs: the signal is sent again then.
     """
     raised: list[KeyboardInterrupt] = []
+    report = sys.unraisablehook
+
+    def dropped(unraisable: sys.UnraisableHookArgs) -> None:
+        error = unraisable.exc_value
+        if not any(error is each for each in raised):
+            report(unraisable)
+            return
+        number = error.code - 128 if isinstance(error, Ended) else signal.SIGINT
+        # not in this call, which would drop it as well
+        again = threading.Timer(AGAIN_S, _send, (number,))
+        again.daemon = True
+        again.start()
 
     def end(number: int, _: FrameType | None) -> None:
         streams.hurry()  # messages on the way out wait for no reader
@@ -93,6 +110,7 @@ def ending() -> Iterator[None]:
         return
     usual = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.signal(number, end) for number in SIGNALS if signal.getsignal(number) in usual}
+    sys.unraisablehook = dropped
     try:
         yield
     except (CanidError, OSError):
@@ -102,5 +120,15 @@ def ending() -> Iterator[None]:
             raise raised[-1] from None
         raise
     finally:
+        sys.unraisablehook = report
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _send(number: int) -> None:
+    """Send a signal to the main thread, or what comes nearest to that where the system cannot."""
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:
+        _thread.interrupt_main(signal.Signals(number))

@@ -6,11 +6,15 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
-from canid.cli.interrupt import Ended, ending
+from canid.cli.interrupt import SIGNALS, Ended, ending
 from canid.values.errors import OutputError
+
+# s; a signal that is lost is waited for so long
+PATIENCE_S = 20.0
 
 
 def interrupted_import(number: int) -> None:
@@ -69,3 +73,44 @@ def test_the_first_signal_ends_a_program_that_has_said_so(when: str, code: int, 
     """At the end that --duration began no signal has come before, and the line that is shown promises one."""
     done = subprocess.run([sys.executable, "-c", POLLED, when], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (code, printed)
+
+
+class Finalised:
+    """Ends this process while it is finalised."""
+
+    def __init__(self, number: int):
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+def ended_and_waiting(number: int) -> None:
+    """A signal in a finaliser, then work."""
+    Finalised(number)
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_in_a_finaliser_is_not_lost(number: int) -> None:
+    """Python drops what is raised there, as in callbacks of weak references: while modules are imported, for one."""
+    with pytest.raises(KeyboardInterrupt) as found, ending():
+        ended_and_waiting(number)
+    assert getattr(found.value, "code", 128 + signal.SIGINT) == 128 + number
+
+
+class Failing:
+    """Raises an error while it is finalised."""
+
+    def __del__(self) -> None:
+        raise ValueError("a finaliser's own")
+
+
+def test_another_error_in_a_finaliser_is_reported_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    reported: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda error: reported.append(error.exc_type))
+    with ending():
+        Failing()
+    assert reported == [ValueError]
