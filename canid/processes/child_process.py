@@ -11,7 +11,8 @@ import os
 import sys
 from collections.abc import Sequence
 
-_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+# the folder that canid lies in: above the file as often as the package's name has parts
+_ROOT = os.path.abspath(__file__).rsplit(os.sep, __package__.count(".") + 2)[0]
 
 # argv: the number of paths, the paths, the module, its arguments
 _START = """
