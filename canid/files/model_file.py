@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 from canid.values.errors import ConfigError
-from canid.values.identified_model import IdentifiedModel, from_json
+from canid.values.identified_model import IdentifiedModel
+from canid.values.text.model_json import from_json
 
 
 def read_model(path: str | Path) -> IdentifiedModel:

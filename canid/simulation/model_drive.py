@@ -17,8 +17,9 @@ from canid.simulation.driver import DriverTruth
 from canid.simulation.following import DT, Simulation, close_loop, further_signals
 from canid.simulation.leads import LEADS, speed_profile
 from canid.values.errors import ConfigError
-from canid.values.identified_model import IdentifiedModel, NoiseLaw, to_json
+from canid.values.identified_model import IdentifiedModel, NoiseLaw
 from canid.values.runs import runs
+from canid.values.text.model_json import to_json
 from canid.values.types import NAN, Array, Trace
 
 # s; in a shorter stretch gap and speed hardly leave their initial values

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from canid.drive.identification_json import OfLog
 from canid.values.findings import Finding, Fit, Report, Rival, Trajectory, duration, nrmse, step, used_time
-from canid.values.identified_model import IdentifiedModel, equation
+from canid.values.identified_model import IdentifiedModel
 from canid.values.numbers import role_unit
+from canid.values.text.model_equation import equation
 from canid.values.types import Interval
 from canid.views import closed_loop, search_bounds
 from canid.views.closed_loop import rms_error

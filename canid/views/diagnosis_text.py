@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 
 from canid.values.findings import Check, Finding, Report, Trajectory, duration, extends, masked_for, used_time
-from canid.values.identified_model import equation
 from canid.values.names import capitalised, parameter, readable
 from canid.values.numbers import gain_unit, interval, number, percent, role_unit, time_range
+from canid.values.text.model_equation import equation
 from canid.views import closed_loop, search_bounds, signal_text
 from canid.views import diagnosis_parts as parts
 from canid.views.document.document import Block, Cell, Listing, Table, chosen

@@ -18,7 +18,7 @@ import pytest
 from canid.logs import open_log
 from canid.simulation import Car
 from canid.values.errors import DAMAGED, DONE, USAGE
-from canid.values.identified_model import to_json
+from canid.values.text.model_json import to_json
 from tests.simulation.test_model_drive import drawn, model_of
 
 Canid = Callable[..., Any]

@@ -17,7 +17,8 @@ from canid.logs import write_log
 from canid.simulation import START_UTC, Car, DriverTruth, Simulation, frames, model_drive, remnant, simulate
 from canid.simulation.model_drive import Lead
 from canid.values.findings import Report
-from canid.values.identified_model import DRIVER, CarLaw, IdentifiedModel, NoiseLaw, from_json, to_json
+from canid.values.identified_model import DRIVER, CarLaw, IdentifiedModel, NoiseLaw
+from canid.values.text.model_json import from_json, to_json
 from canid.values.types import Interval
 from canid.vehicle import read_vehicle
 from tests.seeds import mostly

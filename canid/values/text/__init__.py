@@ -1,0 +1,1 @@
+"""Values as text: names, numbers with their intervals, sentences, and JSON."""
