@@ -79,22 +79,23 @@ def doubled_constants(tree: Path) -> dict[str, list[str]]:
     return {name: sorted(where) for name, where in sorted(values.items()) if len(where) > 1}
 
 
+def catalogue(tree: Path) -> list[Path]:
+    """Files of the catalogue of effects, whichever layer it lies in in this checkout."""
+    return [path for path in sources(tree / "canid") if "effects" in path.relative_to(tree).parts[:-1]]
+
+
 def effect_ids(tree: Path) -> set[str]:
     """Ids of the catalogue, by the files that hold an EFFECT."""
     pattern = re.compile(r'^\s*id="(\w+)"', re.MULTILINE)
-    return {
-        found
-        for path in sources(tree / "canid/effects")
-        for found in pattern.findall(path.read_text("utf-8"))
-    }
+    return {found for path in catalogue(tree) for found in pattern.findall(path.read_text("utf-8"))}
 
 
 def named_effects(tree: Path) -> dict[str, int]:
     """File of canid/ outside effects/ -> how many times an effect's id or module stands in its code, docstrings left out."""
-    ids = effect_ids(tree)
+    ids, effects = effect_ids(tree), set(catalogue(tree))
     out = {}
     for path in sources(tree / "canid"):
-        if path.is_relative_to(tree / "canid/effects"):
+        if path in effects:
             continue
         parsed = ast.parse(path.read_text(encoding="utf-8"))
         docs = {
@@ -107,7 +108,7 @@ def named_effects(tree: Path) -> dict[str, int]:
         for node in ast.walk(parsed):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
                 count += node.value in ids
-            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("canid.effects"):
+            elif isinstance(node, ast.ImportFrom) and ".effects." in f"{node.module}.":
                 count += ((node.module or "").rpartition(".")[2] in ids) + sum(
                     a.name in ids for a in node.names
                 )

@@ -14,7 +14,8 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from importlib import import_module, util
+from importlib import import_module
+from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, NamedTuple
 
@@ -63,23 +64,25 @@ class Tracer:
         return Walk(len(files), len(self._functions), len(self._next), len(back))
 
 
-def first_of(*modules: str) -> Any:
-    """Import the first of some modules that this checkout has."""
-    for name in modules:
-        try:
-            if util.find_spec(name):
-                return import_module(name)
-        except ModuleNotFoundError:
-            continue
-    raise ModuleNotFoundError(f"none of {', '.join(modules)}")
+def module(*parts: str) -> Any:
+    """Import the module of canid whose name ends so, whichever layer it lies in in this checkout.
+
+    Raises:
+        StopIteration: there is none.
+    """
+    root = Path(import_module("canid").__file__ or "").parent
+    wanted = (Path(*parts).with_suffix(".py"), Path(*parts, "__init__.py"))
+    path = next(path for name in wanted for path in sorted(root.rglob(str(name))))
+    names = path.relative_to(root.parent).with_suffix("").parts
+    return import_module(".".join(names).removesuffix(".__init__"))
 
 
 def pipeline() -> Callable[[], Any]:
     """Four chunks of frames, from `step` to estimates."""
-    build = first_of("canid.pipeline.pipeline", "canid.pipeline.pipeline").build
-    chunks = first_of("canid.values.frame_columns", "canid.values.frame_columns").chunks
-    frames = list(first_of("canid.logs").open_log(LOG))
-    running = build(first_of("canid").read_vehicle(VEHICLE))
+    build = module("pipeline", "pipeline").build
+    chunks = module("frame_columns").chunks
+    frames = list(module("logs").open_log(LOG))
+    running = build(import_module("canid").read_vehicle(VEHICLE))
     parts = list(chunks(frames, -(-len(frames) // CHUNKS)))
 
     def call() -> Any:
@@ -92,13 +95,13 @@ def pipeline() -> Callable[[], Any]:
 
 def identify() -> Callable[[], Any]:
     """`canid.identify` of a shipped log."""
-    canid = first_of("canid")
+    canid = import_module("canid")
     return lambda: canid.identify(LOG, VEHICLE, sliding=False)
 
 
 def diagnose() -> Callable[[], Any]:
     """`canid.diagnose` of the log of a clean simulated drive."""
-    canid = first_of("canid")
+    canid = import_module("canid")
     folder = tempfile.TemporaryDirectory()
     log = f"{folder.name}/clean.blf"
     words = (
@@ -119,7 +122,7 @@ WALKS = {"pipeline": pipeline, "identify": identify, "diagnose": diagnose}
 def main(name: str) -> None:
     """Trace one walk and print it."""
     call = WALKS[name]()
-    tracer = Tracer(os.path.dirname(first_of("canid").__file__) + os.sep)
+    tracer = Tracer(os.path.dirname(import_module("canid").__file__) + os.sep)
     sys.setprofile(tracer.trace)
     try:
         call()

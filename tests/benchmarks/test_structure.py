@@ -39,11 +39,19 @@ def test_a_trace_counts_successions_of_calls_in_both_directions(tmp_path: Path) 
 def test_the_layers_are_those_of_the_test_of_imports(tmp_path: Path) -> None:
     assert layers(HERE) > 1
     (tmp_path / "tests").mkdir()
-    test = tmp_path / "tests" / "test_floors.py"
-    test.write_text('LAYERS = (("values", ("types",)), ("mathematics", ()))\n')
-    assert layers(tmp_path) == 2
-    test.write_text('FLOOR = {"types": 0.2, "runs": 0, "errors": 0}\n')
-    assert layers(tmp_path) == 2
+    for name in ("test_floors.py", "test_layers.py"):
+        test = tmp_path / "tests" / name
+        test.write_text('LAYERS = (("values", ("types",)), ("mathematics", ()))\n')
+        assert layers(tmp_path) == 2
+        test.write_text('"""Another test."""\n')
+        with pytest.raises(ValueError, match="no test has LAYERS"):
+            layers(tmp_path)
+
+
+def test_a_module_is_found_in_whichever_layer_it_lies() -> None:
+    assert walks.module("logs").open_log is walks.module("logs", "log").open_log
+    with pytest.raises(StopIteration):
+        walks.module("logs", "no_such_module")
 
 
 def test_the_table_is_markdown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
