@@ -13,9 +13,14 @@ from canid.values.errors import OutputError, one_line, out_of_memory
 
 # what a session imports once its log is open, or a bus is
 MODULES = (
-    "numpy", "canid.session.session", "canid.buses.bus_opener", "canid.recording.recorder", "canid.logs.log_writer",
-    "canid.views.end_summary", "canid.views.terminal_view",
-)  # fmt: skip
+    "numpy",
+    "canid.session.session",
+    "canid.buses.bus_opener",
+    "canid.recording.recorder",
+    "canid.logs.log_writer",
+    "canid.views.end_summary",
+    "canid.views.terminal_view",
+)
 ESTIMATING = ("canid.vehicle", "canid.session.estimator_process", "canid.files.state_keeper")
 # of two buses, the log, the estimators, the outputs and the end
 THREADS = 16
