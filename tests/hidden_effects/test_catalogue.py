@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import canid
+from canid import effects
 from canid.effects import CATALOGUE, LANE_CATALOGUE
 from canid.effects.effect import (
     DriveFeatures,
@@ -27,7 +28,7 @@ from canid.effects.effect import (
 from canid.effects.redundancy import Coefficient
 from canid.values.types import Interval
 
-PACKAGE = Path(canid.__file__).parent
+PACKAGE, EFFECTS = Path(canid.__file__).parent, Path(effects.__file__).parent
 IDS = {effect.id for effect in (*CATALOGUE, *LANE_CATALOGUE)}
 TASKS = {"": CATALOGUE, "lane ": LANE_CATALOGUE}
 each = pytest.mark.parametrize(
@@ -53,7 +54,7 @@ SHARED = {"effect", "operating_point", "redundancy", "slope", "wanted_gap"}
 
 def modules() -> set[str]:
     """Modules of effects."""
-    files = {path.stem for path in (PACKAGE / "effects").rglob("*.py")}
+    files = {path.stem for path in EFFECTS.rglob("*.py")}
     return files - SHARED - {"__init__"}
 
 
@@ -71,7 +72,7 @@ def test_no_effect_is_named_outside_of_the_catalogue() -> None:
     study = PACKAGE.with_name("canid_study")
     for path in sorted([*PACKAGE.rglob("*.py"), *study.rglob("*.py")]):
         where = path.relative_to(PACKAGE if path.is_relative_to(PACKAGE) else study.parent).as_posix()
-        if where.startswith("effects/"):
+        if path.is_relative_to(EFFECTS):
             continue
         for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
             # comments may name an effect; from 3.12 on the text of an f-string is a token of its own
