@@ -6,7 +6,6 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeGuard
 
 import pytest
 
@@ -109,9 +108,10 @@ def test_children_that_parse_answer_with_values() -> None:
         starters = [name for name, text in texts.items() if f'"{module}"' in text]
         assert starters, module
         for starter in starters:
-            started = [
-                node for node in ast.walk(ast.parse(texts[starter])) if _starts_a_child(node, texts[starter])
-            ]
+            tree = ast.parse(texts[starter])
+            names = _names_of_child(tree)
+            calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+            started = [call for call in calls if isinstance(call.func, ast.Name) and call.func.id in names]
             assert started, starter
             for call in started:
                 assert "answers" in {word.arg for word in call.keywords}, starter
@@ -122,11 +122,15 @@ def test_children_that_parse_answer_with_values() -> None:
         assert confined or parser == fetcher, parser
 
 
-def _starts_a_child(node: ast.AST, text: str) -> TypeGuard[ast.Call]:
-    """Whether this is a call of `canid.processes.child.Child`, under whatever name."""
-    renamed = re.search(r"from canid\.processes\.child import (?:.*, )?Child(?: as (\w+))?", text)
-    name = (renamed[1] or "Child") if renamed else ""
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name
+def _names_of_child(tree: ast.Module) -> set[str]:
+    """How a module calls `Child` of the module child.py of canid's processes."""
+    return {
+        alias.asname or alias.name
+        for statement in ast.walk(tree)
+        if isinstance(statement, ast.ImportFrom) and str(statement.module).endswith("processes.child")
+        for alias in statement.names
+        if alias.name == "Child"
+    }
 
 
 def test_asammdf_is_opened_in_one_place() -> None:
