@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.diagnosis import corrections
-from canid.diagnosis.driver import baseline_form, closed_loop
-from canid.diagnosis.driver.closed_loop import Ride, Road
-from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.null import confirmed_search
-from canid.diagnosis.prepared_drive import Prepared, ready
-from canid.diagnosis.rivals.calibration import calibrate
-from canid.diagnosis.rivals.recommendation import CANID
-from canid.diagnosis.rivals.rival_models import MODELS
-from canid.diagnosis.rivals.rival_simulation import leads, simulate
-from canid.effects import CATALOGUE
-from canid.effects.effect import Kind
-from canid.effects.wanted_gap import Form
+from canid.models.diagnosis import corrections
+from canid.models.diagnosis.driver import baseline_form, closed_loop
+from canid.models.diagnosis.driver.closed_loop import Ride, Road
+from canid.models.diagnosis.driver.driver_fit import FittedDriver
+from canid.models.diagnosis.null import confirmed_search
+from canid.models.diagnosis.prepared_drive import Prepared, ready
+from canid.models.diagnosis.rivals.calibration import calibrate
+from canid.models.diagnosis.rivals.recommendation import CANID
+from canid.models.diagnosis.rivals.rival_models import MODELS
+from canid.models.diagnosis.rivals.rival_simulation import leads, simulate
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Kind
+from canid.models.effects.wanted_gap import Form
 from canid.values.findings import ClosedLoopError, Report, nrmse
 from canid.values.types import Trace
 

@@ -41,59 +41,59 @@ __version__ = "0.3.0"
 if TYPE_CHECKING:
     from typing import Any
 
-    from canid.cli.commands.schema import json_schema as json_schema
-    from canid.desk.drive_results import compare as compare
-    from canid.desk.drive_results import diagnose as diagnose
-    from canid.desk.drive_results import identify as identify
-    from canid.drive.drive_parameters import Identified as Identified
-    from canid.drive.drive_reader import Drive as Drive
-    from canid.drive.drive_reader import read_drive as read_drive
-    from canid.drive.drive_reader import read_signals as read_signals
-    from canid.drive.drive_reader import read_trace as read_trace
-    from canid.drive.drive_reader import replay as replay
-    from canid.files.model_file import read_model as read_model
-    from canid.logs.recovery import recover as recover
-    from canid.session.listener import Listener as Listener
-    from canid.session.session import live as live
-    from canid.simulation import simulate as simulate
-    from canid.simulation.model_drive import simulate_model as simulate_model
-    from canid.tables.arrays import from_arrays as from_arrays
-    from canid.tables.arrays import from_frame as from_frame
+    from canid.analysis.drive.drive_parameters import Identified as Identified
+    from canid.analysis.drive.drive_reader import Drive as Drive
+    from canid.analysis.drive.drive_reader import read_drive as read_drive
+    from canid.analysis.drive.drive_reader import read_signals as read_signals
+    from canid.analysis.drive.drive_reader import read_trace as read_trace
+    from canid.analysis.drive.drive_reader import replay as replay
+    from canid.analysis.drive_results import compare as compare
+    from canid.analysis.drive_results import diagnose as diagnose
+    from canid.analysis.drive_results import identify as identify
+    from canid.analysis.session.listener import Listener as Listener
+    from canid.analysis.session.session import live as live
+    from canid.analysis.tables.arrays import from_arrays as from_arrays
+    from canid.analysis.tables.arrays import from_frame as from_frame
+    from canid.io.files.model_file import read_model as read_model
+    from canid.io.logs.recovery import recover as recover
+    from canid.models.simulation import simulate as simulate
+    from canid.models.simulation.model_drive import simulate_model as simulate_model
+    from canid.signals.vehicle import read_vehicle as read_vehicle
+    from canid.ui.cli.commands.schema import json_schema as json_schema
     from canid.values.errors import CanidError as CanidError
     from canid.values.findings import Report as Report
     from canid.values.types import Channel as Channel
     from canid.values.types import Estimate as Estimate
     from canid.values.types import Interval as Interval
     from canid.values.types import Trace as Trace
-    from canid.vehicle import read_vehicle as read_vehicle
 
 # each name is imported when it is first used: mathematics takes seconds to import, recording must not wait for it
 _HOME = {
     "CanidError": "values.errors",
     "Channel": "values.types",
-    "Drive": "drive.drive_reader",
+    "Drive": "analysis.drive.drive_reader",
     "Estimate": "values.types",
-    "Identified": "drive.drive_parameters",
+    "Identified": "analysis.drive.drive_parameters",
     "Interval": "values.types",
-    "Listener": "session.listener",
+    "Listener": "analysis.session.listener",
     "Report": "values.findings",
     "Trace": "values.types",
-    "compare": "desk.drive_results",
-    "diagnose": "desk.drive_results",
-    "from_arrays": "tables.arrays",
-    "from_frame": "tables.arrays",
-    "identify": "desk.drive_results",
-    "json_schema": "cli.commands.schema",
-    "live": "session.session",
-    "read_drive": "drive.drive_reader",
-    "read_model": "files.model_file",
-    "read_signals": "drive.drive_reader",
-    "read_trace": "drive.drive_reader",
-    "read_vehicle": "vehicle",
-    "recover": "logs.recovery",
-    "replay": "drive.drive_reader",
-    "simulate": "simulation",
-    "simulate_model": "simulation.model_drive",
+    "compare": "analysis.drive_results",
+    "diagnose": "analysis.drive_results",
+    "from_arrays": "analysis.tables.arrays",
+    "from_frame": "analysis.tables.arrays",
+    "identify": "analysis.drive_results",
+    "json_schema": "ui.cli.commands.schema",
+    "live": "analysis.session.session",
+    "read_drive": "analysis.drive.drive_reader",
+    "read_model": "io.files.model_file",
+    "read_signals": "analysis.drive.drive_reader",
+    "read_trace": "analysis.drive.drive_reader",
+    "read_vehicle": "signals.vehicle",
+    "recover": "io.logs.recovery",
+    "replay": "analysis.drive.drive_reader",
+    "simulate": "models.simulation",
+    "simulate_model": "models.simulation.model_drive",
 }
 
 
@@ -111,7 +111,7 @@ def __dir__() -> list[str]:
 
 
 def _presenters() -> _presentation.Find:
-    from canid.views import presenters
+    from canid.ui.views import presenters
 
     return presenters.find
 

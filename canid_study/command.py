@@ -7,14 +7,16 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from canid.cli import drive_source, options, provenance, reading
-from canid.cli.command_line import reproducing
-from canid.cli.output import complete_files, output_kinds, outputs
-from canid.cli.output.messages import info, line_printer
-from canid.cli.output.outputs import Output
-from canid.values import json_values
+from canid.ui.cli import provenance
+from canid.ui.cli.command_line import reproducing
+from canid.ui.cli.inputs import drive_source, reading
+from canid.ui.cli.options import options
+from canid.ui.cli.output import complete_files, output_kinds, outputs
+from canid.ui.cli.output.outputs import Output
+from canid.ui.terminal.messages import info, line_printer
 from canid.values.errors import CHECK_FAILED, DONE, ConfigError, OutputError
 from canid.values.findings import Provenance
+from canid.values.text import json_values
 from canid_study import prints, runs
 from canid_study.artifact import Study
 from canid_study.views import figure_svg, study_files, study_page

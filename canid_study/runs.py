@@ -14,16 +14,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from canid.cli import drive_source, reading
-from canid.cli.output.progress import Progress
+from canid.ui.cli.inputs import drive_source, reading
+from canid.ui.terminal.progress import Progress
 from canid.values.errors import DONE, CanidError, ConfigError
 
 if TYPE_CHECKING:
-    from canid.cli.drive_source import Car
-    from canid.drive.drive_reader import Drive
-    from canid.simulation import Simulation
+    from canid.analysis.drive.drive_reader import Drive
+    from canid.models.simulation import Simulation
+    from canid.signals.vehicle import Vehicle
+    from canid.ui.cli.inputs.drive_source import Car
     from canid.values.types import Trace
-    from canid.vehicle import Vehicle
     from canid_study.artifact import Skipped, Study
     from canid_study.chen_ulsoy.settings import ChenUlsoySettings
 
@@ -224,9 +224,9 @@ def reproduced(args: argparse.Namespace, vehicle: Vehicle) -> Study:
 
 def _through_log(simulation: Simulation, vehicle: Vehicle, path: Path) -> tuple[Trace, dict[str, Any]]:
     """Encode, write, read: what a recording of the drive would hold, and its truth."""
-    from canid.drive.drive_reader import read_trace
-    from canid.logs import write_log
-    from canid.simulation import START_UTC, frames
+    from canid.analysis.drive.drive_reader import read_trace
+    from canid.io.logs import write_log
+    from canid.models.simulation import START_UTC, frames
 
     write_log(path, frames(simulation, vehicle), START_UTC)
     trace = read_trace(path, vehicle)

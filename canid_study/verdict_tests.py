@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import binomtest, norm, spearmanr, wilcoxon
 
-from canid.identification.confidence import MISS, NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import MISS, NORMAL_QUANTILE
 from canid.values.types import NAN, Array, Interval
 from canid_study.artifact import ClaimVerdict
 

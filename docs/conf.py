@@ -58,7 +58,7 @@ NOTEBOOK = re.compile(r"<!-- notebook (\S+) -->")
 # fields are in the signature; what they mean stands in the docstring
 TYPES = (
     "canid.values.types.Interval", "canid.values.types.Channel", "canid.values.types.Estimate", "canid.values.types.Status",
-    "canid.values.types.Identifiable", "canid.values.types.Trace", "canid.drive.drive_parameters.Identified",
+    "canid.values.types.Identifiable", "canid.values.types.Trace", "canid.analysis.drive.drive_parameters.Identified",
     "canid.values.findings.Report",
     "canid.values.findings.Finding",
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The tables of a fleet and their columns in docs/fleet_folder.md, from canid/fleet/storage/columns.py.
+"""The tables of a fleet and their columns in docs/fleet_folder.md, from canid/analysis/fleet/storage/columns.py.
 
 python docs/fleet_tables.py
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))
 
-from canid.fleet.storage.columns import LOGS, SUMMARIES, TABLES, Column  # noqa: E402
+from canid.analysis.fleet.storage.columns import LOGS, SUMMARIES, TABLES, Column  # noqa: E402
 
 PAGE = DOCS / "fleet_folder.md"
 BEGIN, END = "<!-- columns: begin -->\n", "<!-- columns: end -->"

@@ -16,9 +16,9 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))
 
 from canid import __version__  # noqa: E402
-from canid.cli import completion  # noqa: E402
-from canid.cli.commands import schema  # noqa: E402
-from canid.cli.verbs import VERBS  # noqa: E402
+from canid.ui.cli import completion  # noqa: E402
+from canid.ui.cli.commands import schema  # noqa: E402
+from canid.ui.cli.verbs import VERBS  # noqa: E402
 
 PAGE = DOCS / "commands.md"
 MAN = DOCS / "man/canid.1"

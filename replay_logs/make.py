@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.logs import write_log
-from canid.simulation import START_UTC, Simulation, frames, simulate, truth_text
-from canid.simulation.model_drive import drawn_lead, drive
+from canid.io.logs import write_log
+from canid.models.simulation import START_UTC, Simulation, frames, simulate, truth_text
+from canid.models.simulation.model_drive import drawn_lead, drive
+from canid.signals.vehicle import read_vehicle
 from canid.values.identified_model import DRIVER, IdentifiedModel, NoiseLaw
 from canid.values.types import Interval
-from canid.vehicle import read_vehicle
 
 
 class Drive(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from canid.pipeline.pipeline import Output, Pipeline
+from canid.models.pipeline.pipeline import Output, Pipeline
 from canid.values.frame_columns import chunks
 from canid.values.types import Frame
 

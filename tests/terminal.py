@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from canid.views.terminal_view.spans import Line
+from canid.ui.terminal.spans import Line
 
 
 def plain(lines: Sequence[Line]) -> str:

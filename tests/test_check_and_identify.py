@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from canid.drive.drive_parameters import identify
-from canid.drive.identification_verdict import verdict, why_nothing
-from canid.drive.vehicle_check import check
-from canid.logs import open_log
-from canid.pipeline import pipeline
-from canid.samples import trace_assembly
-from canid.signal_checks import signal_checks
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.drive.identification_verdict import verdict, why_nothing
+from canid.analysis.drive.vehicle_check import check
+from canid.io.logs import open_log
+from canid.models.pipeline import pipeline
+from canid.signals.samples import trace_assembly
+from canid.signals.signal_checks import signal_checks
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.frame_columns import chunks, columns_of
 from canid.values.types import Frame, Sample, SignalReport, Trace
-from canid.vehicle import Vehicle, read_vehicle
 
 LOGS = Path(__file__).parents[1] / "replay_logs"
 SHIPPED = LOGS.parent / "dbc"

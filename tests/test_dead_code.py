@@ -27,9 +27,9 @@ PLAIN_DECORATORS = {"property", "cached_property", "staticmethod", "classmethod"
 
 # what stands there all the same, and why
 ALLOWED = {
-    "canid.logs.log:Log.events_read": "with the other counts of Log it accounts for every line of a file",
-    "canid.export.fmu_driver:CanidDriver": "pythonfmu3 makes it within an FMU",
-    "canid.export.fmu_driver:CanidDriver.do_step": "the simulator that runs the FMU calls it",
+    "canid.io.logs.log:Log.events_read": "with the other counts of Log it accounts for every line of a file",
+    "canid.analysis.export.fmu_driver:CanidDriver": "pythonfmu3 makes it within an FMU",
+    "canid.analysis.export.fmu_driver:CanidDriver.do_step": "the simulator that runs the FMU calls it",
 }
 # distributions that no module imports, and why they are needed
 UNIMPORTED = {
@@ -204,12 +204,12 @@ def is_entry(module: str, name: str) -> bool:
     """Whether something outside the package, or a name put together as the program runs, calls it."""
     if module == "canid" or name in ("", "__all__", "__getattr__", "__dir__"):
         return True
-    if module == "canid.logs.text_writers":  # by suffix
+    if module == "canid.io.logs.text_writers":  # by suffix
         return name in ("AscWriter", "CandumpWriter")
-    if module == "canid.logs.others.frame_list":  # by the form of a line
-        return name in modules()["canid.logs.formats"].definitions["FORMS"].texts
-    return (module, name) == ("canid.cli", "main") or (
-        module.startswith("canid.cli") and name in ("arguments", "run", "results")
+    if module == "canid.io.logs.others.frame_list":  # by the form of a line
+        return name in modules()["canid.io.logs.formats"].definitions["FORMS"].texts
+    return (module, name) == ("canid.ui.cli", "main") or (
+        module.startswith("canid.ui.cli") and name in ("arguments", "run", "results")
     )
 
 

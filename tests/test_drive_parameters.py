@@ -9,16 +9,16 @@ from typing import Any
 import pytest
 
 import canid
-from canid.drive import drive_parameters, drive_reader, identification_json
-from canid.estimators import ESTIMATORS, fopdt, status
-from canid.estimators.armax import ARMAX
-from canid.logs import open_log
-from canid.pipeline import pipeline
-from canid.values import json_values
+from canid.analysis.drive import drive_parameters, drive_reader, identification_json
+from canid.io.logs import open_log
+from canid.mathematics.estimators import ESTIMATORS, fopdt, status
+from canid.mathematics.estimators.armax import ARMAX
+from canid.models.pipeline import pipeline
+from canid.signals.vehicle import read_vehicle
+from canid.ui.views import identification_text
+from canid.values.text import json_values
 from canid.values.types import Channel, Estimate, Interval, Sample, Status
 from canid.values.window import Window
-from canid.vehicle import read_vehicle
-from canid.views import identification_text
 from tests.exact import exact
 
 REPO = Path(__file__).parents[1]

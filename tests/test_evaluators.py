@@ -26,19 +26,19 @@ METHODS = {
 # (file, what): why it may
 ALLOWED = {
     (
-        "canid/processes/child.py",
+        "canid/values/processes/child.py",
         "pickle",
     ): "messages of children of canid's own; those that parse answer by plain_values",
-    ("canid/processes/serve.py", "pickle"): "messages of the parent, which started this child",
-    ("canid/processes/plain_values.py", "pickle"): "an unpickler that names nothing but listed types",
+    ("canid/values/processes/serve.py", "pickle"): "messages of the parent, which started this child",
+    ("canid/values/processes/plain_values.py", "pickle"): "an unpickler that names nothing but listed types",
     (
-        "canid/session/diagnosis_process.py",
+        "canid/analysis/session/diagnosis_process.py",
         "pickle",
     ): "samples of this process, sent to the child that it started",
-    ("canid/views/document/templates.py", "jinja2"): "templates of the package, found by a PackageLoader",
+    ("canid/ui/views/document/templates.py", "jinja2"): "templates of the package, found by a PackageLoader",
     ("canid_study/views/study_page.py", "from_string"): "a template of the package",
-    ("canid/logs/mf4/raw_mdf.py", "numexpr"): "makes it refuse",
-    ("canid/logs/mf4/raw_mdf.py", "sympy"): "makes it unimportable",
+    ("canid/io/logs/mf4/raw_mdf.py", "numexpr"): "makes it refuse",
+    ("canid/io/logs/mf4/raw_mdf.py", "sympy"): "makes it unimportable",
 }
 
 
@@ -96,10 +96,10 @@ def test_no_evaluator_is_used_but_for_these() -> None:
 
 def test_children_that_parse_answer_with_values() -> None:
     """Whoever gives up rights answers with values alone, and whoever starts such a child says which types those have."""
-    texts = {name: text for name, text in sources().items() if not name.startswith("canid/processes/")}
+    texts = {name: text for name, text in sources().items() if not name.startswith("canid/values/processes/")}
     parsers = {name for name, text in texts.items() if "connect(plain=True)" in text}
     # fetches, and parses nothing but the answers of a storage
-    fetcher = "canid/fleet/analysis/fetch_process.py"
+    fetcher = "canid/analysis/fleet/one_log/fetch_process.py"
     assert {name.rpartition("/")[2] for name in parsers - {fetcher}} == {
         *("parsing.py", "mf4_child.py", "signals_child.py", "analysis_process.py"),
     }
@@ -144,7 +144,7 @@ def test_asammdf_is_opened_in_one_place() -> None:
         and "asammdf"
         in {(getattr(node, "module", None) or alias.name).partition(".")[0] for alias in node.names}
     }
-    assert users == {"canid/logs/mf4/raw_mdf.py", "canid/export/mf4_child.py"}
+    assert users == {"canid/io/logs/mf4/raw_mdf.py", "canid/analysis/export/mf4_child.py"}
 
 
 @pytest.mark.parametrize(

@@ -7,17 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from canid.contents import last_values, single_frame
-from canid.contents.binding import DbcFile
-from canid.contents.decoded_frames import Decoder, decoded_signals
-from canid.contents.last_values import LastValues
-from canid.contents.log_survey import Wanted
-from canid.contents.signal_tables import SignalTables
-from canid.dbc_text.parsing import Message, Signal
-from canid.drive.signal_columns import MessageFrames, decode
+from canid.analysis.contents import last_values, single_frame
+from canid.analysis.contents.binding import DbcFile
+from canid.analysis.contents.decoded_frames import Decoder, decoded_signals
+from canid.analysis.contents.last_values import LastValues
+from canid.analysis.contents.log_survey import Wanted
+from canid.analysis.contents.signal_tables import SignalTables
+from canid.analysis.drive.signal_columns import MessageFrames, decode
+from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle.vehicle_file import with_databases
 from canid.values.frame_columns import columns_of
 from canid.values.types import Flag, Frame
-from canid.vehicle.vehicle_file import with_databases
 from tests.test_signal_columns import TEXT, read
 
 

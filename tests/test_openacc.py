@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import canid
-from canid.identification import identifiability
-from canid.values import estimate_text
+from canid.mathematics.identification import identifiability
+from canid.values.text import estimate_text
 from canid.values.types import Channel, Identifiable, Status, Trace
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 

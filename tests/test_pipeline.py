@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 import canid
-from canid.drive import drive_reader
-from canid.drive.drive_parameters import samples
-from canid.estimators.fopdt import FOPDT
-from canid.logs import open_log
-from canid.pipeline import pipeline
+from canid.analysis.drive import drive_reader
+from canid.analysis.drive.drive_parameters import samples
+from canid.io.logs import open_log
+from canid.mathematics.estimators.fopdt import FOPDT
+from canid.models.pipeline import pipeline
+from canid.signals.vehicle import read_vehicle
 from canid.values.frame_columns import chunks
 from canid.values.types import Estimate, Frame, Identifiable, LearnGate, Sample, Status
 from canid.values.window import Window
-from canid.vehicle import read_vehicle
 from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 
@@ -158,6 +158,6 @@ def test_rav4_the_controller_itself_is_identified(tmp_path: Path) -> None:
 def test_the_estimators_start_without_scipy() -> None:
     """Nothing that a live start imports needs scipy.signal or matplotlib, which take a second each."""
     heavy = "{'scipy.signal', 'scipy.stats', 'filterpy', 'matplotlib'}"
-    code = f"import sys, canid.pipeline.pipeline; print(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, canid.models.pipeline.pipeline; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

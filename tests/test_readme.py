@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.cli.verbs import VERBS
+from canid.ui.cli import main
+from canid.ui.cli.verbs import VERBS
 from tests.fixtures.demo_folder import made_by_demo
 
 ROOT = Path(__file__).parents[1]

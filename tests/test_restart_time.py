@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from canid.pipeline import restart_time
+from canid.models.pipeline import restart_time
 from canid.values.types import LearnGate, Sample
 
 DT = 0.1

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses.bus_opener import open_buses
-from canid.session.session import SessionSettings, session
+from canid.analysis.session.session import SessionSettings, session
+from canid.io.buses.bus_opener import open_buses
 
 # s: longer than a session waits for a result before it asks whether it should stop
 SLOW = 0.2

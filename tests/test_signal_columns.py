@@ -9,15 +9,15 @@ import cantools
 import numpy as np
 import pytest
 
-from canid.dbc_text.parsing import Parser
-from canid.drive.drive_reader import read_signals
-from canid.drive.signal_columns import MessageKey, by_message, decode, frames_by_message
-from canid.logs import open_log, write_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.analysis.drive.signal_columns import MessageKey, by_message, decode, frames_by_message
+from canid.io.logs import open_log, write_log
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle import read_vehicle
+from canid.signals.vehicle.database import Dbc, load
 from canid.values.frame_columns import columns_of
 from canid.values.types import Flag, Frame
 from canid.values.window import Window
-from canid.vehicle import read_vehicle
-from canid.vehicle.database import Dbc, load
 
 ROOT = Path(__file__).parents[1]
 # all kinds of signals: both byte orders, signs, floats, over byte borders, behind byte 8 (FD), two levels of multiplexing
@@ -151,7 +151,7 @@ def test_a_role_is_the_same_by_both_ways() -> None:
 
 def test_rounds_of_any_size_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """However a log is cut, the frames of each message are those of the whole, in order; parts too."""
-    from canid.drive import signal_columns
+    from canid.analysis.drive import signal_columns
 
     path = ROOT / "replay_logs/following_mixed.blf"
     whole = frames_by_message(open_log(path))

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.drive import drive_reader
-from canid.logs import open_log, write_log
+from canid.analysis.drive import drive_reader
+from canid.io.logs import open_log, write_log
+from canid.signals.vehicle import Vehicle, read_vehicle
+from canid.signals.vehicle.bits import put, raw_of
+from canid.signals.vehicle.mapping import SignalMap
 from canid.values.types import Frame, LearnGate, Trace
-from canid.vehicle import Vehicle, read_vehicle
-from canid.vehicle.bits import put, raw_of
-from canid.vehicle.mapping import SignalMap
 from tests.fixtures.measured_logs import MEASURED, MISSING
 
 ROOT = Path(__file__).parents[1]

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 CANID = Path(__file__).parents[1] / "canid"
-VERB = "cli/commands/study.py"
+VERB = "ui/cli/commands/study.py"
 
 
 def imports(tree: ast.AST) -> set[str]:
@@ -36,7 +36,7 @@ def test_the_verb_alone_imports_it_and_inside_a_function() -> None:
 
 def test_prints_are_shown_without_python_control_and_matplotlib() -> None:
     code = (
-        "import sys; from canid.cli import main; main(['study', 'prints', 'grover'])\n"
+        "import sys; from canid.ui.cli import main; main(['study', 'prints', 'grover'])\n"
         "assert not {'control', 'matplotlib'} & set(sys.modules), 'imported early'"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks.compare import drives
 from benchmarks.identification.table import Table, markdown
-from canid.comparison.comparison import DIFFERENT, Comparison, compare
-from canid.values.names import label
+from canid.analysis.comparison.comparison import DIFFERENT, Comparison, compare
+from canid.values.text.names import label
 
 BEGIN, END = "<!-- compare: begin -->", "<!-- compare: end -->"
 # what differs between two drivers: name, parameter that shows it

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.comparison.drive import DriveEstimates, Side
-from canid.comparison.result_estimates import of_identified
-from canid.drive.drive_parameters import identify
-from canid.drive.drive_reader import read_trace
-from canid.logs import write_log
-from canid.simulation import START_UTC, frames, simulate
-from canid.simulation.driver import DriverTruth, draw_driver
-from canid.values.numbers import role_unit
-from canid.vehicle import Vehicle, read_vehicle
+from canid.analysis.comparison.drive import DriveEstimates, Side
+from canid.analysis.comparison.result_estimates import of_identified
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.drive.drive_reader import read_trace
+from canid.io.logs import write_log
+from canid.models.simulation import START_UTC, frames, simulate
+from canid.models.simulation.driver import DriverTruth, draw_driver
+from canid.signals.vehicle import Vehicle, read_vehicle
+from canid.values.text.numbers import role_unit
 
 # min, and how often: from a town errand to a stretch of motorway
 MINUTES = (2.0, 3.0, 5.0, 10.0, 20.0)

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["canid.logs"]):
-    from canid.logs import open_log
-    from canid.logs.recovery import recover
+with atheris.instrument_imports(include=["canid.io.logs"]):
+    from canid.io.logs import open_log
+    from canid.io.logs.recovery import recover
     from canid.values.errors import LogError
     from canid.values.frame_columns import frames_of
 

@@ -50,8 +50,8 @@ def main(path: str) -> None:
     """Measure in this process."""
     import resource
 
-    from canid.logs import log, open_log, recovery
-    from canid.logs.reader_state import ReadState
+    from canid.io.logs import log, open_log, recovery
+    from canid.io.logs.reader_state import ReadState
     from canid.values.errors import CanidError
 
     states: list[ReadState] = []

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import cantools
 
-from canid.dbc_text.parsing import Parser
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle.database import load
 from canid.values.errors import ConfigError
-from canid.vehicle.database import load
 
 SUFFIXES = (".dbc", ".arxml", ".kcd", ".sym")
 

@@ -20,11 +20,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import canid
-from canid.estimators import ESTIMATORS, agreement
-from canid.pipeline import pipeline
-from canid.simulation import NOISES, frames, simulate
+from canid.mathematics.estimators import ESTIMATORS, agreement
+from canid.models.pipeline import pipeline
+from canid.models.simulation import NOISES, frames, simulate
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import Array, Estimate, Identifiable, LearnGate, Sample, Status
-from canid.vehicle import read_vehicle
 from tests.pipeline_outputs import outputs
 
 PROFILES = ("mixed", "urban", "motorway")

@@ -18,10 +18,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import canid
-from canid.pipeline import pipeline
-from canid.simulation import NOISES, frames, simulate
+from canid.models.pipeline import pipeline
+from canid.models.simulation import NOISES, frames, simulate
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import Estimate, Identifiable, Status
-from canid.vehicle import read_vehicle
 from tests.pipeline_outputs import outputs
 
 PROFILES = ("mixed", "urban", "motorway")

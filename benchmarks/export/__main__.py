@@ -27,12 +27,12 @@ import pandas as pd
 
 from benchmarks.reading import peers, synthetic
 from benchmarks.reading.cost import Child, child, cpu
-from canid.dbc_text.parsing import Parser
-from canid.drive.signal_columns import frames_by_message
-from canid.export import csv_table, signal_tables
-from canid.export.table import Field, Origin, of_columns
-from canid.logs import open_log, write_log
-from canid.vehicle.database import load
+from canid.analysis.drive.signal_columns import frames_by_message
+from canid.analysis.export import csv_table, signal_tables
+from canid.analysis.export.table import Field, Origin, of_columns
+from canid.io.logs import open_log, write_log
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle.database import load
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ("csv", "parquet", "mat", "mf4", "mcap")

@@ -7,7 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.logs import write_log
+from canid.io.logs import write_log
 from tests.plants import measurement
 from tests.plants.plant_one import plant
 

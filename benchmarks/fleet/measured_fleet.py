@@ -21,8 +21,8 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 from benchmarks.fleet import page
 from benchmarks.fleet.fleet_runs import machine, rows, run
-from canid.fleet.answers.summary import summarise
-from canid.logs import open_log, write_log
+from canid.analysis.fleet.answers.summary import summarise
+from canid.io.logs import open_log, write_log
 from canid.values.fleet_summary import FleetSummary
 from canid.values.types import Frame, Interval
 

@@ -65,10 +65,10 @@ def _peak() -> float:
 
 
 def _nothing_new(number: int, folder: Path) -> None:
-    from canid.fleet.analysis import run
-    from canid.fleet.analysis.job import Settings
-    from canid.fleet.planning.plan import Plan, PlannedLog
-    from canid.fleet.storage import outcome_rows, store
+    from canid.analysis.fleet.job import Settings
+    from canid.analysis.fleet.planning.plan import Plan, PlannedLog
+    from canid.analysis.fleet.running import run
+    from canid.analysis.fleet.storage import outcome_rows, store
 
     settings = Settings(diagnosis=False)
     computed, before = outcome_rows.computed(settings), _resident()
@@ -116,7 +116,7 @@ def _write_outcomes(part: Path, identities: Path) -> None:
 
 
 def _tables(number: int, folder: Path) -> None:
-    from canid.fleet.storage import consolidated
+    from canid.analysis.fleet.storage import consolidated
 
     parts = -(-number // DRIVES_OF_PART)
     of_drive = {
@@ -150,9 +150,9 @@ def _write(part: Path, values: dict[str, str], rows: str) -> None:
     """A part with some columns known."""
     import duckdb
 
-    from canid.fleet.storage import parquet_files
-    from canid.fleet.storage.columns import DRIVES
-    from canid.fleet.storage.outcome_rows import OUTCOMES
+    from canid.analysis.fleet.storage import parquet_files
+    from canid.analysis.fleet.storage.columns import DRIVES
+    from canid.analysis.fleet.storage.outcome_rows import OUTCOMES
 
     part.mkdir(parents=True)
     with duckdb.connect(config={"threads": 1, "preserve_insertion_order": False}) as db:

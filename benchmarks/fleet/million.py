@@ -30,7 +30,7 @@ QUESTIONS = (
 )
 _PLAN = """
 import resource, sys, time
-from canid.fleet.planning.plan import planned
+from canid.analysis.fleet.planning.plan import planned
 before, began, cpu = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter(), time.process_time()
 plan = planned([sys.argv[1]], vehicle="generic")
 took = time.perf_counter() - began, time.process_time() - cpu
@@ -87,8 +87,8 @@ def _make_tables(folder: Path, number: int) -> None:
     """`logs.parquet` and `drives.parquet` with every column that `canid fleet` writes."""
     import duckdb
 
-    from canid.fleet.storage.columns import DRIVES, LOGS
-    from canid.fleet.storage.consolidated import OF_THE_LOG
+    from canid.analysis.fleet.storage.columns import DRIVES, LOGS
+    from canid.analysis.fleet.storage.consolidated import OF_THE_LOG
 
     of_log = tuple(column for column in LOGS if column.name in OF_THE_LOG)
     for name, columns in (("logs", LOGS), ("drives", (*of_log, *DRIVES))):
@@ -115,7 +115,7 @@ def _value(name: str, kind: str) -> str:
 
 
 def _asked(folder: Path, sql: str) -> tuple[float, float]:
-    from canid.fleet.storage.database import opened, rows
+    from canid.analysis.fleet.storage.database import opened, rows
 
     clock, cpu = time.perf_counter(), time.process_time()
     with opened(folder) as db:

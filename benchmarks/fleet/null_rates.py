@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
-from canid.population.change_over_time import WEEK_S, change_over_time
-from canid.population.drive_table import DriveTable, drive_table
-from canid.population.groups import contrasts
-from canid.population.hierarchical import pool
-from canid.population.same_driver import drives_fit, pairs
+from canid.mathematics.population.change_over_time import WEEK_S, change_over_time
+from canid.mathematics.population.drive_table import DriveTable, drive_table
+from canid.mathematics.population.groups import contrasts
+from canid.mathematics.population.hierarchical import pool
+from canid.mathematics.population.same_driver import drives_fit, pairs
 from canid.values.types import Array
 from tests.plants.many_fleets import correlation
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.fleet.planted_score import CHANGED, kinds, swapped
-from canid.fleet.answers.summary import summarise
+from canid.analysis.fleet.answers.summary import summarise
 from canid.values.fleet_summary import FleetSummary, Questions
 from tests.fleet.planted.planted_fleet import GROUPS
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.identification.confidence import NORMAL_QUANTILE, QUANTILES
-from canid.population import gibbs, normal_mixture, spread
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE, QUANTILES
+from canid.mathematics.population import gibbs, normal_mixture, spread
 from canid.values.types import Array
 from tests.plants.many_fleets import Fleets, Layout, draw, sampler_data
 

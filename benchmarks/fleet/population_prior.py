@@ -34,11 +34,11 @@ from benchmarks.fleet.prior_drives import (
     people,
     table,
 )
-from canid.identification.fopdt.prior import Prior
-from canid.population.drive_table import drive_table
-from canid.population.hierarchical import MIN_DRIVERS, Population, pool
-from canid.population.population_prior import prior_of
-from canid.samples.trace_assembly import part
+from canid.mathematics.identification.fopdt.prior import Prior
+from canid.mathematics.population.drive_table import drive_table
+from canid.mathematics.population.hierarchical import MIN_DRIVERS, Population, pool
+from canid.mathematics.population.population_prior import prior_of
+from canid.signals.samples.trace_assembly import part
 from canid.values.types import Channel, Identifiable, Interval, Trace
 
 DRIVERS = 30

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.drive.drive_parameters import identify
-from canid.estimators import fopdt
-from canid.estimators.fopdt_whole_drive import Fitting
-from canid.estimators.whole_drive import settings_of
-from canid.fleet.analysis.joint_estimate import joint_estimate
-from canid.identification.fopdt.prior import Prior
-from canid.population.drive_table import DriveTable, drive_table
-from canid.samples.trace_assembly import part
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.fleet.one_log.joint_estimate import joint_estimate
+from canid.mathematics.estimators import fopdt
+from canid.mathematics.estimators.fopdt_whole_drive import Fitting
+from canid.mathematics.estimators.whole_drive import settings_of
+from canid.mathematics.identification.fopdt.prior import Prior
+from canid.mathematics.population.drive_table import DriveTable, drive_table
+from canid.signals.samples.trace_assembly import part
 from canid.values.types import Array, Channel, Identifiable, Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
@@ -35,7 +35,8 @@ NAMES = (
     "headway_error.log_tau_plus_dead_time",
     "range_rate.log_tau_plus_dead_time",
 )
-# statuses from which a fleet takes tau + dead time; gains from all drives: canid.fleet.answers.estimates, `every_gain`
+# statuses from which a fleet takes tau + dead time; gains from all drives: canid.analysis.fleet.answers.estimates,
+# `every_gain`
 SUM = (Identifiable.OK, Identifiable.SUM_ONLY)
 
 

@@ -15,11 +15,11 @@ import time
 from collections.abc import Generator, Iterable, Mapping
 from typing import Any
 
-from canid.fleet.analysis import local_run
-from canid.fleet.analysis.job import Job, Outcome, Settings
-from canid.fleet.analysis.run import run
-from canid.fleet.planning.plan import planned
-from canid.fleet.storage import store
+from canid.analysis.fleet.job import Job, Outcome, Settings
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.fleet.running import local_run
+from canid.analysis.fleet.running.run import run
+from canid.analysis.fleet.storage import store
 
 SETTINGS = Settings(diagnosis=False)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.logs import write_log
+from canid.io.logs import write_log
+from canid.signals.vehicle import encoder, read_vehicle
 from canid.values.types import Frame
-from canid.vehicle import encoder, read_vehicle
 from tests.plants import measurement
 from tests.plants.plant_one import plant
 

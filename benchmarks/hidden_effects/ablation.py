@@ -13,7 +13,7 @@ from benchmarks.hidden_effects.drives import CLEAN
 from benchmarks.hidden_effects.outcomes import CANID, Outcome
 from benchmarks.hidden_effects.peers.answer import ADEQUATE, NAMED, UNEXPLAINED, Answer
 
-# tests by the module of canid/diagnosis/adequacy that makes them; the others are families of `alternatives`
+# tests by the module of canid/models/diagnosis/adequacy that makes them; the others are families of `alternatives`
 MODULES = {
     "intermittent_gain": ("unsteady",),
     "skewness": ("one side",),

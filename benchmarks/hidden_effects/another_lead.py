@@ -19,12 +19,12 @@ import numpy as np
 from scipy.special import logit
 
 from benchmarks.hidden_effects.drawn_drives import print_table
-from canid.diagnosis import masks
-from canid.diagnosis.driver import held_out
-from canid.diagnosis.null import confirmed_search
-from canid.diagnosis.prepared_drive import Prepared, ready
-from canid.effects import CATALOGUE
-from canid.effects.effect import Kind
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.driver import held_out
+from canid.models.diagnosis.null import confirmed_search
+from canid.models.diagnosis.prepared_drive import Prepared, ready
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Kind
 from canid.values.types import Interval
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace

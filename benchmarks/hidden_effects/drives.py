@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from canid.effects import CATALOGUE
-from canid.effects.effect import Kind
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Kind
 from tests.plants import plant_one, plant_two
 from tests.plants.plant_one.strengths import STRENGTHS
 from tests.plants.plant_two.strengths import USUAL

@@ -20,7 +20,7 @@ import numpy as np
 
 import canid
 from benchmarks.hidden_effects.drawn_drives import print_table
-from canid.views.diagnosis_answer import answer
+from canid.ui.views.diagnosis_report.diagnosis_answer import answer
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 

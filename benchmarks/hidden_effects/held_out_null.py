@@ -18,14 +18,14 @@ os.environ["OMP_NUM_THREADS"] = "1"
 import numpy as np
 
 from benchmarks.hidden_effects.drawn_drives import print_table
-from canid.diagnosis.driver import driver_candidates, driver_search, held_out
-from canid.diagnosis.driver.driver_data import prepare
-from canid.diagnosis.driver.driver_fit import baseline
-from canid.diagnosis.driver.driver_search import Search
-from canid.diagnosis.fitting.search import Named
-from canid.diagnosis.null import predictive_score
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect, Kind
+from canid.models.diagnosis.driver import driver_candidates, driver_search, held_out
+from canid.models.diagnosis.driver.driver_data import prepare
+from canid.models.diagnosis.driver.driver_fit import baseline
+from canid.models.diagnosis.driver.driver_search import Search
+from canid.models.diagnosis.fitting.search import Named
+from canid.models.diagnosis.null import predictive_score
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Effect, Kind
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from canid.diagnosis.driver.driver_data import prepare
+from canid.models.diagnosis.driver.driver_data import prepare
 from canid.values.types import Trace
 from tests.plants.planted_drive import Array, Planted
 

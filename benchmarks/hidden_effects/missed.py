@@ -20,7 +20,7 @@ import numpy as np
 
 import canid
 from benchmarks.hidden_effects.drawn_drives import print_table
-from canid.identification.confidence import SIGMAS
+from canid.mathematics.identification.confidence import SIGMAS
 from canid.values.types import Interval
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace

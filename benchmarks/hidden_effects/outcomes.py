@@ -17,10 +17,10 @@ from benchmarks.hidden_effects.drives import REMOVED, Drive
 from benchmarks.hidden_effects.expected import Price
 from benchmarks.hidden_effects.hiding import hide
 from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answer
-from canid.diagnosis.diagnose import diagnose
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect
-from canid.identification.identifiability import QUOTABLE
+from canid.mathematics.identification.identifiability import QUOTABLE
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Effect
 from canid.values.findings import Check, Report, Verdict
 from canid.values.types import Interval, Trace
 from tests.plants.planted_drive import Planted

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from benchmarks.identification import open_loop
 from benchmarks.identification.noise_models import NoiseModel, whiten
-from canid.identification import identifiability
+from canid.mathematics.identification import identifiability
 from canid.values.types import Identifiable, Interval
 from tests.plants.first_order_lag import answer
 

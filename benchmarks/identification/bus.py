@@ -1,6 +1,6 @@
 """From a drive to what an identifier gets: readings on clocks of their own, then canid's way, or a plain one.
 
-canid's way is that of `canid.pipeline.pipeline`, from the reading on: lead, smoothing, sampling, gate. The peers get
+canid's way is that of `canid.models.pipeline.pipeline`, from the reading on: lead, smoothing, sampling, gate. The peers get
 the same readings joined by lines at 10 Hz, which is what a careful script does.
 """
 
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.identification.loops import Drive
-from canid.samples import lead, learning_gate, own_speed, sampling_grid
-from canid.samples.sampler import MADE, SMOOTH_ALONG_S
+from canid.signals.samples import lead, learning_gate, own_speed, sampling_grid
+from canid.signals.samples.sampler import MADE, SMOOTH_ALONG_S
 from canid.values.types import Driver, Reading, Sample
 
 GRID = 0.1  # s

@@ -9,16 +9,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import canid
-from canid.estimators import ESTIMATORS
-from canid.estimators.armax import SECOND_START, ArmaxSettings
-from canid.estimators.fopdt import FopdtSettings
-from canid.identification import autoregression, feedback_bias, identifiability, innovation_law
-from canid.identification.armax import armax_batch, armax_recursive, box_jenkins_recursive, gain_and_delay
-from canid.identification.armax.rates import per_sample, rates
-from canid.identification.fopdt import fopdt_residual, regression_rows
-from canid.identification.fopdt.fopdt_fit import Settings, fit_process, row_layout
-from canid.identification.fopdt.grid_search import ProcessFit
-from canid.identification.fopdt.prior import Prior
+from canid.mathematics.estimators import ESTIMATORS
+from canid.mathematics.estimators.armax import SECOND_START, ArmaxSettings
+from canid.mathematics.estimators.fopdt import FopdtSettings
+from canid.mathematics.identification import autoregression, feedback_bias, identifiability, innovation_law
+from canid.mathematics.identification.armax import (
+    armax_batch,
+    armax_recursive,
+    box_jenkins_recursive,
+    gain_and_delay,
+)
+from canid.mathematics.identification.armax.rates import per_sample, rates
+from canid.mathematics.identification.fopdt import fopdt_residual, regression_rows
+from canid.mathematics.identification.fopdt.fopdt_fit import Settings, fit_process, row_layout
+from canid.mathematics.identification.fopdt.grid_search import ProcessFit
+from canid.mathematics.identification.fopdt.prior import Prior
 from canid.values.types import (
     TASK_INPUTS,
     Channel,

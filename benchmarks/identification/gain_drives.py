@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.identification import acceleration, bus, loop_a, loop_b
 from benchmarks.identification.loops import NORMAL, Gain, Lead, constant
 from benchmarks.identification.noise_models import HEAVY_TAILED, NOISE_MODELS, NoiseModel
-from canid.estimators import ESTIMATORS, agreement, status
+from canid.mathematics.estimators import ESTIMATORS, agreement, status
 from canid.values.types import Driver, Estimate, LearnGate, OutputFilter, Sample
 
 NAMES = ("headway_error", "range_rate")
@@ -63,7 +63,7 @@ def drive(world: World, seed: int, seconds: float, gain: Gain = constant) -> See
 def estimates(seen: Seen, since: float, names: tuple[str, ...] = ("fopdt", "armax")) -> Iterator[Estimate]:
     """Run the live estimators; yields their checked estimates from `since` s on, and all that report a change.
 
-    Before, only those are made that later ones rest on (canid.estimators.windows).
+    Before, only those are made that later ones rest on (canid.mathematics.estimators.windows).
     """
     running = []
     for one in ESTIMATORS:

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.identification import bus
 from benchmarks.identification.gain_drives import NAMES, Seen, World, drive
-from canid.estimators import fopdt
+from canid.mathematics.estimators import fopdt
 from canid.values.types import LearnGate, Trace
 
 # s; of the random walk's increments

@@ -15,7 +15,7 @@ from scipy.stats import norm
 from benchmarks.identification import acceleration, loop_a, loop_b
 from benchmarks.identification.gain_drives import World, stepped
 from benchmarks.identification.noise_models import REMNANT, whiten
-from canid.estimators.step_watch import ALARM
+from canid.mathematics.estimators.step_watch import ALARM
 from tests.plants.first_order_lag import answer
 
 GRID = 0.1  # s

@@ -17,8 +17,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from canid.proposal import databases, proposal
-from canid.proposal.choice import Decisions
+from canid.analysis.proposal import databases, proposal
+from canid.analysis.proposal.choice import Decisions
 from canid.values.errors import CanidError
 
 HERE = Path(__file__).parent

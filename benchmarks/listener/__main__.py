@@ -18,9 +18,9 @@ from pathlib import Path
 
 import can
 
-from canid.buses.messages import message_of
-from canid.logs import open_log
-from canid.session.listener import Listener
+from canid.analysis.session.listener import Listener
+from canid.io.buses.messages import message_of
+from canid.io.logs import open_log
 
 LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
 RATE = 4000.0  # frames/s

@@ -28,10 +28,10 @@ LOOPBACK = "ip link set lo up multicast on; ip route add 224.0.0.0/4 dev lo; exe
 
 def send(rate: float, seconds: float) -> None:
     """The sender process: mapped frames of a simulated drive, filled up or thinned out to `rate` frames/s."""
-    from canid.buses.send import onto
-    from canid.simulation import frames, simulate
+    from canid.io.buses.send import onto
+    from canid.models.simulation import frames, simulate
+    from canid.signals.vehicle import read_vehicle
     from canid.values.types import Frame
-    from canid.vehicle import read_vehicle
 
     mapped = frames(
         simulate(minutes=(seconds + 5) / 60 + 0.1, seed=3, profile="urban"), read_vehicle("generic")
@@ -59,8 +59,8 @@ def start_sender(rate: float, seconds: float) -> subprocess.Popen[str]:
 
 
 def load(rate: float, seconds: float, folder: str) -> None:
-    from canid.buses.bus_opener import open_buses
-    from canid.session.session import Result, SessionSettings, World, session
+    from canid.analysis.session.session import Result, SessionSettings, World, session
+    from canid.io.buses.bus_opener import open_buses
     from canid.values.types import Estimate
 
     sender = start_sender(rate, seconds)
@@ -143,7 +143,7 @@ def startup(folder: str) -> None:
     canid.wait()
     sender.kill()
     sender.wait()
-    from canid.logs import open_log
+    from canid.io.logs import open_log
 
     estimate = json.loads(Path(lines).read_text().splitlines()[0])
     print(

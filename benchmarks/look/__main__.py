@@ -27,18 +27,18 @@ import cantools
 
 from benchmarks.reading import synthetic
 from benchmarks.reading.cost import cpu
-from canid.contents import survey
-from canid.contents.binding import DbcFile
-from canid.contents.log_survey import Wanted
-from canid.contents.signal_lines import lines_of_log
-from canid.dbc_text.parsing import Parser
-from canid.logs import open_log, write_log
-from canid.simulation import START_UTC, frames, simulate
+from canid.analysis.contents import survey
+from canid.analysis.contents.binding import DbcFile
+from canid.analysis.contents.log_survey import Wanted
+from canid.analysis.contents.signal_lines import lines_of_log
+from canid.io.logs import open_log, write_log
+from canid.models.simulation import START_UTC, frames, simulate
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle import read_vehicle
+from canid.signals.vehicle.database import load
+from canid.ui.views.signal_page.signal_page import SignalPage
+from canid.ui.web.signal_server import answers
 from canid.values.shipped_files import shipped
-from canid.vehicle import read_vehicle
-from canid.vehicle.database import load
-from canid.views.signal_page.signal_page import SignalPage
-from canid.web.signal_server import answers
 
 # s that a first look may take, start included, on the log of the RAV4: 135,000 frames, 175 ids
 WANTED_S = 1.0

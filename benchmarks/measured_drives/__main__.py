@@ -31,11 +31,11 @@ from benchmarks.other_drive import (
     with_recommended,
 )
 from canid import read_trace
-from canid.comparison.halves import part as cut
-from canid.diagnosis.diagnose import diagnose, diagnose_drives
-from canid.diagnosis.driver.driver_model import pedal
-from canid.diagnosis.prepared_drive import ready
-from canid.diagnosis.rivals.rival_models import MODELS
+from canid.analysis.comparison.halves import part as cut
+from canid.models.diagnosis.diagnose import diagnose, diagnose_drives
+from canid.models.diagnosis.driver.driver_model import pedal
+from canid.models.diagnosis.prepared_drive import ready
+from canid.models.diagnosis.rivals.rival_models import MODELS
 from canid.values.findings import ClosedLoopError, Report
 from canid.values.types import Interval, Trace
 from tests.fixtures.measured_logs import LOGS, LONG_LOGS

@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from canid.diagnosis import masks
-from canid.diagnosis.driver import baseline_form, closed_loop
-from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_model import DESIRED, K1, OFFSET
-from canid.diagnosis.fitting.uncertainty import sandwich
-from canid.diagnosis.prepared_drive import Prepared, ready
-from canid.effects import CATALOGUE
-from canid.effects.wanted_gap import Form
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.driver import baseline_form, closed_loop
+from canid.models.diagnosis.driver.driver_fit import FittedDriver
+from canid.models.diagnosis.driver.driver_model import DESIRED, K1, OFFSET
+from canid.models.diagnosis.fitting.uncertainty import sandwich
+from canid.models.diagnosis.prepared_drive import Prepared, ready
+from canid.models.effects import CATALOGUE
+from canid.models.effects.wanted_gap import Form
 from canid.values.types import Array, Trace
 
 DRIVERS = tuple(effect for effect in CATALOGUE if effect.where == "driver")

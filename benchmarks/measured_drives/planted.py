@@ -17,12 +17,12 @@ import numpy as np
 
 from benchmarks.measured_drives.__main__ import part
 from canid import read_trace
-from canid.diagnosis import corrections
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.null import replicates
-from canid.diagnosis.null.replicates import Null, recorded_drive
-from canid.diagnosis.prepared_drive import ready
-from canid.effects import CATALOGUE
+from canid.models.diagnosis import corrections
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.null import replicates
+from canid.models.diagnosis.null.replicates import Null, recorded_drive
+from canid.models.diagnosis.prepared_drive import ready
+from canid.models.effects import CATALOGUE
 from canid.values.findings import Report
 from canid.values.types import Interval, LearnGate, Trace
 

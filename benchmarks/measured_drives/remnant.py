@@ -8,12 +8,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks.other_drive import prepared
-from canid.diagnosis.fitting.log_score_gain import gain
-from canid.diagnosis.remnant import law_search
-from canid.diagnosis.remnant.innovations import Innovations, innovations
-from canid.diagnosis.remnant.law_search import Law, log_density
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect, Kind
+from canid.models.diagnosis.fitting.log_score_gain import gain
+from canid.models.diagnosis.remnant import law_search
+from canid.models.diagnosis.remnant.innovations import Innovations, innovations
+from canid.models.diagnosis.remnant.law_search import Law, log_density
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Effect, Kind
 from canid.values.types import Array, Interval, Trace
 
 REMNANT = tuple(effect for effect in CATALOGUE if effect.kind is Kind.REMNANT)

@@ -17,8 +17,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from canid.monitor import change_monitor
-from canid.pipeline import pipeline
+from canid.models.monitor import change_monitor
+from canid.models.pipeline import pipeline
 from canid.values.types import BlockStatus
 from tests.plants.changes import CHANGES, Change, Scene
 from tests.plants.measurement import lean, trace

@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks.outside_form import changes, optima
 from benchmarks.outside_form.bounds import deviations
 from canid import identify
-from canid.identification.identifiability import quotable
+from canid.mathematics.identification.identifiability import quotable
 from tests.plants.outside_form import NOISES, World, draw, drive
 from tests.plants.outside_form_sensors import seen
 

@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from canid.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
 from tests.plants.outside_form import draw, drive
 from tests.plants.outside_form_sensors import seen
 

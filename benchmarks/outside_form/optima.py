@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.measured_drives.__main__ import part
 from canid import identify, read_trace
-from canid.identification.identifiability import PARAMETERS, apart, quotable
+from canid.mathematics.identification.identifiability import PARAMETERS, apart, quotable
 from tests.fixtures.measured_logs import LOGS, LONG_LOGS
 
 PARTS = ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0), (0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.0))

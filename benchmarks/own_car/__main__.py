@@ -30,7 +30,7 @@ from benchmarks.init.__main__ import DEFAULT, HALVES
 from benchmarks.init.__main__ import HERE as TRUTHS
 from benchmarks.own_car import frames, radars
 from benchmarks.own_car.drive import RANGE_RATE_K, STEP_S, Array, Drive, drive
-from canid.identification.identifiability import quotable
+from canid.mathematics.identification.identifiability import quotable
 
 SECONDS = 300.0
 # share by which K may miss: quantisation, tyres

@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.drawn_drives import print_table
 from benchmarks.hidden_effects.first_sentence import PLANTED
-from canid.cli import main as canid_main
+from canid.ui.cli import main as canid_main
 from tests.fixtures.contradictions import contradictions
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import LEAN, write

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peer_files.known import known
-from canid.dbc_text.parsing import Parser
-from canid.drive.signal_columns import MessageFrames, decode
-from canid.logs import open_log
+from canid.analysis.drive.signal_columns import MessageFrames, decode
+from canid.io.logs import open_log
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle.database import load
 from canid.values.errors import CanidError
 from canid.values.frame_columns import FD_BYTES, octets_of
 from canid.values.types import Flag
-from canid.vehicle.database import load
 
 LOGS = (".asc", ".blf", ".trc", ".log", ".csv", ".mf4")
 DATABASES = (".dbc", ".kcd", ".sym", ".arxml")

@@ -29,8 +29,8 @@ if importlib.util.find_spec("asammdf"):
 import canid
 from benchmarks.reading import drives, peers, synthetic
 from benchmarks.reading.cost import child, cpu
-from canid.logs import open_log
-from canid.vehicle import Vehicle, read_vehicle
+from canid.io.logs import open_log
+from canid.signals.vehicle import Vehicle, read_vehicle
 
 # what is asked for: times python-can + cantools, and times inflating alone by Python's zlib
 WANTED = {".blf": 15.0, ".asc": 20.0}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.logs import open_log, write_log
+from canid.io.logs import open_log, write_log
 from canid.values.types import Frame
 
 # what the generic vehicle sends is 225 frames/s; the rest of the bus is none of canid's business

@@ -10,8 +10,8 @@ from typing import Any
 import deflate
 import numpy as np
 
-from canid.buses import python_can
-from canid.logs.blf import blf_layout as blf
+from canid.io.buses import python_can
+from canid.io.logs.blf import blf_layout as blf
 from canid.values.types import Frame
 
 Wanted = dict[tuple[int, int], Any]  # (bus, id) -> cantools message

@@ -13,10 +13,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from canid import vehicle
-from canid.drive import drive_parameters, drive_reader
-from canid.estimators import ESTIMATORS, pooling, whole_drive, windows
-from canid.identification.armax import order_selection
+from canid.analysis.drive import drive_parameters, drive_reader
+from canid.mathematics.estimators import ESTIMATORS, pooling, whole_drive, windows
+from canid.mathematics.identification.armax import order_selection
+from canid.signals import vehicle
 
 
 def main() -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.buses import python_can
-from canid.buses.messages import message_of
+from canid.io.buses import python_can
+from canid.io.buses.messages import message_of
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.types import Frame
-from canid.vehicle import Vehicle, read_vehicle
 
 HERE = Path(__file__).parent
 WANTED = (0x0C1, 0x0C2, 0x0C3, 0x0C4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 
 if __name__ == "__main__":
     print(f"{sum(len(chunk.t) for chunk in open_log(sys.argv[1]).columns()):,} frames")

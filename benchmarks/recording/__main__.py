@@ -187,7 +187,7 @@ def _listening(recorders: list[Recorder], folder: Path) -> Iterator[list[subproc
 def _several(buses: int, seconds: float) -> int:
     """Several buses at once, canid alone: CPU, frames lost."""
     from benchmarks.reliability.recording import BEGIN
-    from canid.logs import open_log
+    from canid.io.logs import open_log
     from tests.fixtures.traffic import GROUP
 
     first = GROUP.rpartition(".")[0]

@@ -14,7 +14,7 @@ from typing import Any
 from benchmarks.reliability import faulty_bus
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording, until
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.types import Flag
 from tests.fixtures.markers import markers
 from tests.fixtures.readers import by_canid, disagreement
@@ -24,7 +24,7 @@ MAX_RETURN_S = 2.0  # s within which a bus that is there again is read again
 CLOCK_STEP_S = 3600.0  # s
 MAX_STAMP_ERROR_S = 0.1  # s from the sending of a frame to its stamp
 # a socket buffer that some hundred frames fill, instead of 32 MB
-SMALL_BUFFER = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000"
+SMALL_BUFFER = "from canid.io.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000"
 
 
 def errors_and_bus_off(folder: Path) -> list[str]:

@@ -84,7 +84,7 @@ def stuck(folder: Path) -> list[str]:
     disk = FaultyDisk(stall=SYNC_S)
     (folder / "disk").mkdir()
     path = folder / "disk/x.blf"
-    before = f"from canid.recording import log_writer_thread; log_writer_thread.MAX_WAITING_FRAMES = {MAX_WAITING_FRAMES}"
+    before = f"from canid.io.recording import log_writer_thread; log_writer_thread.MAX_WAITING_FRAMES = {MAX_WAITING_FRAMES}"
     with Mounted(disk, folder / "disk"), Recording(path, talk=folder, before=before) as recording:
         total = round(RATE_PER_S * 2 * DURATION_S)
         traffic = Traffic(RATE_PER_S, total).start()

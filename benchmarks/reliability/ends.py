@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.reliability import faulty_bus
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording, until
-from canid.buses import python_can
+from canid.io.buses import python_can
 from tests.fixtures.readers import by_canid, disagreement
 from tests.fixtures.traffic import number
 

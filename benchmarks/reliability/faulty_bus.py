@@ -24,7 +24,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from canid.buses import python_can
+from canid.io.buses import python_can
 from tests.fixtures.traffic import number
 
 BEFORE = "from benchmarks.reliability import faulty_bus; faulty_bus.register()"

@@ -49,7 +49,7 @@ class Recording:
         self.json = talk / f"{output.name}.json"
         name = "--record" if verb == "live" else "-o"
         command = ["canid", verb, *bus, name, str(output), "--json", str(self.json), *map(str, words)]
-        code = f"{BEGIN}{before}\nfrom canid.cli import main; sys.exit(main(sys.argv[1:]))"
+        code = f"{BEGIN}{before}\nfrom canid.ui.cli import main; sys.exit(main(sys.argv[1:]))"
         everything = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"} | dict(environment)
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(

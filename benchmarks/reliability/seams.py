@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.reliability.disks import tmpfs
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording
-from canid.logs import open_log
+from canid.io.logs import open_log
 from tests.fixtures.readers import by_canid, disagreement
 from tests.fixtures.traffic import Traffic, number
 

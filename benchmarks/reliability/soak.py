@@ -100,7 +100,7 @@ def _soak(folder: Path, seconds: float, rate: float, channel: str) -> tuple[list
 def _judged(
     samples: list[Usage], screen: str, code: int, sent: int, log: Path, reported: Path, rate: float
 ) -> tuple[list[str], int, list[str]]:
-    from canid.logs import open_log
+    from canid.io.logs import open_log
 
     opened = open_log(log)
     recorded = sum(1 for _ in opened)
@@ -207,10 +207,10 @@ def _children(pid: int) -> Iterator[int]:
 
 def _send(bus: dict[str, Any], rate: float, seconds: float) -> int:
     """The sender process: returns how many frames it has sent."""
-    from canid.buses.send import onto
-    from canid.simulation import frames, simulate
+    from canid.io.buses.send import onto
+    from canid.models.simulation import frames, simulate
+    from canid.signals.vehicle import read_vehicle
     from canid.values.types import Frame
-    from canid.vehicle import read_vehicle
 
     drive = simulate(minutes=min(DRIVE_MIN, seconds / 60 + 0.2), seed=3, profile="urban")
     mapped = frames(drive, read_vehicle("generic"))

@@ -19,16 +19,16 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.replay.seeking import seeks
-from canid.drive import drive_reader
-from canid.drive.drive_parameters import samples
-from canid.logs import open_log, write_log
-from canid.pipeline import pipeline
-from canid.samples.sampler import sampler
-from canid.session.estimator_process import CHUNK_S
-from canid.simulation import START_UTC, frames, simulate
+from canid.analysis.drive import drive_reader
+from canid.analysis.drive.drive_parameters import samples
+from canid.analysis.session.estimator_process import CHUNK_S
+from canid.io.logs import open_log, write_log
+from canid.models.pipeline import pipeline
+from canid.models.simulation import START_UTC, frames, simulate
+from canid.signals.samples.sampler import sampler
+from canid.signals.vehicle import Vehicle, decoder, read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import Frame
-from canid.vehicle import Vehicle, decoder, read_vehicle
 
 LOGS = ["replay_logs/following_urban.blf", "generic", "replay_logs/following_motorway.asc", "generic"]
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.desk.playback import Played, Position, play
-from canid.logs import open_log
-from canid.recording.controls import Controls
-from canid.vehicle import Vehicle
+from canid.analysis.playback.playback import Played, Position, play
+from canid.io.logs import open_log
+from canid.io.recording.controls import Controls
+from canid.signals.vehicle import Vehicle
 
 # targets, drawn over the whole log, back and forth
 SEEKS = 20

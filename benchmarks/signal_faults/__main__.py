@@ -23,9 +23,9 @@ import numpy as np
 
 from benchmarks.signal_faults import drives
 from benchmarks.signal_faults.faults import FAULTS, Fault
-from canid.drive.drive_reader import read_trace
-from canid.samples import learning_gate
-from canid.signal_checks import signal_checks
+from canid.analysis.drive.drive_reader import read_trace
+from canid.signals.samples import learning_gate
+from canid.signals.signal_checks import signal_checks
 from canid.values.types import Driver, Trace
 from tests.plants.monitor_runs import samples
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.samples import stamps
-from canid.samples.stamps import StampIntervals
-from canid.signal_checks import signal_checks
-from canid.simulation import simulate
+from canid.models.simulation import simulate
+from canid.signals.samples import stamps
+from canid.signals.samples.stamps import StampIntervals
+from canid.signals.signal_checks import signal_checks
 from canid.values.types import Driver, SignalFinding, SignalReport, Trace
 from tests.plants import measurement, plant_one, plant_two
 from tests.plants.monitor_runs import samples

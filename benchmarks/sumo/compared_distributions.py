@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.sumo.two_samples import Distances, distances, effective_number
 from benchmarks.sumo.vehicle_type_drive import STEP_S, Run, drive
-from canid.sumo.following import Following, distributions
+from canid.analysis.sumo.following import Following, distributions
 from canid.values.runs import runs
 from canid.values.types import Array
 

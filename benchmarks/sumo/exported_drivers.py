@@ -35,15 +35,15 @@ from benchmarks.sumo.compared_distributions import (
     simulated_columns,
 )
 from benchmarks.sumo.exported_table import page, table
-from canid.logs import write_log
-from canid.simulation import LEADS, START_UTC, frames, simulate
-from canid.simulation.leads import speed_profile
-from canid.sumo.driver_model import DriverModel, NoModel, fit, to_json
-from canid.sumo.following import following
-from canid.sumo.pooled_driver import Drive, pooled
-from canid.sumo.vehicle_types import element, vehicle_type
+from canid.analysis.sumo.driver_model import DriverModel, NoModel, fit, to_json
+from canid.analysis.sumo.following import following
+from canid.analysis.sumo.pooled_driver import Drive, pooled
+from canid.analysis.sumo.vehicle_types import element, vehicle_type
+from canid.io.logs import write_log
+from canid.models.simulation import LEADS, START_UTC, frames, simulate
+from canid.models.simulation.leads import speed_profile
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import Trace
-from canid.vehicle import read_vehicle
 
 # the table of a page stands between these lines
 BEGIN, END = "<!-- exported: begin -->", "<!-- exported: end -->"

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.sumo.sumo_drivers import STEP_S
 from canid import read_trace
-from canid.simulation.leads import LEADS, speed_profile
+from canid.models.simulation.leads import LEADS, speed_profile
 from canid.values.types import Array
 
 # recorded drives that are long enough: file below --data, vehicle

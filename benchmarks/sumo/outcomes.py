@@ -16,14 +16,14 @@ from benchmarks import other_drive
 from benchmarks.sumo.lead_speeds import lead_speeds
 from benchmarks.sumo.sumo_drive import Driven, drive
 from benchmarks.sumo.sumo_drivers import driver
-from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_model import pedal
-from canid.diagnosis.prepared_drive import Prepared
-from canid.logs import write_log
-from canid.simulation import START_UTC, frames
+from canid.io.logs import write_log
+from canid.models.diagnosis.driver.driver_fit import FittedDriver
+from canid.models.diagnosis.driver.driver_model import pedal
+from canid.models.diagnosis.prepared_drive import Prepared
+from canid.models.simulation import START_UTC, frames
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.findings import Report
 from canid.values.types import NAN, Interval, Trace
-from canid.vehicle import Vehicle, read_vehicle
 
 VEHICLE = Path(__file__).with_name("vehicle.toml")
 # effects of a driver who changes over time: wrong on every driver here

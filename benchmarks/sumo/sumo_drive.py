@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.sumo.sumo_drivers import STEP_S, SumoDriver
-from canid.simulation import Simulation
+from canid.models.simulation import Simulation
 from canid.values.types import Array
 
 LENGTH_M = 200_000.0

@@ -18,8 +18,8 @@ import numpy as np
 import pandas as pd
 import polars as pl
 
-from canid.drive import drive_reader
-from canid.tables.table import open_table
+from canid.analysis.drive import drive_reader
+from canid.analysis.tables.table import open_table
 
 NAMES = ["time", "pedal", "speed", "gap", "range_rate", "accel", "east", "north"]
 USED = NAMES[:6]

@@ -36,9 +36,9 @@ START_S = 2.0
 
 def pictures() -> None:
     """CPU time of a picture, by size; every fifth one belongs to a new second of the trend, as at 5 per second."""
-    from canid.cli.output.progress import REDRAW_HZ
-    from canid.views.terminal_view.ansi import drawn
-    from canid.views.terminal_view.picture import render
+    from canid.ui.terminal.ansi import drawn
+    from canid.ui.terminal.progress import REDRAW_HZ
+    from canid.ui.views.terminal_view.picture import render
 
     view = recorded(AT_S)
     for columns, rows in SIZES:
@@ -90,7 +90,7 @@ def recording(size: tuple[int, int] | None, seconds: float, rate: float, folder:
     sender.wait()
     os.close(writer)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    from canid.logs import open_log
+    from canid.io.logs import open_log
 
     frames = sum(len(chunk.t) for chunk in open_log(path).columns())
     print(

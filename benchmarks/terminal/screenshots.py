@@ -10,9 +10,9 @@ import io
 from pathlib import Path
 
 from benchmarks.terminal.views import LOG, VEHICLE, recorded, replayed
-from canid.views.terminal_view.picture import Overlay, render
-from canid.views.terminal_view.spans import Line
-from canid.views.terminal_view.state import View
+from canid.ui.terminal.spans import Line
+from canid.ui.views.terminal_view.picture import Overlay, render
+from canid.ui.views.terminal_view.state import View
 
 SIZES = ((40, 15), (80, 24), (200, 60))
 # s of the log at which the pictures are taken

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from canid.cli.health_lines import bus
-from canid.drive import drive_reader
-from canid.logs import open_log
-from canid.recording.recorder_stats import BusStats
+from canid.analysis.drive import drive_reader
+from canid.io.logs import open_log
+from canid.io.recording.recorder_stats import BusStats
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli.health_lines import bus
+from canid.ui.views.terminal_view.state import HealthLine, View, update, with_status
 from canid.values.window import Window
-from canid.vehicle import read_vehicle
-from canid.views.terminal_view.state import HealthLine, View, update, with_status
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "replay_logs" / "following_urban.blf"

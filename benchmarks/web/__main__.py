@@ -68,17 +68,17 @@ def cpu(pid: int) -> float:
 
 def load(rate: float, seconds: float, folder: str, **kinds: int) -> str:
     """One row: a session at `rate` frames/s with these clients."""
-    from canid.buses.bus_opener import open_buses
-    from canid.cli.health_lines import health_lines
-    from canid.cli.live_session import recorded
-    from canid.recording.controls import Controls
-    from canid.session.session import Result, SessionSettings, World, session
-    from canid.values import json_values
+    from canid.analysis.session.session import Result, SessionSettings, World, session
+    from canid.io.buses.bus_opener import open_buses
+    from canid.io.recording.controls import Controls
+    from canid.ui.cli.health_lines import health_lines
+    from canid.ui.cli.live_session import recorded
+    from canid.ui.web import address
+    from canid.ui.web.access import Access
+    from canid.ui.web.live_page import LivePage
+    from canid.ui.web.requests import OF_SESSION
+    from canid.values.text import json_values
     from canid.values.types import Estimate
-    from canid.web import address
-    from canid.web.access import Access
-    from canid.web.live_page import LivePage
-    from canid.web.requests import OF_SESSION
 
     sock, where = address.listening(address.Address("127.0.0.1", free_port()))
     controls = Controls()

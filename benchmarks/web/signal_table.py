@@ -19,11 +19,11 @@ from statistics import median
 import cantools
 import numpy as np
 
-from canid.contents.signal_tables import SignalTables
-from canid.dbc_text.parsing import Parser
+from canid.analysis.contents.signal_tables import SignalTables
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle import read_vehicle
+from canid.signals.vehicle.database import load
 from canid.values.types import Columns
-from canid.vehicle import read_vehicle
-from canid.vehicle.database import load
 
 SIGNALS_OF_MESSAGE = 4
 CHUNKS = 33

@@ -1,1 +1,1 @@
-"""Values that every part may use: frames, samples, estimates, findings, times, errors, and their text."""
+"""Layer 1, values: what flows through canid, as types and as text, its errors and child processes; imports no layer."""

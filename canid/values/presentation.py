@@ -1,8 +1,8 @@
-"""How a result finds its text, HTML, plot and table, which are made on higher floors.
+"""How a result finds its text, HTML, plot and table, which are made in higher layers.
 
 A result is a plain value that every part of canid may use, and a user expects `result.summary()` and `result.plot()` of
-it. Results inherit these from `Shown`, or `Tabled`, and they ask what the package itself (`canid/__init__.py`, the top
-floor) has provided: `views.presenters`, imported when something is shown for the first time. So no import goes up.
+it. Results inherit these from `Shown`, or `Tabled`, and they ask what the package itself (`canid/__init__.py`, above all
+layers) has provided: `ui.views.presenters`, imported when something is shown for the first time. So no import goes up.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Constraints on the numbers of a saved state, as metadata of their annotations (PEP 593).
 
-A state that is restored from a file is refused where it breaks one of them (saving/validity.py):
+A state that is restored from a file is refused where it breaks one of them (models/saving/validity.py):
 
     class Noise(NamedTuple):
         power: Annotated[float, POSITIVE]

@@ -200,7 +200,7 @@ class Trace(_Trace, Tabled):
 
 
 class DriveTime(NamedTuple):
-    """What a drive holds, s; defined in `signal_checks.drive_time`, for all verbs."""
+    """What a drive holds, s; defined in `signals.signal_checks.drive_time`, for all verbs."""
 
     total: float
     driving: float
@@ -308,7 +308,7 @@ QUOTED: Mapping[Identifiable, tuple[str, ...]] = {
 
 
 class ResidualTests(NamedTuple):
-    """Residual tests over the data used, of ARMAX over the last minute; see `identification.residual_tests`."""
+    """Residual tests over the data used, of ARMAX over the last minute; see `mathematics.identification.residual_tests`."""
 
     white: bool  # Ljung-Box, 99 %
     statistic: float
@@ -341,7 +341,7 @@ class _Estimate(NamedTuple):
     excitation: Mapping[str, float] = {}  # input name -> its standard deviation over the data used
     used: float = NAN  # s of data that the estimate rests on
     residual_tests: ResidualTests | None = None
-    headline: bool = False  # the headline estimate, by the rule in estimators/agreement.py
+    headline: bool = False  # the headline estimate, by the rule in mathematics/estimators/agreement.py
     change: GainChange | None = None  # the last step of the gains, for a minute after it was detected
 
     def __repr__(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from canid.identification.confidence import CHI_SQUARED_QUANTILE
+from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE
 from canid.values.types import NAN, Array, Interval
 
 # standard deviations that are tried, against the median standard error: below a hundredth nothing changes; a thousand

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import norm
 
-from canid.identification.confidence import MISS
+from canid.mathematics.identification.confidence import MISS
 from canid_study import verdict_tests
 from canid_study.artifact import Artifact, ClaimVerdict
 from canid_study.chen_ulsoy import between

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.armax import order_selection
-from canid.identification.armax.armax_batch import Orders
+from canid.mathematics.identification.armax import order_selection
+from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.values.types import NAN, Array, Trace
 from canid_study.artifact import Skipped
 from canid_study.chen_ulsoy import (

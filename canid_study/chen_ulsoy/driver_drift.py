@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification import local_level
-from canid.identification.confidence import CHI_SQUARED_QUANTILE, NORMAL_QUANTILE
+from canid.mathematics.identification import local_level
+from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE, NORMAL_QUANTILE
 from canid.values.types import Array, Interval
 
 # standard deviations of the level over the drive that are tried, in standard errors of a segment: as
-# identification/local_level.py does, less finely, since a band averages over them
+# mathematics/identification/local_level.py does, less finely, since a band averages over them
 _SD_GRID = (0.03, 30.0, 20)
 # simulated drives of a constant driver: p values to 0.005
 SIMULATIONS = 199

@@ -1,7 +1,7 @@
 """ARX, ARMAX, OE and BJ at equal order, and what their residuals show (Chen & Ulsoy 2001, sec. 2.2, Fig. 8).
 
-ARX and ARMAX by `identification/armax/armax_batch.py`. Output error and Box-Jenkins by prediction errors with the exact
-gradient (Ljung 1999, sec. 4.2, eq. 10.53): e = (D/C) [A y - (B/F) u].
+ARX and ARMAX by `mathematics/identification/armax/armax_batch.py`. Output error and Box-Jenkins by prediction errors with
+the exact gradient (Ljung 1999, sec. 4.2, eq. 10.53): e = (D/C) [A y - (B/F) u].
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from canid.identification.armax import polynomial
-from canid.identification.armax.armax_batch import Orders, fit_armax
-from canid.identification.levenberg_marquardt import Damping, Local, minimise
-from canid.identification.residual_tests import LAGS, LEVEL
+from canid.mathematics.identification.armax import polynomial
+from canid.mathematics.identification.armax.armax_batch import Orders, fit_armax
+from canid.mathematics.identification.levenberg_marquardt import Damping, Local, minimise
+from canid.mathematics.identification.residual_tests import LAGS, LEVEL
 from canid.values.types import NAN, Array
 from canid_study.chen_ulsoy.segment_fits import fit_segments
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from canid.identification.first_order import scan
+from canid.mathematics.identification.first_order import scan
 from canid.values.types import Array
 from canid_study.chen_ulsoy.segment_fits import Fits, regressors, solve
 

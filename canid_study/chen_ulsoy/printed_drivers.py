@@ -11,11 +11,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from canid.effects import LANE_CATALOGUE, NOT_IN_ARMAX
-from canid.simulation import Simulation
-from canid.simulation.car import Car
-from canid.simulation.lane import Steering, keep_lane
-from canid.simulation.planted_effects import Strength
+from canid.models.effects import LANE_CATALOGUE, NOT_IN_ARMAX
+from canid.models.simulation import Simulation
+from canid.models.simulation.car import Car
+from canid.models.simulation.lane import Steering, keep_lane
+from canid.models.simulation.planted_effects import Strength
 from canid.values.types import Array
 from canid_study.chen_ulsoy import steering_distribution
 from canid_study.chen_ulsoy.segment_fits import reasonable
@@ -27,7 +27,7 @@ TABLE_2 = Parameters(
     mb=1.22429, lnsb=-0.819203, mz=-1.43748, lnsz=-0.264745, atanh_rb=0.0374699,
 )  # fmt: skip
 
-# m/s, steering ratio, m, s: of the car that the simulation drives, see simulation/lane.py
+# m/s, steering ratio, m, s: of the car that the simulation drives, see models/simulation/lane.py
 _SPEED, _RATIO, _WHEELBASE, _YAW_LAG = 25.0, 15.0, 2.7, 0.15
 
 Kind = Literal["minutes", "constant"]

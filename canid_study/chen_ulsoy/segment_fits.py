@@ -2,8 +2,8 @@
 
 The model is eq. 3 of Chen & Ulsoy 2001:
 A angle = B error + c0 + C e with one delay and C of order one at most. All segments are columns of the same array
-operations, 0.3 ms each instead of the 5 ms of `identification/armax/armax_batch.py`, which starts them by Hannan &
-Rissanen's regression as well. Least squares without weights: repetitions of a driver are Gaussian, and the paper fits so.
+operations, 0.3 ms each instead of the 5 ms of `mathematics/identification/armax/armax_batch.py`, which starts them by Hannan
+& Rissanen's regression as well. Least squares without weights: repetitions of a driver are Gaussian, and the paper fits so.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.first_order import scan
+from canid.mathematics.identification.first_order import scan
 from canid.values.types import NAN, Array
 
 # names of the parameters of eq. 3

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import coherence, welch
 
-from canid.identification.confidence import MISS
+from canid.mathematics.identification.confidence import MISS
 from canid.values.types import Array
 
 # s; of one window: frequencies 0.05 Hz apart, and five half-overlapping windows in a segment of a minute

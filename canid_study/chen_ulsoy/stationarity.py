@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import Array
 
 # mean squares of a segment: 3 s each, longer than the wheel's movements. Bendat & Piersol's table begins at ten

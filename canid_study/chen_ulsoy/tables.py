@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import NAN, Array
 from canid_study.artifact import Cell, Table
 from canid_study.chen_ulsoy import between

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.confidence import LEVEL
+from canid.mathematics.identification.confidence import LEVEL
 from canid.values.types import NAN, Array
 from canid_study.chen_ulsoy.closed_loop import Car, repeat
 from canid_study.chen_ulsoy.segment_fits import Fits, fit_segments, reasonable, solve

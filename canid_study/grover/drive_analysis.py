@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from canid.signal_checks import drive_time
+from canid.signals.signal_checks import drive_time
 from canid.values.output_role import output_role
 from canid.values.types import NAN, DriveTime, Interval, Trace
 from canid_study.artifact import Skipped

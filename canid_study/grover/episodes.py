@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.signal_checks.drive_time import usable
+from canid.signals.signal_checks.drive_time import usable
 from canid.values.runs import runs
 from canid.values.types import NAN, Array, LearnGate, Trace
 from canid_study.artifact import Skipped

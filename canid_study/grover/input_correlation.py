@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from canid.identification import autoregression
-from canid.identification.confidence import QUANTILES
+from canid.mathematics.identification import autoregression
+from canid.mathematics.identification.confidence import QUANTILES
 from canid.values.types import NAN, Array, Interval, Trace
 from canid_study.grover import joint, reduction
 from canid_study.grover.episodes import Episode, correlation, detrended

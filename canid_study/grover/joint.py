@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.estimators.fopdt import FOPDT
-from canid.estimators.fopdt_whole_drive import Fitting
-from canid.estimators.whole_drive import settings_of
-from canid.identification import feedback_bias
-from canid.identification.fopdt import fopdt_fit
-from canid.identification.fopdt.grid_search import ProcessFit
-from canid.signal_checks.drive_time import fitted_trace
+from canid.mathematics.estimators.fopdt import FOPDT
+from canid.mathematics.estimators.fopdt_whole_drive import Fitting
+from canid.mathematics.estimators.whole_drive import settings_of
+from canid.mathematics.identification import feedback_bias
+from canid.mathematics.identification.fopdt import fopdt_fit
+from canid.mathematics.identification.fopdt.grid_search import ProcessFit
+from canid.signals.signal_checks.drive_time import fitted_trace
 from canid.values.types import NAN, Array, Channel, Identifiable, Trace
 from canid_study.grover import miso
 from canid_study.grover.episodes import INPUTS, Episode

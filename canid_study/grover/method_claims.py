@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from canid.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import Interval
 from canid_study import verdict_tests
 from canid_study.artifact import Artifact, ClaimVerdict

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from canid.identification.levenberg_marquardt import Damping, Local, minimise
+from canid.mathematics.identification.levenberg_marquardt import Damping, Local, minimise
 from canid.values.types import NAN, Array
 from canid_study.grover.settings import GroverSettings
 from canid_study.printed_numbers import SELECTION_PERCENT

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from canid.simulation import DriverTruth, Simulation, simulate
+from canid.models.simulation import DriverTruth, Simulation, simulate
 from canid_study.printed_numbers import GROVER_DRIVERS, Driver
 
 # s; sec. 2.1 takes 2 to 2.5 s. With a free offset the choice moves no gain

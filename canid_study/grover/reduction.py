@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from canid.simulation.driver import lag
+from canid.models.simulation.driver import lag
 from canid.values.types import NAN, Array
 from canid_study.grover.output_error import OutputError
 from canid_study.systems import control_systems

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import NAN, Array, Interval, Trace
 from canid_study.grover.episodes import Episode
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from canid_study.artifact import Curve, Figure, Panel
 
-# read by canid.cli.output.output_kinds: a file with it may be replaced by another one
+# read by canid.ui.cli.output.output_kinds: a file with it may be replaced by another one
 MARK = "canid study"
 # inches; a page is as wide as 1080 px
 WIDTH, PANEL_HEIGHT = 8.6, 2.9
-# placeholders in the SVG, and the style sheet's names of the colors (canid/views/document/page.css)
+# placeholders in the SVG, and the style sheet's names of the colors (canid/ui/views/document/page.css)
 INK, GRID, BACKGROUND = "#1b1f24", "#e9ecee", "#fdfdfe"
 COLORS = {
     "published": "#c2510c",

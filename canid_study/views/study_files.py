@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from canid.values.numbers import DASH
+from canid.values.text.numbers import DASH
 from canid_study.artifact import Cell, Study, Table
 
 # significant digits of a number in a table of the page; the CSV and JSON have all

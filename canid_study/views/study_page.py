@@ -7,8 +7,8 @@ from importlib.resources import files
 
 from markupsafe import Markup
 
+from canid.ui.views.document.templates import environment, file_text
 from canid.values.findings import Provenance
-from canid.views.document.templates import environment, file_text
 from canid_study.artifact import ClaimVerdict, Study
 from canid_study.views.figure_svg import inline
 from canid_study.views.study_files import cell

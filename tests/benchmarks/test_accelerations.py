@@ -9,8 +9,8 @@ from benchmarks.identification import acceleration, canid_side
 from benchmarks.identification.acceleration import DT
 from benchmarks.identification.noise_models import REMNANT
 from benchmarks.identification.tables import cuts, filters, poles
-from canid.estimators import armax_whole_drive
-from canid.identification.armax.armax_batch import Orders
+from canid.mathematics.estimators import armax_whole_drive
+from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.values.types import Identifiable
 from tests.seeds import mostly
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.compare import drives
-from canid.comparison.comparison import compare
+from canid.analysis.comparison.comparison import compare
 from tests.seeds import mostly
 
 

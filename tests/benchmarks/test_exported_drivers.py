@@ -13,9 +13,9 @@ from benchmarks.sumo import exported_drivers
 from benchmarks.sumo.exported_table import page, table
 from benchmarks.sumo.two_samples import distances, effective_number
 from benchmarks.sumo.vehicle_type_drive import Run, network, routes
-from canid.sumo import krauss
-from canid.sumo.sumo_models import BY_NAME
-from canid.sumo.vehicle_types import additional
+from canid.analysis.sumo import krauss
+from canid.analysis.sumo.sumo_models import BY_NAME
+from canid.analysis.sumo.vehicle_types import additional
 from tests.sumo.idm_drive import Planted, driven
 from tests.sumo.planted_models import driver
 

@@ -28,7 +28,7 @@ from benchmarks.hidden_effects.peers import frols, naive, stlsq
 from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, UNEXPLAINED, Answer
 from benchmarks.hidden_effects.peers.library import fitted, library
 from benchmarks.hidden_effects.peers.methods import PEERS, ask_naive, ask_stlsq
-from canid.effects import CATALOGUE
+from canid.models.effects import CATALOGUE
 from canid.values.types import Channel, Identifiable, Interval
 from tests.plants.measurement import trace
 from tests.plants.plant_one import plant

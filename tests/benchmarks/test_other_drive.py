@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from benchmarks.other_drive import BASELINE, CHOSEN, best_rival, carried, chosen, prepared, summary
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.rivals.rival_models import MODELS
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.rivals.rival_models import MODELS
 from canid.values.types import Trace
 from tests.plants import plant_one
 from tests.plants.measurement import trace

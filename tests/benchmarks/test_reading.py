@@ -9,7 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.reading import drives, synthetic
-from canid.logs import open_log, write_log
+from canid.io.logs import open_log, write_log
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.identification.tables import steering
-from canid.estimators import armax_whole_drive
-from canid.identification.armax.armax_batch import Orders
-from canid.simulation.car import Car
-from canid.simulation.lane import Steering, keep_lane
-from canid.vehicle import read_vehicle
+from canid.mathematics.estimators import armax_whole_drive
+from canid.mathematics.identification.armax.armax_batch import Orders
+from canid.models.simulation.car import Car
+from canid.models.simulation.lane import Steering, keep_lane
+from canid.signals.vehicle import read_vehicle
 from tests.seeds import mostly
 
 

@@ -13,9 +13,9 @@ from benchmarks.sumo import outcomes, table
 from benchmarks.sumo.lead_speeds import lead_speeds
 from benchmarks.sumo.sumo_drive import drive
 from benchmarks.sumo.sumo_drivers import MODELS, STEP_S, driver
-from canid.diagnosis.rivals.rival_models import MODELS as RIVALS
+from canid.models.diagnosis.rivals.rival_models import MODELS as RIVALS
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import NAN
-from canid.vehicle import read_vehicle
 from tests.seeds import mostly
 
 NOWHERE = Path("/nowhere")

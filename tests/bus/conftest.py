@@ -155,8 +155,8 @@ def patient(start: Callable[..., Program]) -> Callable[..., Program]:
     In the virtual machine on a busy host a few `ip link` may take that long.
     """
     main = (
-        "import sys; from canid.recording import recorder; recorder.ALL_LOST_TIMEOUT_S = 60.0; "
-        "from canid.cli import main; sys.exit(main())"
+        "import sys; from canid.io.recording import recorder; recorder.ALL_LOST_TIMEOUT_S = 60.0; "
+        "from canid.ui.cli import main; sys.exit(main())"
     )
 
     def run(*words: object) -> Program:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.types import Flag
 from tests.fixtures.markers import markers
 

@@ -19,8 +19,8 @@ pytestmark = [pytest.mark.vcan, pytest.mark.timeout(900)]
 TOTAL = 1_000_000
 # the whole command, with a receive buffer that some hundred frames fill instead of 77,000
 SMALL = (
-    "import sys; from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
-    "from canid.cli import main; sys.exit(main())"
+    "import sys; from canid.io.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
+    "from canid.ui.cli import main; sys.exit(main())"
 )
 
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from canid.buses import devices
-from canid.logs import open_log
+from canid.io.buses import devices
+from canid.io.logs import open_log
 from canid.values.types import Flag
 from tests.bus.network import error_frame, events, ip, numbers, says, sending, shown
 from tests.bus.slcan_adapter import Adapter
@@ -199,10 +199,10 @@ def test_bus_off_is_reported_though_its_error_frame_was_dropped(
 ) -> None:
     """The kernel drops the error frame since the buffer is full: the state comes from the device's announcement."""
     recording = tmp_path / "heard.blf"
-    small = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 8192; "
+    small = "from canid.io.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 8192; "
     words = ("record", "-i", "socketcan", "-c", adapter.name, "-o", recording)
     program = start(
-        sys.executable, "-c", small + "from canid.cli import main; import sys; sys.exit(main())", *words
+        sys.executable, "-c", small + "from canid.ui.cli import main; import sys; sys.exit(main())", *words
     )
     program.wait_for("listen-only")
     program.process.send_signal(signal.SIGSTOP)

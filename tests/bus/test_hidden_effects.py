@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from canid.logs import open_log, write_log
-from canid.simulation import frames as frames_of
-from canid.simulation import simulate
+from canid.io.logs import open_log, write_log
+from canid.models.simulation import frames as frames_of
+from canid.models.simulation import simulate
 from canid.values.types import Flag, Frame
 from tests import seeds
 from tests.hidden_effects.required_causes import PLANTS
@@ -56,9 +56,9 @@ ADDRESSES = {
 # `virtual` is a bus within one process: a thread plays, without pauses, as soon as the recorder listens
 WITH_PLAYER = """
 import math, os, signal, sys, threading, time
-from canid.buses.send import onto
-from canid.cli import main
-from canid.logs import open_log
+from canid.io.buses.send import onto
+from canid.ui.cli import main
+from canid.io.logs import open_log
 
 log, recording = sys.argv.pop(1), sys.argv[-1]
 

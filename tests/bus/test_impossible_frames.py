@@ -14,11 +14,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_bus
-from canid.buses.frame_check import FD_LENGTHS
-from canid.logs import open_log
-from canid.recording.recorder import Recorder
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_bus
+from canid.io.buses.frame_check import FD_LENGTHS
+from canid.io.logs import open_log
+from canid.io.recording.recorder import Recorder
 from canid.values.types import Flag
 
 pytestmark = pytest.mark.netns
@@ -188,7 +188,7 @@ def test_what_python_can_sends_is_understood() -> None:
         can.Message(arbitration_id=7, is_error_frame=True, data=bytes(8)),
         can.Message(arbitration_id=8, is_fd=True, error_state_indicator=True, data=bytes(12)),
     ]
-    from canid.buses.messages import flags_of
+    from canid.io.buses.messages import flags_of
 
     for message in messages:
         out.send(message)

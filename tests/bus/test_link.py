@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from tests.bus.network import events, ip, journal, numbers, says, send
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]

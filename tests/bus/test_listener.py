@@ -14,13 +14,13 @@ import can
 import pytest
 
 import canid
-from canid.buses.messages import message_of
-from canid.buses.send import onto
-from canid.logs import open_log
-from canid.session import listener as module
-from canid.session.listener import Listener
-from canid.values import json_values
+from canid.analysis.session import listener as module
+from canid.analysis.session.listener import Listener
+from canid.io.buses.messages import message_of
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
 from canid.values.errors import CanidError, ConfigError
+from canid.values.text import json_values
 from canid.values.types import Estimate, Event
 
 LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"

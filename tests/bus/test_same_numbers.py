@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
-from canid.buses.bus_opener import open_bus, open_buses
-from canid.buses.send import onto
-from canid.logs import open_log
-from canid.session.session import SessionSettings, World, session
-from canid.values import json_values
+from canid.analysis.session.session import SessionSettings, World, session
+from canid.io.buses.bus_opener import open_bus, open_buses
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
+from canid.values.text import json_values
 from canid.values.types import Estimate, Flag, Frame
 
 LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"

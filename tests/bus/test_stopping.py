@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses.bus_opener import open_bus
-from canid.buses.bus_reader import Arrival, BusReader
-from canid.buses.receivers.received_columns import frames_of
-from canid.logs import open_log
-from canid.recording.recorder import Recorder
+from canid.io.buses.bus_opener import open_bus
+from canid.io.buses.bus_reader import Arrival, BusReader
+from canid.io.buses.receivers.received_columns import frames_of
+from canid.io.logs import open_log
+from canid.io.recording.recorder import Recorder
 
 pytestmark = pytest.mark.netns
 # of this process: its tests may run while those of another worker do

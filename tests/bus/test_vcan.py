@@ -16,9 +16,9 @@ from typing import Any
 
 import pytest
 
-from canid.buses.bus_opener import open_bus
-from canid.buses.receivers import socketcan
-from canid.logs import open_log, write_log
+from canid.io.buses.bus_opener import open_bus
+from canid.io.buses.receivers import socketcan
+from canid.io.logs import open_log, write_log
 from canid.values.types import Flag, Frame
 from tests.bus.network import counted, error_frame, ip, numbers, sending
 
@@ -172,9 +172,9 @@ def test_a_recorder_that_stood_still_tells_its_drops(
     """A process that stands loses what the kernel cannot keep, and says how many; the rest is in the file."""
     recording = tmp_path / "heard.blf"
     # the whole command, with a buffer that a few hundred frames fill instead of 77,000
-    small = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
+    small = "from canid.io.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     record = start(
-        sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
+        sys.executable, "-c", small + "from canid.ui.cli import main; main()", "record", *BUS, "-o", recording
     )
     record.wait_for("listen-only")
     record.process.send_signal(signal.SIGSTOP)
@@ -281,9 +281,9 @@ def test_what_the_kernel_dropped_stands_in_the_journal(
 ) -> None:
     """A recorder that was stopped: the event reports as many drops as the last line."""
     recording = tmp_path / "heard.blf"
-    small = "from canid.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
+    small = "from canid.io.buses.receivers import socketcan; socketcan.RECEIVE_BUFFER_BYTES = 100_000; "
     record = start(
-        sys.executable, "-c", small + "from canid.cli import main; main()", "record", *BUS, "-o", recording
+        sys.executable, "-c", small + "from canid.ui.cli import main; main()", "record", *BUS, "-o", recording
     )
     record.wait_for("listen-only")
     record.process.send_signal(signal.SIGSTOP)

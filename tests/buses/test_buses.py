@@ -18,17 +18,17 @@ from typing import Any, ClassVar
 
 import pytest
 
-from canid.buses import devices, listen_only, python_can
-from canid.buses.bus_opener import open_bus, open_buses
-from canid.buses.command_line import add_bus_arguments, configs_of, listen
-from canid.buses.receivers import socketcan
-from canid.buses.send import allowed, onto
-from canid.recording import bus_load
+from canid.io.buses import devices, listen_only, python_can
+from canid.io.buses.bus_opener import open_bus, open_buses
+from canid.io.buses.command_line import add_bus_arguments, configs_of, listen
+from canid.io.buses.receivers import socketcan
+from canid.io.buses.send import allowed, onto
+from canid.io.recording import bus_load
 from canid.values.errors import BusError, ConfigError
 from canid.values.frame_columns import columns_of
 from canid.values.types import Flag, Frame
 
-BUSES = Path(__file__).parents[2] / "canid/buses"
+BUSES = Path(__file__).parents[2] / "canid/io/buses"
 # s; bounds what hangs
 PATIENCE_S = 300.0
 
@@ -85,12 +85,12 @@ def test_reading_a_blf_imports_neither_python_can_nor_asammdf(tmp_path: Path) ->
     """A .blf is written and read without python-can; python-can comes without asammdf."""
     code = (
         "import sys\n"
-        "from canid.logs import open_log, write_log\n"
+        "from canid.io.logs import open_log, write_log\n"
         "from canid.values.types import Frame\n"
         f"write_log({str(tmp_path / 'x.blf')!r}, [Frame(0.0, 0, 1, b'')])\n"
         f"assert len(list(open_log({str(tmp_path / 'x.blf')!r}))) == 1\n"
         "assert 'can' not in sys.modules and 'cantools' not in sys.modules\n"
-        "from canid.buses import python_can\n"
+        "from canid.io.buses import python_can\n"
         "python_can.load().BLFReader\n"
         "assert 'asammdf' not in sys.modules and 'pandas' not in sys.modules\n"
     )

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses.receivers import device_drops
-from canid.buses.receivers.device_drops import DeviceDrops, of_device
+from canid.io.buses.receivers import device_drops
+from canid.io.buses.receivers.device_drops import DeviceDrops, of_device
 
 HEAD = """Inter-|   Receive                                                |  Transmit
  face |bytes    packets errs drop fifo frame compressed multicast|bytes    packets errs drop fifo colls carrier compressed

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_bus
-from canid.buses.bus_reader import Arrival, BusReader
-from canid.buses.draining import MAX_UNKNOWN_S, Stop
-from canid.buses.receivers.received_columns import frames_of
-from canid.buses.receivers.received_frame import Received
-from canid.buses.timestamp_source import TimestampSource
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_bus
+from canid.io.buses.bus_reader import Arrival, BusReader
+from canid.io.buses.draining import MAX_UNKNOWN_S, Stop
+from canid.io.buses.receivers.received_columns import frames_of
+from canid.io.buses.receivers.received_frame import Received
+from canid.io.buses.timestamp_source import TimestampSource
 from tests.fixtures.back_end import registered
 
 # s; reading ends about a second after the stop

@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.buses import python_can
-from canid.buses.bus import ReceiveOnlyBus
-from canid.buses.bus_opener import open_bus
-from canid.buses.bus_reader import BusReader
-from canid.buses.frame_check import FD_LENGTHS, MAX_STAMP_NS, why_impossible
-from canid.buses.receivers.received_frame import Received
-from canid.logs import open_log
-from canid.logs.log_writer import open_writer
-from canid.recording.recorder import Recorder
+from canid.io.buses import python_can
+from canid.io.buses.bus import ReceiveOnlyBus
+from canid.io.buses.bus_opener import open_bus
+from canid.io.buses.bus_reader import BusReader
+from canid.io.buses.frame_check import FD_LENGTHS, MAX_STAMP_NS, why_impossible
+from canid.io.buses.receivers.received_frame import Received
+from canid.io.logs import open_log
+from canid.io.logs.log_writer import open_writer
+from canid.io.recording.recorder import Recorder
 from canid.values.types import Flag, Frame
 from tests.fixtures.back_end import registered
 

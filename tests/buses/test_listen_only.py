@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 
-from canid.buses import listen_only, python_can
-from canid.buses.bus import ReceiveOnlyBus
-from canid.buses.bus_opener import open_bus
-from canid.buses.bus_reader import BusReader
-from canid.buses.devices import Device
-from canid.buses.listen_only import Mode
+from canid.io.buses import listen_only, python_can
+from canid.io.buses.bus import ReceiveOnlyBus
+from canid.io.buses.bus_opener import open_bus
+from canid.io.buses.bus_reader import BusReader
+from canid.io.buses.devices import Device
+from canid.io.buses.listen_only import Mode
 from canid.values.errors import BusError, CanidError, ConfigError
 
 pytest.importorskip("serial")
@@ -195,8 +195,8 @@ def test_a_late_answer_to_another_command_is_not_taken_for_that_to_l(
 ) -> None:
     """An adapter that is slow, or waits for a busy machine: C is confirmed, L refused, and that is what is reported."""
     # on a busy machine the test's own adapter is slow
-    monkeypatch.setattr("canid.buses.slcan._ANSWER_S", 2.0)
-    monkeypatch.setattr("canid.buses.slcan._MAX_SETTLE_S", 2.0)
+    monkeypatch.setattr("canid.io.buses.slcan._ANSWER_S", 2.0)
+    monkeypatch.setattr("canid.io.buses.slcan._MAX_SETTLE_S", 2.0)
     for answer, mode in ((b"\a", Mode.UNVERIFIED), (b"\r", Mode.VERIFIED)):
         adapter = Adapter({b"L": answer, b"": b"\r"}, delay)
         bus = slcan(adapter, **config)
@@ -209,7 +209,7 @@ def test_a_late_answer_to_another_command_is_not_taken_for_that_to_l(
 def test_slcan_writes_nothing_else_whoever_asks(adapter: Adapter) -> None:
     """The class below: send, and every command that is not for configuring, raise."""
     bus = python_can.bus_class("slcan")
-    from canid.buses.slcan import listening_class
+    from canid.io.buses.slcan import listening_class
 
     assert issubclass(listening_class(), bus)
     inner = listening_class()(adapter.channel, sleep_after_open=0.0)

@@ -17,20 +17,20 @@ import msgpack
 import numpy as np
 import pytest
 
-from canid.buses.bus import Opened, ReceiveOnlyBus
-from canid.buses.clock_watch import ClockWatch
-from canid.buses.draining import Stop
-from canid.buses.frame_check import ImpossibleFrameError, why_impossible
-from canid.buses.listen_only import ListenOnly, Mode
-from canid.buses.receivers import many_messages, socketcan
-from canid.buses.receivers.datagram_layouts import MAX_LAYOUTS, DatagramReader
-from canid.buses.receivers.many_messages import GATHER_S, ManyMessages, Pace, stamps
-from canid.buses.receivers.received_columns import Many, columns_of, frames_of, select
-from canid.buses.receivers.received_frame import Received
-from canid.buses.receivers.socketcan import SocketcanReceiver
-from canid.buses.receivers.socketcan_columns import SocketcanColumnsReceiver, parse_many
-from canid.buses.receivers.udp_multicast import parse as parse_datagram
-from canid.buses.timestamp_source import TimestampSource
+from canid.io.buses.bus import Opened, ReceiveOnlyBus
+from canid.io.buses.clock_watch import ClockWatch
+from canid.io.buses.draining import Stop
+from canid.io.buses.frame_check import ImpossibleFrameError, why_impossible
+from canid.io.buses.listen_only import ListenOnly, Mode
+from canid.io.buses.receivers import many_messages, socketcan
+from canid.io.buses.receivers.datagram_layouts import MAX_LAYOUTS, DatagramReader
+from canid.io.buses.receivers.many_messages import GATHER_S, ManyMessages, Pace, stamps
+from canid.io.buses.receivers.received_columns import Many, columns_of, frames_of, select
+from canid.io.buses.receivers.received_frame import Received
+from canid.io.buses.receivers.socketcan import SocketcanReceiver
+from canid.io.buses.receivers.socketcan_columns import SocketcanColumnsReceiver, parse_many
+from canid.io.buses.receivers.udp_multicast import parse as parse_datagram
+from canid.io.buses.timestamp_source import TimestampSource
 from canid.values.types import Flag
 from tests.buses.test_draining import is_before
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from canid.buses.receivers import socketcan
-from canid.buses.receivers.socketcan import SocketcanReceiver, parse
-from canid.buses.timestamp_source import TimestampSource
+from canid.io.buses.receivers import socketcan
+from canid.io.buses.receivers.socketcan import SocketcanReceiver, parse
+from canid.io.buses.timestamp_source import TimestampSource
 from canid.values.types import Flag
 
 SECOND = 1_000_000_000

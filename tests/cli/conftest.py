@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import pytest
 
-from canid.cli import main
+from canid.ui.cli import main
 
 ROOT = Path(__file__).parents[2]
 

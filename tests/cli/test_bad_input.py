@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from canid.buses.bus_opener import open_buses
-from canid.buses.send import onto
-from canid.logs import open_log, write_log
-from canid.session.session import SessionSettings, World, session
+from canid.analysis.session.session import SessionSettings, World, session
+from canid.io.buses.bus_opener import open_buses
+from canid.io.buses.send import onto
+from canid.io.logs import open_log, write_log
 from canid.values.errors import CHECK_FAILED, DAMAGED, DONE, NO_BUS, NOT_WRITTEN, USAGE
 from canid.values.shipped_files import shipped
 from canid.values.types import Frame

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import Parser, main
-from canid.cli.verbs import VERBS
+from canid.ui.cli import Parser, main
+from canid.ui.cli.verbs import VERBS
 from canid.values import bounded_numbers
 
 LOG = str(Path(__file__).parents[2] / "replay_logs" / "following_urban.blf")

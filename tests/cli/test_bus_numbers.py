@@ -13,7 +13,7 @@ from typing import Any
 import can
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.bus_names import bus_numbers
 
 Canid = Callable[..., Any]

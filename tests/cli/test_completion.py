@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from canid.cli.completion import SHELLS, script
-from canid.cli.verbs import VERBS
+from canid.ui.cli.completion import SHELLS, script
+from canid.ui.cli.verbs import VERBS
 from canid.values.errors import ConfigError
 from tests.fixtures import terminal
 from tests.fixtures.terminal import Terminal

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli.verbs import VERBS
+from canid.ui.cli.verbs import VERBS
 from canid.values.errors import DONE, NO_BUS
 from canid.values.shipped_files import shipped
 

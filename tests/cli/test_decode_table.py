@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from canid.cli.signals.live_table import table
+from canid.ui.cli.signals.live_table import table
 from canid.values.errors import DONE, USAGE
 from canid.values.signal_table import Row
 

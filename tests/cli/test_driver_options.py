@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.simulation import simulate
+from canid.models.simulation import simulate
 from tests.cli.conftest import Ran
 
 Canid = Callable[..., Ran]

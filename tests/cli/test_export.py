@@ -21,9 +21,9 @@ from mcap.reader import make_reader
 from scipy.io import loadmat
 
 from canid import read_trace
-from canid.cli import main
-from canid.logs import open_log, write_log
-from canid.tables.sources.vbo import read_vbo
+from canid.analysis.tables.sources.vbo import read_vbo
+from canid.io.logs import open_log, write_log
+from canid.ui.cli import main
 from canid.values.shipped_files import shipped
 from canid.values.types import Trace
 

@@ -15,7 +15,7 @@ import pytest
 from scipy.io import loadmat
 
 import canid
-from canid.cli import main
+from canid.ui.cli import main
 
 LOG = Path(__file__).parents[2] / "replay_logs" / "following_mixed.blf"
 
@@ -118,7 +118,7 @@ def test_a_simulator_steps_the_fmu_as_the_model_answers(
 
 
 def canid_quotable(found: Any, method: str, name: str) -> tuple[str, ...]:
-    from canid.identification.identifiability import QUOTABLE
+    from canid.mathematics.identification.identifiability import QUOTABLE
 
     return QUOTABLE[found.whole[method].channels[name].status]
 

@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from canid.dbc_text.parsing import Message, Signal
-from canid.drive.signal_columns import MessageFrames, MessageKey
-from canid.export import csv_table, mcap_file, names, signal_tables
-from canid.export.table import Field, Origin, of_columns
-from canid.logs import write_log
+from canid.analysis.drive.signal_columns import MessageFrames, MessageKey
+from canid.analysis.export import csv_table, mcap_file, names, signal_tables
+from canid.analysis.export.table import Field, Origin, of_columns
+from canid.io.logs import write_log
+from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle.database import Dbc
 from canid.values.errors import DAMAGED, DONE, NOT_WRITTEN, USAGE
 from canid.values.shipped_files import shipped
 from canid.values.types import Frame
-from canid.vehicle.database import Dbc
 
 ROOT = Path(__file__).parents[2]
 # name of the file -> format
@@ -103,13 +103,13 @@ def test_an_interrupted_export_leaves_no_file(log: Path, tmp_path: Path) -> None
     """SIGTERM while the files are written: exit 143, and not one of them is there."""
     script = (
         "import os, signal, sys, time\n"
-        "from canid.export import mcap_file\n"
+        "from canid.analysis.export import mcap_file\n"
         "whole = mcap_file.messages\n"
         "def slow(*of):\n"
         "    os.kill(os.getpid(), signal.SIGTERM)\n"
         "    return whole(*of)\n"
         "mcap_file.messages = slow\n"
-        "from canid.cli import main\n"
+        "from canid.ui.cli import main\n"
         "sys.exit(main(sys.argv[1:]))\n"
     )
     ran = subprocess.run(
@@ -161,7 +161,7 @@ def test_hostile_names_are_harmless(tmp_path: Path) -> None:
         assert all(cell.isprintable() for cell in rows[0])
         message = json.loads(mcap_file.messages(table, slice(None))[0])
         assert message["=HYPERLINK(1)"] == 1.0
-    from canid.export import mat_file
+    from canid.analysis.export import mat_file
 
     path = tmp_path / "x.mat"
     with path.open("w+b") as file:

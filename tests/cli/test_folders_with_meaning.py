@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from canid.cli import main
-from canid.files import duckdb_files
-from canid.fleet.storage import typed_rows
+from canid.analysis.fleet.storage import typed_rows
+from canid.io.files import duckdb_files
+from canid.ui.cli import main
 from canid.values.shipped_files import shipped
 from tests.fixtures.odd_names import MEANT, text_of
 from tests.fleet import short_logs

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from canid.logs import open_log, write_log
+from canid.io.logs import open_log, write_log
 from canid.values.errors import DAMAGED, DONE, USAGE
 from tests.damaged_logs.hostile import FAMILIES, write
 

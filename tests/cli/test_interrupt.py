@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from canid.cli.interrupt import SIGNALS, Ended, ending
+from canid.ui.cli.interrupt import SIGNALS, Ended, ending
 from canid.values.errors import OutputError
 
 # s; a signal that is lost is waited for so long
@@ -57,7 +57,7 @@ def test_a_file_that_could_not_be_completed_is_still_reported() -> None:
 
 POLLED = """
 import os, signal, sys
-from canid.cli.interrupt import Interrupt
+from canid.ui.cli.interrupt import Interrupt
 with Interrupt() as stop:
     if sys.argv[1] == "announced":
         stop.end_at_once()

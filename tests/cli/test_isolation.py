@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses.bus_opener import open_buses
-from canid.buses.send import onto
-from canid.cli import live_session
-from canid.cli.output import display
-from canid.logs import open_log
-from canid.session import estimator_process
-from canid.session.session import Result, SessionSettings, World, session
-from canid.values import json_values
+from canid.analysis.session import estimator_process
+from canid.analysis.session.session import Result, SessionSettings, World, session
+from canid.io.buses.bus_opener import open_buses
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
+from canid.ui.cli import live_session
+from canid.ui.cli.output import display
+from canid.ui.views.terminal_view.picture import render
+from canid.ui.views.terminal_view.state import View, update
+from canid.values.text import json_values
 from canid.values.types import Estimate, Event, Frame
-from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.state import View, update
 from tests.terminal import plain
 
 # frames, and s that they take: at 1,500/s the faulty children have time to fail, and be restarted

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.errors import NO_BUS, NOT_WRITTEN
 from tests.cli.conftest import ROOT
 

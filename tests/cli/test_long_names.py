@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
+from canid.ui.cli import main
 from canid.values.errors import USAGE
 
 ROOT = Path(__file__).parents[2]

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.contents import course, survey
-from canid.contents.log_survey import Wanted
-from canid.contents.protection import crc_table, fields
-from canid.drive.signal_columns import frames_by_message
-from canid.logs import open_log, write_log
+from canid.analysis.contents import course, survey
+from canid.analysis.contents.log_survey import Wanted
+from canid.analysis.contents.protection import crc_table, fields
+from canid.analysis.drive.signal_columns import frames_by_message
+from canid.io.logs import open_log, write_log
 from canid.values.errors import DAMAGED, DONE, USAGE
 from canid.values.types import Flag, Frame
 from tests.seeds import mostly
@@ -149,7 +149,7 @@ def test_text_fits_its_width_and_is_bounded(
         f"next: canid init {shlex.quote(str(GENERIC))} --log {shlex.quote(str(URBAN))}"
     )
     for columns in (60, 80, 200):
-        monkeypatch.setattr("canid.cli.commands.look.width", lambda columns=columns: columns)
+        monkeypatch.setattr("canid.ui.cli.commands.look.width", lambda columns=columns: columns)
         rows = canid("look", URBAN, "--dbc", GENERIC).out.splitlines()[4:-2]
         assert max(len(row) for row in rows if not row.startswith(("bits of", "…"))) <= columns
         assert columns < 80 or sum(bool(re.search("[▁-█]", row)) for row in rows) > 20
@@ -203,11 +203,11 @@ def test_hostile_names_and_logs_are_data(canid: Canid, tmp_path: Path) -> None:
 
 def test_a_log_in_many_rounds_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Memory is bounded by reading in rounds; however they are cut, the numbers are those of one, and so are the means."""
-    from canid.contents import log_survey as module
-    from canid.contents.binding import DbcFile
-    from canid.dbc_text.parsing import Parser
-    from canid.drive import signal_columns
-    from canid.vehicle.database import load
+    from canid.analysis.contents import log_survey as module
+    from canid.analysis.contents.binding import DbcFile
+    from canid.analysis.drive import signal_columns
+    from canid.signals.dbc_text.parsing import Parser
+    from canid.signals.vehicle.database import load
 
     with Parser() as parser:
         files = [DbcFile("g", None, tuple(load(GENERIC, None, parser)[0].messages.values()))]

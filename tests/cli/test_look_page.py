@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.contents.log_marks import marks_of
-from canid.contents.signal_lines import Line, NamedLine, with_gaps
+from canid.analysis.contents.log_marks import marks_of
+from canid.analysis.contents.signal_lines import Line, NamedLine, with_gaps
+from canid.ui.views.signal_page import zoom
+from canid.ui.views.signal_page.signal_page import SignalPage
+from canid.ui.web.signal_server import MAX_LINES, answers
 from canid.values.errors import DONE, USAGE
-from canid.views.signal_page import zoom
-from canid.views.signal_page.signal_page import SignalPage
-from canid.web.signal_server import MAX_LINES, answers
 
 Canid = Callable[..., Any]
 ROOT = Path(__file__).parents[2]

@@ -43,7 +43,7 @@ def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[bytes]:
         [
             sys.executable,
             "-c",
-            "import sys; from canid.cli import main; sys.exit(main(sys.argv[1:]))",
+            "import sys; from canid.ui.cli import main; sys.exit(main(sys.argv[1:]))",
             *words,
         ],
         cwd=cwd,
@@ -117,7 +117,7 @@ def test_the_live_view_of_a_terminal_holds_no_foreign_sequence(
 
     thread = threading.Thread(target=read, daemon=True)
     thread.start()
-    code = "import sys; from canid.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = "import sys; from canid.ui.cli import main; sys.exit(main(sys.argv[1:]))"
     words = ["replay", str(drive), "--vehicle", str(vehicle), "--stop", "20"]
     process = subprocess.Popen(
         [sys.executable, "-c", code, *words],

@@ -1,4 +1,4 @@
-"""A verb with JSON is a new module and its line in `canid/cli/verbs.py`; all else follows, or is made by one command."""
+"""A verb with JSON is a new module and its line in `canid/ui/cli/verbs.py`; all else follows, or is made by one command."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from __future__ import annotations
 import argparse
 from typing import Any, NamedTuple
 
-from canid.cli import options
-from canid.cli.output import complete_files, outputs
-from canid.cli.output.messages import line_printer
+from canid.ui.cli.options import options
+from canid.ui.cli.output import complete_files, outputs
+from canid.ui.terminal.messages import line_printer
 from canid.values.errors import DONE
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.types import Interval
-from canid.values import json_values
+from canid.values.text import json_values
 
 
 class Gate(NamedTuple):
@@ -84,8 +84,8 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("canid", "docs"):
         shutil.copytree(ROOT / name, root / name, ignore=ignored)
     shutil.copy(ROOT / "README.md", root)
-    (root / "canid/cli/commands/gates.py").write_text(MODULE.lstrip(), encoding="utf-8")
-    verbs = root / "canid/cli/verbs.py"
+    (root / "canid/ui/cli/commands/gates.py").write_text(MODULE.lstrip(), encoding="utf-8")
+    verbs = root / "canid/ui/cli/verbs.py"
     text = verbs.read_text(encoding="utf-8")
     assert text.endswith("\n)\n")
     verbs.write_text(text.removesuffix(")\n") + LINE, encoding="utf-8")

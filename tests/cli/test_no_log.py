@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.logs import open_log
-from canid.simulation import Car
+from canid.io.logs import open_log
+from canid.models.simulation import Car
 from canid.values.errors import DAMAGED, DONE, USAGE
 from canid.values.text.model_json import to_json
 from tests.simulation.test_model_drive import drawn, model_of

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
-from canid.logs.log_writer import write_log
+from canid.io.logs import open_log
+from canid.io.logs.log_writer import write_log
 from canid.values.shipped_files import shipped
 from canid.values.types import Frame
 from tests.cli.conftest import Ran

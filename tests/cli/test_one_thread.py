@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 COUNTED = """
 import os
-from canid.cli import main
+from canid.ui.cli import main
 main(["--version"])
 import numpy as np
 a = np.random.default_rng(0).normal(size=(600, 600))

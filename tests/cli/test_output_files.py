@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from canid.cli.output import output_kinds, outputs
-from canid.cli.output.outputs import Output
-from canid.logs import open_log, write_log
-from canid.logs.formats import read_suffixes
+from canid.io.logs import open_log, write_log
+from canid.io.logs.formats import read_suffixes
+from canid.ui.cli.output import output_kinds, outputs
+from canid.ui.cli.output.outputs import Output
 from canid.values.errors import CHECK_FAILED, DONE, NO_BUS, NOT_WRITTEN, USAGE, ConfigError, OutputError
 from canid.values.shipped_files import shipped
 
@@ -249,7 +249,7 @@ def hook(event, args):
             os.write(2, f"WRITES {args}".encode())
             os._exit(99)
 sys.addaudithook(hook)
-from canid.cli import main
+from canid.ui.cli import main
 for line in sys.stdin:
     print("code", main(json.loads(line)), flush=True)
 """

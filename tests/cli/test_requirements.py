@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from canid.drive.requirements import requirement
+from canid.analysis.drive.requirements import requirement
 from canid.values.errors import CHECK_FAILED, DONE, NOT_WRITTEN, ConfigError
 
 Canid = Callable[..., Any]

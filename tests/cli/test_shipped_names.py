@@ -69,7 +69,7 @@ def test_a_misspelt_log_is_an_error_before_anything_is_computed_with(verb: str, 
     words = [verb, "nosuch.blf", *(["--to", "csv"] if verb == "export" else [])]
     words += [] if verb == "look" else ["--vehicle", "generic"]
     program = (
-        "import sys; from canid.cli import main; code = main(sys.argv[1:]); "
+        "import sys; from canid.ui.cli import main; code = main(sys.argv[1:]); "
         "heavy = {'scipy', 'pydantic', 'cantools', 'control'} & set(sys.modules); "
         "print(code, sorted(heavy))"
     )

@@ -12,24 +12,24 @@ from typing import Any
 
 import pytest
 
-from canid.buses.bus_opener import open_buses
-from canid.buses.send import onto
-from canid.cli.health_lines import health_lines
-from canid.cli.live_session import exit_code
-from canid.drive import drive_reader
-from canid.files import state_file
-from canid.logs import open_log
-from canid.pipeline import pipeline
-from canid.saving.checksum import seal, unseal
-from canid.saving.saved_state import Restored, saver
-from canid.session import estimator_process
-from canid.session.estimator_process import Estimating
-from canid.session.session import Result, SessionSettings, World, session
+from canid.analysis.drive import drive_reader
+from canid.analysis.session import estimator_process
+from canid.analysis.session.estimator_process import Estimating
+from canid.analysis.session.session import Result, SessionSettings, World, session
+from canid.io.buses.bus_opener import open_buses
+from canid.io.buses.send import onto
+from canid.io.files import state_file
+from canid.io.logs import open_log
+from canid.models.pipeline import pipeline
+from canid.models.saving.checksum import seal, unseal
+from canid.models.saving.saved_state import Restored, saver
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli.health_lines import health_lines
+from canid.ui.cli.live_session import exit_code
 from canid.values.errors import DONE, NO_BUS, NOT_WRITTEN, USAGE, OutputError
 from canid.values.frame_columns import chunks, columns_of
 from canid.values.types import Estimate, Event, Frame, Status
 from canid.values.window import Window
-from canid.vehicle import read_vehicle
 from tests.pipeline_outputs import outputs as outputs_of
 
 REPO = Path(__file__).parents[2]
@@ -188,8 +188,8 @@ def test_live_says_what_it_refuses_and_ends_well(canid, tmp_path, learnt) -> Non
 
 OFTEN = """
 import sys
-from canid.session import estimator_process
-from canid.saving import saved_state
+from canid.analysis.session import estimator_process
+from canid.models.saving import saved_state
 saved_state.SAVE_INTERVAL_S = 0.0
 sys.exit(estimator_process.main())
 """
@@ -234,9 +234,9 @@ def test_live_goes_on_and_saves(tmp_path, learnt) -> None:
 # The estimator's own child, which hands its state over after every message and fails once.
 FAILS_ONCE = """
 import os, sys, time
-from canid.session import estimator_process
-from canid.pipeline import pipeline
-from canid.saving import saved_state
+from canid.analysis.session import estimator_process
+from canid.models.pipeline import pipeline
+from canid.models.saving import saved_state
 saved_state.SAVE_INTERVAL_S = 0.0
 _, vehicle, marker, fault = sys.argv
 sys.argv = [sys.argv[0], vehicle]

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli.output import open_terminal
-from canid.cli.output.detached_writer import DetachedWriter
-from canid.cli.output.keys import CHECK_INTERVAL_S, Keyboard
-from canid.cli.output.live_display import LiveDisplay
-from canid.logs import open_log
-from canid.recording.controls import Controls
+from canid.io.logs import open_log
+from canid.io.recording.controls import Controls
+from canid.ui.cli.output.live_display import LiveDisplay
+from canid.ui.terminal import open_terminal
+from canid.ui.terminal.detached_writer import DetachedWriter
+from canid.ui.terminal.keys import CHECK_INTERVAL_S, Keyboard
+from canid.ui.terminal.spans import cells
+from canid.ui.views.terminal_view.state import View
 from canid.values.types import Event
-from canid.views.terminal_view.spans import cells
-from canid.views.terminal_view.state import View
 from tests.bus.conftest import NEEDS, has_netns
 from tests.fixtures import terminal
 from tests.fixtures.readers import by_canid

@@ -20,12 +20,12 @@ from typing import Any
 
 import pytest
 
-from canid.cli.verb import Verb
-from canid.cli.verbs import VERBS
-from canid.logs import open_log
+from canid.io.logs import open_log
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli.verb import Verb
+from canid.ui.cli.verbs import VERBS
 from canid.values.errors import CHECK_FAILED, DONE
 from canid.values.shipped_files import shipped
-from canid.vehicle import read_vehicle
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 
 Canid = Callable[..., Any]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.logs import write_log
+from canid.io.logs import write_log
+from canid.ui.cli import main
 from canid.values.types import Frame
 
 DBC = """VERSION ""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from canid.cli import main
+from canid.ui.cli import main
 
 LOGS = Path(__file__).parents[2] / "replay_logs"
 URBAN, MIXED = LOGS / "following_urban.blf", LOGS / "following_mixed.blf"

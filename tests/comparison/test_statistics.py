@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.comparison import between_drives, causes, difference, multiplicity
-from canid.comparison.comparison import compare
-from canid.comparison.drive import Causes, DriveEstimates, Effect, Quantity, Side
-from canid.comparison.multiplicity import Block
-from canid.identification.confidence import NORMAL_QUANTILE
+from canid.analysis.comparison import between_drives, causes, difference, multiplicity
+from canid.analysis.comparison.comparison import compare
+from canid.analysis.comparison.drive import Causes, DriveEstimates, Effect, Quantity, Side
+from canid.analysis.comparison.multiplicity import Block
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import Interval
 from tests.seeds import mostly
 

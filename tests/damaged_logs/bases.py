@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.buses import messages, python_can
-from canid.logs import open_log, write_log
-from canid.logs.blf.blf_writer import BlfWriter
+from canid.io.buses import messages, python_can
+from canid.io.logs import open_log, write_log
+from canid.io.logs.blf.blf_writer import BlfWriter
 from canid.values.types import Event, Flag, Frame
 from tests.fixtures.frame_by_frame import blf_object
 

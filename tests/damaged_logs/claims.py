@@ -6,8 +6,8 @@ import io
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.logs import open_log
-from canid.logs.blf.blf_containers import PIECE_BYTES, containers
+from canid.io.logs import open_log
+from canid.io.logs.blf.blf_containers import PIECE_BYTES, containers
 from canid.values.errors import LogError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Frame

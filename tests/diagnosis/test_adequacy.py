@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.adequacy import alternatives, intermittent_gain, refit_noise, skewness
-from canid.diagnosis.adequacy.alternatives import shapes
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.driver.driver_data import DriverData
-from canid.diagnosis.prepared_drive import Prepared, ready
-from canid.effects import CATALOGUE
+from canid.models.diagnosis.adequacy import alternatives, intermittent_gain, refit_noise, skewness
+from canid.models.diagnosis.adequacy.alternatives import shapes
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.driver.driver_data import DriverData
+from canid.models.diagnosis.prepared_drive import Prepared, ready
+from canid.models.effects import CATALOGUE
 from canid.values.findings import Verdict
 from tests import seeds
 from tests.plants import plant_one, plant_two

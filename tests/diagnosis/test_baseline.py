@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis import masks
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.driver import baseline_form
-from canid.diagnosis.driver.driver_model import lagged
-from canid.diagnosis.fitting.likelihood import Output, fit_noise
-from canid.diagnosis.prepared_drive import ready
-from canid.effects import CATALOGUE
-from canid.effects.wanted_gap import Form
-from canid.estimators.speed_difference import thinned
+from canid.mathematics.estimators.speed_difference import thinned
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.driver import baseline_form
+from canid.models.diagnosis.driver.driver_model import lagged
+from canid.models.diagnosis.fitting.likelihood import Output, fit_noise
+from canid.models.diagnosis.prepared_drive import ready
+from canid.models.effects import CATALOGUE
+from canid.models.effects.wanted_gap import Form
 from canid.values.findings import Report, Verdict, extends
 from canid.values.types import Trace
 from tests import seeds

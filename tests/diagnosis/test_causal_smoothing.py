@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.causal_smoothing import Lagged, lagged
-from canid.diagnosis.driver.driver_data import prepare
+from canid.models.diagnosis.causal_smoothing import Lagged, lagged
+from canid.models.diagnosis.driver.driver_data import prepare
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.driver import closed_loop, held_out
-from canid.diagnosis.driver.driver_data import prepare
-from canid.diagnosis.driver.driver_fit import baseline
-from canid.diagnosis.driver.driver_model import BASE, with_effects
-from canid.diagnosis.driver.driver_simulation import Late, SimulatedDriver, driver
-from canid.diagnosis.several_drives.joined_drives import join
-from canid.diagnosis.vehicle import vehicle_block
-from canid.effects import CATALOGUE
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.driver import closed_loop, held_out
+from canid.models.diagnosis.driver.driver_data import prepare
+from canid.models.diagnosis.driver.driver_fit import baseline
+from canid.models.diagnosis.driver.driver_model import BASE, with_effects
+from canid.models.diagnosis.driver.driver_simulation import Late, SimulatedDriver, driver
+from canid.models.diagnosis.several_drives.joined_drives import join
+from canid.models.diagnosis.vehicle import vehicle_block
+from canid.models.effects import CATALOGUE
 from canid.values.findings import Report, Trajectory
 from canid.values.types import Trace
 from tests.plants import plant_one, plant_two

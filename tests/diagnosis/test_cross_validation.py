@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.driver import driver_candidates, driver_search, held_out
-from canid.diagnosis.driver.driver_data import prepare
-from canid.diagnosis.driver.driver_fit import baseline
-from canid.diagnosis.driver.driver_model import DriverModel
-from canid.diagnosis.driver.driver_search import Search
-from canid.diagnosis.driver.held_out import Fold
-from canid.diagnosis.fitting.search import Named
-from canid.diagnosis.null import confirmed_search, predictive_score
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect
+from canid.models.diagnosis.driver import driver_candidates, driver_search, held_out
+from canid.models.diagnosis.driver.driver_data import prepare
+from canid.models.diagnosis.driver.driver_fit import baseline
+from canid.models.diagnosis.driver.driver_model import DriverModel
+from canid.models.diagnosis.driver.driver_search import Search
+from canid.models.diagnosis.driver.held_out import Fold
+from canid.models.diagnosis.fitting.search import Named
+from canid.models.diagnosis.null import confirmed_search, predictive_score
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Effect
 from canid.values.types import Interval, Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.loop_noise import follower

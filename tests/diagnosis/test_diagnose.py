@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.diagnose import diagnose
 from canid.values.findings import Verdict, extends
 from canid.values.types import NAN, LearnGate, Trace
 from tests import seeds

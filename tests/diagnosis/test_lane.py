@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import canid
-from canid.diagnosis.lane import lane_fit, lane_null
-from canid.diagnosis.lane.lane_fit import FittedLane
-from canid.diagnosis.lane.lane_model import LaneData, polynomial, prepare, steered, with_effects
-from canid.effects import LANE_CATALOGUE
-from canid.simulation import Steering, simulate
+from canid.models.diagnosis.lane import lane_fit, lane_null
+from canid.models.diagnosis.lane.lane_fit import FittedLane
+from canid.models.diagnosis.lane.lane_model import LaneData, polynomial, prepare, steered, with_effects
+from canid.models.effects import LANE_CATALOGUE
+from canid.models.simulation import Steering, simulate
 from canid.values.findings import Report, Verdict
 from canid.values.types import Array, LearnGate, Trace
 from tests.plants.lane_drives import CLEAN, EFFECTS, LaneDrive, make

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import canid
-from canid.cli import main
+from canid.ui.cli import main
 from canid.values.findings import Verdict
 from canid.values.types import NAN, Array, LearnGate, Trace
 from tests.plants.lane_drives import CLEAN, LaneDrive, make

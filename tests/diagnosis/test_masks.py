@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import canid
-from canid.diagnosis import masks
+from canid.models.diagnosis import masks
 from canid.values.types import Trace
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.plants import plant_one, plant_two

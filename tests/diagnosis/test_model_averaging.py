@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from canid.diagnosis import masks
-from canid.diagnosis.driver import driver_candidates, driver_intervals, model_averaging
-from canid.diagnosis.prepared_drive import ready
-from canid.effects import CATALOGUE
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.driver import driver_candidates, driver_intervals, model_averaging
+from canid.models.diagnosis.prepared_drive import ready
+from canid.models.effects import CATALOGUE
 from canid.values.types import Interval
 from tests import seeds
 from tests.plants import plant_one, plant_two

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from canid.diagnosis import car_following, corrections
-from canid.diagnosis.car_following import Baseline
-from canid.diagnosis.corrections import Settings
-from canid.diagnosis.diagnose import MIN_DRIVING_S
-from canid.diagnosis.driver import driver_candidates
-from canid.diagnosis.fitting import uncertainty
-from canid.diagnosis.fitting.fitted_model import solve
-from canid.diagnosis.fitting.likelihood import Output, fit_noise, score
-from canid.effects import CATALOGUE
+from canid.models.diagnosis import car_following, corrections
+from canid.models.diagnosis.car_following import Baseline
+from canid.models.diagnosis.corrections import Settings
+from canid.models.diagnosis.diagnose import MIN_DRIVING_S
+from canid.models.diagnosis.driver import driver_candidates
+from canid.models.diagnosis.fitting import uncertainty
+from canid.models.diagnosis.fitting.fitted_model import solve
+from canid.models.diagnosis.fitting.likelihood import Output, fit_noise, score
+from canid.models.effects import CATALOGUE
 from canid.values.types import Interval, Trace
 from tests.plants.loop_noise import follower
 

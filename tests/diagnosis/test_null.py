@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.driver import driver_fit
-from canid.diagnosis.fitting.search import Named
-from canid.diagnosis.null import baseline_check, predictive_score, sequential
-from canid.diagnosis.null.noise_source import resampled
-from canid.diagnosis.null.sequential import Answer, Statistics
-from canid.diagnosis.prepared_drive import ready
-from canid.effects import CATALOGUE
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.driver import driver_fit
+from canid.models.diagnosis.fitting.search import Named
+from canid.models.diagnosis.null import baseline_check, predictive_score, sequential
+from canid.models.diagnosis.null.noise_source import resampled
+from canid.models.diagnosis.null.sequential import Answer, Statistics
+from canid.models.diagnosis.prepared_drive import ready
+from canid.models.effects import CATALOGUE
 from canid.values.findings import NullGain, Report
 from canid.values.types import Trace
 from tests.plants import plant_one, plant_two

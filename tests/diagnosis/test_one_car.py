@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.diagnosis.diagnose import diagnose, diagnose_car
-from canid.diagnosis.several_drives.joined_drives import join
-from canid.diagnosis.vehicle.vehicle_data import graded
-from canid.simulation import simulate
+from canid.models.diagnosis.diagnose import diagnose, diagnose_car
+from canid.models.diagnosis.several_drives.joined_drives import join
+from canid.models.diagnosis.vehicle.vehicle_data import graded
+from canid.models.simulation import simulate
+from canid.ui.cli import main
 from canid.values.types import Trace
 from tests.diagnosis.test_several_drives import SHORT, drawn
 from tests.hidden_effects.planted_by_canid import by_columns

@@ -6,12 +6,12 @@ import math
 
 import pytest
 
-from canid.diagnosis import masks
-from canid.diagnosis.driver import detectability, driver_candidates
-from canid.diagnosis.driver.driver_model import K2
-from canid.diagnosis.fitting.uncertainty import needed
-from canid.diagnosis.prepared_drive import Prepared, ready
-from canid.effects import CATALOGUE
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.driver import detectability, driver_candidates
+from canid.models.diagnosis.driver.driver_model import K2
+from canid.models.diagnosis.fitting.uncertainty import needed
+from canid.models.diagnosis.prepared_drive import Prepared, ready
+from canid.models.effects import CATALOGUE
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from canid.diagnosis.diagnose import diagnose
-from canid.identification.movement_rhythm import RHYTHM_HZ, rhythm
+from canid.mathematics.identification.movement_rhythm import RHYTHM_HZ, rhythm
+from canid.models.diagnosis.diagnose import diagnose
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 from tests.seeds import mostly

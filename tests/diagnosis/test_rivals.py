@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from canid.diagnosis.driver.driver_data import DriverData, prepare
-from canid.diagnosis.rivals.comparison import MIN_STRETCHES, compare
-from canid.diagnosis.rivals.recommendation import CANID, recommended
-from canid.diagnosis.rivals.rival_models import MODELS
+from canid.models.diagnosis.driver.driver_data import DriverData, prepare
+from canid.models.diagnosis.rivals.comparison import MIN_STRETCHES, compare
+from canid.models.diagnosis.rivals.recommendation import CANID, recommended
+from canid.models.diagnosis.rivals.rival_models import MODELS
 from canid.values.findings import Rival, Trajectory
 from canid.values.types import Array, Interval, LearnGate, Trace
 from tests.plants.plant_one import lead

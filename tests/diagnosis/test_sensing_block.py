@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from canid.diagnosis import corrections
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.sensing import sensing_block
-from canid.diagnosis.sensing.kinematics import averages
-from canid.effects import CATALOGUE
+from canid.models.diagnosis import corrections
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.sensing import sensing_block
+from canid.models.diagnosis.sensing.kinematics import averages
+from canid.models.effects import CATALOGUE
 from canid.values.findings import Verdict
 from canid.values.types import NAN, Trace
 from tests.plants import plant_one, plant_two

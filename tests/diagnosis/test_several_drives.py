@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.diagnose import diagnose, diagnose_drives
-from canid.diagnosis.several_drives.joined_drives import PAUSE_S, join
-from canid.simulation import DriverTruth, simulate
+from canid.models.diagnosis.diagnose import diagnose, diagnose_drives
+from canid.models.diagnosis.several_drives.joined_drives import PAUSE_S, join
+from canid.models.simulation import DriverTruth, simulate
 from canid.values.errors import ConfigError
 from canid.values.findings import Verdict
 from canid.values.types import OutputFilter, SignalFinding, Trace

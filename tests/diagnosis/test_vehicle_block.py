@@ -5,14 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis import masks
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.vehicle import vehicle_block
-from canid.diagnosis.vehicle.vehicle_block import VEHICLE, Vehicle
-from canid.diagnosis.vehicle.vehicle_model import LAG, STRENGTH, VehicleSeen, accel, drivable, with_effects
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect
-from canid.effects.vehicle.power_limit import SOLD_FROM
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.vehicle import vehicle_block
+from canid.models.diagnosis.vehicle.vehicle_block import VEHICLE, Vehicle
+from canid.models.diagnosis.vehicle.vehicle_model import (
+    LAG,
+    STRENGTH,
+    VehicleSeen,
+    accel,
+    drivable,
+    with_effects,
+)
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Effect
+from canid.models.effects.vehicle.power_limit import SOLD_FROM
 from canid.values.findings import Verdict
 from canid.values.types import Trace
 from tests import seeds

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from canid.diagnosis import verdict
-from canid.diagnosis.verdict import Gained
+from canid.models.diagnosis import verdict
+from canid.models.diagnosis.verdict import Gained
 from canid.values.findings import Blocked, Finding, NullGain, Verdict
 from canid.values.types import Interval
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import can
 import pytest
 
-from canid.buses.bus_opener import PACKAGES, package_of
+from canid.io.buses.bus_opener import PACKAGES, package_of
 
 ROOT = Path(__file__).parents[2]
 # NAME or NAME[EXTRA,EXTRA], quoted or not, behind `pip install` and its options
@@ -89,9 +89,9 @@ def test_hints_that_are_known_at_run_time_only() -> None:
     assert {*for_duckdb} <= extras_of("canid")
     unknown = {f"{where}: {word}" for where, word in hints() if ANY in word}
     assert {one.partition(":")[0] for one in unknown} <= {
-        "canid/files/duckdb_files.py",
-        "canid/fleet/planning/remote.py",
-        "canid/fleet/planning/fetched.py",
+        "canid/io/files/duckdb_files.py",
+        "canid/analysis/fleet/planning/remote.py",
+        "canid/analysis/fleet/planning/fetched.py",
     }
 
 
@@ -113,7 +113,7 @@ def test_the_hint_of_udp_multicast(tmp_path: Path) -> None:
         [
             sys.executable,
             "-c",
-            "import sys; from canid.cli import main; sys.exit(main(sys.argv[1:]))",
+            "import sys; from canid.ui.cli import main; sys.exit(main(sys.argv[1:]))",
             *words,
         ],
         env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import pytest
 
-from canid.cli import completion, main
-from canid.cli.verbs import VERBS
+from canid.ui.cli import completion, main
+from canid.ui.cli.verbs import VERBS
 from canid.values.errors import DONE, NO_BUS
 from tests.fixtures.demo_folder import made_by_demo
 

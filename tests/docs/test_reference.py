@@ -39,7 +39,7 @@ def test_all_are_current(made: Path) -> None:
 
 
 def test_the_tables_of_a_fleet_are_current(tmp_path: Path) -> None:
-    """The columns that docs/fleet_folder.md lists are those of canid/fleet/storage/columns.py."""
+    """The columns that docs/fleet_folder.md lists are those of canid/analysis/fleet/storage/columns.py."""
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import fleet_tables as f; "
     )

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.estimators import agreement
+from canid.mathematics.estimators import agreement
 from canid.values.types import Channel, Estimate, Identifiable, Interval, Status
 from tests.exact import exact
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.estimators.armax import ARMAX, ArmaxSettings
+from canid.mathematics.estimators.armax import ARMAX, ArmaxSettings
 from canid.values.types import LearnGate, Sample, Status
 
 DT = 0.1

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from canid.estimators import ESTIMATORS, status
-from canid.saving.state_codec import codec
+from canid.mathematics.estimators import ESTIMATORS, status
+from canid.models.saving.state_codec import codec
+from canid.signals.vehicle import schema
 from canid.values.types import Identifiable, LearnGate, Sample, Status
-from canid.vehicle import schema
 from tests.exact import exact
 
 DT = 0.1

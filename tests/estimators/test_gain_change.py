@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from canid.estimators import fopdt, status
-from canid.estimators.windows import reported_estimates
+from canid.mathematics.estimators import fopdt, status
+from canid.mathematics.estimators.windows import reported_estimates
 from canid.values.types import LearnGate, Sample
 from tests.plants.first_order_lag import answer
 from tests.seeds import mostly

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from canid.estimators import plausibility, status
-from canid.estimators.armax import ARMAX, ArmaxSettings
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.estimators.plausibility import Following, Ranges, judge
-from canid.estimators.whole_drive_agreement import arbitrated
-from canid.identification.first_order import scan
+from canid.mathematics.estimators import plausibility, status
+from canid.mathematics.estimators.armax import ARMAX, ArmaxSettings
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.estimators.plausibility import Following, Ranges, judge
+from canid.mathematics.estimators.whole_drive_agreement import arbitrated
+from canid.mathematics.identification.first_order import scan
 from canid.values.types import Channel, Identifiable, Interval, LearnGate, Status, Trace
 
 RANGES = Ranges(3.0, 1.5, "fopdt")

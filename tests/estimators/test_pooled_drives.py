@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.estimators.estimator import WholeDrive
-from canid.estimators.pooled_drives import pooled
-from canid.estimators.whole_drive_agreement import diagnosed
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.mathematics.estimators.pooled_drives import pooled
+from canid.mathematics.estimators.whole_drive_agreement import diagnosed
 from canid.values.types import Channel, Identifiable, Interval, ResidualTests
 
 NAME = "range_rate"

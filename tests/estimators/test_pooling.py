@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from canid.estimators import pooling
+from canid.mathematics.estimators import pooling
 from canid.values.types import LearnGate, Sample, Trace
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from canid.estimators import ESTIMATORS
+from canid.mathematics.estimators import ESTIMATORS
 from canid.values.types import Identifiable, LearnGate, Sample, Status
 from tests.seeds import mostly
 

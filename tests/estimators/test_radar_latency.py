@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 import canid
-from canid.drive import drive_parameters
-from canid.estimators import ESTIMATORS
-from canid.estimators.windows import reported_estimates
+from canid.analysis.drive import drive_parameters
+from canid.mathematics.estimators import ESTIMATORS
+from canid.mathematics.estimators.windows import reported_estimates
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import Latency, Status, Trace
-from canid.vehicle import read_vehicle
 
 REPO = Path(__file__).parents[2]
 LATE = Latency(0.12, 0.03)

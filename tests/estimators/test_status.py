@@ -1,6 +1,6 @@
 """The words and the clock of the status logic."""
 
-from canid.estimators import status
+from canid.mathematics.estimators import status
 from canid.values.types import Channel, Identifiable, Interval, LearnGate, Sample, Status
 
 

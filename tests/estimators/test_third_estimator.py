@@ -26,11 +26,11 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(REPO / "canid", root / "canid", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("dbc", "replay_logs"):
         (root / name).symlink_to(REPO / name)
-    shutil.copy(Path(__file__).parent / "third" / "moving.py", root / "canid" / "estimators")
-    registry = root / "canid" / "estimators" / "__init__.py"
+    shutil.copy(Path(__file__).parent / "third" / "moving.py", root / "canid" / "mathematics" / "estimators")
+    registry = root / "canid" / "mathematics" / "estimators" / "__init__.py"
     text = registry.read_text(encoding="utf-8")
     text = text.replace("    FOPDT,\n", "    FOPDT,\n    MOVING,\n")
-    text = text.replace("FOPDT\n", "FOPDT\nfrom canid.estimators.moving import MOVING\n", 1)
+    text = text.replace("FOPDT\n", "FOPDT\nfrom canid.mathematics.estimators.moving import MOVING\n", 1)
     registry.write_text(text, encoding="utf-8")
     return root
 
@@ -94,12 +94,12 @@ def test_replay_saves_and_restores_it(tree: Path, tmp_path: Path) -> None:
 
 LIVE = """
 import math, sys, threading
-from canid.buses.bus_opener import open_buses
-from canid.buses.send import onto
-from canid.logs import open_log
-from canid.session.session import Result, SessionSettings, session
+from canid.io.buses.bus_opener import open_buses
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
+from canid.analysis.session.session import Result, SessionSettings, session
 from canid.values.types import Estimate
-from canid.views.terminal_view import picture, state
+from canid.ui.views.terminal_view import picture, state
 
 config = {"interface": "virtual", "channel": "third"}
 buses = open_buses([config])
@@ -107,8 +107,8 @@ frames = [frame for frame in open_log(sys.argv[1]) if frame.t <= 30.0]
 sender = threading.Thread(target=onto, args=(config, iter(frames), math.inf))
 sender.start()
 view = state.View("third")
-# an installed canid would go before this copy in a child of its own making (canid.processes.child_process)
-child = [sys.executable, "-m", "canid.session.estimator_process", "generic"]
+# an installed canid would go before this copy in a child of its own making (canid.values.processes.child_process)
+child = [sys.executable, "-m", "canid.analysis.session.estimator_process", "generic"]
 ended = lambda: not sender.is_alive()
 for item in session(buses, SessionSettings("generic", finish=120.0, command=child), stopped=ended):
     if isinstance(item, Result) and isinstance(item.item, Estimate):
@@ -141,4 +141,6 @@ def test_the_contract_test_runs_over_it(tree: Path) -> None:
         tree, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-k", "moving", tests
     )
     assert " passed" in done.stdout
-    assert "moving" in (tree / "canid" / "estimators" / "__init__.py").read_text(encoding="utf-8")
+    assert "moving" in (tree / "canid" / "mathematics" / "estimators" / "__init__.py").read_text(
+        encoding="utf-8"
+    )

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from canid import from_arrays, identify
-from canid.estimators import wanted_gap_form
-from canid.identification.confidence import SIGMAS
-from canid.identification.fopdt.grid_search import no_fit
-from canid.identification.identifiability import quotable
+from canid.mathematics.estimators import wanted_gap_form
+from canid.mathematics.identification.confidence import SIGMAS
+from canid.mathematics.identification.fopdt.grid_search import no_fit
+from canid.mathematics.identification.identifiability import quotable
 from canid.values.types import Array, OutputFilter, Trace
 from tests.plants.outside_form import draw, drive
 from tests.plants.outside_form_sensors import seen

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 import canid
-from canid.estimators import agreement, plausibility
-from canid.estimators.estimator import WholeDrive
-from canid.estimators.whole_drive_agreement import arbitrated, diagnosed, disjoint
-from canid.identification.identifiability import quotable
+from canid.mathematics.estimators import agreement, plausibility
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.mathematics.estimators.whole_drive_agreement import arbitrated, diagnosed, disjoint
+from canid.mathematics.identification.identifiability import quotable
 from canid.values.types import Channel, Identifiable, Interval, ResidualTests, Trace
 from tests.fixtures.measured_logs import LOGS as MEASURED_LOGS
 from tests.fixtures.measured_logs import LONG_LOGS, MEASURED, needs_measured

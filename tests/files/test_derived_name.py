@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.files.derived_name import MAX_NAME_BYTES, derived, short_stem
-from canid.logs import open_log, write_log
-from canid.logs.log_writer import open_new
-from canid.logs.recovery import recover
-from canid.recording.file_series import Series
-from canid.recording.journal import journal_path
-from canid.recording.log_restoration import restore
-from canid.recording.rotation import Rotation
+from canid.io.files.derived_name import MAX_NAME_BYTES, derived, short_stem
+from canid.io.logs import open_log, write_log
+from canid.io.logs.log_writer import open_new
+from canid.io.logs.recovery import recover
+from canid.io.recording.file_series import Series
+from canid.io.recording.journal import journal_path
+from canid.io.recording.log_restoration import restore
+from canid.io.recording.rotation import Rotation
+from canid.ui.cli import main
 from canid.values.types import Frame
 
 _FRAMES = [Frame(0.0, 0, 1, b"a"), Frame(0.5, 0, 1, b"b")]

@@ -12,11 +12,11 @@ from typing import Any
 import duckdb
 import pytest
 
-from canid.cli import main
-from canid.export import parquet_table
-from canid.files import duckdb_files
-from canid.fleet.storage import database, parquet_files
-from canid.tables.sources.parquet_source import ParquetSource
+from canid.analysis.export import parquet_table
+from canid.analysis.fleet.storage import database, parquet_files
+from canid.analysis.tables.sources.parquet_source import ParquetSource
+from canid.io.files import duckdb_files
+from canid.ui.cli import main
 from tests.fixtures.fleet_folder import made
 
 # what DuckDB would fetch an extension for, or its author: of an address, another program's file, a setting

@@ -14,12 +14,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from canid.files import duckdb_files, opening
+from canid.io.files import duckdb_files, opening
 from canid.values.errors import ConfigError
 from tests.fixtures.odd_names import MEANT, names, text_of
 
 CANID = Path(__file__).parents[2] / "canid"
-ONLY = "files/duckdb_files.py"
+ONLY = "io/files/duckdb_files.py"
 # functions and statements of DuckDB's SQL that open a file, and what decides which it may open
 OPENS = re.compile(
     r"\b(read_(parquet|csv|csv_auto|json|json_auto|json_objects|ndjson|ndjson_auto|text|blob)|parquet_\w+|sniff_csv)\s*\("

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.files import duckdb_files
+from canid.io.files import duckdb_files
 
 SORTED = "SELECT hash(range) AS h, repeat('x', 50) AS x FROM range(400000) ORDER BY h"
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from canid.files.held_folder import HeldFolder, Standing
+from canid.io.files.held_folder import HeldFolder, Standing
 from tests.fixtures import mounted_recording
 
 MOUNTS = """
 import subprocess, sys
 from pathlib import Path
-from canid.files.held_folder import HeldFolder
+from canid.io.files.held_folder import HeldFolder
 base = Path(sys.argv[1])
 rec, store = base / "rec", base / "store"
 folder = HeldFolder(rec)

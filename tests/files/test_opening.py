@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.files import opening
-from canid.processes import limits
+from canid.io.files import opening
+from canid.values.processes import limits
 
 CONTENT = b"a recording"
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from canid.files import state_file
-from canid.saving.checksum import unseal
+from canid.io.files import state_file
+from canid.models.saving.checksum import unseal
 from canid.values.errors import ConfigError, OutputError
 
 # writes two states of half a megabyte in turn, until it is killed; says when the first one is there
 WRITER = """
 import sys
-from canid.files import state_file
-from canid.saving.checksum import seal
+from canid.io.files import state_file
+from canid.models.saving.checksum import seal
 states = [seal({"turn": turn, "window": "0123456789" * 50_000}) for turn in range(2)]
 turn = 0
 while True:

@@ -12,30 +12,33 @@ import pytest
 ROOT = Path(__file__).parents[2]
 CANID = ROOT / "canid"
 PACKAGES = (CANID, ROOT / "canid_study")
-OPENING = "files/opening.py"
+OPENING = "io/files/opening.py"
 # (file, what it calls) -> why nothing of the user's can be written
 ALLOWED = {
-    ("processes/limits.py", "os.open"): "a setting of a process: a file of /proc",
-    ("processes/serve.py", "os.fdopen"): "a copy of standard output, for answers to the parent",
+    ("values/processes/limits.py", "os.open"): "a setting of a process: a file of /proc",
+    ("values/processes/serve.py", "os.fdopen"): "a copy of standard output, for answers to the parent",
     (
-        "cli/output/complete_files.py",
+        "ui/cli/output/complete_files.py",
         "os.fdopen",
     ): "descriptors of opening.create_temporary and opening.stream",
-    ("cli/output/complete_files.py", "shutil.copyfileobj"): "between files that are open",
-    ("cli/output/streams.py", "os.open"): "the null device, for standard streams that are closed",
+    ("ui/cli/output/complete_files.py", "shutil.copyfileobj"): "between files that are open",
+    ("ui/terminal/streams.py", "os.open"): "the null device, for standard streams that are closed",
     (
-        "export/mf4_child.py",
+        "analysis/export/mf4_child.py",
         "file.save",
     ): "asammdf writes by name: the random one of complete_files, which exists",
     ("canid_study/views/figure_svg.py", "canvas.savefig"): "into a text in memory",
-    ("cli/output/outputs.py", "sys.stdout.write_bytes"): "standard output",
-    ("cli/output/outputs.py", "self._file.write_bytes"): "an OutputFile, which is open",
-    ("export/driver_fmu.py", "values.write_text"): "in a new temporary folder that no other user may enter",
-    ("export/driver_fmu.py", "zipfile.ZipFile"): "into memory",
-    ("export/driver_models.py", "savemat"): "into memory",
-    ("export/mat_file.py", "savemat"): "into an open file",
+    ("ui/cli/output/outputs.py", "sys.stdout.write_bytes"): "standard output",
+    ("ui/cli/output/outputs.py", "self._file.write_bytes"): "an OutputFile, which is open",
     (
-        "files/duckdb_files.py",
+        "analysis/export/driver_fmu.py",
+        "values.write_text",
+    ): "in a new temporary folder that no other user may enter",
+    ("analysis/export/driver_fmu.py", "zipfile.ZipFile"): "into memory",
+    ("analysis/export/driver_models.py", "savemat"): "into memory",
+    ("analysis/export/mat_file.py", "savemat"): "into an open file",
+    (
+        "io/files/duckdb_files.py",
         "COPY",
     ): "DuckDB writes into a descriptor of opening.create or opening.existing",
 }
@@ -191,7 +194,7 @@ def test_one_module_opens_files_for_writing() -> None:
         "os.open(path, os.O_RDONLY | os.O_CREAT)",
         "F = os.O_RDWR\nos.open(path, F)",
         "flags = os.O_RDONLY\nflags |= os.O_TRUNC\nos.open(path, flags)",
-        "from canid.files.new_file import FLAGS\nos.open(path, FLAGS)",
+        "from canid.io.files.new_file import FLAGS\nos.open(path, FLAGS)",
         "os.open(path, getattr(os, 'O_RDWR'))",
         "os.fdopen(fd, 'w')",
         "path.write_text('a')",

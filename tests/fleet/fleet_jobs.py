@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from canid.fleet.analysis.job import Job, Settings, Source
-from canid.vehicle import read_vehicle
+from canid.analysis.fleet.job import Job, Settings, Source
+from canid.signals.vehicle import read_vehicle
 
 REPO = Path(__file__).parents[2]
 SHIPPED = REPO / "replay_logs"

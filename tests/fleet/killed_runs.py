@@ -15,12 +15,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from canid.fleet.analysis import run as fleet_run
-from canid.fleet.analysis.job import Failure, Job, Outcome, Settings, Status
-from canid.fleet.analysis.key import key
-from canid.fleet.planning.plan import planned
-from canid.fleet.storage import parts
-from canid.fleet.storage import store as fleet_store
+from canid.analysis.fleet.job import Failure, Job, Outcome, Settings, Status
+from canid.analysis.fleet.key import key
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.fleet.running import run as fleet_run
+from canid.analysis.fleet.storage import parts
+from canid.analysis.fleet.storage import store as fleet_store
 
 # calls by which files and names change; each is a place where a kill may come before or after it
 CALLS = ("write", "fsync", "fdatasync", "rename", "replace", "unlink", "rmdir", "mkdir", "ftruncate")

@@ -34,7 +34,7 @@ TABLES = (
 @cache
 def frames() -> list[tuple[float, str]]:
     """Time in s since the first frame, and the rest of a candump line."""
-    from canid.logs import open_log
+    from canid.io.logs import open_log
 
     found = []
     for frame in open_log(URBAN):
@@ -97,7 +97,7 @@ class Done(NamedTuple):
 
 def fleet_here(*words: object) -> Done:
     """Run `canid fleet` in this process: as `fleet`, without the imports of a new one."""
-    from canid.cli import main
+    from canid.ui.cli import main
 
     out, err = StringIO(), StringIO()
     with redirect_stdout(out), redirect_stderr(err):

@@ -18,11 +18,11 @@ pytest.importorskip("fsspec", reason="needs fsspec: pip install 'canid[fleet]'")
 
 import fsspec
 
-from canid.fleet.analysis.analysis import analyse
-from canid.fleet.analysis.job import Failure
-from canid.fleet.planning import address, listing
-from canid.fleet.planning.plan import planned
-from canid.fleet.storage import mirror
+from canid.analysis.fleet.job import Failure
+from canid.analysis.fleet.one_log.analysis import analyse
+from canid.analysis.fleet.planning import address, listing
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.fleet.storage import mirror
 from canid.values.errors import ConfigError
 from tests.fixtures.listening import Listening, listening
 from tests.fleet import short_logs
@@ -30,7 +30,7 @@ from tests.fleet.fleet_jobs import GENERIC, job
 from tests.fleet.short_logs import QUICK, REPO, fleet_here, table
 
 PACKAGES = ("canid", "canid_study")
-ONLY = Path("canid/fleet/planning/address.py")
+ONLY = Path("canid/analysis/fleet/planning/address.py")
 # what opens addresses: fsspec and what it opens them with
 OPENS = ("fsspec", "s3fs", "gcsfs", "adlfs", "ossfs", "aiohttp", "upath", "smart_open")
 # of these fsspec does not need a package, or one that is installed

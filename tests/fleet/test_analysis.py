@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 import canid
-from canid.drive import identification_json
-from canid.drive.drive_reader import run
-from canid.fleet.analysis.analysis import analyse
-from canid.fleet.analysis.job import Failure, Job, Outcome, Settings, Source, Status
-from canid.fleet.analysis.joint_estimate import joint_estimate
-from canid.fleet.analysis.monitor_misfits import misfits, monitor_reports
-from canid.fleet.storage.columns import CHANNELS, PARAMETERS, POOLED, TABLES
-from canid.logs import open_log
+from canid.analysis.drive import identification_json
+from canid.analysis.drive.drive_reader import run
+from canid.analysis.fleet.job import Failure, Job, Outcome, Settings, Source, Status
+from canid.analysis.fleet.one_log.analysis import analyse
+from canid.analysis.fleet.one_log.joint_estimate import joint_estimate
+from canid.analysis.fleet.one_log.monitor_misfits import misfits, monitor_reports
+from canid.analysis.fleet.storage.columns import CHANNELS, PARAMETERS, POOLED, TABLES
+from canid.io.logs import open_log
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import Interval, MonitorReport
-from canid.vehicle import read_vehicle
 from tests.exact import exact
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, SHIPPED, URBAN, job

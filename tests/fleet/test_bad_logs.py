@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet.analysis.analysis import analyse
-from canid.fleet.analysis.isolated import Child
-from canid.fleet.analysis.job import Failure, Outcome, Source, Status
-from canid.tables.column_map import ColumnMap
+from canid.analysis.fleet.job import Failure, Outcome, Source, Status
+from canid.analysis.fleet.one_log.analysis import analyse
+from canid.analysis.fleet.running.isolated import Child
+from canid.analysis.tables.column_map import ColumnMap
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, SHIPPED, URBAN, job, sparse
 

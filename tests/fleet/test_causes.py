@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.fleet.answers import causes
-from canid.fleet.storage.columns import JOINT_FINDINGS
-from canid.fleet.storage.database import opened
+from canid.analysis.fleet.answers import causes
+from canid.analysis.fleet.storage.columns import JOINT_FINDINGS
+from canid.analysis.fleet.storage.database import opened
 from tests.fixtures.fleet_folder import Planted, made, table, write
 from tests.seeds import mostly
 

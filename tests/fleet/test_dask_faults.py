@@ -14,8 +14,8 @@ import pytest
 
 pytest.importorskip("distributed", reason="needs distributed: pip install 'canid[fleet]'")
 
-from canid.fleet.analysis import dask_run, local_run
-from canid.fleet.analysis.job import Job, Outcome
+from canid.analysis.fleet.job import Job, Outcome
+from canid.analysis.fleet.running import dask_run, local_run
 from canid.values.errors import ConfigError
 from tests.fleet import short_logs
 from tests.fleet.dask_processes import cluster
@@ -35,7 +35,7 @@ NAMESPACES = (
 )
 needs_namespaces = pytest.mark.skipif(not NAMESPACES, reason="needs namespaces of mounts: root, unshare")
 # a worker whose canid says that it is another one
-OTHER = "import canid.fleet.analysis.key as key\nkey.PROGRAM = {!r}\n"
+OTHER = "import canid.analysis.fleet.key as key\nkey.PROGRAM = {!r}\n"
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_where_no_worker_sees_the_logs_the_run_ends(tmp_path: Path, jobs: list[J
 @pytest.mark.parametrize("other", ["0.0.9/1/3.11", "0.0.9/1", "SAME/2.7"])
 def test_workers_of_another_version_are_refused(tmp_path: Path, jobs: list[Job], other: str) -> None:
     """Another canid, one before this line was thought of, another Python: one line with both versions."""
-    from canid.fleet.analysis.key import IDENTITY, PROGRAM
+    from canid.analysis.fleet.key import IDENTITY, PROGRAM
 
     (tmp_path / "sitecustomize.py").write_text(OTHER.format(other.replace("SAME", IDENTITY)), "utf-8")
     with cluster(tmp_path, 0) as made:
@@ -101,7 +101,7 @@ def test_a_scheduler_that_is_killed_is_one_line(tmp_path: Path, jobs: list[Job],
     settings = QUICK if workers == 0 else ("--vehicle", "generic", "--no-diagnosis")
     with cluster(tmp_path, workers) as made:
         text = (
-            "import sys; from canid.cli import main; from canid.fleet.analysis import dask_run\n"
+            "import sys; from canid.ui.cli import main; from canid.analysis.fleet.running import dask_run\n"
             "given = dask_run.outcomes\n"
             "dask_run.outcomes = lambda *words, **named: given(*words, **named, patience_s=3.0)\n"
             "sys.exit(main(sys.argv[1:]))\n"

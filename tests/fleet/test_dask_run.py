@@ -14,8 +14,8 @@ import pytest
 
 pytest.importorskip("distributed", reason="needs distributed: pip install 'canid[fleet]'")
 
-from canid.fleet.analysis import dask_run, dask_worker, local_run
-from canid.fleet.analysis.job import Failure, Job, Outcome, Status
+from canid.analysis.fleet.job import Failure, Job, Outcome, Status
+from canid.analysis.fleet.running import dask_run, dask_worker, local_run
 from canid.values.errors import CanidError, ConfigError
 from tests.fleet import short_logs
 from tests.fleet.dask_processes import Cluster, cluster, descendants, free_port
@@ -180,7 +180,7 @@ def test_workers_without_canid_are_refused(tmp_path: Path, jobs: list[Job]) -> N
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:{port}", "no address at all"])
 def test_nothing_at_the_address(address: str, jobs: list[Job], monkeypatch: pytest.MonkeyPatch) -> None:
     """One line that names the address, within some seconds."""
-    monkeypatch.setattr("canid.fleet.analysis.dask_cluster.CONNECT_S", 1.0)
+    monkeypatch.setattr("canid.analysis.fleet.running.dask_cluster.CONNECT_S", 1.0)
     named = address.format(port=free_port())
     with pytest.raises(ConfigError) as raised:
         next(dask_run.outcomes(jobs, SOURCES, scheduler=named))

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.fleet.answers import estimates
-from canid.fleet.answers.estimates import LANE, MAIN, TIMES, kinds, selection
-from canid.fleet.answers.pooled import own_estimates
-from canid.fleet.answers.summary import summarise
-from canid.fleet.storage.columns import POOLED
-from canid.fleet.storage.database import opened
-from canid.identification.confidence import NORMAL_QUANTILE
-from canid.population import drive_table as tables
+from canid.analysis.fleet.answers import estimates
+from canid.analysis.fleet.answers.estimates import LANE, MAIN, TIMES, kinds, selection
+from canid.analysis.fleet.answers.pooled import own_estimates
+from canid.analysis.fleet.answers.summary import summarise
+from canid.analysis.fleet.storage.columns import POOLED
+from canid.analysis.fleet.storage.database import opened
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.population import drive_table as tables
 from canid.values.fleet_summary import Kind
 from tests.fixtures.fleet_folder import Planted, made, write
 

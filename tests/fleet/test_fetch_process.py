@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="needs aiohttp: pip install 'canid[fleet]'")
 
-from canid.fleet.analysis.isolated import Child
-from canid.fleet.analysis.job import Failure, Job, Status
-from canid.fleet.planning import remote
+from canid.analysis.fleet.job import Failure, Job, Status
+from canid.analysis.fleet.planning import remote
+from canid.analysis.fleet.running.isolated import Child
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, job
 from tests.fleet.storage_servers import Web, web

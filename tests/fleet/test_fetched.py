@@ -12,12 +12,12 @@ pytest.importorskip("fsspec", reason="needs fsspec: pip install 'canid[fleet]'")
 
 import fsspec
 
-from canid.fleet.analysis.analysis import analyse
-from canid.fleet.analysis.failed import Failed
-from canid.fleet.analysis.isolated import Child
-from canid.fleet.analysis.job import Failure, Job, Status
-from canid.fleet.planning import fetched
-from canid.fleet.planning.fetched import Listed
+from canid.analysis.fleet.failed import Failed
+from canid.analysis.fleet.job import Failure, Job, Status
+from canid.analysis.fleet.one_log.analysis import analyse
+from canid.analysis.fleet.planning import fetched
+from canid.analysis.fleet.planning.fetched import Listed
+from canid.analysis.fleet.running.isolated import Child
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, URBAN, job, sparse
 from tests.fleet.test_isolated import numbers

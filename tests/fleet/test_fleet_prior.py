@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli.commands import fleet_prior as verb
-from canid.fleet.answers.prior_file import MARK, FleetPrior, fleet_prior, toml_of
-from canid.identification.fopdt.prior import check_prior
-from canid.population.population_prior import SAME_DELAYS_SD_S
+from canid.analysis.fleet.answers.prior_file import MARK, FleetPrior, fleet_prior, toml_of
+from canid.mathematics.identification.fopdt.prior import check_prior
+from canid.mathematics.population.population_prior import SAME_DELAYS_SD_S
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli.commands import fleet_prior as verb
 from canid.values.errors import ConfigError, OutputError
 from canid.values.shipped_files import shipped
-from canid.vehicle import read_vehicle
 from tests import seeds
 from tests.fixtures.fleet_folder import Planted, made, write
 

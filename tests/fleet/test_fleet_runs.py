@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet.storage import store
+from canid.analysis.fleet.storage import store
 from canid.values.errors import ConfigError, OutputError
 from tests.fleet import short_logs
 from tests.fleet.short_logs import QUICK, REPO, Done, fleet_here, table
@@ -96,7 +96,7 @@ def test_two_runs_into_one_folder_refuse(tmp_path: Path) -> None:
     short_logs.write(logs, 1)
     out.mkdir()
     holding = (
-        "import sys, time\nfrom canid.fleet.storage.lock import held\nfrom pathlib import Path\n"
+        "import sys, time\nfrom canid.analysis.fleet.storage.lock import held\nfrom pathlib import Path\n"
         "with held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(1000)"
     )
     with subprocess.Popen([sys.executable, "-c", holding, out], stdout=subprocess.PIPE, cwd=REPO) as first:
@@ -155,7 +155,7 @@ def test_a_worker_that_outlives_a_killed_run_does_not_hold_the_folder(tmp_path: 
     """The lock belongs to one process: a child that was forked while it was held leaves it free."""
     store_folder = tmp_path / "out"
     code = (
-        "import os, sys, time\nfrom pathlib import Path\nfrom canid.fleet.storage.lock import held\n"
+        "import os, sys, time\nfrom pathlib import Path\nfrom canid.analysis.fleet.storage.lock import held\n"
         "with held(Path(sys.argv[1])):\n"
         "    child = os.fork()\n    if child == 0:\n        time.sleep(1000)\n"
         "    print(child, flush=True)\n    time.sleep(1000)"

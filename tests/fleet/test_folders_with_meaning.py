@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from canid.fleet.analysis import run as fleet_run
-from canid.fleet.analysis.job import Settings
-from canid.fleet.planning.plan import planned
-from canid.fleet.storage import consolidated, parts, store
-from canid.fleet.storage.database import opened, rows
-from canid.tables.sources.parquet_source import ParquetSource
+from canid.analysis.fleet.job import Settings
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.fleet.running import run as fleet_run
+from canid.analysis.fleet.storage import consolidated, parts, store
+from canid.analysis.fleet.storage.database import opened, rows
+from canid.analysis.tables.sources.parquet_source import ParquetSource
 from canid.values.errors import ConfigError
 from tests.fixtures.odd_names import MEANT, text_of
 from tests.fleet import killed_runs

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet.analysis import run as fleet_run
-from canid.fleet.analysis.job import Settings
-from canid.fleet.planning.plan import planned
-from canid.fleet.storage import parts, store, summary_tables
-from canid.fleet.storage.lock import LockError
+from canid.analysis.fleet.job import Settings
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.fleet.running import run as fleet_run
+from canid.analysis.fleet.storage import parts, store, summary_tables
+from canid.analysis.fleet.storage.lock import LockError
 from canid.values.errors import OutputError
 from tests.fleet import killed_runs, short_logs
 from tests.fleet.short_logs import QUICK, REPO, TABLES, fleet_here
@@ -294,10 +294,10 @@ FIRST = """
 import sys
 from pathlib import Path
 from canid.values.errors import OutputError
-from canid.fleet.analysis import run as fleet_run
-from canid.fleet.storage import consolidated, store
-from canid.fleet.analysis.job import Settings
-from canid.fleet.planning.plan import planned
+from canid.analysis.fleet.running import run as fleet_run
+from canid.analysis.fleet.storage import consolidated, store
+from canid.analysis.fleet.job import Settings
+from canid.analysis.fleet.planning.plan import planned
 from tests.fleet import killed_runs
 
 def outcomes(jobs):

@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from canid.fleet.answers.summary import current, summarise
-from canid.fleet.storage import generations, store, summary_tables
-from canid.fleet.storage.database import database, rows
-from canid.fleet.storage.lock import LockError
-from canid.population import hierarchical, weighted_drives
+from canid.analysis.fleet.answers.summary import current, summarise
+from canid.analysis.fleet.storage import generations, store, summary_tables
+from canid.analysis.fleet.storage.database import database, rows
+from canid.analysis.fleet.storage.lock import LockError
+from canid.mathematics.population import hierarchical, weighted_drives
 from canid.values.errors import DamagedLogError
 from tests.fixtures import fleet_interleavings, stored_fleet
 from tests.fleet.short_logs import REPO, fleet_here
@@ -70,7 +70,7 @@ def pooled(folder: Path) -> dict[str, int]:
 def another_run(folder: Path) -> Iterator[None]:
     """Another process that holds the folder's lock."""
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom canid.fleet.storage.lock import held\n"
+        "import sys, time\nfrom pathlib import Path\nfrom canid.analysis.fleet.storage.lock import held\n"
         "with held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(1000)"
     )
     with subprocess.Popen([sys.executable, "-c", code, folder], stdout=subprocess.PIPE, cwd=REPO) as process:
@@ -116,7 +116,7 @@ def test_while_a_run_works_answers_are_right_and_nothing_is_written(fleet: Store
 def test_a_summary_within_a_run_leaves_the_run_its_lock(fleet: Stored) -> None:
     """A process that closed a second descriptor of its lock would have none: another run could begin."""
     code = (
-        "import sys\nfrom pathlib import Path\nfrom canid.fleet.storage import lock\n"
+        "import sys\nfrom pathlib import Path\nfrom canid.analysis.fleet.storage import lock\n"
         "try:\n    with lock.held(Path(sys.argv[1])):\n        print('free')\nexcept lock.LockError:\n    print('held')"
     )
 

@@ -15,10 +15,10 @@ pytest.importorskip("aiohttp", reason="needs aiohttp: pip install 'canid[fleet]'
 
 import fsspec
 
-from canid.fleet.analysis.failed import Failed
-from canid.fleet.analysis.job import Failure
-from canid.fleet.planning import fetched, remote
-from canid.fleet.planning.fetched import Listed
+from canid.analysis.fleet.failed import Failed
+from canid.analysis.fleet.job import Failure
+from canid.analysis.fleet.planning import fetched, remote
+from canid.analysis.fleet.planning.fetched import Listed
 from tests.fleet import short_logs
 
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet.analysis import local_run
-from canid.fleet.analysis.analysis import analyse
-from canid.fleet.analysis.isolated import Child
-from canid.fleet.analysis.job import Failure, Job, Outcome, Status
+from canid.analysis.fleet.job import Failure, Job, Outcome, Status
+from canid.analysis.fleet.one_log.analysis import analyse
+from canid.analysis.fleet.running import local_run
+from canid.analysis.fleet.running.isolated import Child
 from tests.exact import exact
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, REPO, SOURCES, URBAN, job, sparse
@@ -157,7 +157,7 @@ def test_what_a_library_prints_gets_not_between_the_answers(child: Child, tmp_pa
 PARENT = """
 import sys, threading, time
 sys.path.insert(0, {repo!r})
-from canid.fleet.analysis.isolated import Child
+from canid.analysis.fleet.running.isolated import Child
 from tests.fleet.fleet_jobs import GENERIC, job
 child = Child()
 threading.Thread(target=child.analyse, args=(job({path!r}), GENERIC), daemon=True).start()

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.fleet.analysis.job import Failure, Job, Settings, Status
-from canid.fleet.answers import joint_diagnosis
-from canid.fleet.answers.recent_traces import RecentTraces
-from canid.fleet.planning.sources import read_source
-from canid.fleet.storage.database import opened, rows
+from canid.analysis.fleet.answers import joint_diagnosis
+from canid.analysis.fleet.answers.recent_traces import RecentTraces
+from canid.analysis.fleet.job import Failure, Job, Settings, Status
+from canid.analysis.fleet.planning.sources import read_source
+from canid.analysis.fleet.storage.database import opened, rows
+from canid.ui.cli import main
 from tests.fixtures.fleet_folder import Planted, made, write
 
 EFFECT = "relative_speed_dead_zone"

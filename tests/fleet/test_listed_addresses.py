@@ -16,10 +16,10 @@ from fsspec import AbstractFileSystem
 from fsspec.implementations.memory import MemoryFileSystem
 from fsspec.registry import _registry
 
-from canid.fleet.analysis.job import Failure
-from canid.fleet.planning import address, listing
-from canid.fleet.planning.fetched import fetched
-from canid.fleet.planning.plan import planned
+from canid.analysis.fleet.job import Failure
+from canid.analysis.fleet.planning import address, listing
+from canid.analysis.fleet.planning.fetched import fetched
+from canid.analysis.fleet.planning.plan import planned
 
 HOST = "dfs.core.windows.net"
 # of each kind of storage: addresses of one folder, and the paths that its file system has of files in it

@@ -80,8 +80,8 @@ def listeners(source: str) -> list[str]:
 
 
 def test_nothing_of_a_fleet_starts_what_listens() -> None:
-    """No file of canid/fleet names a server, whatever the number of workers: read from the source."""
-    files = sorted((REPO / "canid/fleet").rglob("*.py"))
+    """No file of canid/analysis/fleet names a server, whatever the number of workers: read from the source."""
+    files = sorted((REPO / "canid/analysis/fleet").rglob("*.py"))
     assert {str(path): names for path in files if (names := listeners(path.read_text("utf-8")))} == {}
 
 

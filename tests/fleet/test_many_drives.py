@@ -7,9 +7,9 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from canid.fleet.storage import consolidated, parquet_files
-from canid.fleet.storage.columns import DRIVES, Column
-from canid.fleet.storage.outcome_rows import OUTCOMES
+from canid.analysis.fleet.storage import consolidated, parquet_files
+from canid.analysis.fleet.storage.columns import DRIVES, Column
+from canid.analysis.fleet.storage.outcome_rows import OUTCOMES
 
 # bytes of JSON of a drive, as a diagnosis of 20 min has them
 JSON_BYTES = 20_000

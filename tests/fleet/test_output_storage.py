@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("s3fs", reason="needs s3fs: pip install 'canid[s3]'")
 pytest.importorskip("moto", reason="needs moto: pip install 'canid[dev]'")
 
-from canid.fleet.storage import mirror, parts, store
+from canid.analysis.fleet.storage import mirror, parts, store
 from tests.fleet import short_logs
 from tests.fleet.short_logs import QUICK, Done, fleet_here, table
 from tests.fleet.storage_servers import BUCKET, LOGS, S3, numbers, s3

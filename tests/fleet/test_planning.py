@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.fleet.analysis.job import Failure
-from canid.fleet.planning import globs, listing
-from canid.fleet.planning.folders import pattern, whose
-from canid.fleet.planning.plan import planned
-from canid.tables import kinds
+from canid.analysis.fleet.job import Failure
+from canid.analysis.fleet.planning import globs, listing
+from canid.analysis.fleet.planning.folders import pattern, whose
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.tables import kinds
 from canid.values.errors import ConfigError
 
 NAMES = st.text(alphabet="ab.é", min_size=1, max_size=4).filter(lambda name: name.strip("."))
@@ -265,7 +265,7 @@ def test_storage_that_cannot_be_listed_is_one_line(url: str, says: str) -> None:
 
 COUNTING = """
 import sys, tracemalloc
-from canid.fleet.planning.plan import planned
+from canid.analysis.fleet.planning.plan import planned
 seen = {"open": [], "os.scandir": []}
 def count(event, args):
     if event in seen and str(args[0]).startswith(sys.argv[1]):

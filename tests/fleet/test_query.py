@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import Parser
-from canid.cli.commands import fleet_query
-from canid.fleet.storage import generations, summary_tables
-from canid.fleet.storage.columns import DRIVERS
-from canid.fleet.storage.queries import QUERIES
+from canid.analysis.fleet.storage import generations, summary_tables
+from canid.analysis.fleet.storage.columns import DRIVERS
+from canid.analysis.fleet.storage.queries import QUERIES
+from canid.ui.cli import Parser
+from canid.ui.cli.commands import fleet_query
+from canid.ui.terminal.spans import cells
+from canid.ui.views.query_table import text
 from canid.values.errors import ConfigError, LogError
-from canid.views.query_table import text
-from canid.views.terminal_view.spans import cells
 from tests.fixtures.fleet_folder import COLUMNS, Planted, made, table, write
 
 HOSTILE = "evil\x1b[2J\n'); DROP TABLE drives; -- =1+1 \u202e 前車"

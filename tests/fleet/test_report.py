@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.cli import Parser
-from canid.cli.commands import fleet_report
-from canid.fleet.answers.labels import label
-from canid.fleet.answers.pooled import on_its_scale
-from canid.fleet.answers.summary import current, summarise
-from canid.fleet.storage.columns import POOLED, natural
-from canid.fleet.storage.database import opened, rows
+from canid.analysis.fleet.answers.labels import label
+from canid.analysis.fleet.answers.pooled import on_its_scale
+from canid.analysis.fleet.answers.summary import current, summarise
+from canid.analysis.fleet.storage.columns import POOLED, natural
+from canid.analysis.fleet.storage.database import opened, rows
+from canid.ui.cli import Parser
+from canid.ui.cli.commands import fleet_report
+from canid.ui.views.fleet_report.fleet_document import page, text
 from canid.values.errors import ConfigError, OutputError
 from canid.values.findings import Provenance
 from canid.values.fleet_summary import (
@@ -34,9 +35,8 @@ from canid.values.fleet_summary import (
     Population,
     Questions,
 )
-from canid.values.numbers import interval
+from canid.values.text.numbers import interval
 from canid.values.types import Interval
-from canid.views.fleet_report.fleet_document import page, text
 from tests.fixtures.fleet_folder import Planted, made, write
 
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)> \u202e {{ 7 * 7 }} </style>"

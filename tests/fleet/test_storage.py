@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("s3fs", reason="needs s3fs: pip install 'canid[s3]'")
 pytest.importorskip("moto", reason="needs moto: pip install 'canid[dev]'")
 
-from canid.fleet.analysis import storage_wait
+from canid.analysis.fleet.running import storage_wait
 from tests.fleet import short_logs
 from tests.fleet.short_logs import QUICK, fleet, fleet_here, table
 from tests.fleet.storage_servers import BUCKET, LOGS, S3, Web, numbers, s3, web

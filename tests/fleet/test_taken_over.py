@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from canid.fleet.analysis.analysis import analyse
-from canid.fleet.analysis.failed import Failed
-from canid.fleet.analysis.isolated import Child
-from canid.fleet.analysis.job import Failure, Status
-from canid.processes.confinement import offered
+from canid.analysis.fleet.failed import Failed
+from canid.analysis.fleet.job import Failure, Status
+from canid.analysis.fleet.one_log.analysis import analyse
+from canid.analysis.fleet.running.isolated import Child
+from canid.values.processes.confinement import offered
 from tests.fixtures import attempts
 from tests.fixtures.attempts import REFUSED
 from tests.fleet.fleet_jobs import GENERIC, URBAN, job

@@ -19,7 +19,7 @@ pytest.importorskip("distributed", reason="needs distributed: pip install 'canid
 import dask
 import distributed.comm.core  # noqa: F401  # its import is none of a test's time
 
-from canid.fleet.analysis import dask_cluster
+from canid.analysis.fleet.running import dask_cluster
 from canid.values.errors import ConfigError
 from tests.fixtures import sockets
 from tests.fleet import certificates, short_logs

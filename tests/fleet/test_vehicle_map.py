@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.fleet.analysis.job import Failure
-from canid.fleet.planning import sources
-from canid.fleet.planning.plan import planned
-from canid.fleet.planning.vehicle_map import of_table, read_map
+from canid.analysis.fleet.job import Failure
+from canid.analysis.fleet.planning import sources
+from canid.analysis.fleet.planning.plan import planned
+from canid.analysis.fleet.planning.vehicle_map import of_table, read_map
 from canid.values.errors import ConfigError
 
 REPO = Path(__file__).parents[2]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from canid.logs import open_log
-from canid.logs.log import Log
+from canid.io.logs import open_log
+from canid.io.logs.log import Log
 from canid.values.errors import CanidError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Flag, Frame

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.bus_names import MAX_BUSES
 from canid.values.errors import CanidError
 from tests.formats_oracle.generators import GENERATORS

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
-from canid.logs.log import Log
+from canid.io.logs import open_log
+from canid.io.logs.log import Log
 from canid.values.errors import CanidError, ConfigError
 from canid.values.types import Flag, Frame
 from tests.fixtures import measured_logs

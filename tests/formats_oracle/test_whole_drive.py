@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.drive.drive_parameters import identify
-from canid.drive.drive_reader import read_trace
-from canid.logs import open_log, write_log
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.drive.drive_reader import read_trace
+from canid.io.logs import open_log, write_log
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.types import Frame
-from canid.vehicle import read_vehicle
 from tests.logs.samples import write_with_python_can
 
 ROOT = Path(__file__).parents[2]

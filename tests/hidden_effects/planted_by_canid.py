@@ -11,21 +11,21 @@ from typing import Any, NamedTuple
 import pytest
 
 import canid
-from canid.diagnosis import masks
-from canid.diagnosis.driver import held_out
-from canid.diagnosis.driver.driver_search import Search
-from canid.diagnosis.null import confirmed_search
-from canid.diagnosis.prepared_drive import Prepared, ready
-from canid.diagnosis.remnant.innovations import innovations
-from canid.diagnosis.remnant.remnant_block import diagnose_remnant
-from canid.diagnosis.sensing.sensing_block import diagnose_sensing
-from canid.diagnosis.vehicle import vehicle_block
-from canid.effects import CATALOGUE
-from canid.effects.effect import Effect, Kind
-from canid.logs import write_log
-from canid.simulation import START_UTC, Shares, Simulation, frames, simulate
+from canid.io.logs import write_log
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.driver import held_out
+from canid.models.diagnosis.driver.driver_search import Search
+from canid.models.diagnosis.null import confirmed_search
+from canid.models.diagnosis.prepared_drive import Prepared, ready
+from canid.models.diagnosis.remnant.innovations import innovations
+from canid.models.diagnosis.remnant.remnant_block import diagnose_remnant
+from canid.models.diagnosis.sensing.sensing_block import diagnose_sensing
+from canid.models.diagnosis.vehicle import vehicle_block
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Effect, Kind
+from canid.models.simulation import START_UTC, Shares, Simulation, frames, simulate
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import Trace
-from canid.vehicle import read_vehicle
 from tests import seeds
 from tests.plants.measurement import trace as measured
 from tests.plants.planted_drive import Planted

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import canid
-from canid import effects
-from canid.effects import CATALOGUE, LANE_CATALOGUE
-from canid.effects.effect import (
+from canid.models import effects
+from canid.models.effects import CATALOGUE, LANE_CATALOGUE
+from canid.models.effects.effect import (
     DriveFeatures,
     Effect,
     Kind,
@@ -25,7 +25,7 @@ from canid.effects.effect import (
     Share,
     VehicleState,
 )
-from canid.effects.redundancy import Coefficient
+from canid.models.effects.redundancy import Coefficient
 from canid.values.types import Interval
 
 PACKAGE, EFFECTS = Path(canid.__file__).parent, Path(effects.__file__).parent
@@ -36,19 +36,22 @@ each = pytest.mark.parametrize(
 )
 
 # the argument of `simulate` and its key in a truth file are older than the mask of the same name
-ARGUMENTS = {("simulation/__init__.py", "cut_in"), ("simulation/following.py", "cut_in")}
+ARGUMENTS = {("models/simulation/__init__.py", "cut_in"), ("models/simulation/following.py", "cut_in")}
 # a finding of the signal checks has the name of the fault, as the effect that imitates it has
 ARGUMENTS |= {
-    ("signal_checks/gap_and_range_rate.py", "range_rate_sign"),
-    ("signal_checks/gap_and_range_rate.py", "range_rate_scale"),
-    ("signal_checks/own_motion.py", "radar_latency"),
-    ("drive/drive_parameters.py", "radar_latency"),
-    ("estimators/estimator.py", "radar_latency"),
-    ("signal_checks/reference_speed.py", "speed_scale"),
+    ("signals/signal_checks/gap_and_range_rate.py", "range_rate_sign"),
+    ("signals/signal_checks/gap_and_range_rate.py", "range_rate_scale"),
+    ("signals/signal_checks/own_motion.py", "radar_latency"),
+    ("analysis/drive/drive_parameters.py", "radar_latency"),
+    ("mathematics/estimators/estimator.py", "radar_latency"),
+    ("signals/signal_checks/reference_speed.py", "speed_scale"),
 }
 # headings of columns in people's tables are words of their own
-ARGUMENTS |= {("tables/headings.py", "cruise_control"), ("tables/headings.py", "road_grade")}
-# modules of canid/effects that hold no effect
+ARGUMENTS |= {
+    ("analysis/tables/headings.py", "cruise_control"),
+    ("analysis/tables/headings.py", "road_grade"),
+}
+# modules of canid/models/effects that hold no effect
 SHARED = {"effect", "operating_point", "redundancy", "slope", "wanted_gap"}
 
 
@@ -95,7 +98,7 @@ def test_every_effect_file_is_in_the_catalogue() -> None:
 @each
 def test_an_effect_is_described(effect: Effect) -> None:
     folder = "masks" if effect.kind is Kind.MASK else effect.where
-    module = importlib.import_module(f"canid.effects.{folder}.{effect.id}")
+    module = importlib.import_module(f"canid.models.effects.{folder}.{effect.id}")
     assert effect is (module.LANE if effect in LANE_CATALOGUE and hasattr(module, "LANE") else module.EFFECT)
     assert (module.__doc__ or "").strip().splitlines()[0].endswith((".", ")"))
     assert effect.source

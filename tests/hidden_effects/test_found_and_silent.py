@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pytest
 
-from canid.effects import CATALOGUE
+from canid.models.effects import CATALOGUE
 from tests.hidden_effects.planted_by_canid import Case, block, cases, drive, named
 from tests.hidden_effects.required_causes import REQUIRED
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.diagnose import diagnose
-from canid.effects import CATALOGUE
-from canid.effects.effect import (
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import (
     Detector,
     Effect,
     Kind,
@@ -21,7 +21,7 @@ from canid.effects.effect import (
     VehicleHooks,
     VehicleState,
 )
-from canid.effects.redundancy import Redundancy, Relation, excess
+from canid.models.effects.redundancy import Redundancy, Relation, excess
 from canid.values.findings import Flags, Verdict
 from canid.values.runs import lasting
 from canid.values.types import Array

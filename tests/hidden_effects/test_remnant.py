@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.remnant import law_search, log_score
-from canid.diagnosis.remnant.innovations import Innovations
-from canid.diagnosis.remnant.law_intervals import parameters
-from canid.diagnosis.remnant.remnant_block import diagnose_remnant
-from canid.effects import CATALOGUE
-from canid.effects.effect import Kind, ScaleFeature
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.remnant import law_search, log_score
+from canid.models.diagnosis.remnant.innovations import Innovations
+from canid.models.diagnosis.remnant.law_intervals import parameters
+from canid.models.diagnosis.remnant.remnant_block import diagnose_remnant
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Kind, ScaleFeature
 from canid.values.findings import Report, Verdict, extends
 from tests import seeds
 from tests.plants import plant_one, plant_two

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom
 
-from canid.diagnosis.diagnose import diagnose
-from canid.diagnosis.sensing.sensing_block import diagnose_sensing
-from canid.effects import CATALOGUE
-from canid.simulation import simulate
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.sensing.sensing_block import diagnose_sensing
+from canid.models.effects import CATALOGUE
+from canid.models.simulation import simulate
 from canid.values.findings import Report, Verdict
 from tests.hidden_effects.planted_by_canid import block as block_of
 from tests.hidden_effects.planted_by_canid import by_columns, named

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import canid
+from canid.signals.vehicle import Vehicle, decoder, encoder, read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import LearnGate, Trace
-from canid.vehicle import Vehicle, decoder, encoder, read_vehicle
 from tests.plants import measurement, quantisation, sensors
 from tests.plants.plant_one import plant
 from tests.plants.planted_drive import Planted

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.identification.first_order import scan
+from canid.mathematics.identification.first_order import scan
 from canid.values.types import Array
 
 

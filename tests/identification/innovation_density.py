@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from canid.identification.innovation_law import Weights
+from canid.mathematics.identification.innovation_law import Weights
 from canid.values.types import Array
 
 

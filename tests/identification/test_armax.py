@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification.armax import armax_batch, armax_recursive, order_selection
-from canid.identification.armax.armax_batch import Orders, fit_armax
-from canid.identification.armax.polynomial import is_stable
+from canid.mathematics.identification.armax import armax_batch, armax_recursive, order_selection
+from canid.mathematics.identification.armax.armax_batch import Orders, fit_armax
+from canid.mathematics.identification.armax.polynomial import is_stable
 
 # Chen & Ulsoy 2001, table 1, mean; b and c1 = -0.5 as in the measured reference
 TABLE_1 = np.array([-1.2623, 0.3697, 4.134, -4.0337, 0.0, -0.5])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from canid.identification import autoregression
+from canid.mathematics.identification import autoregression
 
 
 def series(phi, n, rng):

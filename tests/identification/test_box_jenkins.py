@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from canid.identification.armax import box_jenkins, box_jenkins_channels, prediction_errors
-from canid.identification.armax.prediction_errors import BoxJenkinsOrders
-from canid.identification.first_order import scan
+from canid.mathematics.identification.armax import box_jenkins, box_jenkins_channels, prediction_errors
+from canid.mathematics.identification.armax.prediction_errors import BoxJenkinsOrders
+from canid.mathematics.identification.first_order import scan
 
 K, TAU, DEAD_TIME = (3.0, 5.0), (1.2, 0.4), (0.3, 0.25)
 NAMES = ("headway_error", "range_rate")

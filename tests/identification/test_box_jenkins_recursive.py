@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from canid.identification.armax import box_jenkins_posterior, box_jenkins_state
-from canid.identification.armax import box_jenkins_recursive as recursion
-from canid.identification.first_order import scan
-from canid.identification.fopdt import fopdt_fit
+from canid.mathematics.identification.armax import box_jenkins_posterior, box_jenkins_state
+from canid.mathematics.identification.armax import box_jenkins_recursive as recursion
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt import fopdt_fit
 
 DT, SETTLE, BLOCK, START = 0.1, 4.5, 20, 300
 FORGETTING = (0.98, 0.99, 0.995, 0.998, 1.0)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import log_ndtr
 
-from canid.identification import censoring
-from canid.identification.first_order import scan
-from canid.identification.fopdt.fopdt_fit import fit_process
+from canid.mathematics.identification import censoring
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt.fopdt_fit import fit_process
 
 
 @pytest.mark.parametrize("bound", [-6.0, -1.0, 0.0, 1.5, 4.0])

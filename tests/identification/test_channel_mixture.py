@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt.channel_mixture import mixed
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.fopdt.channel_mixture import mixed
 from canid.values.types import Channel, Identifiable, Interval
 
 

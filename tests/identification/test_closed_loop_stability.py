@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification import closed_loop_stability
+from canid.mathematics.identification import closed_loop_stability
 from canid.values.types import Channel, Interval
 
 

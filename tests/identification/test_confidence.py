@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from scipy.stats import chi2, norm, t
 
-from canid.identification import confidence
+from canid.mathematics.identification import confidence
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (ROOT / "canid", ROOT / "canid_study")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from canid.identification.armax import confidence_sequence
+from canid.mathematics.identification.armax import confidence_sequence
 
 
 def test_is_narrowest_where_it_says():

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.estimators.fopdt_whole_drive import Fitting
-from canid.identification.autoregression import fit as autoregression
-from canid.identification.first_order import scan
-from canid.identification.fopdt import offset_drift
-from canid.identification.fopdt.fopdt_fit import fit_process
-from canid.identification.fopdt.grid_search import ProcessFit
+from canid.mathematics.estimators.fopdt_whole_drive import Fitting
+from canid.mathematics.identification.autoregression import fit as autoregression
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt import offset_drift
+from canid.mathematics.identification.fopdt.fopdt_fit import fit_process
+from canid.mathematics.identification.fopdt.grid_search import ProcessFit
 from canid.values.types import Array
 from tests.plants.outside_form import draw, drive
 from tests.plants.outside_form_sensors import seen

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.identification.fopdt import answer_columns, earlier_rows, fopdt_fit, gain_step, regression_rows
-from canid.identification.fopdt.answer_columns import Columns, Reference
-from canid.identification.fopdt.earlier_rows import Earlier
+from canid.mathematics.identification.fopdt import (
+    answer_columns,
+    earlier_rows,
+    fopdt_fit,
+    gain_step,
+    regression_rows,
+)
+from canid.mathematics.identification.fopdt.answer_columns import Columns, Reference
+from canid.mathematics.identification.fopdt.earlier_rows import Earlier
 from canid.values.types import Array
 
 LAYOUT = fopdt_fit.row_layout(2, 0.1, 3.0, 1.5)

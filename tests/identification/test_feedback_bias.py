@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.identification import feedback_bias
-from canid.identification.confidence import NORMAL_QUANTILE
-from canid.identification.fopdt.fopdt_fit import Settings, fit_process
+from canid.mathematics.identification import feedback_bias
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.fopdt.fopdt_fit import Settings, fit_process
 from canid.values.types import Array, Channel, Identifiable, Interval, OutputFilter
 
 STEP, SECONDS, K = 0.1, 240.0, 0.4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from canid.identification import first_order
+from canid.mathematics.identification import first_order
 from tests.identification.first_order_response import lags, response
 
 DT = 0.1

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification.fopdt import fopdt_fit
+from canid.mathematics.identification.fopdt import fopdt_fit
 from canid.values.types import Identifiable
 from tests.identification.first_order_response import response
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from canid.identification.fopdt import (
+from canid.mathematics.identification.fopdt import (
     fopdt_posterior,
     posterior_cells,
     posterior_region,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from canid.identification import residual_tests
-from canid.identification.first_order import scan
-from canid.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
+from canid.mathematics.identification import residual_tests
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt import fopdt_fit, fopdt_residual, regression_rows
 from canid.values.types import LearnGate, OutputFilter, Trace
 from tests.plants.first_order_lag import answer
 

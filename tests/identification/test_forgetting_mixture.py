@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification.armax import forgetting_mixture
+from canid.mathematics.identification.armax import forgetting_mixture
 
 LAMBDAS = (0.98, 0.99, 0.995, 1.0)
 

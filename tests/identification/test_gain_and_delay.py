@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification.armax import gain_and_delay
+from canid.mathematics.identification.armax import gain_and_delay
 from canid.values.types import Identifiable
 from tests.identification.first_order_response import response
 

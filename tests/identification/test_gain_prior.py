@@ -8,10 +8,10 @@ from scipy import integrate
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.identification.fopdt import fopdt_fit, gain_prior, posterior_cells
-from canid.identification.fopdt.gain_prior import ATYPICAL_FACTOR, Normal
-from canid.identification.fopdt.prior import (
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.identification.fopdt import fopdt_fit, gain_prior, posterior_cells
+from canid.mathematics.identification.fopdt.gain_prior import ATYPICAL_FACTOR, Normal
+from canid.mathematics.identification.fopdt.prior import (
     ChannelPrior,
     InputPrior,
     Prior,
@@ -20,7 +20,7 @@ from canid.identification.fopdt.prior import (
     for_inputs,
     states_all,
 )
-from canid.identification.fopdt.reduced_basis import Box
+from canid.mathematics.identification.fopdt.reduced_basis import Box
 from canid.values.types import Identifiable, LearnGate, Sample
 
 DT = 0.1

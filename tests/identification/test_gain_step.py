@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from canid.identification.fopdt import drifting_level, gain_segments, gain_step
-from canid.identification.fopdt.answer_columns import Columns
+from canid.mathematics.identification.fopdt import drifting_level, gain_segments, gain_step
+from canid.mathematics.identification.fopdt.answer_columns import Columns
 from tests.seeds import mostly
 
 BLOCK = 5

@@ -5,17 +5,17 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from canid.identification import innovation_law
-from canid.identification.armax import (
+from canid.mathematics.identification import innovation_law
+from canid.mathematics.identification.armax import (
     armax_recursive,
     box_jenkins,
     box_jenkins_channels,
     box_jenkins_posterior,
 )
-from canid.identification.armax import box_jenkins_recursive as recursion
-from canid.identification.armax.armax_batch import Orders, fit_armax
-from canid.identification.first_order import scan
-from canid.identification.fopdt import fopdt_fit
+from canid.mathematics.identification.armax import box_jenkins_recursive as recursion
+from canid.mathematics.identification.armax.armax_batch import Orders, fit_armax
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt import fopdt_fit
 from tests.seeds import mostly
 
 DT, SETTLE, BLOCK, START = 0.1, 4.5, 20, 300

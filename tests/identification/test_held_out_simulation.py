@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.drive.drive_reader import read_trace
-from canid.drive.held_out_simulation import held_out
-from canid.samples.trace_assembly import part
+from canid.analysis.drive.drive_reader import read_trace
+from canid.analysis.drive.held_out_simulation import held_out
+from canid.signals.samples.trace_assembly import part
 from canid.values.types import Trace
 
 LOGS = Path(__file__).parents[2] / "replay_logs"

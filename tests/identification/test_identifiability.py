@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 import canid
-from canid.drive import identification_json
-from canid.identification import identifiability
-from canid.identification.identifiability import QUOTABLE
-from canid.values import json_values
+from canid.analysis.drive import identification_json
+from canid.mathematics.identification import identifiability
+from canid.mathematics.identification.identifiability import QUOTABLE
+from canid.ui.views.diagnosis_report import diagnosis_json, diagnosis_parts, diagnosis_text
+from canid.ui.views.diagnosis_report.diagnosis_document import page
 from canid.values.findings import Report
+from canid.values.text import json_values
 from canid.values.types import NAN, Channel, Identifiable, Interval
-from canid.views import diagnosis_json, diagnosis_parts, diagnosis_text
-from canid.views.diagnosis_document import page
 from tests import seeds
 from tests.plants import plant_one
 from tests.plants.measurement import trace as sensed_trace

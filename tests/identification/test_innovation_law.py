@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification import innovation_law as law
-from canid.identification.first_order import scan
-from canid.identification.fopdt.fopdt_fit import fit_process
+from canid.mathematics.identification import innovation_law as law
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt.fopdt_fit import fit_process
 from tests.identification.innovation_density import log_density
 
 EVERY = np.full(600, True)

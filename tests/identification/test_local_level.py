@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, multivariate_normal
 
-from canid.identification import local_level
+from canid.mathematics.identification import local_level
 from tests.seeds import mostly
 
 T = 40.0 * np.arange(12.0)

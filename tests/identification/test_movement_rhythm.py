@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from canid import identify
-from canid.identification.identifiability import quotable
-from canid.identification.movement_rhythm import waiting
+from canid.mathematics.identification.identifiability import quotable
+from canid.mathematics.identification.movement_rhythm import waiting
 from tests.plants.outside_form import draw, drive
 from tests.plants.outside_form_sensors import seen
 from tests.seeds import mostly

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.identification.fopdt import fopdt_fit
-from canid.identification.output_filter import DELAYS_HOLD_IT, apply, equalizer, kernel
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.identification.fopdt import fopdt_fit
+from canid.mathematics.identification.output_filter import DELAYS_HOLD_IT, apply, equalizer, kernel
 from canid.values.types import Identifiable, LearnGate, OutputFilter, Sample, Status
 from tests.identification.first_order_response import response
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from canid.identification.armax import polynomial
+from canid.mathematics.identification.armax import polynomial
 
 
 def test_step_down_agrees_with_the_roots():

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.identification.fopdt import fopdt_fit, posterior_cells
-from canid.identification.fopdt.prior import Prior, check_prior, log_density
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.identification.fopdt import fopdt_fit, posterior_cells
+from canid.mathematics.identification.fopdt.prior import Prior, check_prior, log_density
 from canid.values.types import Identifiable
 
 DT = 0.1

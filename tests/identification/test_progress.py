@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification import identifiability
-from canid.identification.first_order import scan
-from canid.identification.fopdt.fopdt_fit import Settings, fit_process
+from canid.mathematics.identification import identifiability
+from canid.mathematics.identification.first_order import scan
+from canid.mathematics.identification.fopdt.fopdt_fit import Settings, fit_process
 from canid.values.types import Identifiable, Interval, OutputFilter, Progress
 
 NO_BOX = (math.inf, math.inf, math.inf, math.inf)

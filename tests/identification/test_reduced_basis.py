@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.identification.fopdt import reduced_basis
+from canid.mathematics.identification.fopdt import reduced_basis
 from tests.identification.first_order_response import response
 
 BOX = reduced_basis.Box(reduced_basis.TAU_MIN, 3.0, 1.5)

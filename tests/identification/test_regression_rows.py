@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.identification.fopdt import reduced_basis, regression_rows
+from canid.mathematics.identification.fopdt import reduced_basis, regression_rows
 from tests.identification.first_order_response import response
 
 BASIS = reduced_basis.basis(reduced_basis.Box(reduced_basis.TAU_MIN, 3.0, 1.5))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canid.identification import residual_tests
+from canid.mathematics.identification import residual_tests
 
 N = 600  # a minute at 10 Hz
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from canid import read_trace
-from canid.estimators.fopdt_whole_drive import Fitting
-from canid.identification.fopdt import several_starts
-from canid.identification.fopdt.fopdt_fit import Settings, fit_process
-from canid.identification.fopdt.grid_search import ProcessFit
-from canid.identification.identifiability import PARAMETERS, quotable
+from canid.mathematics.estimators.fopdt_whole_drive import Fitting
+from canid.mathematics.identification.fopdt import several_starts
+from canid.mathematics.identification.fopdt.fopdt_fit import Settings, fit_process
+from canid.mathematics.identification.fopdt.grid_search import ProcessFit
+from canid.mathematics.identification.identifiability import PARAMETERS, quotable
 from canid.values.types import Channel, Identifiable, Interval
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.identification.slow_noise_loop import Hidden, drive

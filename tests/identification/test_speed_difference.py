@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.diagnosis.prepared_drive import ready
-from canid.drive.drive_parameters import whole_drive
-from canid.estimators.speed_difference import span
-from canid.signal_checks.drive_time import fitted_trace
+from canid.analysis.drive.drive_parameters import whole_drive
+from canid.mathematics.estimators.speed_difference import span
+from canid.models.diagnosis.prepared_drive import ready
+from canid.signals.signal_checks.drive_time import fitted_trace
 from canid.values.types import Array, Trace
 from tests.plants import loop_noise
 

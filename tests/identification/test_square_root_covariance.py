@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from canid.identification.armax import square_root_covariance
+from canid.mathematics.identification.armax import square_root_covariance
 
 
 def covariances(root):

@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from canid.identification.armax.box_jenkins import at_stride, fit_rows, ready_rows
-from canid.identification.armax.box_jenkins_channels import channels
-from canid.identification.armax.prediction_errors import BoxJenkinsOrders, Rows, split
-from canid.identification.armax.walled_descent import DAMPING, at_pole_wall, descend, within
-from canid.identification.identifiability import quotable
+from canid.mathematics.identification.armax.box_jenkins import at_stride, fit_rows, ready_rows
+from canid.mathematics.identification.armax.box_jenkins_channels import channels
+from canid.mathematics.identification.armax.prediction_errors import BoxJenkinsOrders, Rows, split
+from canid.mathematics.identification.armax.walled_descent import DAMPING, at_pole_wall, descend, within
+from canid.mathematics.identification.identifiability import quotable
 from canid.values.types import Array
 from tests.identification.slow_noise_loop import Hidden, drive
 

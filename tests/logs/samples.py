@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from canid.buses import messages, python_can
+from canid.io.buses import messages, python_can
 from canid.values.types import Flag, Frame
 
 # every kind of frame, on two buses, at whole ms

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from canid.cli import main
-from canid.drive.drive_reader import read_drive
-from canid.logs import open_log
+from canid.analysis.drive.drive_reader import read_drive
+from canid.io.logs import open_log
+from canid.ui.cli import main
 from canid.values.errors import DAMAGED, DONE, ConfigError
 from tests.formats_oracle.generators import GENERATORS
 from tests.formats_oracle.written import Written

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.logs import open_log, write_log
-from canid.logs.blf.blf_layout import parse_file_header
-from canid.logs.blf.blf_writer import BlfWriter
-from canid.logs.log import Log
+from canid.io.logs import open_log, write_log
+from canid.io.logs.blf.blf_layout import parse_file_header
+from canid.io.logs.blf.blf_writer import BlfWriter
+from canid.io.logs.log import Log
 from canid.values.errors import LogError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Event, Flag, Frame

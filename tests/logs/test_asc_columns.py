@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.buses import python_can
-from canid.logs import open_log, write_log
-from canid.logs import text_lines as lines_module
-from canid.logs.asc import asc_decimal_words, asc_fixed_columns
-from canid.logs.blf.blf_layout import DLC_BYTES
-from canid.logs.line_columns import none_found
+from canid.io.buses import python_can
+from canid.io.logs import open_log, write_log
+from canid.io.logs import text_lines as lines_module
+from canid.io.logs.asc import asc_decimal_words, asc_fixed_columns
+from canid.io.logs.blf.blf_layout import DLC_BYTES
+from canid.io.logs.line_columns import none_found
 from canid.values.types import Damage, Flag, Frame
 from tests.logs.drawn_logs import START, drive, read, read_damaged
 from tests.logs.samples import write_with_python_can
@@ -138,8 +138,8 @@ def test_a_few_lines_with_anything_wrong(
 
 def test_usual_lines_are_not_read_one_by_one(tmp_path: Path) -> None:
     """In logs by python-can and by us hardly a line is unusual: else reading them would be slow."""
-    from canid.logs.reader_state import ReadState
-    from canid.logs.text_lines import LineCount, blocks
+    from canid.io.logs.reader_state import ReadState
+    from canid.io.logs.text_lines import LineCount, blocks
 
     frames = drive(10, 12_000, ("classic", "classic", "classic", "fd"))
     own, theirs = tmp_path / "own.asc", tmp_path / "theirs.asc"
@@ -206,7 +206,7 @@ def test_lines_without_end_need_no_memory(suffix: str, frames: int, tmp_path: Pa
             file.write(b"7" * 1_000_000)
         file.write(b"\n" + line)
     code = (
-        "import re, sys\nfrom canid.logs import open_log\n"
+        "import re, sys\nfrom canid.io.logs import open_log\n"
         "log = open_log(sys.argv[1])\n"
         "assert sum(len(c.t) for c in log.columns()) == int(sys.argv[2]) and log.damage\n"
         "assert int(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1]) < 120 * 1024\n"

@@ -6,9 +6,9 @@ import random
 
 import numpy as np
 
-from canid.logs.asc import asc_decimal_words
-from canid.logs.asc.asc_line import parse
-from canid.logs.text_lines import Block, Line
+from canid.io.logs.asc import asc_decimal_words
+from canid.io.logs.asc.asc_line import parse
+from canid.io.logs.text_lines import Block, Line
 from canid.values import timestamps
 from canid.values.types import Flag
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
-from canid.logs.asc import asc_date, asc_fd_base
+from canid.io.logs import open_log
+from canid.io.logs.asc import asc_date, asc_fd_base
 from canid.values.errors import DAMAGED, DamagedLogError
 from canid.values.types import Flag
 
@@ -125,7 +125,7 @@ def test_fields_of_an_error_frame_have_the_base_that_they_show(
 def test_a_healthy_log_is_shown_without_a_word_of_lines(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from canid.cli import main
+    from canid.ui.cli import main
 
     path = written(
         tmp_path / "a.asc", f"{HEAD}base hex  timestamps absolute\n// version 9\n0.1 1 100 Rx d 0\n"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 
 HEAD = "date Mon Mar 3 10:00:00.000 am 2025"
 # s since 1970

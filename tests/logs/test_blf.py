@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.buses import messages, python_can
-from canid.logs import open_log, write_log
-from canid.logs.blf.blf_writer import BlfWriter
+from canid.io.buses import messages, python_can
+from canid.io.logs import open_log, write_log
+from canid.io.logs.blf.blf_writer import BlfWriter
 from canid.values.errors import OutputError
 from canid.values.types import Flag, Frame
 from tests.fixtures.measured_logs import files, needs_measured

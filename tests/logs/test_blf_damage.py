@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log, write_log
+from canid.io.logs import open_log, write_log
 from canid.values.errors import ConfigError, LogError
 from canid.values.types import Frame
 
@@ -176,7 +176,7 @@ def test_a_zip_bomb_needs_no_memory(tmp_path: Path) -> None:
     path.write_bytes(header(b"") + CRAFTED["zip bomb"] * 16)
     code = (
         "import re, sys\n"
-        "from canid.logs import open_log\n"
+        "from canid.io.logs import open_log\n"
         "log = open_log(sys.argv[1])\n"
         "assert len(list(log)) == 16 and log.damage\n"
         # ru_maxrss begins with what the process that started this one had

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses import python_can
-from canid.buses.send import onto
-from canid.cli import main
-from canid.drive.drive_reader import read_signals
-from canid.logs import open_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.io.buses import python_can
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
+from canid.signals.vehicle import on_buses, read_vehicle
+from canid.ui.cli import main
 from canid.values.bus_names import bus_numbers
 from canid.values.types import Frame
-from canid.vehicle import on_buses, read_vehicle
 
 DBC = 'VERSION ""\nBU_: A\nBO_ 256 M: 2 A\n SG_ S : 0|8@1+ (1,0) [0|0] "m/s" A\n SG_ P : 8|8@1+ (1,0) [0|0] "" A\n'
 VEHICLE = """dbc = [{{ file = "a.dbc", bus = {bus} }}]

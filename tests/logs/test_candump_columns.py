@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.logs import candump_columns, open_log
-from canid.logs.candump_reader import read_candump_columns
-from canid.logs.frame_lines import MAX_WAITING
-from canid.logs.line_columns import none_found
-from canid.logs.reader_state import ReadState
-from canid.logs.text_lines import Block
+from canid.io.logs import candump_columns, open_log
+from canid.io.logs.candump_reader import read_candump_columns
+from canid.io.logs.frame_lines import MAX_WAITING
+from canid.io.logs.line_columns import none_found
+from canid.io.logs.reader_state import ReadState
+from canid.io.logs.text_lines import Block
 from canid.values.frame_columns import frames_of
 from canid.values.types import Frame
 

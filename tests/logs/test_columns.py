@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.buses import messages, python_can
-from canid.logs import open_log, write_log
+from canid.io.buses import messages, python_can
+from canid.io.logs import open_log, write_log
 from canid.values.errors import LogError
 from canid.values.frame_columns import columns_of, frames_of, gather
 from canid.values.types import Flag, Frame
@@ -182,7 +182,7 @@ def test_damage_costs_the_same_read_together_or_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Containers are walked many at a time; what is bad in one is found, lost and reported as if each stood alone."""
-    from canid.logs.blf import blf_reader
+    from canid.io.logs.blf import blf_reader
 
     path = tmp_path / "x.blf"
     write_log(path, drive(7, 20_000), START)
@@ -231,7 +231,7 @@ def test_mf4_columns_are_asammdfs(tmp_path: Path) -> None:
     frames = drive(12, 60, ("classic",))
     code = (
         "import sys, pickle, asammdf, warnings\nwarnings.simplefilter('ignore')\n"
-        "import can\nfrom canid.buses.messages import message_of\n"
+        "import can\nfrom canid.io.buses.messages import message_of\n"
         "frames = pickle.load(sys.stdin.buffer)\n"
         "with can.Logger(sys.argv[1]) as writer:\n"
         "    for frame in frames: writer.on_message_received(message_of(frame, 1.6e9))\n"

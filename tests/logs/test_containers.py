@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.logs.blf import blf_containers
-from canid.logs.blf.blf_containers import Gap, Payload, containers
-from canid.logs.blf.blf_layout import MAX_INFLATED_BYTES
+from canid.io.logs.blf import blf_containers
+from canid.io.logs.blf.blf_containers import Gap, Payload, containers
+from canid.io.logs.blf.blf_layout import MAX_INFLATED_BYTES
 
 
 def container(data: bytes, *, declared: int = 0, more: int = 0, level: int = 6) -> bytes:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.logs import open_log
+from canid.io.logs import open_log
+from canid.ui.cli import main
 
 DBC = """VERSION ""
 BU_: A

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses import python_can
-from canid.logs import open_log, write_log
+from canid.io.buses import python_can
+from canid.io.logs import open_log, write_log
 from canid.values.types import Flag, Frame
 
 _KEPT = {

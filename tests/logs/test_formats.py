@@ -12,11 +12,11 @@ from types import ModuleType
 
 import pytest
 
-from canid.logs import formats, open_log
-from canid.logs.formats import Format
-from canid.logs.reader_state import ReadState
-from canid.logs.text_lines import Bad, LineCount, hex_bytes, lines
-from canid.tables.kinds import is_table
+from canid.analysis.tables.kinds import is_table
+from canid.io.logs import formats, open_log
+from canid.io.logs.formats import Format
+from canid.io.logs.reader_state import ReadState
+from canid.io.logs.text_lines import Bad, LineCount, hex_bytes, lines
 from canid.values.errors import ConfigError, LogError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Frame
@@ -44,7 +44,7 @@ def read_trivial(path: Path, state: ReadState) -> Iterator[Frame]:
 
 @pytest.fixture
 def trivial(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The trivial format, registered as `canid.logs.formats` registers all others."""
+    """The trivial format, registered as `canid.io.logs.formats` registers all others."""
     module = ModuleType("trivial_reader")
     module.read_trivial = read_trivial  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "trivial_reader", module)
@@ -91,8 +91,8 @@ def test_the_table_is_what_help_and_readme_say() -> None:
 def test_the_table_imports_no_reader() -> None:
     """Listing the formats costs no import of a reader, of numpy or of python-can."""
     code = (
-        "import sys, canid.logs.formats\n"
-        "assert not {'numpy', 'can', 'canid.logs.log', 'canid.logs.csv_reader'} & set(sys.modules)"
+        "import sys, canid.io.logs.formats\n"
+        "assert not {'numpy', 'can', 'canid.io.logs.log', 'canid.io.logs.csv_reader'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

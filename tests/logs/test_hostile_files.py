@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from canid.logs import log, open_log
-from canid.logs.blf.blf_containers import (
+from canid.io.logs import log, open_log
+from canid.io.logs.blf.blf_containers import (
     MAX_BREAKS,
     MAX_WASTED_BYTES,
     PIECE_BYTES,
@@ -23,8 +23,8 @@ from canid.logs.blf.blf_containers import (
     Payload,
     containers,
 )
-from canid.logs.blf.blf_layout import MAX_INFLATED_BYTES
-from canid.logs.reader_state import ReadState
+from canid.io.logs.blf.blf_layout import MAX_INFLATED_BYTES
+from canid.io.logs.reader_state import ReadState
 from canid.values.errors import LogError
 from tests.damaged_logs.hostile import FAMILIES, write
 
@@ -117,7 +117,7 @@ def test_no_byte_is_read_without_end(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow("many logs, written and read")
 def test_a_gzip_bomb_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What unpacks to so many times its size is no log: what came before is kept, and it is reported."""
-    from canid.logs import text_lines
+    from canid.io.logs import text_lines
 
     monkeypatch.setattr(text_lines, "MIN_BOMB_BYTES", 8 * text_lines.BLOCK_BYTES)
     path = write("empty.asc.gz", tmp_path, 64 * text_lines.BLOCK_BYTES)

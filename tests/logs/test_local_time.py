@@ -12,10 +12,10 @@ from struct import pack
 
 import pytest
 
-from canid.buses import messages, python_can
-from canid.logs import open_log, write_log
-from canid.logs.blf.blf_writer import BlfWriter
-from canid.logs.local_time import VARIABLE, zone_of
+from canid.io.buses import messages, python_can
+from canid.io.logs import open_log, write_log
+from canid.io.logs.blf.blf_writer import BlfWriter
+from canid.io.logs.local_time import VARIABLE, zone_of
 from canid.values.errors import ConfigError
 from canid.values.types import Frame
 
@@ -139,7 +139,7 @@ def test_other_names_are_refused(name: str) -> None:
 
 
 def test_the_option_of_a_verb_ends_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from canid.cli import main
+    from canid.ui.cli import main
 
     before = os.environ.get(VARIABLE)
     path = str(asc(tmp_path / "a.asc"))

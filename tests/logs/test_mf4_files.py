@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Flag

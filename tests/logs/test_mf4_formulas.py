@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.logs import open_log
-from canid.logs.mf4 import conversions as applied
-from canid.tables.sources.signals_source import read_signals_file
-from canid.tables.table import open_table
+from canid.analysis.tables.sources.signals_source import read_signals_file
+from canid.analysis.tables.table import open_table
+from canid.io.logs import open_log
+from canid.io.logs.mf4 import conversions as applied
+from canid.ui.cli import main
 from canid.values.errors import ConfigError, DamagedLogError
 from canid.values.frame_columns import frames_of
 from tests.formats_oracle import mf4_conversions
@@ -107,7 +107,7 @@ def test_a_formula_reaches_no_compiler(place: str, tmp_path: Path) -> None:
     of_log = place in PLACES
     made = mf4_conversions.bus_log if of_log else partial(mf4_conversions.measurement, columns())
     path = mf4_conversions.write(tmp_path / "x.mf4", made({place: evil(marker)}))
-    module = "canid.logs.mf4.mf4_child" if of_log else "canid.tables.sources.signals_child"
+    module = "canid.io.logs.mf4.mf4_child" if of_log else "canid.analysis.tables.sources.signals_child"
     assert watched(module, path, tmp_path / "notes") == ""
     assert not marker.exists()
     says = f"channel {place} has a formula as its conversion; canid does not evaluate it"
@@ -160,7 +160,7 @@ def test_a_formula_of_the_time_costs_its_group(tmp_path: Path) -> None:
 def test_the_evaluators_cannot_be_imported(tmp_path: Path) -> None:
     """In a child that reads .mf4, numexpr and sympy are none, whoever asks for them; asammdf has what refuses."""
     code = (
-        "from canid.logs.mf4 import raw_mdf\n"
+        "from canid.io.logs.mf4 import raw_mdf\n"
         "asammdf = raw_mdf.load()\n"
         "import numexpr\n"
         "from asammdf.blocks import v2_v3_blocks, v4_blocks\n"

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from canid.logs import open_log
-from canid.logs.mf4 import bus_groups
+from canid.io.logs import open_log
+from canid.io.logs.mf4 import bus_groups
 from canid.values.errors import LogError
 from canid.values.timestamps import EPOCH_FLOOR_S, NS_PER_S
 from canid.values.types import Flag
@@ -133,7 +133,7 @@ def test_interfaces_beyond_what_a_bus_number_holds_are_damaged_lines(tmp_path: P
 
 def test_blank_lines_are_passed_over_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten million blank lines of all kinds between two frames: no line of them is read by itself."""
-    from canid.logs import text_lines
+    from canid.io.logs import text_lines
 
     seen = 0
     line = text_lines.line

@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 
-from canid.buses import messages, python_can
-from canid.cli import main
-from canid.logs import open_log, write_log
-from canid.logs.blf.blf_writer import BlfWriter
-from canid.logs.log_writer import open_writer
-from canid.logs.reader_state import Note
-from canid.logs.recovery import recover, recovered_path
+from canid.io.buses import messages, python_can
+from canid.io.logs import open_log, write_log
+from canid.io.logs.blf.blf_writer import BlfWriter
+from canid.io.logs.log_writer import open_writer
+from canid.io.logs.reader_state import Note
+from canid.io.logs.recovery import recover, recovered_path
+from canid.ui.cli import main
 from canid.values.errors import DAMAGED, DONE, NOT_WRITTEN, USAGE, ConfigError, LogError, OutputError
 from canid.values.types import Event, Flag, Frame
 from tests.damaged_logs.bases import drive
@@ -297,8 +297,8 @@ def test_endless_things_need_little_memory(name: str, tmp_path: Path) -> None:
     code = (
         "import re, sys\n"
         "from canid.values.errors import LogError\n"
-        "from canid.logs import open_log\n"
-        "from canid.logs.recovery import recover\n"
+        "from canid.io.logs import open_log\n"
+        "from canid.io.logs.recovery import recover\n"
         "try:\n"
         "    print(sum(len(c.t) for c in open_log(sys.argv[1]).columns()), recover(sys.argv[1]).frames)\n"
         "except LogError as error:\n"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.logs import open_log
+from canid.io.logs import open_log
+from canid.ui.cli import main
 from canid.values.errors import ConfigError
 from canid.values.types import Flag
 from tests.fixtures.measured_logs import MISSING, files

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses import messages, python_can
-from canid.logs import open_log, write_log
-from canid.logs.log import Log
+from canid.io.buses import messages, python_can
+from canid.io.logs import open_log, write_log
+from canid.io.logs.log import Log
 from canid.values.errors import LogError
 from canid.values.types import Flag, Frame
 from tests.logs.samples import FRAMES, write_with_python_can

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.logs import open_log
-from canid.logs.blf import blf_layout as blf
-from canid.logs.blf.blf_marker import marker
-from canid.logs.blf.blf_writer import BlfWriter
-from canid.logs.log_writer import open_writer
-from canid.logs.text_writers import AscWriter, CandumpWriter
+from canid.io.logs import open_log
+from canid.io.logs.blf import blf_layout as blf
+from canid.io.logs.blf.blf_marker import marker
+from canid.io.logs.blf.blf_writer import BlfWriter
+from canid.io.logs.log_writer import open_writer
+from canid.io.logs.text_writers import AscWriter, CandumpWriter
 from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, columns_of, rows
 from canid.values.types import Columns, Event, Flag, Frame
 from tests.fixtures.frame_by_frame import CONTAINER_BYTES, asc_line, blf_object, candump_line

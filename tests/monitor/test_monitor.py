@@ -10,17 +10,17 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.monitor import arx_model, change_monitor, evalue_cusum, stuck_output
-from canid.pipeline import pipeline
-from canid.saving.saved_state import resume, saver
-from canid.saving.state_codec import codec
-from canid.simulation import frames, simulate
+from canid.models.monitor import arx_model, change_monitor, evalue_cusum, stuck_output
+from canid.models.pipeline import pipeline
+from canid.models.saving.saved_state import resume, saver
+from canid.models.saving.state_codec import codec
+from canid.models.simulation import frames, simulate
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
+from canid.ui.views.terminal_view.picture import render
+from canid.ui.views.terminal_view.state import View, update
 from canid.values.frame_columns import chunks
 from canid.values.types import BlockStatus, MonitorReport, Sample
-from canid.vehicle import read_vehicle
-from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.state import View, update
 from tests.exact import exact
 from tests.pipeline_outputs import outputs
 from tests.plants import measurement, plant_one, plant_two

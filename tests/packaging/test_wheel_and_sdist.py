@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli.commands.demo import next_steps
+from canid.ui.cli.commands.demo import next_steps
 from tests.packaging.conftest import run
 
 ROOT = Path(__file__).parents[2]

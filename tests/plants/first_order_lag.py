@@ -1,6 +1,6 @@
 """The textbook driver: K e^(-theta s) / (1 + tau s), solved exactly for an input that is joined by straight lines.
 
-Written apart from canid's own (`canid.identification.first_order`), which it judges.
+Written apart from canid's own (`canid.mathematics.identification.first_order`), which it judges.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The lead of a regular drive, smoothed as `canid.samples.lead` and `canid.samples.smoothing` do it, all reports at once.
+"""The lead of a regular drive, smoothed as canid's lead.py and smoothing.py do it, all reports at once.
 
 The filter runs report by report in plain floats; the smoothing, which starts anew at each report, runs over all
 reports side by side. What is not regular (no target, a jump, another vehicle) is not done here: `None`.
@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.samples import report_noise, smoothing
+from canid.signals.samples import report_noise, smoothing
 from tests.plants.planted_drive import Array
 
 # State, covariance and transition of the filter: gap, range rate, relative acceleration
-_START = 1.0  # (m/s²)², variance of the relative acceleration at first, as in canid.samples.smoothing
+_START = 1.0  # (m/s²)², variance of the relative acceleration at first, as in canid.signals.samples.smoothing
 
 
 def smoothed(

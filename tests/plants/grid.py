@@ -1,4 +1,4 @@
-"""Readings on the uniform grid, as `canid.samples.sampling_grid` gives them out frame by frame, all grid points at once."""
+"""Readings on the uniform grid, as canid's `sampling_grid` gives them out frame by frame, all grid points at once."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.samples import local_polynomial, sampling_grid
+from canid.signals.samples import local_polynomial, sampling_grid
 from tests.plants.planted_drive import Array
 
 
@@ -26,7 +26,7 @@ def sampled(
 
     Args:
         came: role -> its readings; a role that never came is NaN.
-        roles: how each is sampled, as in `canid.samples.sampling_grid.take`.
+        roles: how each is sampled, as in `canid.signals.samples.sampling_grid.take`.
         frames: (f,) s, ascending: when any frame came.
         dt: s.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.simulation import Steering, simulate
+from canid.models.simulation import Steering, simulate
 from canid.values.types import Trace
 from tests.plants import lane_two
 from tests.plants.lane_measurement import trace

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.population import gibbs, scaling
-from canid.population.drive_table import DriveTable, Flags, Index
+from canid.mathematics.population import gibbs, scaling
+from canid.mathematics.population.drive_table import DriveTable, Flags, Index
 from canid.values.types import Array
 
 

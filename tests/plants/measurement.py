@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.logs import write_log
-from canid.pipeline import pipeline
-from canid.samples import lead, learning_gate, own_speed
-from canid.samples.lead_readings import REPORTED
-from canid.samples.sampler import sampled_roles
-from canid.samples.trace_assembly import trace as as_trace
+from canid.io.logs import write_log
+from canid.models.pipeline import pipeline
+from canid.signals.samples import lead, learning_gate, own_speed
+from canid.signals.samples.lead_readings import REPORTED
+from canid.signals.samples.sampler import sampled_roles
+from canid.signals.samples.trace_assembly import trace as as_trace
+from canid.signals.vehicle import Vehicle, encoder, read_vehicle
 from canid.values.types import Frame, Reading, Sample, Trace
-from canid.vehicle import Vehicle, encoder, read_vehicle
 from tests.pipeline_outputs import outputs
 from tests.plants import fixed_lag_smoother, quantisation
 from tests.plants.grid import Came, sampled

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from canid.monitor import change_monitor
+from canid.models.monitor import change_monitor
 from canid.values.types import MonitorReport, Sample, Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.planted_drive import NOISES, PROFILES, Plant

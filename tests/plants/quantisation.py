@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.vehicle import Vehicle
-from canid.vehicle.mapping import SignalMap
+from canid.signals.vehicle import Vehicle
+from canid.signals.vehicle.mapping import SignalMap
 from tests.plants.planted_drive import Array
 from tests.plants.sensors import NAN, Message
 
@@ -21,7 +21,7 @@ def whole(how: SignalMap) -> bool:
 def through(how: SignalMap, values: Array) -> Array:
     """What remains of (m,) values once they were written into frames and read again, NaN for nothing.
 
-    >>> from canid.vehicle import read_vehicle
+    >>> from canid.signals.vehicle import read_vehicle
     >>> through(read_vehicle("generic").roles["pedal"].how, np.array([12.3, -5.0, NAN])).tolist()
     [12.4, 0.0, nan]
     """

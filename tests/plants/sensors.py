@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.vehicle import Vehicle
-from canid.vehicle.mapping import MessageMap
+from canid.signals.vehicle import Vehicle
+from canid.signals.vehicle.mapping import MessageMap
 from tests.plants.planted_drive import FREEZES, Array, Planted
 
 NAN = float("nan")

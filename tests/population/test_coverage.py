@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import wishart
 
-from canid.population import covariance_prior, gibbs
-from canid.population.drive_table import drive_table, rows
-from canid.population.hierarchical import pool
+from canid.mathematics.population import covariance_prior, gibbs
+from canid.mathematics.population.drive_table import drive_table, rows
+from canid.mathematics.population.hierarchical import pool
 from canid.values.types import Array
 from tests.plants.many_fleets import Layout, draw, sampler_data, tables
 from tests.seeds import mostly

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from canid.estimators.fopdt import FOPDT
-from canid.estimators.fopdt_whole_drive import Fitting
-from canid.estimators.whole_drive import settings_of
-from canid.identification.fopdt.prior import Prior, check_prior
-from canid.population.drive_table import drive_table
-from canid.population.hierarchical import pool
-from canid.population.population_prior import SAME_DELAYS_SD_S, prior_of
+from canid.mathematics.estimators.fopdt import FOPDT
+from canid.mathematics.estimators.fopdt_whole_drive import Fitting
+from canid.mathematics.estimators.whole_drive import settings_of
+from canid.mathematics.identification.fopdt.prior import Prior, check_prior
+from canid.mathematics.population.drive_table import drive_table
+from canid.mathematics.population.hierarchical import pool
+from canid.mathematics.population.population_prior import SAME_DELAYS_SD_S, prior_of
 from canid.values.types import Channel, Trace
 from tests.plants import plant_one
 from tests.plants.measurement import trace

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, multivariate_normal
 
-from canid.identification.confidence import NORMAL_QUANTILE
-from canid.population.change_over_time import WEEK_S, change_over_time
-from canid.population.drive_forecast import forecasts
-from canid.population.drive_table import DriveTable, drive_table, rows
-from canid.population.false_discovery import adjusted
-from canid.population.groups import contrasts
-from canid.population.hierarchical import Population, pool
-from canid.population.pooled_causes import Diagnosed, pooled_causes, random_effects_mean
-from canid.population.same_driver import drives_fit, pairs
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.population.change_over_time import WEEK_S, change_over_time
+from canid.mathematics.population.drive_forecast import forecasts
+from canid.mathematics.population.drive_table import DriveTable, drive_table, rows
+from canid.mathematics.population.false_discovery import adjusted
+from canid.mathematics.population.groups import contrasts
+from canid.mathematics.population.hierarchical import Population, pool
+from canid.mathematics.population.pooled_causes import Diagnosed, pooled_causes, random_effects_mean
+from canid.mathematics.population.same_driver import drives_fit, pairs
 from canid.values.types import Array, Interval
 from tests.seeds import mostly
 

@@ -12,16 +12,16 @@ from pathlib import Path
 
 import pytest
 
-from canid.processes.child import EXIT_S, Child, EndedError, NoAnswerError
-from canid.processes.memory_victim import OOM_SCORE
+from canid.values.processes.child import EXIT_S, Child, EndedError, NoAnswerError
+from canid.values.processes.memory_victim import OOM_SCORE
 
 # s; bounds what hangs
 PATIENCE_S = 60.0
 ANSWERS = """
 import ctypes, os, signal, subprocess, sys, time
-from canid.processes import limits
-from canid.processes.memory_victim import OOM_SCORE
-from canid.processes.serve import connect
+from canid.values.processes import limits
+from canid.values.processes.memory_victim import OOM_SCORE
+from canid.values.processes.serve import connect
 parent = connect()
 def started():
     # a process of the child's own, which holds its output open

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from canid.processes import child_process
+from canid.values.processes import child_process
 
 ROOT = Path(__file__).parents[2]
 
@@ -15,8 +15,8 @@ def test_a_source_tree_that_is_not_installed_starts_its_children() -> None:
     """`python -m canid` in such a tree has canid from the current folder alone; the child gets that folder by name."""
     assert child_process.module_path([], child_process._ROOT) == [str(ROOT)]
     code = (
-        "import subprocess, sys; from canid.processes import child_process\n"
-        "sys.exit(subprocess.run(child_process.command('canid.processes.child_process')).returncode)"
+        "import subprocess, sys; from canid.values.processes import child_process\n"
+        "sys.exit(subprocess.run(child_process.command('canid.values.processes.child_process')).returncode)"
     )
     # the interpreter that the virtual environment was made of: no canid is installed there
     base = getattr(sys, "_base_executable", sys.executable)

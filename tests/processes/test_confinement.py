@@ -15,17 +15,17 @@ from pathlib import Path
 
 import pytest
 
-from canid.processes import system_calls
-from canid.processes.child import EXIT_S, Child, EndedError
-from canid.processes.confinement import Confinement, offered
-from canid.processes.kept_rights import Kept
+from canid.values.processes import system_calls
+from canid.values.processes.child import EXIT_S, Child, EndedError
+from canid.values.processes.confinement import Confinement, offered
+from canid.values.processes.kept_rights import Kept
 
 PATIENCE_S = 60.0
 # {}: what is applied
 ANSWERS = """
 import ctypes, faulthandler, os, resource, signal, socket, subprocess, sys, threading
-from canid.processes import confinement, limits
-from canid.processes.serve import connect
+from canid.values.processes import confinement, limits
+from canid.values.processes.serve import connect
 parent = connect(plain=True)
 libc = ctypes.CDLL(None, use_errno=True)
 {}
@@ -139,7 +139,7 @@ SOCKETS = """
 listener = socket.create_server(("127.0.0.1", 0))
 near = socket.create_connection(listener.getsockname())
 far, _ = listener.accept()
-from canid.processes.kept_rights import Kept
+from canid.values.processes.kept_rights import Kept
 confinement.confine(Kept(connections=True))
 def shut_down():
     listener.shutdown(socket.SHUT_RD)
@@ -384,7 +384,7 @@ def test_where_the_kernel_refuses_it_goes_on() -> None:
     # refuse prctl(157), seccomp(317), landlock_create_ruleset(444)
     code = """
 import ctypes, struct
-from canid.processes import confinement
+from canid.values.processes import confinement
 libc = ctypes.CDLL(None, use_errno=True)
 libc.prctl(38, 1, 0, 0, 0)
 rows = [(0x20, 0, 0, 0)]
@@ -405,7 +405,10 @@ print(tuple(found), found.complete, found.describe())
 def test_what_is_offered_is_a_line_for_each_kind_of_process() -> None:
     """By the command that asks it; every combination has its own words."""
     ran = subprocess.run(
-        [sys.executable, "-m", "canid.processes.confinement"], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "canid.values.processes.confinement"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     first, *others = ran.stdout.splitlines()
     assert first == offered().describe()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.processes import interpreter_files
+from canid.values.processes import interpreter_files
 
 needs_elf = pytest.mark.skipif(
     sys.platform != "linux" or sys.maxsize < 1 << 32 or sys.byteorder != "little", reason="of Linux, 64 bits"

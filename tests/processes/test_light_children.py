@@ -11,7 +11,8 @@ HEAVY = {"numpy", "scipy", "can", "cantools", "pydantic", "rich"}
 
 
 @pytest.mark.parametrize(
-    "module", ["canid.dbc_text.parsing", "canid.processes.child", "canid.processes.serve"]
+    "module",
+    ["canid.signals.dbc_text.parsing", "canid.values.processes.child", "canid.values.processes.serve"],
 )
 def test_no_heavy_library_is_imported(module: str) -> None:
     """By the module itself, or by the package that it stands in."""

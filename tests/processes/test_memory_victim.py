@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from canid.processes.child import Child
-from canid.processes.child_process import command
-from canid.processes.memory_victim import OOM_SCORE
+from canid.values.processes.child import Child
+from canid.values.processes.child_process import command
+from canid.values.processes.memory_victim import OOM_SCORE
 
 ROOT = Path(__file__).parents[2]
 CANID = Path(sys.executable).with_name("canid")
@@ -37,7 +37,7 @@ STARTING = {
     *("spawnve", "spawnvp", "spawnvpe", "execl", "execle", "execlp", "execlpe", "execv", "execve", "execvp"),
 }
 # (file, what it calls)
-ALLOWED = {("processes/child.py", "Popen")}
+ALLOWED = {("values/processes/child.py", "Popen")}
 
 
 def oom_score(pid: int) -> int:
@@ -68,7 +68,7 @@ def test_a_child_is_marked_and_its_parent_is_not(kernel: None) -> None:
     """Its own children inherit that."""
     before = oom_score(os.getpid())
     grandchild = "import subprocess, sys; sys.exit(subprocess.run(['sleep', '600']).returncode)"
-    for words in (command("canid.dbc_text.parsing"), [sys.executable, "-c", grandchild]):
+    for words in (command("canid.signals.dbc_text.parsing"), [sys.executable, "-c", grandchild]):
         with Child(words) as child:
             assert oom_score(child.pid) == OOM_SCORE == 1000
             end = time.monotonic() + PATIENCE_S

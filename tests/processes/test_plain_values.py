@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from canid.processes import plain_values
-from canid.processes.child import Child, NoAnswerError
+from canid.values.processes import plain_values
+from canid.values.processes.child import Child, NoAnswerError
 from tests.exact import exact
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import canid
-from canid.simulation.following import Simulation
+from canid.models.simulation.following import Simulation
 
 STEP = 5  # rows of the simulation (0.01 s) for each frame
 TRACKS = 12

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
-from canid.proposal import proposal
-from canid.simulation import bus_frames, simulate
-from canid.vehicle import read_vehicle
+from canid.analysis.proposal import proposal
+from canid.io.logs import open_log
+from canid.models.simulation import bus_frames, simulate
+from canid.signals.vehicle import read_vehicle
 
 HEAD = """VERSION ""
 BU_: X

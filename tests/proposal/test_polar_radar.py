@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import canid
-from canid.dbc_text.parsing import Message, Signal
-from canid.proposal.track_groups import track_groups
-from canid.vehicle import read_vehicle
-from canid.vehicle.database import Dbc
+from canid.analysis.proposal.track_groups import track_groups
+from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle import read_vehicle
+from canid.signals.vehicle.database import Dbc
 from tests.proposal import polar_radar
 from tests.seeds import mostly
 

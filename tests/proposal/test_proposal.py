@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.logs import open_log
-from canid.proposal import proposal
-from canid.proposal.name_score import name_points
-from canid.proposal.signal_words import words
-from canid.vehicle import read_vehicle
+from canid.analysis.proposal import proposal
+from canid.analysis.proposal.name_score import name_points
+from canid.analysis.proposal.signal_words import words
+from canid.io.logs import open_log
+from canid.signals.vehicle import read_vehicle
 from tests.proposal.renamed_car import DECOYS, MAKERS, write
 
 ROOT = Path(__file__).parents[2]

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.logs import open_log
-from canid.proposal import proposal
+from canid.analysis.proposal import proposal
+from canid.io.logs import open_log
 
 DBC = """VERSION ""
 NS_ :

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.dbc_text.parsing import Message, Signal
-from canid.proposal.choice import decide
-from canid.proposal.name_score import Candidate
-from canid.proposal.signal_agreement import CONTRADICTS, References
-from canid.proposal.switch_evidence import steering_assist
+from canid.analysis.proposal.choice import decide
+from canid.analysis.proposal.name_score import Candidate
+from canid.analysis.proposal.signal_agreement import CONTRADICTS, References
+from canid.analysis.proposal.switch_evidence import steering_assist
+from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle.database import Dbc
 from canid.values.types import Array
-from canid.vehicle.database import Dbc
 
 N = 1200
 T = 0.1 * np.arange(N)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.dbc_text.parsing import Message, Signal
-from canid.drive.signal_columns import SignalColumn
-from canid.proposal.log_columns import STEP_S, LogColumns
-from canid.proposal.track_groups import track_groups
-from canid.proposal.track_scale import scaled
-from canid.vehicle.database import Dbc
+from canid.analysis.drive.signal_columns import SignalColumn
+from canid.analysis.proposal.log_columns import STEP_S, LogColumns
+from canid.analysis.proposal.track_groups import track_groups
+from canid.analysis.proposal.track_scale import scaled
+from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle.database import Dbc
 from tests.seeds import mostly
 
 SECONDS, PERIOD_S = 240.0, 0.05

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import canid
-from canid.cli import main
-from canid.publishing import datagrams, udp_address, udp_publisher
-from canid.publishing.udp_publisher import UdpPublisher
+from canid.io.publishing import datagrams, udp_address, udp_publisher
+from canid.io.publishing.udp_publisher import UdpPublisher
+from canid.ui.cli import main
 from canid.values.errors import ConfigError
 from canid.values.types import BlockStatus, Event, Identifiable, LearnGate, Sample, Status
 

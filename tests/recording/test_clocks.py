@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.logs import open_log
-from canid.logs.recovery import recover
-from canid.recording.log_writer_thread import LogWriterThread
-from canid.recording.rotation import Rotation
-from canid.recording.running_time import MAX_BACK_NS, RunningTime
+from canid.io.logs import open_log
+from canid.io.logs.recovery import recover
+from canid.io.recording.log_writer_thread import LogWriterThread
+from canid.io.recording.rotation import Rotation
+from canid.io.recording.running_time import MAX_BACK_NS, RunningTime
 from canid.values.frame_columns import CLASSIC_BYTES
 from canid.values.types import Columns
 from tests.fixtures.readers import by_python_can, by_tshark
@@ -173,7 +173,7 @@ def test_running_time_never_goes_back_and_keeps_what_passes(seed: int) -> None:
 @pytest.mark.parametrize("suffix", [".blf", ".asc"])
 def test_no_writer_takes_a_time_before_its_zero(suffix: str, tmp_path: Path) -> None:
     """It raises before any frame of the batch is taken; what it has stays readable."""
-    from canid.logs.log_writer import open_writer
+    from canid.io.logs.log_writer import open_writer
     from canid.values.frame_columns import columns_of
     from canid.values.types import Event, Frame
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from canid.files.held_folder import HeldFolder
-from canid.recording import file_series
-from canid.recording.file_age import UNKNOWN, Clocks, elapsed, read_clocks
-from canid.recording.file_series import Series
-from canid.recording.ring_list import RingList
-from canid.recording.rotation import Rotation
+from canid.io.files.held_folder import HeldFolder
+from canid.io.recording import file_series
+from canid.io.recording.file_age import UNKNOWN, Clocks, elapsed, read_clocks
+from canid.io.recording.file_series import Series
+from canid.io.recording.ring_list import RingList
+from canid.io.recording.rotation import Rotation
 from canid.values.types import Frame
 from tests.fixtures.clocks import later
 

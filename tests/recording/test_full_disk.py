@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from canid.buses import python_can
-from canid.logs import open_log
+from canid.io.buses import python_can
+from canid.io.logs import open_log
 from canid.values.errors import LogError
 
 # a recorder whose files may not grow beyond a limit: EFBIG at that very byte
 CHILD = """
 import json, random, resource, signal, sys, time
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.recording.recorder import Recorder
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.recording.recorder import Recorder
 path, limit, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 can = python_can.load()

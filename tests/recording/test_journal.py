@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from canid.recording.journal import PATIENCE_S, Journal
+from canid.io.recording.journal import PATIENCE_S, Journal
 from canid.values.types import Event
 
 # s: a busy machine may need them; what is asked is that it comes to pass
@@ -165,7 +165,7 @@ def test_a_journal_that_blocks_ends_within_its_time_and_is_counted(
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from canid.recording.journal import Journal
+from canid.io.recording.journal import Journal
 from canid.values.types import Event
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)

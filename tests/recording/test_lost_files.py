@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.files import held_folder
-from canid.logs import open_log
-from canid.recording.recorder import Recorder
-from canid.recording.recorder_stats import Stats
-from canid.recording.rotation import Rotation
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.files import held_folder
+from canid.io.logs import open_log
+from canid.io.recording.recorder import Recorder
+from canid.io.recording.recorder_stats import Stats
+from canid.io.recording.rotation import Rotation
 
 # s: noticed within 1 s is promised; a busy machine may need more
 PATIENCE = 300.0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.logs import open_log
+from canid.io.logs import open_log
 from tests.fixtures import mounted_recording
 from tests.fixtures.mounted_recording import ACTIONS, Settings, record_under
 
@@ -79,9 +79,9 @@ def test_a_single_file_is_written_on_below_a_mount(namespace: None, tmp_path: Pa
 SERIES = """
 import subprocess, sys
 from pathlib import Path
-from canid.recording.journal import Journal
-from canid.recording.log_folders import LogFolders
-from canid.recording.rotation import Rotation
+from canid.io.recording.journal import Journal
+from canid.io.recording.log_folders import LogFolders
+from canid.io.recording.rotation import Rotation
 from canid.values.types import Event
 folder, reported = Path(sys.argv[1]), []
 folders = LogFolders(folder / "x.blf", Rotation(time=1.0, keep_time=1e9), lambda what, says: reported.append(what))

@@ -19,12 +19,12 @@ from typing import Any
 
 import pytest
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.logs import open_log
-from canid.recording import arrivals
-from canid.recording.controls import Mark
-from canid.recording.recorder import BATCH_FRAMES, Recorder
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.logs import open_log
+from canid.io.recording import arrivals
+from canid.io.recording.controls import Mark
+from canid.io.recording.recorder import BATCH_FRAMES, Recorder
 from canid.values.errors import OutputError
 from canid.values.frame_columns import frames_of
 from canid.values.types import Columns, Event, Frame
@@ -335,10 +335,10 @@ def test_without_a_file_it_only_passes_on(sender: Sender, request: pytest.Fixtur
 RATE = 2000
 CHILD = f"""
 import os, sys, time
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.recording import arrivals
-from canid.recording.recorder import BATCH_FRAMES, Recorder
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.recording import arrivals
+from canid.io.recording.recorder import BATCH_FRAMES, Recorder
 can = python_can.load()
 sender = can.Bus("kill", interface="virtual")
 recorder = Recorder(open_buses([dict(interface="virtual", channel="kill")]), sys.argv[1]).start()

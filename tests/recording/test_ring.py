@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from canid.files.held_folder import HeldFolder
-from canid.recording import file_series
-from canid.recording.file_series import Series
-from canid.recording.journal import Journal, journal_path
-from canid.recording.ring_list import Entry, RingList
-from canid.recording.rotation import Rotation
+from canid.io.files.held_folder import HeldFolder
+from canid.io.recording import file_series
+from canid.io.recording.file_series import Series
+from canid.io.recording.journal import Journal, journal_path
+from canid.io.recording.ring_list import Entry, RingList
+from canid.io.recording.rotation import Rotation
 from canid.values.errors import OutputError
 from canid.values.types import Event, Frame
 from tests.fixtures.clocks import later

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.cli import main
-from canid.logs import open_log
-from canid.recording.file_series import Series
-from canid.recording.log_files import LogFiles
-from canid.recording.recorder import Recorder
-from canid.recording.rotation import Rotation, checked
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.logs import open_log
+from canid.io.recording.file_series import Series
+from canid.io.recording.log_files import LogFiles
+from canid.io.recording.recorder import Recorder
+from canid.io.recording.rotation import Rotation, checked
+from canid.ui.cli import main
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import columns_of
 from canid.values.types import Event, Flag, Frame
@@ -200,7 +200,7 @@ def test_an_unknown_suffix_is_reported_before_anything_is_created(tmp_path: Path
 
 def test_a_file_never_stands_empty_under_its_name(tmp_path: Path) -> None:
     """Where hard links work, the name appears with the header in it; nothing else is left behind."""
-    from canid.logs.log_writer import open_writer
+    from canid.io.logs.log_writer import open_writer
 
     writer = open_writer(tmp_path / "x.blf", 1_700_000_000_000_000_000)
     assert [path.name for path in tmp_path.iterdir()] == ["x.blf"]

@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.logs import open_log
-from canid.logs.text_writers import AscWriter
-from canid.recording import log_writer_thread
-from canid.recording.recorder import Recorder
-from canid.recording.recorder_stats import Stats
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.logs import open_log
+from canid.io.logs.text_writers import AscWriter
+from canid.io.recording import log_writer_thread
+from canid.io.recording.recorder import Recorder
+from canid.io.recording.recorder_stats import Stats
 from canid.values.types import Columns
 
 # s: a busy machine may need them
@@ -83,7 +83,7 @@ def test_waiting_for_a_disk_that_is_stuck_can_be_ended(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """fdatasync does not come back: progress is called on, and what it raises ends the waiting."""
-    from canid.files import new_file
+    from canid.io.files import new_file
 
     stuck = threading.Event()
     monkeypatch.setattr(new_file, "_to_disk", lambda fd: stuck.wait(PATIENCE))
@@ -114,8 +114,8 @@ def test_waiting_for_a_disk_that_is_stuck_can_be_ended(
 
 CHILD = """
 import os, sys, threading, time
-from canid.files import new_file as disk
-from canid.buses import python_can
+from canid.io.files import new_file as disk
+from canid.io.buses import python_can
 really = disk._to_disk
 stuck = threading.Event()
 def sync(fd):
@@ -123,7 +123,7 @@ def sync(fd):
         stuck.wait()
     really(fd)
 disk._to_disk = sync
-from canid.cli import main
+from canid.ui.cli import main
 sys.exit(main(["record", "-i", "virtual", "-c", "stuck", "-o", sys.argv[1]]))
 """
 
@@ -154,8 +154,8 @@ def test_a_second_signal_ends_a_recorder_whose_disk_is_stuck(tmp_path: Path) -> 
 
 ENDING = """
 import os, sys, threading, time
-from canid.files import new_file
-from canid.buses import python_can
+from canid.io.files import new_file
+from canid.io.buses import python_can
 really, stuck = new_file._write, threading.Event()
 def write(fd, at, data):
     if os.path.exists(sys.argv[2]):
@@ -169,7 +169,7 @@ def send():
         bus.send(can.Message(arbitration_id=1, data=bytes(8), is_extended_id=False))
         time.sleep(0.01)
 threading.Thread(target=send, daemon=True).start()
-from canid.cli import main
+from canid.ui.cli import main
 sys.exit(main(["record", "-i", "virtual", "-c", "ending", "-o", sys.argv[1], "--duration", "2"]))
 """
 

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from canid.buses import python_can
-from canid.buses.bus_opener import open_buses
-from canid.logs import open_log
-from canid.recording import trigger_gate
-from canid.recording.controls import Controls
-from canid.recording.pre_trigger_buffer import MARK_MARGIN_S, MAX_BUFFERED_FRAMES, PreTriggerBuffer
-from canid.recording.trigger_gate import ANSWER_TIMEOUT_S, TriggerGate
-from canid.session.session import Result, SessionSettings, World, session
-from canid.triggers.trigger import MAX_PRE_S, Trigger
+from canid.analysis.session.session import Result, SessionSettings, World, session
+from canid.io.buses import python_can
+from canid.io.buses.bus_opener import open_buses
+from canid.io.logs import open_log
+from canid.io.recording import trigger_gate
+from canid.io.recording.controls import Controls
+from canid.io.recording.pre_trigger_buffer import MARK_MARGIN_S, MAX_BUFFERED_FRAMES, PreTriggerBuffer
+from canid.io.recording.trigger_gate import ANSWER_TIMEOUT_S, TriggerGate
+from canid.signals.triggers.trigger import MAX_PRE_S, Trigger
 from canid.values.frame_columns import columns_of, frames_of
 from canid.values.types import Columns, Event, Frame
 

@@ -7,7 +7,7 @@ from itertools import accumulate
 
 import pytest
 
-from canid.recording.pre_trigger_buffer import (
+from canid.io.recording.pre_trigger_buffer import (
     MARK_AHEAD_S,
     MARK_MARGIN_S,
     SETTLE_S,

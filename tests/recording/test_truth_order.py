@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.session import estimator_process
-from canid.session.estimator_process import Estimating, Run
+from canid.analysis.session import estimator_process
+from canid.analysis.session.estimator_process import Estimating, Run
 from canid.values.frame_columns import columns_of
 from canid.values.types import Frame
 

@@ -14,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import live_session
-from canid.cli.output import output_kinds, streams
-from canid.cli.output.outputs import DetachedOutput, Output
-from canid.logs import open_log
-from canid.session import session
+from canid.analysis.session import session
+from canid.io.logs import open_log
+from canid.ui.cli import live_session
+from canid.ui.cli.output import output_kinds
+from canid.ui.cli.output.outputs import DetachedOutput, Output
+from canid.ui.terminal import streams
 from canid.values.errors import DONE, NOT_WRITTEN
 from tests.fixtures.readers import by_canid
 from tests.fixtures.traffic import WORDS, Traffic
@@ -99,7 +100,7 @@ def started(
     """`canid record` or `canid live` with these standard streams."""
     name, more = ("-o", ()) if verb == "record" else ("--record", ("--vehicle", "generic"))
     command = [verb, *WORDS, name, output, *more, *words]
-    code = f"{SIGNALS_ON}import sys; from canid.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = f"{SIGNALS_ON}import sys; from canid.ui.cli import main; sys.exit(main(sys.argv[1:]))"
     shell = 'exec "$0" "$@"' + (" >&-" if out is None else "") + (" 2>&-" if err is None else "")
     return subprocess.Popen(
         ["sh", "-c", shell, sys.executable, "-c", code, *map(str, command)],
@@ -199,7 +200,7 @@ def test_a_reader_that_does_not_read_delays_no_end(
 def test_what_was_closed_is_not_written_into_the_recording(tmp_path: Path, traffic: Traffic) -> None:
     """With descriptors 0, 1 and 2 closed the log does not get their numbers: no talk and no child writes into it."""
     path = tmp_path / "drive.asc"
-    code = "import sys; from canid.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = "import sys; from canid.ui.cli import main; sys.exit(main(sys.argv[1:]))"
     command = ["live", *WORDS, "--record", path, "--vehicle", "generic", "--duration", SECONDS]
     words = ["sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-', sys.executable, "-c", code, *map(str, command)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import pytest
 
 from benchmarks.reliability.recording import Recording, until
-from canid.buses import python_can
-from canid.logs import open_log
-from canid.logs.reader_state import Note
-from canid.recording.journal import journal_path
+from canid.io.buses import python_can
+from canid.io.logs import open_log
+from canid.io.logs.reader_state import Note
+from canid.io.recording.journal import journal_path
 from tests.fixtures.readers import by_python_can
 from tests.fixtures.traffic import BUS
 

@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.drive import drive_reader
-from canid.logs import open_log, write_log
-from canid.pipeline import pipeline
-from canid.samples import trace_assembly
+from canid.analysis.drive import drive_reader
+from canid.io.logs import open_log, write_log
+from canid.models.pipeline import pipeline
+from canid.signals.samples import trace_assembly
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import Estimate, Event, Flag, Frame, Sample
 from canid.values.window import Window
-from canid.vehicle import Vehicle, read_vehicle
 from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, MISSING
 

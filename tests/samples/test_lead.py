@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.samples import lead
-from canid.samples.lead import Settings
+from canid.signals.samples import lead
+from canid.signals.samples.lead import Settings
 from canid.values.types import Event, Reading, TrackReading
 
 TRACKS = Settings(from_tracks=True)

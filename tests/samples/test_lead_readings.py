@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.samples import lead, lead_readings
-from canid.samples.lead import NO_LEAD, REPORTED, Settings
+from canid.signals.samples import lead, lead_readings
+from canid.signals.samples.lead import NO_LEAD, REPORTED, Settings
+from canid.signals.vehicle.decoding_state import Decoded, RoleReadings, TrackReadings
 from canid.values.types import NAN, Columns, Event, Reading, TrackReading
-from canid.vehicle.decoding_state import Decoded, RoleReadings, TrackReadings
 
 TRACKS, CYCLES = 24, 400
 

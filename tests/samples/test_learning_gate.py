@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from canid.samples import learning_gate
+from canid.signals.samples import learning_gate
 from canid.values.types import Driver, LearnGate
 
 DRIVING = {

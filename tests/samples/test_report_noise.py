@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.samples import report_noise, smoothing
-from canid.samples.report_noise import Noise
+from canid.signals.samples import report_noise, smoothing
+from canid.signals.samples.report_noise import Noise
 from tests.samples.test_smoothing import drive
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.samples import sampling_grid
-from canid.samples.sampling_grid import Points, Readings, Role
+from canid.signals.samples import sampling_grid
+from canid.signals.samples.sampling_grid import Points, Readings, Role
 from canid.values.types import Reading
 
 ROLES = {"speed": Role(needed=True), "pedal": Role(needed=True), "brake": Role(switch=True, stale=3.0)}

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canid.samples import session_clock
+from canid.signals.samples import session_clock
 from canid.values.frame_columns import chunks
 from canid.values.types import Event, Frame
 

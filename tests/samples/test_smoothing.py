@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from canid.samples import smoothing
-from canid.samples.report_noise import Noise
-from canid.samples.smoothing import LAG_S, Smoothed, State
+from canid.signals.samples import smoothing
+from canid.signals.samples.report_noise import Noise
+from canid.signals.samples.smoothing import LAG_S, Smoothed, State
 
 NOISE = Noise(0.25, 0.12)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canid.samples import trace_assembly
+from canid.signals.samples import trace_assembly
 from canid.values.types import Driver, LearnGate, Sample, Trace
 
 WIDTH = 3

@@ -7,15 +7,15 @@ import random
 import numpy as np
 import pytest
 
-from canid.identification.first_order import scan
-from canid.pipeline import pipeline
-from canid.samples import local_polynomial, update_instants
-from canid.simulation import frames
-from canid.simulation.car import Car
-from canid.simulation.lane import Steering, keep_lane
+from canid.mathematics.identification.first_order import scan
+from canid.models.pipeline import pipeline
+from canid.models.simulation import frames
+from canid.models.simulation.car import Car
+from canid.models.simulation.lane import Steering, keep_lane
+from canid.signals.samples import local_polynomial, update_instants
+from canid.signals.vehicle import read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import Sample
-from canid.vehicle import read_vehicle
 from tests.exact import exact
 
 DT = 0.1

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import pytest
 
-from canid.logs import open_log
-from canid.pipeline import pipeline
+from canid.io.logs import open_log
+from canid.models.pipeline import pipeline
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import Columns, Frame
 from canid.values.window import Window
-from canid.vehicle import Vehicle, read_vehicle
 
 LOG = Path(__file__).parents[2] / "replay_logs" / "following_urban.blf"
 SECONDS = 120.0

@@ -18,9 +18,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from canid.pipeline import pipeline
-from canid.saving.checksum import Refused, seal, unseal
-from canid.saving.saved_state import Restored, resume, saver
+from canid.models.pipeline import pipeline
+from canid.models.saving.checksum import Refused, seal, unseal
+from canid.models.saving.saved_state import Restored, resume, saver
 from canid.values.types import Estimate, Status
 
 NOW = 1.8e9

@@ -14,13 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canid import __version__
-from canid.pipeline import pipeline
-from canid.saving import saved_state
-from canid.saving.checksum import Refused, ours, seal, unseal
-from canid.saving.saved_state import MAX_AGE_S, Restored, resume, saver
+from canid.models.pipeline import pipeline
+from canid.models.saving import saved_state
+from canid.models.saving.checksum import Refused, ours, seal, unseal
+from canid.models.saving.saved_state import MAX_AGE_S, Restored, resume, saver
+from canid.signals.vehicle import read_vehicle
 from canid.values.shipped_files import shipped
 from canid.values.types import Estimate, Interval, Status
-from canid.vehicle import read_vehicle
 from tests.exact import exact
 
 NOW = 1.8e9  # s since 1970

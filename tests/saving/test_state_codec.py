@@ -16,8 +16,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.saving.fingerprint import fingerprint
-from canid.saving.state_codec import MismatchError, codec, structure
+from canid.models.saving.fingerprint import fingerprint
+from canid.models.saving.state_codec import MismatchError, codec, structure
 
 
 class Lamp(Enum):

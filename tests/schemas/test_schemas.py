@@ -10,11 +10,11 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import canid
-from canid.cli import main
-from canid.cli.commands.schema import json_schema, names
-from canid.cli.verbs import VERBS
-from canid.values.json_values import KEYS, NULL_IF_EMPTY, ROUNDED, mark
-from canid.views import json_schema as of_types
+from canid.ui.cli import main
+from canid.ui.cli.commands.schema import json_schema, names
+from canid.ui.cli.verbs import VERBS
+from canid.ui.views import json_schema as of_types
+from canid.values.text.json_values import KEYS, NULL_IF_EMPTY, ROUNDED, mark
 
 REPO = Path(__file__).parents[2]
 LOGS = REPO / "replay_logs"
@@ -80,10 +80,10 @@ def test_what_a_verb_writes_is_what_its_schema_says(
 
 def test_a_recordings_line_validates() -> None:
     """What `record --json` writes at its end, made of the recorder's own numbers."""
-    from canid.buses.bus_opener import open_buses
-    from canid.cli.live_session import recorded
-    from canid.session.session import SessionSettings, World, session
-    from canid.values import json_values
+    from canid.analysis.session.session import SessionSettings, World, session
+    from canid.io.buses.bus_opener import open_buses
+    from canid.ui.cli.live_session import recorded
+    from canid.values.text import json_values
 
     buses = open_buses([{"interface": "virtual", "channel": "schema"}])
     *_, last = session(buses, SessionSettings(duration=0.1))

@@ -12,22 +12,22 @@ from pathlib import Path
 import pytest
 
 import canid
-from canid.buses.bus_opener import open_buses
-from canid.buses.send import onto
-from canid.cli import live_session
-from canid.cli.output import background_diagnosis, output_kinds
-from canid.cli.output.outputs import Output
-from canid.drive import drive_reader
-from canid.logs import open_log
-from canid.recording.controls import Controls
-from canid.session.diagnosis_process import MAX_FAILURES, PACKED, Diagnosing
-from canid.session.session import SessionSettings
-from canid.values import json_values
+from canid.analysis.drive import drive_reader
+from canid.analysis.session.diagnosis_process import MAX_FAILURES, PACKED, Diagnosing
+from canid.analysis.session.session import SessionSettings
+from canid.io.buses.bus_opener import open_buses
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
+from canid.io.recording.controls import Controls
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import live_session
+from canid.ui.cli.output import background_diagnosis, output_kinds
+from canid.ui.cli.output.outputs import Output
+from canid.ui.views.diagnosis_report import diagnosis_answer, diagnosis_json
+from canid.ui.views.terminal_view.state import View
 from canid.values.findings import Report
+from canid.values.text import json_values
 from canid.values.types import Driver, Event, LearnGate, Sample
-from canid.vehicle import read_vehicle
-from canid.views import diagnosis_answer, diagnosis_json
-from canid.views.terminal_view.state import View
 
 LOGS = Path(__file__).parents[2] / "replay_logs"
 DRIVE = LOGS / "following_urban.blf"
@@ -37,7 +37,7 @@ PATIENCE_S = 300.0
 CHILD = """
 import os, sys
 from pathlib import Path
-from canid.processes.serve import connect
+from canid.values.processes.serve import connect
 parent = connect()
 messages = parent.messages()
 next(messages)
@@ -198,9 +198,9 @@ def test_the_child_has_the_lowest_priority() -> None:
 
 def test_the_view_shows_the_latest_one_and_events_beside_it() -> None:
     """A diagnosis is no event of the list."""
+    from canid.ui.views.terminal_view.picture import render
+    from canid.ui.views.terminal_view.state import update
     from canid.values.types import DIAGNOSIS
-    from canid.views.terminal_view.picture import render
-    from canid.views.terminal_view.state import update
 
     view = View("test")
     for says in ("first", "second"):
@@ -212,7 +212,7 @@ def test_the_view_shows_the_latest_one_and_events_beside_it() -> None:
 
 def test_a_key_and_a_page_ask_for_a_diagnosis() -> None:
     """Through the controls, once."""
-    from canid.web import requests
+    from canid.ui.web import requests
 
     controls = Controls()
     for allowed in (requests.OF_SESSION, requests.OF_REPLAY):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from canid.signal_checks import signal_checks
+from canid.signals.signal_checks import signal_checks
 from canid.values.types import Driver, LearnGate, Sample, SignalFinding
 
 Array = npt.NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.signal_checks import own_motion, signal_checks
-from canid.signal_checks.check import UNIT_FACTORS, unit_of
+from canid.signals.signal_checks import own_motion, signal_checks
+from canid.signals.signal_checks.check import UNIT_FACTORS, unit_of
 from canid.values.types import Driver
 from tests.seeds import mostly
 from tests.signal_checks.synthetic import Array, Columns, changed, findings, following, samples

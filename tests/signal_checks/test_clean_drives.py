@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from canid.signal_checks import signal_checks
+from canid.signals.signal_checks import signal_checks
 from canid.values.types import Driver, SignalReport
 from tests.plants.measurement import trace
 from tests.plants.monitor_runs import kinds, samples

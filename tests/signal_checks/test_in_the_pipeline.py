@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.diagnosis.diagnose import diagnose
-from canid.drive import drive_reader
-from canid.drive.drive_parameters import identify
-from canid.drive.vehicle_check import check
-from canid.logs import open_log, write_log
-from canid.pipeline import pipeline
-from canid.saving.saved_state import Restored, saver
-from canid.signal_checks import signal_checks
-from canid.signal_checks.drive_time import of_trace
+from canid.analysis.drive import drive_reader
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.drive.vehicle_check import check
+from canid.io.logs import open_log, write_log
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.pipeline import pipeline
+from canid.models.saving.saved_state import Restored, saver
+from canid.signals.signal_checks import signal_checks
+from canid.signals.signal_checks.drive_time import of_trace
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.findings import Verdict
 from canid.values.frame_columns import columns_of
 from canid.values.types import Estimate, Frame, SignalReport, Status
-from canid.vehicle import Vehicle, read_vehicle
 from tests.exact import exact
 
 REPO = Path(__file__).parents[2]

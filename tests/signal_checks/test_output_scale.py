@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.drive.drive_reader import read_trace
-from canid.signal_checks.output_scale import output_scale
+from canid.analysis.drive.drive_reader import read_trace
+from canid.signals.signal_checks.output_scale import output_scale
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.errors import ConfigError
 from canid.values.types import NAN, FullScale, SignalFinding
-from canid.vehicle import read_vehicle
 
 SHIPPED = Path(__file__).parents[2] / "dbc"
 
@@ -120,8 +120,8 @@ def test_the_limits_of_an_open_scale_bound_k() -> None:
 
 
 def test_a_drive_says_the_scale_with_its_result(tmp_path: Path) -> None:
-    from canid.drive.drive_parameters import identify
-    from canid.drive.identification_verdict import verdict
+    from canid.analysis.drive.drive_parameters import identify
+    from canid.analysis.drive.identification_verdict import verdict
 
     log = Path(__file__).parents[2] / "replay_logs" / "following_urban.blf"
     # the same bytes and the same K, of which nothing says that 100 % is full travel

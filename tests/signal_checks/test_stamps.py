@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.samples import stamps
-from canid.signal_checks import signal_checks
+from canid.signals.samples import stamps
+from canid.signals.signal_checks import signal_checks
 from canid.values.types import Driver
 from tests.signal_checks.synthetic import following, samples
 

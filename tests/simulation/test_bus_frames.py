@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.simulation import frames, simulate
+from canid.models.simulation import frames, simulate
+from canid.signals.vehicle import decoder, read_vehicle
 from canid.values.frame_columns import columns_of
-from canid.vehicle import decoder, read_vehicle
 
 LOGS = Path(__file__).parents[2] / "replay_logs"
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from canid.simulation import DriverTruth, Steering, frames, simulate
+from canid.models.simulation import DriverTruth, Steering, frames, simulate
+from canid.signals.vehicle import decoder, read_vehicle
 from canid.values.frame_columns import columns_of
-from canid.vehicle import decoder, read_vehicle
 
 
 def left_over(drive):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from canid.simulation import LEADS, NOISES, DriverTruth, simulate
-from canid.simulation.driver import answer
-from canid.simulation.noise import unit_noise
+from canid.models.simulation import LEADS, NOISES, DriverTruth, simulate
+from canid.models.simulation.driver import answer
+from canid.models.simulation.noise import unit_noise
 
 
 def test_the_same_seed_is_the_same_drive():

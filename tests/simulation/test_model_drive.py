@@ -9,18 +9,27 @@ import numpy as np
 import pytest
 
 import canid
-from canid.cli import main
-from canid.diagnosis.diagnose import diagnose
-from canid.drive.drive_reader import read_trace
-from canid.effects.wanted_gap import Form
-from canid.logs import write_log
-from canid.simulation import START_UTC, Car, DriverTruth, Simulation, frames, model_drive, remnant, simulate
-from canid.simulation.model_drive import Lead
+from canid.analysis.drive.drive_reader import read_trace
+from canid.io.logs import write_log
+from canid.models.diagnosis.diagnose import diagnose
+from canid.models.effects.wanted_gap import Form
+from canid.models.simulation import (
+    START_UTC,
+    Car,
+    DriverTruth,
+    Simulation,
+    frames,
+    model_drive,
+    remnant,
+    simulate,
+)
+from canid.models.simulation.model_drive import Lead
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.findings import Report
 from canid.values.identified_model import DRIVER, CarLaw, IdentifiedModel, NoiseLaw
 from canid.values.text.model_json import from_json, to_json
 from canid.values.types import Interval
-from canid.vehicle import read_vehicle
 from tests.seeds import mostly
 
 # what a round trip may hide: causes that are functions of the inputs, at strengths that ten minutes show

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from canid.effects import NOT_IN_ARMAX
-from canid.simulation.car import Car
-from canid.simulation.lane import Steering, keep_lane
+from canid.models.effects import NOT_IN_ARMAX
+from canid.models.simulation.car import Car
+from canid.models.simulation.lane import Steering, keep_lane
 from canid_study.artifact import ClaimVerdict
 from canid_study.chen_ulsoy import chen_ulsoy, printed_drivers, reproduction, steering_distribution
 from canid_study.chen_ulsoy.chen_ulsoy import ChenUlsoySettings

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from canid.identification import local_level
+from canid.mathematics.identification import local_level
 from canid_study.chen_ulsoy import between
 from canid_study.chen_ulsoy.driver_drift import drift_of
 from tests.seeds import mostly

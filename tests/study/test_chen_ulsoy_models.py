@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from canid.identification.armax.armax_batch import fit_armax
+from canid.mathematics.identification.armax.armax_batch import fit_armax
 from canid_study.chen_ulsoy import (
     bounds,
     closed_loop,

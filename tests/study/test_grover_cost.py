@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from canid.simulation import DriverTruth, simulate
+from canid.models.simulation import DriverTruth, simulate
 from canid.values.types import Array, LearnGate, Trace
 from canid_study.artifact import ClaimVerdict
 from canid_study.grover import input_correlation, printed_drivers, reproduction, unscented

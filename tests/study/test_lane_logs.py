@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.diagnosis import masks
+from canid.models.diagnosis import masks
 from canid.values.errors import ConfigError
 from canid.values.types import LearnGate
 from canid_study import runs

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.values import json_values
+from canid.ui.cli import main
 from canid.values.errors import CHECK_FAILED, DONE, NOT_WRITTEN, USAGE
 from canid.values.findings import Provenance
+from canid.values.text import json_values
 from canid_study.artifact import Artifact, ClaimVerdict, Curve, Figure, Panel, Skipped, Study, Table
 from canid_study.views import figure_svg, study_files, study_page
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.sumo.driver_model import Candidate, DriverModel
-from canid.sumo.driver_noise import DriverNoise
-from canid.sumo.pooled_driver import Drive, PooledDriver, pooled
-from canid.sumo.sumo_models import MODELS
+from canid.analysis.sumo.driver_model import Candidate, DriverModel
+from canid.analysis.sumo.driver_noise import DriverNoise
+from canid.analysis.sumo.pooled_driver import Drive, PooledDriver, pooled
+from canid.analysis.sumo.sumo_models import MODELS
 from canid.values.findings import ClosedLoopError
 from canid.values.types import Array, Interval
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from canid import from_arrays
-from canid.sumo.driver_model import DriverModel, NoModel, fit, from_json, to_json
-from canid.sumo.following import PERCENT, following, in_stretches
+from canid.analysis.sumo.driver_model import DriverModel, NoModel, fit, from_json, to_json
+from canid.analysis.sumo.following import PERCENT, following, in_stretches
 from canid.values.types import LearnGate, Trace
 from tests.seeds import mostly
 from tests.sumo.idm_drive import Driven, Planted, drawn, driven

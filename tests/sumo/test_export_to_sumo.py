@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import duckdb
 import pytest
 
-from canid.cli import main
-from canid.sumo.driver_model import NoModel, to_json
+from canid.analysis.sumo.driver_model import NoModel, to_json
+from canid.ui.cli import main
 from tests.sumo.planted_models import X, drive
 
 LOG = Path(__file__).parents[2] / "replay_logs" / "following_urban.blf"

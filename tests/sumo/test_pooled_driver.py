@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from canid.sumo.pooled_driver import pooled
-from canid.sumo.sumo_models import MODELS
+from canid.analysis.sumo.pooled_driver import pooled
+from canid.analysis.sumo.sumo_models import MODELS
 from tests.seeds import mostly
 from tests.sumo.planted_models import X, drive
 

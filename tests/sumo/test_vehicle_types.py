@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canid.sumo.driver_ids import driver_ids
-from canid.sumo.sumo_models import BY_NAME, MODELS
-from canid.sumo.vehicle_types import AWARENESS, additional, vehicle_type
+from canid.analysis.sumo.driver_ids import driver_ids
+from canid.analysis.sumo.sumo_models import BY_NAME, MODELS
+from canid.analysis.sumo.vehicle_types import AWARENESS, additional, vehicle_type
 from canid.values.types import Interval
 from tests.sumo.planted_models import driver
 

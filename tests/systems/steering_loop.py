@@ -1,8 +1,8 @@
 """The lane-keeping loop: the sampled steering driver A(q) angle = B(q) offset of Chen & Ulsoy 2001 (eq. 1, 3) with a car.
 
 The driver decides every `dt`; between decisions the wheel angle is held (Chen & Ulsoy sample so), or turns evenly, as
-`simulation/lane.py` turns it. The car is any linear model from wheel angle to lateral offset, sampled exactly (Van Loan
-1978). The offset is positive to the left as the angle is, so that a driver who keeps the lane has b1 + b2 < 0, and the
+`models/simulation/lane.py` turns it. The car is any linear model from wheel angle to lateral offset, sampled exactly (Van
+Loan 1978). The offset is positive to the left as the angle is, so that a driver who keeps the lane has b1 + b2 < 0, and the
 loop with negative feedback is L = -B/A P.
 """
 
@@ -47,7 +47,7 @@ class SteeringLoop(NamedTuple):
 def yawing_car(
     speed: float = 25.0, ratio: float = 15.0, wheelbase: float = 2.7, yaw_lag: float = 0.15
 ) -> LateralCar:
-    """The car of `simulation/lane.py`: the yaw rate follows the wheels with a lag.
+    """The car of `models/simulation/lane.py`: the yaw rate follows the wheels with a lag.
 
     Args:
         speed: m/s.

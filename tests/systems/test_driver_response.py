@@ -10,9 +10,9 @@ import pytest
 from scipy.signal import lfilter
 
 import canid
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.systems.driver_response import Band, Response, fopdt_responses
-from canid.systems.measured_response import measured_responses
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.systems.driver_response import Band, Response, fopdt_responses
+from canid.mathematics.systems.measured_response import measured_responses
 from canid.values.types import Array, LearnGate, Trace
 from tests.seeds import mostly
 from tests.systems.test_identified_loop import drive

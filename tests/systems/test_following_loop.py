@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 
-from canid.identification.confidence import QUANTILES
-from canid.systems import following_loop
-from canid.systems.following_loop import FollowingLoop
+from canid.mathematics.identification.confidence import QUANTILES
+from canid.mathematics.systems import following_loop
+from canid.mathematics.systems.following_loop import FollowingLoop
 from canid_study.systems import control_systems
 from canid_study.systems.control_systems import System
 

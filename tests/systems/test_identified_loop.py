@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import canid
-from canid.estimators.estimator import WholeDrive
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.identification.identifiability import not_quotable
-from canid.systems import following_loop, posterior_draws
-from canid.systems.car_response import CarResponse, car_response
-from canid.systems.following_loop import FollowingLoop
-from canid.systems.identified_loop import identified_loop
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.identification.identifiability import not_quotable
+from canid.mathematics.systems import following_loop, posterior_draws
+from canid.mathematics.systems.car_response import CarResponse, car_response
+from canid.mathematics.systems.following_loop import FollowingLoop
+from canid.mathematics.systems.identified_loop import identified_loop
 from canid.values.types import Interval, OutputFilter, Trace
 from tests.seeds import mostly
 
@@ -25,9 +25,9 @@ ROOT = Path(__file__).parents[2]
 
 def drive(folder: Path, seed: int, minutes: float = 6.0, vehicle: str = "generic") -> tuple[Trace, dict]:
     """A simulated drive through frames."""
-    from canid.logs import write_log
-    from canid.simulation import START_UTC, frames, simulate
-    from canid.vehicle import read_vehicle
+    from canid.io.logs import write_log
+    from canid.models.simulation import START_UTC, frames, simulate
+    from canid.signals.vehicle import read_vehicle
 
     car, simulation = read_vehicle(vehicle), simulate(minutes=minutes, seed=seed)
     path = folder / f"{seed}.blf"
@@ -155,7 +155,7 @@ def test_identify_does_not_import_python_control() -> None:
 
 def test_gains_that_change_and_misfits_give_no_loop() -> None:
     """identify withholds what one linear model of the whole drive does not describe."""
-    from canid.drive import drive_parameters
+    from canid.analysis.drive import drive_parameters
 
     trace, found = urban()
     assert drive_parameters._loop(found, trace, "pedal").says == ""

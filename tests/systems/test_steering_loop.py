@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from canid.simulation import Car, Steering, simulate
-from canid.simulation.lane import keep_lane
+from canid.models.simulation import Car, Steering, simulate
+from canid.models.simulation.lane import keep_lane
 from canid_study.chen_ulsoy.one_track_car import OneTrackCar, matrices
 from tests.systems import steering_loop
 from tests.systems.steering_loop import LateralCar, SteeringLoop, yawing_car

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from canid.pipeline import pipeline
-from canid.tables.column_map import ColumnMap, read_map
-from canid.tables.table import Selection, open_table, trace_of
+from canid.analysis.tables.column_map import ColumnMap, read_map
+from canid.analysis.tables.table import Selection, open_table, trace_of
+from canid.models.pipeline import pipeline
 from canid.values.types import Trace
 
 

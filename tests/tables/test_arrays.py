@@ -12,8 +12,8 @@ import polars as pl
 import pytest
 
 import canid
-from canid.tables.arrays import from_arrays, from_frame
-from canid.tables.table import open_table
+from canid.analysis.tables.arrays import from_arrays, from_frame
+from canid.analysis.tables.table import open_table
 from canid.values.errors import LogError
 from tests.tables import platoon
 from tests.tables.reading import read_table

@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import canid
-from canid.cli import main
-from canid.tables.source import EMPTY
-from canid.tables.sources.text_source import TextSource
-from canid.tables.table import open_table
+from canid.analysis.tables.source import EMPTY
+from canid.analysis.tables.sources.text_source import TextSource
+from canid.analysis.tables.table import open_table
+from canid.ui.cli import main
 from canid.values.errors import LogError
 
 _NAMES = ("time", "speed", "gap", "range_rate", "accel")

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import canid
-from canid.tables.arrays import from_arrays, from_frame
+from canid.analysis.tables.arrays import from_arrays, from_frame
 from tests.tables.test_same_path import same
 
 T = np.arange(0.0, 60.0, 0.1)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.tables.table import Table, open_table
+from canid.analysis.tables.table import Table, open_table
 from canid.values.errors import ConfigError
 from tests.exact import exact
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import canid
-from canid.cli import main
-from canid.tables import column_map
+from canid.analysis.tables import column_map
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.types import Trace
-from canid.vehicle import read_vehicle
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.tables.reading import read_table
 

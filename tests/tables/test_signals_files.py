@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.tables import kinds
-from canid.tables.table import Table, open_table
+from canid.analysis.tables import kinds
+from canid.analysis.tables.table import Table, open_table
+from canid.signals.vehicle import decoder
+from canid.ui.cli import main
 from canid.values.errors import ConfigError, LogError
-from canid.vehicle import decoder
 from tests.exact import exact
 
 _START_S = 1_700_000_000

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import canid
-from canid.cli import main
-from canid.drive.drive_parameters import identify
-from canid.tables.table import open_table
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.tables.table import open_table
+from canid.ui.cli import main
 from canid.values.errors import ConfigError, LogError
 from canid.values.types import Interval, Trace
 from tests.tables import platoon

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from canid.tables.table import Selection, open_table
+from canid.analysis.tables.table import Selection, open_table
 from canid.values.errors import ConfigError
 from tests.exact import exact
 

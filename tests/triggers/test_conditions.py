@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.triggers import trigger
-from canid.triggers.conditions import MAX_LENGTH, parse
-from canid.triggers.evaluation import Run, Watch, evaluator
-from canid.triggers.resolution import Names, resolve
-from canid.triggers.trigger import Trigger, checked
+from canid.signals.triggers import trigger
+from canid.signals.triggers.conditions import MAX_LENGTH, parse
+from canid.signals.triggers.evaluation import Run, Watch, evaluator
+from canid.signals.triggers.resolution import Names, resolve
+from canid.signals.triggers.trigger import Trigger, checked
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import columns_of
 from canid.values.types import Event, Frame, MonitorReport
-from canid.vehicle import read_vehicle
 
 CANID = Path(__file__).parents[2] / "canid"
 

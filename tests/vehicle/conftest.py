@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from canid.signals.vehicle import Decoding, Vehicle, decoder
 from canid.values.frame_columns import chunks
 from canid.values.types import Event, Frame, Reading, TrackReading
-from canid.vehicle import Decoding, Vehicle, decoder
 
 ROOT = Path(__file__).parents[2]
 

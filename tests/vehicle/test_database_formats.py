@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from cantools.database.can import Message as CantoolsMessage
 
-from canid.dbc_text.parsing import Message, Parser
-from canid.drive.drive_reader import read_signals
-from canid.drive.signal_columns import MessageFrames, decode, frames_by_message
-from canid.logs import open_log, write_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.analysis.drive.signal_columns import MessageFrames, decode, frames_by_message
+from canid.io.logs import open_log, write_log
+from canid.signals.dbc_text.parsing import Message, Parser
+from canid.signals.vehicle import read_vehicle
+from canid.signals.vehicle.containers import wrapped
+from canid.signals.vehicle.database import load
 from canid.values.types import Frame
-from canid.vehicle import read_vehicle
-from canid.vehicle.containers import wrapped
-from canid.vehicle.database import load
 
 KCD = """<?xml version="1.0" encoding="UTF-8"?>
 <NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">

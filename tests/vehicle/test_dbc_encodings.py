@@ -6,8 +6,8 @@ import random
 
 import pytest
 
-from canid.dbc_text import decoded
-from canid.dbc_text.parsing import Content, Parser
+from canid.signals.dbc_text import decoded
+from canid.signals.dbc_text.parsing import Content, Parser
 from tests.fixtures import measured_logs
 
 # words as they stand in DBC files; each list has characters whose second byte is a backslash, where the encoding has such

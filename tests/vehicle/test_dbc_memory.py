@@ -6,8 +6,8 @@ import tracemalloc
 
 import pytest
 
-from canid.dbc_text.statements import divided
-from canid.dbc_text.tables import choices, values
+from canid.signals.dbc_text.statements import divided
+from canid.signals.dbc_text.tables import choices, values
 
 # bytes for each character: line numbers, statements and their texts take up to 40
 PER_CHARACTER = 60

@@ -9,11 +9,11 @@ from pathlib import Path
 import cantools
 import pytest
 
-from canid.dbc_text import decoded, read_tolerantly
-from canid.dbc_text.parsing import Content, Message, Parser
+from canid.signals.dbc_text import decoded, read_tolerantly
+from canid.signals.dbc_text.parsing import Content, Message, Parser
+from canid.signals.vehicle.database import Dbc, load
 from canid.values.errors import ConfigError
 from canid.values.shipped_files import shipped
-from canid.vehicle.database import Dbc, load
 from tests.fixtures import measured_logs
 
 SIGNAL = ' SG_ Speed : 7|16@0+ (0.01,-2) [0|250] "km/h" X\n'

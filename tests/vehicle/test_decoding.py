@@ -5,11 +5,11 @@ from itertools import islice
 import cantools
 import pytest
 
+from canid.signals.vehicle import decoder, encoder, missing, read_vehicle
+from canid.signals.vehicle.units import factor_to
 from canid.values.frame_columns import columns_of
 from canid.values.shipped_files import shipped
 from canid.values.types import Event, Flag, Frame, Reading, TrackReading
-from canid.vehicle import decoder, encoder, missing, read_vehicle
-from canid.vehicle.units import factor_to
 
 GENERIC = cantools.database.load_file(shipped() / "generic.dbc")
 
@@ -82,7 +82,7 @@ def test_random_frames_decode_as_cantools_does(decode_all):
 )
 def test_real_logs_decode_as_cantools_does(measured, decode_chunks, name, log, dbcs):
     """On real frames too, roles and radar tracks are cantools' values."""
-    from canid.logs import open_log
+    from canid.io.logs import open_log
 
     vehicle = read_vehicle(name)
     files = [cantools.database.load_file(measured / dbc, strict=False) for dbc in dbcs]

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
+from canid.signals.vehicle import encoder, read_vehicle
+from canid.signals.vehicle.bits import Bits, put, raw_of
 from canid.values.types import NAN, Flag, Reading, TrackReading
-from canid.vehicle import encoder, read_vehicle
-from canid.vehicle.bits import Bits, put, raw_of
 
 
 @pytest.mark.slow("parses hostile files in children")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.logs.input_file import regular_file
+from canid.io.logs.input_file import regular_file
+from canid.signals.vehicle import file_bytes
+from canid.ui.cli import main
 from canid.values.errors import ConfigError, LogError
-from canid.vehicle import file_bytes
 
 KERNEL = (
     "/proc/kmsg",

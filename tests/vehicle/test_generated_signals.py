@@ -14,15 +14,15 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.dbc_text import parsing
-from canid.drive.drive_reader import read_signals
-from canid.logs import open_log, write_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.io.logs import open_log, write_log
+from canid.signals.dbc_text import parsing
+from canid.signals.vehicle import Vehicle, decoder, read_vehicle
+from canid.signals.vehicle.bits import Bits, payloads, raws_of
+from canid.signals.vehicle.database import bits_of
 from canid.values.frame_columns import columns_of
 from canid.values.types import Flag, Frame, Reading
 from canid.values.window import Window
-from canid.vehicle import Vehicle, decoder, read_vehicle
-from canid.vehicle.bits import Bits, payloads, raws_of
-from canid.vehicle.database import bits_of
 
 # roles that are plain numbers, with their units
 NUMBERS = {

@@ -17,13 +17,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.cli import main
-from canid.dbc_text import parsing
-from canid.processes import child_process
-from canid.proposal import proposal
+from canid.analysis.proposal import proposal
+from canid.signals.dbc_text import parsing
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.errors import DONE, USAGE, ConfigError
+from canid.values.processes import child_process
 from canid.values.shipped_files import shipped
-from canid.vehicle import read_vehicle
 from tests.fixtures import measured_process
 from tests.fixtures.measured_process import Ran
 from tests.fixtures.vehicle_files import (
@@ -210,7 +210,7 @@ WORST = ("a million signals", "1,500 pages deep", "pages that are expanded", "10
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The parser gets 0.3 s of processor time instead of 3 s."""
     limits = "parsing.CPU_S, parsing.CPU_STARTS, parsing.CPU_S_PER_SIGNAL = 0.3, 0.0, 0.0"
-    code = f"from canid.dbc_text import parsing; {limits}; raise SystemExit(parsing.main())"
+    code = f"from canid.signals.dbc_text import parsing; {limits}; raise SystemExit(parsing.main())"
     command = [sys.executable, "-c", code]
     monkeypatch.setattr(child_process, "command", lambda module: command)
     monkeypatch.setattr(parsing, "_kept", OrderedDict())
@@ -327,7 +327,7 @@ def test_any_value_of_any_key_is_read_or_refused(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """Whatever stands behind a key: a vehicle whose pipeline can be built and stepped, or a ConfigError."""
-    from canid.pipeline import pipeline
+    from canid.models.pipeline import pipeline
     from canid.values.frame_columns import columns_of
     from canid.values.types import Frame
 

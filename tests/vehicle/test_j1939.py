@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
-from canid.dbc_text.parsing import Parser
-from canid.drive.drive_reader import read_signals
-from canid.drive.signal_columns import decode, frames_by_message
-from canid.logs import open_log, write_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.analysis.drive.signal_columns import decode, frames_by_message
+from canid.io.logs import open_log, write_log
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle import encoder, read_vehicle
+from canid.signals.vehicle.database import load
+from canid.signals.vehicle.j1939 import matches
+from canid.ui.cli import main
 from canid.values.types import Flag, Frame
-from canid.vehicle import encoder, read_vehicle
-from canid.vehicle.database import load
-from canid.vehicle.j1939 import matches
 
 # SAE J1939-71: EEC2 (PGN 61443) SPN 91, EEC1 (61444) SPN 190, CCVS (65265) SPN 84 and 597, ACC1 (65135)
 # SPN 1587; and a proprietary group (PDU2, 65280)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import canid
-from canid.drive.vehicle_check import check
-from canid.simulation import bus_frames, simulate
-from canid.simulation.following import Simulation
+from canid.analysis.drive.vehicle_check import check
+from canid.models.simulation import bus_frames, simulate
+from canid.models.simulation.following import Simulation
+from canid.signals.vehicle import Vehicle, missing, read_vehicle
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import columns_of
 from canid.values.types import Frame, Reading
-from canid.vehicle import Vehicle, missing, read_vehicle
 from tests.seeds import mostly
 
 DBC = """VERSION ""

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from canid.signals.vehicle import read_vehicle
 from canid.values.errors import ConfigError
 from canid.values.types import Frame, Reading, TrackReading
-from canid.vehicle import read_vehicle
 
 ROOT = Path(__file__).parents[2]
 REST = """

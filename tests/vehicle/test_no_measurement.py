@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.dbc_text.parsing import Message, Signal
-from canid.drive.drive_reader import read_signals
-from canid.drive.signal_columns import MessageFrames, decode
-from canid.logs import write_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.analysis.drive.signal_columns import MessageFrames, decode
+from canid.io.logs import write_log
+from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle.bits import Bits, payloads, put, scaled
+from canid.signals.vehicle.database import bits_of
+from canid.signals.vehicle.decoding_plan import _is_plain, _plain
+from canid.signals.vehicle.j1939 import PROTOCOL, first_no_value
+from canid.signals.vehicle.mapping import RoleMap, SignalMap
+from canid.signals.vehicle.signal_values import plain_values, read_values
 from canid.values.types import Flag, Frame
-from canid.vehicle.bits import Bits, payloads, put, scaled
-from canid.vehicle.database import bits_of
-from canid.vehicle.decoding_plan import _is_plain, _plain
-from canid.vehicle.j1939 import PROTOCOL, first_no_value
-from canid.vehicle.mapping import RoleMap, SignalMap
-from canid.vehicle.signal_values import plain_values, read_values
 from tests.vehicle.test_j1939 import truck
 
 # J1939-71: of each length the last number that is a measurement; from the next one on it is none

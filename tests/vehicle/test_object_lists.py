@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import canid
-from canid.logs import open_log
-from canid.proposal import proposal
+from canid.analysis.proposal import proposal
+from canid.io.logs import open_log
 from canid.values.errors import ConfigError
 
 HEAD = """VERSION ""

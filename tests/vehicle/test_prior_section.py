@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from canid.identification.fopdt.prior import ChannelPrior, Prior
+from canid.mathematics.identification.fopdt.prior import ChannelPrior, Prior
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.errors import ConfigError
 from canid.values.shipped_files import shipped
-from canid.vehicle import Vehicle, read_vehicle
 
 
 def with_prior(folder: Path, section: str, vehicle: str = "generic") -> Vehicle:

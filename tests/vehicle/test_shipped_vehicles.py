@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.drive.drive_reader import read_signals
-from canid.logs import open_log
+from canid.analysis.drive.drive_reader import read_signals
+from canid.io.logs import open_log
+from canid.signals.vehicle import decoder, read_vehicle
 from canid.values.frame_columns import chunks
-from canid.vehicle import decoder, read_vehicle
 from tests.fixtures import measured_logs
 
 ROOT = Path(__file__).parents[2]
@@ -60,13 +60,13 @@ def test_an_installed_canid_has_vehicles_and_logs(tmp_path: Path) -> None:
         if (ROOT / source).is_dir():
             shutil.copytree(ROOT / source, tmp_path / place)
     code = f"""
-import canid.cli
+import canid.ui.cli
 from canid.values.shipped_files import shipped
 assert shipped().parts[-2:] == ("_data", "dbc"), shipped()
 for name, log in {LOGS!r}.items():
     path = str(shipped().parent / "replay_logs" / (log + ".blf"))
     for words in (["check", path], ["identify", path, "--stop", "30"]):
-        assert canid.cli.main([*words, "--vehicle", name]) == 0, (words, name)
+        assert canid.ui.cli.main([*words, "--vehicle", name]) == 0, (words, name)
 """
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False

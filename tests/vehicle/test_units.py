@@ -2,8 +2,8 @@ import math
 
 import pytest
 
+from canid.signals.vehicle.units import factor_to
 from canid.values.roles import ROLES
-from canid.vehicle.units import factor_to
 
 
 @pytest.mark.parametrize(

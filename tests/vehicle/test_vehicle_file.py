@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from canid.dbc_text.parsing import Parser
-from canid.estimators.armax import ArmaxSettings
-from canid.estimators.fopdt import FopdtSettings
-from canid.proposal import proposal
+from canid.analysis.proposal import proposal
+from canid.mathematics.estimators.armax import ArmaxSettings
+from canid.mathematics.estimators.fopdt import FopdtSettings
+from canid.signals.dbc_text.parsing import Parser
+from canid.signals.vehicle import read_vehicle, vehicle_file
 from canid.values.errors import ConfigError
 from canid.values.types import OutputFilter
-from canid.vehicle import read_vehicle, vehicle_file
 
 ROOT = Path(__file__).parents[2]
 GENERIC = ROOT / "dbc" / "generic.dbc"

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canid.cli import main
+from canid.ui.cli import main
+from canid.ui.views.diagnosis_report.diagnosis_document import page
+from canid.ui.views.diagnosis_report.spectra import _bands
+from canid.ui.views.drive_report.gates import gate_strip
+from canid.ui.views.drive_report.strips import strips
 from canid.values.findings import Report, Verdict
 from canid.values.types import LearnGate
-from canid.views.diagnosis_document import page
-from canid.views.drive_report.gates import gate_strip
-from canid.views.drive_report.strips import strips
-from canid.views.report.spectra import _bands
 from tests.fixtures.contradictions import contradictions
 
 ReportOf = Callable[..., Report]

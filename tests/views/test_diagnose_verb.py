@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from canid.cli import main
+from canid.signals.vehicle import read_vehicle
+from canid.ui.cli import main
 from canid.values.errors import CHECK_FAILED, DAMAGED, DONE, NOT_WRITTEN, USAGE
 from canid.values.findings import Report, Verdict
 from canid.values.types import Trace
-from canid.vehicle import read_vehicle
 
 ROOT = Path(__file__).parents[2]
 URBAN = ROOT / "replay_logs/following_urban.blf"
@@ -49,7 +49,7 @@ def canid(
             return report_of(verdict, minutes=2)
 
         engine = SimpleNamespace(diagnose=diagnose)
-        monkeypatch.setitem(sys.modules, "canid.diagnosis.diagnose", engine)
+        monkeypatch.setitem(sys.modules, "canid.models.diagnosis.diagnose", engine)
         capsys.readouterr()
         code = main(["diagnose", *map(str, words)])
         return Ran(code, *capsys.readouterr())

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from canid.values import json_values, numbers
+from canid.ui.views.diagnosis_report import diagnosis_json, diagnosis_text
+from canid.ui.views.diagnosis_report.diagnosis_document import page
 from canid.values.findings import Blocked, Finding, NotTestable, NullGain, Report, Verdict
+from canid.values.text import json_values, numbers
 from canid.values.types import Interval
-from canid.views import diagnosis_json, diagnosis_text
-from canid.views.diagnosis_document import page
 
 ReportOf = Callable[..., Report]
 NAN = float("nan")

@@ -8,13 +8,22 @@ from itertools import pairwise
 import numpy as np
 from markupsafe import Markup
 
+from canid.ui.views.document.document import (
+    Document,
+    Drawing,
+    Fold,
+    Listing,
+    Section,
+    Sentence,
+    Source,
+    Table,
+)
+from canid.ui.views.document.document_page import page
+from canid.ui.views.document.document_text import block_lines, lines
+from canid.ui.views.drawing.figure import Figure, axis_suffix, line
+from canid.ui.views.drawing.grid import Tile, grid
+from canid.ui.views.notebook.fragment import fragment
 from canid.values.findings import Provenance
-from canid.views.document.document import Document, Drawing, Fold, Listing, Section, Sentence, Source, Table
-from canid.views.document.document_page import page
-from canid.views.document.document_text import block_lines, lines
-from canid.views.drawing.figure import Figure, axis_suffix, line
-from canid.views.drawing.grid import Tile, grid
-from canid.views.notebook.fragment import fragment
 
 EVIL = "</p><script>alert(1)</script>{{ 7*7 }}"
 TABLE = Table(("what", ">n"), [("✓ a `b`", "1"), (EVIL, ("22", "33"))], "counts", "of all")
@@ -113,8 +122,8 @@ def test_a_page_without_figures_has_no_script() -> None:
 
 def test_a_notebook_has_the_colors_of_the_page_where_they_can_be_read_on_both_grounds() -> None:
     """WCAG's contrast of 3 for graphics, on white and on black; the page's own color wherever it has that."""
-    from canid.views.document.templates import file_text
-    from canid.views.drawing.palette import NOTEBOOK
+    from canid.ui.views.document.templates import file_text
+    from canid.ui.views.drawing.palette import NOTEBOOK
 
     def contrasts(color: str) -> float:
         parts = [int(color[k : k + 2], 16) / 255 for k in (1, 3, 5)]

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from canid.comparison.comparison import Comparison, Row
-from canid.comparison.drive import DriveEstimates, Level, Side
-from canid.drive.drive_parameters import Identified
+from canid.analysis.comparison.comparison import Comparison, Row
+from canid.analysis.comparison.drive import DriveEstimates, Level, Side
+from canid.analysis.drive.drive_parameters import Identified
+from canid.ui.views.comparison_report import forest, levels
+from canid.ui.views.drawing import svg
+from canid.ui.views.drawing.forest import plain_interval
+from canid.ui.views.drive_report import level_plot
+from canid.ui.views.fleet_report import driver_plot
+from canid.ui.views.notebook.fragment import chart
 from canid.values.fleet_summary import Driver, Kind, Parameter, Population
 from canid.values.terminal_text import terminal_text
 from canid.values.types import Interval
-from canid.views.comparison_report import forest, levels
-from canid.views.drawing import svg
-from canid.views.drawing.forest import plain_interval
-from canid.views.drive_report import level_plot
-from canid.views.fleet_report import driver_plot
-from canid.views.notebook.fragment import chart
 
 HOSTILE = (
     "<script>alert(1)</script>",

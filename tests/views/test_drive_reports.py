@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from canid.cli import main
+from canid.ui.cli import main
 from canid.values.errors import CHECK_FAILED, DAMAGED, DONE, USAGE
-from canid.values.names import SYMBOLS, readable
-from canid.values.numbers import interval, number
+from canid.values.text.names import SYMBOLS, readable
+from canid.values.text.numbers import interval, number
 from canid.values.types import Interval
 from tests.views.test_page_in_browser import OpenPage
 

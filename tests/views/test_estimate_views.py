@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from canid.values import estimate_text, json_values
-from canid.values.names import HEADLINE_MARK
+from canid.ui.views import end_summary
+from canid.ui.views.terminal_view.picture import render
+from canid.ui.views.terminal_view.state import View, update
+from canid.values.text import estimate_text, json_values
+from canid.values.text.names import HEADLINE_MARK
 from canid.values.types import Channel, Estimate, Identifiable, Interval, ResidualTests, Status
-from canid.views import end_summary
-from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.state import View, update
 from tests.terminal import plain
 
 TESTS = ResidualTests(False, 70.2, 40.3, ("range_rate",), (), True, {"range_rate": 12})

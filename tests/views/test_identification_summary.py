@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.drive.drive_parameters import Identified
-from canid.drive.identification_verdict import verdict
-from canid.estimators.estimator import WholeDrive
+from canid.analysis.drive.drive_parameters import Identified
+from canid.analysis.drive.identification_verdict import verdict
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.ui.cli import main
+from canid.ui.views.document.document_text import WIDTH
+from canid.ui.views.identification_text import MAX_LINES, summary
 from canid.values.types import Channel, DriveTime, Identifiable, Interval, SignalFinding
-from canid.views.document.document_text import WIDTH
-from canid.views.identification_text import MAX_LINES, summary
 from tests.seeds import mostly
 from tests.views.test_level_plot import identified
 

@@ -4,13 +4,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from canid.drive.drive_parameters import Identified
-from canid.estimators.estimator import WholeDrive
-from canid.estimators.fopdt_whole_drive import Constancy, OverTime, Segment, with_changes
-from canid.identification import local_level
+from canid.analysis.drive.drive_parameters import Identified
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.mathematics.estimators.fopdt_whole_drive import Constancy, OverTime, Segment, with_changes
+from canid.mathematics.identification import local_level
+from canid.ui.views import identification_text
+from canid.ui.views.drive_report import level_plot
 from canid.values.types import Channel, GainChange, Identifiable, Interval
-from canid.views import identification_text
-from canid.views.drive_report import level_plot
 from tests.seeds import mostly
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 
-from canid.drive import identification_json
-from canid.drive.drive_parameters import Identified
-from canid.systems.car_response import CarResponse
-from canid.systems.identified_loop import IdentifiedLoop
-from canid.values import json_values
+from canid.analysis.drive import identification_json
+from canid.analysis.drive.drive_parameters import Identified
+from canid.mathematics.systems.car_response import CarResponse
+from canid.mathematics.systems.identified_loop import IdentifiedLoop
+from canid.ui.views import identification_text
+from canid.values.text import json_values
 from canid.values.types import Interval
-from canid.views import identification_text
 
 GIVEN = IdentifiedLoop(
     "",

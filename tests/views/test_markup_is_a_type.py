@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from markupsafe import Markup
 
-from canid.views.document.document import Listing, Table
-from canid.views.document.document_page import marked
-from canid.views.notebook.fragment import fragment
+from canid.ui.views.document.document import Listing, Table
+from canid.ui.views.document.document_page import marked
+from canid.ui.views.notebook.fragment import fragment
 
 CANID = Path(__file__).parents[2] / "canid"
 HOSTILE = "{}<script>alert(1)</script>"
@@ -22,15 +22,15 @@ BY_TEXT = re.compile(
 )
 # where a text that is no literal becomes markup, and why it may
 MADE = {
-    ("canid/views/document/templates.py", "code"): "escapes it first",
-    ("canid/views/document/templates.py", "css_string"): "is of letters, digits and code points alone",
-    ("canid/views/document/templates.py", "file_text"): "a file of the package",
-    ("canid/views/document/document_page.py", "page"): "JSON whose every < is escaped",
-    ("canid/views/document/document_page.py", "spoken"): "is markup already, to which elements are added",
-    ("canid/views/drawing/palette.py", "light"): "is markup already, whose colors are replaced",
-    ("canid/views/drawing/plotly_package.py", "plotly_script"): "a file of plotly",
-    ("canid/views/notebook/fragment.py", "fragment"): "of a template that escapes",
-    ("canid/views/signal_page/signal_page.py", "file"): "JSON whose every < is escaped",
+    ("canid/ui/views/document/templates.py", "code"): "escapes it first",
+    ("canid/ui/views/document/templates.py", "css_string"): "is of letters, digits and code points alone",
+    ("canid/ui/views/document/templates.py", "file_text"): "a file of the package",
+    ("canid/ui/views/document/document_page.py", "page"): "JSON whose every < is escaped",
+    ("canid/ui/views/document/document_page.py", "spoken"): "is markup already, to which elements are added",
+    ("canid/ui/views/drawing/palette.py", "light"): "is markup already, whose colors are replaced",
+    ("canid/ui/views/drawing/plotly_package.py", "plotly_script"): "a file of plotly",
+    ("canid/ui/views/notebook/fragment.py", "fragment"): "of a template that escapes",
+    ("canid/ui/views/signal_page/signal_page.py", "file"): "JSON whose every < is escaped",
     ("canid_study/views/study_page.py", "page"): "drawn by matplotlib, and a file of the package",
 }
 INSERTS = re.compile(r"\.(inner|outer)HTML\b|insertAdjacentHTML|document\.write\b")

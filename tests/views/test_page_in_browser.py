@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from canid.ui.views.diagnosis_report.diagnosis_document import page
 from canid.values.findings import Report, Verdict
-from canid.views.diagnosis_document import page
 
 ReportOf = Callable[..., Report]
 # ms; a busy machine may take its time, nothing here is about speed

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import pytest
 
-from canid.diagnosis.diagnose import diagnose
+from canid.models.diagnosis.diagnose import diagnose
+from canid.ui.views.diagnosis_report.diagnosis_answer import MAX_LINES, answer, summary
+from canid.ui.views.document.document_text import WIDTH
 from canid.values.findings import Report, Verdict
-from canid.views.diagnosis_answer import MAX_LINES, answer, summary
-from canid.views.document.document_text import WIDTH
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.drive.drive_reader import read_trace
+from canid.analysis.drive.drive_reader import read_trace
+from canid.ui.views.drive_report.plan import plan, positions
 from canid.values.shipped_files import shipped
 from canid.values.types import Trace
-from canid.views.drive_report.plan import plan, positions
 
 LOG = shipped().parent / "replay_logs" / "following_urban.blf"
 

@@ -10,17 +10,18 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from canid.values import json_values, numbers
+from canid.ui.views import closed_loop
+from canid.ui.views.diagnosis_report import diagnosis_json, diagnosis_text
+from canid.ui.views.diagnosis_report.diagnosis_document import page
+from canid.ui.views.diagnosis_report.evidence_plot import SYMBOLS, decisive, evidence_plot, order, outcome
+from canid.ui.views.diagnosis_report.spectra import spectra
+from canid.ui.views.diagnosis_report.time_series import whole_drive
+from canid.ui.views.drawing import plotly_package
+from canid.ui.views.drawing.decimation import MAX_POINTS, min_max_indices
+from canid.ui.views.drawing.figure import Figure, script
 from canid.values.findings import Report, Verdict
+from canid.values.text import json_values, numbers
 from canid.values.types import Interval
-from canid.views import closed_loop, diagnosis_json, diagnosis_text
-from canid.views.diagnosis_document import page
-from canid.views.drawing import plotly_package
-from canid.views.drawing.decimation import MAX_POINTS, min_max_indices
-from canid.views.drawing.figure import Figure, script
-from canid.views.report.evidence_plot import SYMBOLS, decisive, evidence_plot, order, outcome
-from canid.views.report.spectra import spectra
-from canid.views.report.time_series import whole_drive
 
 ReportOf = Callable[..., Report]
 # the order in which an engineer asks

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import canid
+from canid.ui.views import data_frame, identification_text
+from canid.ui.views.drawing import plotly_package
 from canid.values.errors import ConfigError
 from canid.values.findings import Report
 from canid.values.types import NAN, LearnGate, Trace
-from canid.views import data_frame, identification_text
-from canid.views.drawing import plotly_package
 
 REPO = Path(__file__).parents[2]
 LOG = REPO / "replay_logs/following_urban.blf"

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from canid.values import json_values
+from canid.ui.views.diagnosis_report import diagnosis_json, diagnosis_text
+from canid.ui.views.diagnosis_report.diagnosis_document import page
 from canid.values.findings import ClosedLoopError, Report, Rival, Verdict
+from canid.values.text import json_values
 from canid.values.types import Interval
-from canid.views import diagnosis_json, diagnosis_text
-from canid.views.diagnosis_document import page
 
 
 def text(report: Report) -> list[str]:

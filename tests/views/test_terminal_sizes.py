@@ -10,7 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from canid.values import estimate_text
+from canid.ui.terminal.spans import Span
+from canid.ui.views.terminal_view.digits import FONT, large
+from canid.ui.views.terminal_view.headline import main_channel
+from canid.ui.views.terminal_view.picture import LEFT_SHARE, TWO_FROM_COLUMNS, Overlay, render
+from canid.ui.views.terminal_view.state import HealthLine, View, frozen, update, with_status
+from canid.ui.views.terminal_view.units import SpeedUnit
+from canid.values.text import estimate_text
 from canid.values.types import (
     Channel,
     Estimate,
@@ -25,12 +31,6 @@ from canid.values.types import (
     SignalReport,
     Status,
 )
-from canid.views.terminal_view.digits import FONT, large
-from canid.views.terminal_view.headline import main_channel
-from canid.views.terminal_view.picture import LEFT_SHARE, TWO_FROM_COLUMNS, Overlay, render
-from canid.views.terminal_view.spans import Span
-from canid.views.terminal_view.state import HealthLine, View, frozen, update, with_status
-from canid.views.terminal_view.units import SpeedUnit
 from tests.terminal import plain
 
 SIZES = st.tuples(st.integers(40, 200), st.integers(15, 60))

@@ -7,10 +7,10 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
+from canid.ui.views.terminal_view.picture import render
+from canid.ui.views.terminal_view.state import HealthLine, View
 from canid.values.terminal_text import terminal_text
 from canid.values.types import Event
-from canid.views.terminal_view.picture import render
-from canid.views.terminal_view.state import HealthLine, View
 from tests.terminal import plain
 
 # with lone surrogates: a file name that is not UTF-8 has them
@@ -48,7 +48,7 @@ def test_the_live_view_shows_no_foreign_control_character(title: str, line: str,
 def test_a_progress_bar_says_nothing_of_a_time_that_it_does_not_know() -> None:
     from rich.progress import Progress
 
-    from canid.cli.output.progress import time_left
+    from canid.ui.terminal.progress import time_left
 
     column = time_left()
     bar = Progress(column)

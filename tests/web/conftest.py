@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
-from canid.recording.controls import Controls
-from canid.web import address
-from canid.web.access import Access
-from canid.web.live_page import LivePage
-from canid.web.requests import OF_SESSION
+from canid.io.recording.controls import Controls
+from canid.ui.web import address
+from canid.ui.web.access import Access
+from canid.ui.web.live_page import LivePage
+from canid.ui.web.requests import OF_SESSION
 
 ROOT = Path(__file__).parents[2]
 # markup, a direction override, and a name as long as a file system takes

@@ -9,7 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
-from canid.web.requests import MAX_MESSAGE_BYTES
+from canid.ui.web.requests import MAX_MESSAGE_BYTES
 from tests.web.conftest import Page, client
 
 WEBSOCKET = {

@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from canid.web.connections import MAX_STRANGERS, REQUEST_TIMEOUT_S
+from canid.ui.web.connections import MAX_STRANGERS, REQUEST_TIMEOUT_S
 from tests.fixtures.crowd import FRAMES, crowd, drawn, thrown_out
 from tests.web.conftest import Page, client
 

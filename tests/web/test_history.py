@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from canid.web import hub
-from canid.web.history import History
+from canid.ui.web import hub
+from canid.ui.web.history import History
 
 
 def sample(t: float) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from canid.contents.signal_lines import lines_of_log
+from canid.analysis.contents.signal_lines import lines_of_log
 from tests.web.test_page_in_browser import Opened
 
 ROOT = Path(__file__).parents[2]
@@ -103,9 +103,9 @@ def test_two_signals_share_an_axis_by_the_button_or_by_dragging(opened: Opened) 
 
 def test_a_zoom_shows_every_frame_and_the_cursor_reads_one(opened: Opened) -> None:
     """The server decimates at the zoom that is asked for; the value is that of the last frame before the cursor."""
-    from canid.cli.signals import selection
-    from canid.contents.log_survey import Wanted
-    from canid.logs import open_log
+    from canid.analysis.contents.log_survey import Wanted
+    from canid.io.logs import open_log
+    from canid.ui.cli.signals import selection
 
     lines = lines_of_log(open_log(LOG), selection.read_files([(str(DBC), None)], {}), Wanted())
     k = int(opened.evaluate("document.querySelector('.chip').dataset.k"))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from canid.cli import main
-from canid.web import address
+from canid.ui.cli import main
+from canid.ui.web import address
 
 LOG = str(Path(__file__).parents[2] / "replay_logs/following_urban.blf")
 
@@ -39,7 +39,7 @@ def test_mistakes(
 
 def test_without_the_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """What is missing is named with the command that installs it."""
-    monkeypatch.setattr("canid.cli.web_options.PACKAGES", ("starlette", "no_such_package_here"))
+    monkeypatch.setattr("canid.ui.cli.options.web_options.PACKAGES", ("starlette", "no_such_package_here"))
     assert main(["record", "-i", "virtual", "-c", "none", "--web"]) == 2
     assert "needs no_such_package_here: pip install 'canid[web]'" in capsys.readouterr().err
 

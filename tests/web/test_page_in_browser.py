@@ -12,8 +12,8 @@ import can
 import cantools
 import pytest
 
-from canid.values import numbers
 from canid.values.signal_table import Row, SignalTable
+from canid.values.text import numbers
 from canid.values.types import Interval
 from tests.web.conftest import HOSTILE, HOSTILE_CAR, ROOT, STOP_S, Page, Replay
 

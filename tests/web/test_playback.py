@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from canid.desk.playback import NO_WAY_BACK, Played, Position, play
-from canid.drive import drive_reader
-from canid.logs import open_log
-from canid.recording.controls import Controls
-from canid.values import json_values
+from canid.analysis.drive import drive_reader
+from canid.analysis.playback.playback import NO_WAY_BACK, Played, Position, play
+from canid.io.logs import open_log
+from canid.io.recording.controls import Controls
+from canid.signals.vehicle import read_vehicle
+from canid.values.text import json_values
 from canid.values.types import Estimate
 from canid.values.window import Window
-from canid.vehicle import read_vehicle
 
 LOG = Path(__file__).parents[2] / "replay_logs/following_urban.blf"
 STOP_S = 34.0

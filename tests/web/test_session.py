@@ -17,13 +17,13 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from canid.buses.bus_opener import open_buses
-from canid.buses.send import onto
-from canid.cli import live_session
-from canid.logs import open_log
-from canid.session.session import SessionSettings
+from canid.analysis.session.session import SessionSettings
+from canid.io.buses.bus_opener import open_buses
+from canid.io.buses.send import onto
+from canid.io.logs import open_log
+from canid.ui.cli import live_session
+from canid.ui.views.terminal_view.state import View
 from canid.values.types import Frame
-from canid.views.terminal_view.state import View
 from tests.web.conftest import Page
 
 # frames, and s that they take

@@ -16,10 +16,10 @@ import pytest
 from starlette.websockets import WebSocket
 from websockets.sync.client import connect
 
-from canid.processes.child import Child
-from canid.processes.child_process import command
-from canid.processes.confinement import offered
-from canid.web import address, server
+from canid.ui.web import address, server
+from canid.values.processes.child import Child
+from canid.values.processes.child_process import command
+from canid.values.processes.confinement import offered
 from tests.fixtures import attempts
 from tests.fixtures.attempts import REFUSED
 from tests.web.conftest import Page

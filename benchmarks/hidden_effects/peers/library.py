@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.diagnosis import masks
-from canid.diagnosis.driver.driver_candidates import starts
-from canid.diagnosis.driver.driver_data import DriverData
-from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_model import K1, TAU1, lagged, pedal
-from canid.diagnosis.driver.pedal_holds import MIN_HOLD_S
-from canid.diagnosis.fitting.fitted_model import extended
-from canid.diagnosis.prepared_drive import lacking, ready
-from canid.effects.effect import Effect, Kind
+from canid.models.diagnosis import masks
+from canid.models.diagnosis.driver.driver_candidates import starts
+from canid.models.diagnosis.driver.driver_data import DriverData
+from canid.models.diagnosis.driver.driver_fit import FittedDriver
+from canid.models.diagnosis.driver.driver_model import K1, TAU1, lagged, pedal
+from canid.models.diagnosis.driver.pedal_holds import MIN_HOLD_S
+from canid.models.diagnosis.fitting.fitted_model import extended
+from canid.models.diagnosis.prepared_drive import lacking, ready
+from canid.models.effects.effect import Effect, Kind
 from canid.values.findings import Flags
 from canid.values.types import Trace
 from tests.plants.planted_drive import Array

@@ -11,7 +11,7 @@ from benchmarks.hidden_effects.peers import frols, naive, stlsq
 from benchmarks.hidden_effects.peers.answer import ADEQUATE, BROKE, NAMED, Answer
 from benchmarks.hidden_effects.peers.library import fitted, library, remembered, strongest
 from benchmarks.identification.peers.peer import ELSEWHERE, Peer, call, missing
-from canid.effects.effect import Effect
+from canid.models.effects.effect import Effect
 from canid.values.types import Trace
 
 Sets = tuple[tuple[str, ...], ...]

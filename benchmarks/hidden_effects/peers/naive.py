@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.hidden_effects.peers.library import Fitted, library
-from canid.diagnosis.driver import driver_candidates
-from canid.diagnosis.driver.driver_fit import FittedDriver
-from canid.diagnosis.driver.driver_model import with_effects
-from canid.diagnosis.fitting.fitted_model import FittedModel, extended, problem, solve
-from canid.diagnosis.fitting.least_squares import fit
-from canid.diagnosis.fitting.likelihood import Noise
-from canid.effects.effect import Effect, Kind
+from canid.models.diagnosis.driver import driver_candidates
+from canid.models.diagnosis.driver.driver_fit import FittedDriver
+from canid.models.diagnosis.driver.driver_model import with_effects
+from canid.models.diagnosis.fitting.fitted_model import FittedModel, extended, problem, solve
+from canid.models.diagnosis.fitting.least_squares import fit
+from canid.models.diagnosis.fitting.likelihood import Noise
+from canid.models.effects.effect import Effect, Kind
 from canid.values.findings import Flags
 from tests.plants.planted_drive import Array
 

@@ -24,7 +24,7 @@ from benchmarks.hidden_effects.peers.library import fitted, library, remembered,
 from benchmarks.hidden_effects.peers.methods import FROLS, MAX_CAUSES, STLSQ, cut
 from benchmarks.hidden_effects.table import STRONG
 from benchmarks.identification.peers.peer import ELSEWHERE, call, missing
-from canid.effects import CATALOGUE
+from canid.models.effects import CATALOGUE
 from tests.plants.measurement import trace
 
 WHO = ("naive", "stlsq", "frols")

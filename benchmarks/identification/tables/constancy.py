@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.identification.gain_drives import NOISE_MODELS, SIX_NOISES, World
 from benchmarks.identification.gain_paths import of_drive
 from benchmarks.identification.table import Settings, Table, each
-from canid.identification.confidence import MISS
+from canid.mathematics.identification.confidence import MISS
 
 WORLDS = (
     World("pedal, loop A", "A"),

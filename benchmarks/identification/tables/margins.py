@@ -12,15 +12,15 @@ from benchmarks.identification import acceleration
 from benchmarks.identification.gain_drives import PUBLISHED
 from benchmarks.identification.noise_models import NOISE_MODELS
 from benchmarks.identification.table import Settings, Table, each
-from canid.drive.drive_reader import read_trace
-from canid.estimators.fopdt import FOPDT, FopdtSettings
-from canid.logs import write_log
-from canid.simulation import START_UTC, frames, simulate
-from canid.systems import following_loop
-from canid.systems.following_loop import FollowingLoop
-from canid.systems.identified_loop import identified_loop
+from canid.analysis.drive.drive_reader import read_trace
+from canid.io.logs import write_log
+from canid.mathematics.estimators.fopdt import FOPDT, FopdtSettings
+from canid.mathematics.systems import following_loop
+from canid.mathematics.systems.following_loop import FollowingLoop
+from canid.mathematics.systems.identified_loop import identified_loop
+from canid.models.simulation import START_UTC, frames, simulate
+from canid.signals.vehicle import read_vehicle
 from canid.values.types import TASK_INPUTS, Interval, LearnGate, OutputFilter, Trace
-from canid.vehicle import read_vehicle
 
 MINUTES = 6.0
 PROFILES = ("mixed", "urban")

@@ -9,8 +9,8 @@ from benchmarks.identification.loops import Drive
 from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT
 from benchmarks.identification.table import Settings, Table, each, held
 from benchmarks.identification.tables import filters
-from canid.estimators import armax_whole_drive
-from canid.identification.armax.armax_batch import Orders
+from canid.mathematics.estimators import armax_whole_drive
+from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.values.types import TASK_INPUTS, Channel, Identifiable, LearnGate, OutputFilter, Trace
 
 NAMES = TASK_INPUTS["car_following"]

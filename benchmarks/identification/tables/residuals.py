@@ -11,7 +11,7 @@ from benchmarks.identification import acceleration, bus, canid_side, loop_a, loo
 from benchmarks.identification.loops import Lead
 from benchmarks.identification.noise_models import NOISE_MODELS
 from benchmarks.identification.table import Settings, Table, each
-from canid.estimators.plausibility import MAX_LEFT_OVER
+from canid.mathematics.estimators.plausibility import MAX_LEFT_OVER
 from canid.values.types import Driver, OutputFilter
 
 SECONDS = 420.0

@@ -7,8 +7,8 @@ import numpy as np
 from benchmarks.identification import canid_side, loop_a
 from benchmarks.identification.noise_models import NOISE_MODELS
 from benchmarks.identification.table import Settings, Table, each, held
-from canid.estimators import armax_whole_drive
-from canid.identification.armax.armax_batch import Orders
+from canid.mathematics.estimators import armax_whole_drive
+from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.values.types import TASK_INPUTS, Channel, Identifiable, LearnGate, Status, Trace
 
 STEPS = (0.02, 0.05, 0.1, 0.2)  # s

@@ -12,7 +12,7 @@ from benchmarks.identification.open_loop import HISTORY
 from benchmarks.identification.peers import process
 from benchmarks.identification.table import Settings, Table
 from benchmarks.identification.tables.following import SECONDS, seen_by_canid
-from canid.estimators import ESTIMATORS
+from canid.mathematics.estimators import ESTIMATORS
 from canid.values.types import LearnGate, Sample
 
 NAMES = ("headway_error", "range_rate")

@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.identification.table import Settings, Table, each
-from canid.estimators import armax_whole_drive
-from canid.identification.armax.armax_batch import Orders
-from canid.pipeline import pipeline
-from canid.samples.trace_assembly import trace
-from canid.simulation import Simulation, frames
-from canid.simulation.car import Car
-from canid.simulation.lane import Steering, keep_lane
+from canid.mathematics.estimators import armax_whole_drive
+from canid.mathematics.identification.armax.armax_batch import Orders
+from canid.models.pipeline import pipeline
+from canid.models.simulation import Simulation, frames
+from canid.models.simulation.car import Car
+from canid.models.simulation.lane import Steering, keep_lane
+from canid.signals.samples.trace_assembly import trace
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import Sample, Trace
-from canid.vehicle import Vehicle, read_vehicle
 
 # Runs per length: an hour takes 15 s
 MINUTES = ((1.0, 1), (2.0, 1), (10.0, 2), (60.0, 5))

@@ -13,7 +13,7 @@ from benchmarks.identification.noise_models import NOISE_MODELS, REMNANT, NoiseM
 from benchmarks.identification.open_loop import HISTORY, Case
 from benchmarks.identification.table import Settings, Table, each
 from benchmarks.identification.tables.following import LOOPS, seen_by_canid
-from canid.estimators.fopdt import FopdtSettings
+from canid.mathematics.estimators.fopdt import FopdtSettings
 from canid.values.types import Identifiable
 
 ORDER = (Identifiable.OK, Identifiable.SUM_ONLY, Identifiable.GAIN_ONLY, Identifiable.NOT)

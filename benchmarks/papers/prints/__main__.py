@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.papers.prints import chen_ulsoy_results, grover_results, misprint_scan, studies
-from canid.values import json_values
+from canid.values.text import json_values
 from canid.values.types import Array
 from canid_study.artifact import Curve, Study
 from canid_study.printed_numbers import EQ_2_5

@@ -15,7 +15,7 @@ from scipy.signal import lfilter, ss2tf
 from benchmarks.papers.prints import reverse_arrangements
 from benchmarks.papers.prints.steering_tables import roots
 from benchmarks.papers.prints.uncertainty_bound import printed_bound
-from canid.identification.armax.armax_batch import Orders, fit_armax
+from canid.mathematics.identification.armax.armax_batch import Orders, fit_armax
 from canid.values.types import Array
 from canid_study.chen_ulsoy.one_track_car import OneTrackCar, matrices
 from canid_study.printed_numbers import (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import Array
 
 # mean squares of 3 s of a minute: longer than the loop's memory, and 20 are enough for the normal approximation

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.identification.confidence import SIGMAS
+from canid.mathematics.identification.confidence import SIGMAS
 from canid.values.types import Array
 from canid_study.printed_numbers import DC_GAIN_RANGE, STEERING_INTERVAL_S, SteeringTable
 from canid_study.systems import control_systems

@@ -17,7 +17,7 @@ import fsspec
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.fleet.planning import address
+from canid.analysis.fleet.planning import address
 from tests.fixtures.listening import listening
 
 PROMISE = "a line of a list reaches storage or nothing: no other protocol, no chain; it costs that line alone"

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.logs import open_log
+from canid.io.logs import open_log
 from canid.values.errors import LogError
 from canid.values.frame_columns import frames_of
 from tests.damaged_logs.bases import Base, bases

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.tables.sources.text_source import TextSource
+from canid.analysis.tables.sources.text_source import TextSource
 from canid.values.errors import CanidError
 
 PROMISE = (

@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.reliability.attack.overwriting import made
 from benchmarks.reliability.outcome import Outcome
-from canid.saving.checksum import Refused, seal, unseal
+from canid.models.saving.checksum import Refused, seal, unseal
 from canid.values.shipped_files import shipped
 from tests.fixtures.measured_process import canid
 from tests.fixtures.vehicle_files import (

@@ -41,7 +41,7 @@ LIKELY = (
 MODULE = """
 import sys
 with open({marker!r}, "a") as file:
-    file.write(repr([__name__, 'canid.cli' in sys.modules, sys.flags.isolated, sys.argv[:4], sys.path[:3]]) + "\\n")
+    file.write(repr([__name__, 'canid.ui.cli' in sys.modules, sys.flags.isolated, sys.argv[:4], sys.path[:3]]) + "\\n")
 """
 COMMANDS = {
     "record": ("record", "-i", "virtual", "-c", "x", "--duration", "0.2", "-o", "out.blf"),

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import ROOT
-from canid.logs import open_log, write_log
+from canid.io.logs import open_log, write_log
 from canid.values.errors import LogError
 from canid.values.types import Flag, Frame
 from tests.damaged_logs.numbers import EDGES, MAX_STANDARD, SUFFIXES, Numbers, log

@@ -80,7 +80,7 @@ _MAKING = threading.Lock()
 # Runs commands one after the other, each in its folder, and says how each ended.
 RUNNER = """
 import contextlib, io, json, os, sys
-from canid.cli import main
+from canid.ui.cli import main
 results = []
 for folder, words in json.load(open(sys.argv[1])):
     os.chdir(folder)

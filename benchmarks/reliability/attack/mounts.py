@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.reliability.outcome import Outcome
-from canid.logs import open_log
+from canid.io.logs import open_log
 from tests.fixtures.mounted_recording import (
     ACTIONS,
     Settings,

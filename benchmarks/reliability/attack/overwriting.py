@@ -28,7 +28,7 @@ _MAKING = threading.Lock()
 # Runs commands one after the other in a folder, says what each of them changed, and puts it back.
 RUNNER = """
 import contextlib, hashlib, io, json, os, sys
-from canid.cli import main
+from canid.ui.cli import main
 
 def held():
     out = {}

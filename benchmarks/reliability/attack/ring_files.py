@@ -14,8 +14,8 @@ from benchmarks.reliability.attack import judging
 from benchmarks.reliability.attack.traffic_process import Sender
 from benchmarks.reliability.outcome import Outcome
 from benchmarks.reliability.recording import Recording
-from canid.files.file_identity import FileIdentity
-from canid.recording.ring_list import Entry
+from canid.io.files.file_identity import FileIdentity
+from canid.io.recording.ring_list import Entry
 
 PROMISE = "a ring deletes and writes its own files only: what its list describes, never through a link"
 RATE = 3000.0  # frames/s
@@ -242,8 +242,8 @@ def attack(folder: Path, rng: random.Random) -> Iterator[Outcome]:
 
 
 def _earlier(ring: Ring) -> None:
-    from canid.recording.file_series import Series
-    from canid.recording.rotation import Rotation
+    from canid.io.recording.file_series import Series
+    from canid.io.recording.rotation import Rotation
     from canid.values.types import Frame
 
     series = Series(ring.folder / f"x{ring.suffix}", Rotation(time=1.0))

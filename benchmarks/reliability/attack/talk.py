@@ -218,7 +218,7 @@ def _json(case: Case, folder: Path, stack: ExitStack):  # type: ignore[no-untype
 def _started(case: Case, command: list[str], folder: Path, ends: streams.Ends, stack: ExitStack):  # type: ignore[no-untyped-def]
     """The process, and which one gets the signal."""
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "TERM": "xterm"}
-    code = f"{BEGIN}from canid.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = f"{BEGIN}from canid.ui.cli import main; sys.exit(main(sys.argv[1:]))"
     run = [sys.executable, "-c", code, *command]
     if case.background:
         master, slave = pty.openpty()

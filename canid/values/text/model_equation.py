@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from canid.values.identified_model import IdentifiedModel
-from canid.values.numbers import number
+from canid.values.text.numbers import number
 
 
 def equation(model: IdentifiedModel) -> str:

@@ -13,8 +13,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from canid.estimators import status
-from canid.estimators.estimator import Estimator, WholeDrive
+from canid.mathematics.estimators import status
+from canid.mathematics.estimators.estimator import Estimator, WholeDrive
 from canid.values.types import Array, Channel, Estimate, Identifiable, Interval, Sample, Status, Trace
 
 NAME = "moving"

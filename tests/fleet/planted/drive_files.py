@@ -11,11 +11,11 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from canid.logs import write_log
-from canid.simulation import Car, DriverTruth, simulate
-from canid.simulation import frames as frames_of_simulation
+from canid.io.logs import write_log
+from canid.models.simulation import Car, DriverTruth, simulate
+from canid.models.simulation import frames as frames_of_simulation
+from canid.signals.vehicle import Vehicle, read_vehicle
 from canid.values.types import Frame
-from canid.vehicle import Vehicle, read_vehicle
 from tests.fleet.planted.planted_fleet import Drive, Fleet, truth
 from tests.plants import measurement, plant_one, plant_two
 from tests.plants.planted_drive import Plant

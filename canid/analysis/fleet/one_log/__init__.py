@@ -1,0 +1,1 @@
+"""The analysis of one log: from its bytes to the rows of the fleet's tables."""

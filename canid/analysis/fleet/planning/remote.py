@@ -1,0 +1,113 @@
+"""Logs in storage that fsspec reads: a file, a folder or a pattern as a URL, such as s3://bucket/fleet/**/*.blf."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from email.utils import parsedate_to_datetime
+from typing import TYPE_CHECKING, Any
+
+from canid.analysis.fleet.planning import address, globs
+from canid.signals.vehicle.quoting import brief
+from canid.values.errors import ConfigError, one_line
+
+if TYPE_CHECKING:
+    from canid.analysis.fleet.planning.listing import Listed
+
+_HTTP = "Last-Modified"  # as of RFC 9110, sec. 5.6.7
+# names under which file systems state when a file was changed
+_MODIFIED = ("mtime", "LastModified", "last_modified", "modified", "updated", "created", _HTTP)
+
+
+def listed(url: str) -> list[Listed]:
+    """List the logs of a URL.
+
+    Raises:
+        ConfigError: a package is missing, the storage cannot be reached, or it holds no such log.
+    """
+    from canid.analysis.fleet.planning import listing
+
+    scheme = address.scheme_of(url)
+    try:
+        system, path = address.opened(url)
+        if scheme in address.LOCAL:
+            return listing.listed([path])
+        files = _found(system, path)
+    except ImportError as error:
+        extra = "s3" if scheme in address.S3 else "fleet"
+        raise ConfigError(f"{brief(url)}: {one_line(error)}; pip install 'canid[{extra}]'") from None
+    except ConfigError:
+        raise
+    except Exception as error:  # each storage has exceptions of its own
+        raise ConfigError(f"{brief(url)}: cannot be listed ({one_line(error)})") from None
+    root = globs.parted(path)[0] if globs.is_pattern(path) else path.rstrip("/")
+    if root in files:
+        root = root.rpartition("/")[0]
+    # a web server's listing has names alone
+    for name, info in files.items():
+        if (
+            info.get("size") is None
+            and info.get("type", "file") == "file"
+            and listing.is_log(name.rpartition("/")[2])
+        ):
+            files[name] = info | _stated(system, name)
+    out = [
+        _of_file(url, root.rstrip("/"), name, info)
+        for name, info in sorted(files.items())
+        if info.get("type", "file") == "file" and (name == path or listing.is_log(name.rpartition("/")[2]))
+    ]
+    if not out:
+        raise ConfigError(f"{brief(url)}: holds no log")
+    return out
+
+
+def _found(system: Any, path: str) -> dict[str, Any]:
+    if globs.is_pattern(path):
+        files: dict[str, Any] = system.glob(path, detail=True)
+        return files
+    if system.isdir(path):
+        return dict(system.find(path, detail=True))
+    return {path: system.info(path)}
+
+
+def _stated(system: Any, path: str) -> dict[str, Any]:
+    """What the storage states of one file; nothing, where it does not answer: that comes to light when it is fetched."""
+    try:
+        return dict(system.info(path))
+    except Exception:  # each storage has exceptions of its own
+        return {}
+
+
+def _of_file(url: str, root: str, path: str, info: Mapping[str, Any]) -> Listed:
+    """A file that the storage of a URL has listed below a root."""
+    from canid.analysis.fleet.planning import listing
+
+    log = address.of_path(url, path)
+    if log is None:
+        name = f"{address.scheme_of(url)}://{path}"
+        return listing.Listed(
+            name, url, listing.MISSING, 0, "no address leads to a file of this name: rename it"
+        )
+    above = log.removesuffix(listing.below(path, root) if root else path.lstrip("/"))
+    return listing.Listed(log, above, int(info.get("size") or 0), modified_ns(info))
+
+
+def modified_ns(info: Mapping[str, Any]) -> int:
+    """When a file was changed, ns since 1970; 0: its storage does not say.
+
+    Example:
+        >>> modified_ns({"mtime": 1.5}), modified_ns({"name": "a"})
+        (1500000000, 0)
+    """
+    for name in _MODIFIED:
+        value = info.get(name)
+        if isinstance(value, str):
+            try:
+                value = parsedate_to_datetime(value) if name == _HTTP else datetime.fromisoformat(value)
+            except ValueError:
+                continue
+        if isinstance(value, datetime):
+            return int(value.timestamp() * 1e9)
+        if isinstance(value, int | float) and value > 0:
+            return int(value * 1e9)
+    return 0

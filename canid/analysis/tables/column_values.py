@@ -1,0 +1,190 @@
+"""Times and roles of the rows of a table, in the order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.analysis.tables import lead_rows, role_values, row_order, rows, time_column
+from canid.analysis.tables.column_map import ColumnMap
+from canid.analysis.tables.headings import TIME
+from canid.analysis.tables.remedies import Remedies
+from canid.analysis.tables.resolution import Found
+from canid.analysis.tables.source import NO_NUMBER, Source, clean
+from canid.signals.vehicle.quoting import brief
+from canid.values.errors import ConfigError
+from canid.values.types import Array
+
+# columns that the rows of the vehicle ahead can give
+_OF_LEAD = {"speed": "lead_speed", "length": "lead_length", "position": "lead_position"}
+
+
+def in_order(
+    by_role: Mapping[str, Found],
+    by: ColumnMap,
+    table: rows.Rows,
+    texts: set[int],
+    name: str,
+    says: Remedies,
+) -> tuple[time_column.Times, rows.Rows, str]:
+    """The rows in the order of time, whose unit is judged when they are, and a sentence where they were sorted.
+
+    Raises:
+        ConfigError: there is no time, or the rows are of several drives.
+    """
+    if TIME not in by_role:
+        return _times(by_role, by, table, texts, name), table, ""
+    place = by_role[TIME].place
+    raw = clean(table.numbers[place]) if place not in texts else _times(by_role, by, table, texts, name).t
+    order, late = row_order.by_time(raw)
+    note = ""
+    if order is not None:
+        values = [
+            column.place
+            for role, column in by_role.items()
+            if role not in (TIME, "vehicle_id", "lead_id", "lane")
+        ]
+        choose = f"split it, or {says.rows}"
+        if "vehicle_id" not in by_role:
+            row_order.check(raw, table, values, order, name, choose)
+        table = row_order.taken(table, order)
+        note = f"{name}: {late:,} of {table.n:,} rows were not in the order of time; they were sorted"
+    return _times(by_role, by, table, texts, name), table, note
+
+
+def _times(
+    by_role: Mapping[str, Found], by: ColumnMap, table: rows.Rows, texts: set[int], name: str
+) -> time_column.Times:
+    if TIME not in by_role:
+        return time_column.of_numbers(np.arange(float(table.n)), None, "row", by.entries[TIME].rate)
+    clock = by_role[TIME]
+    column = clock.entry.names[0] if len(clock.entry.names) == 1 else TIME
+    unit = None if clock.unit is None else time_column.unit_name(clock.unit)
+    if (
+        clock.unit
+        and unit is None
+        and clock.unit.lower() not in ("utc", "iso", "datetime", "date", "hh:mm:ss")
+    ):
+        raise ConfigError(
+            f'{name}: {brief(column)}: "{brief(clock.unit)}" is no unit of time; write s, ms, us or ns'
+        )
+    where = f"{name}: {brief(column)}"
+    if clock.place in texts:
+        return time_column.of_texts(table.texts[clock.place], unit, where)
+    return time_column.of_numbers(table.numbers[clock.place], unit, where, clock.entry.rate)
+
+
+def values_of(
+    by_role: Mapping[str, Found], table: rows.Rows, texts: set[int], name: str, notes: list[str]
+) -> dict[str, Array]:
+    """Roles of the rows in SI units, NaN where a cell is empty; what was noticed goes to `notes`."""
+    values = {}
+    for role, origin in by_role.items():
+        if role == TIME:
+            continue
+        column: Array | list[str] = (
+            table.texts[origin.place] if origin.place in texts else table.numbers[origin.place]
+        )
+        if role in ("vehicle_id", "lead_id", "lane"):
+            values[role] = _codes(column, origin.entry.none)
+            continue
+        sign = table.numbers[origin.sign_place] if origin.sign_place >= 0 else None
+        values[role] = role_values.in_si(role, origin, column, sign, name, notes)
+        spoilt = int((values[role] == NO_NUMBER).sum())
+        if spoilt:
+            notes.append(f"{name}: {role}: {spoilt:,} of {table.n:,} cells hold no number")
+    return values
+
+
+def _codes(column: Array | list[str], none: Sequence[float]) -> Array:
+    """Ids as numbers; texts by a number that the text alone decides. NaN: none."""
+    if isinstance(column, list):
+        return np.array([float(hash_of(cell)) if cell.strip() else np.nan for cell in column])
+    known = clean(column)
+    for missing in none:
+        known[known == missing] = np.nan
+    return known
+
+
+def hash_of(text: str) -> int:
+    """A number of 50 bits for a text, the same in every run."""
+    import zlib
+
+    data = text.strip().encode()
+    return zlib.crc32(data) << 18 | zlib.adler32(data) & 0x3FFFF
+
+
+def lead_columns(
+    source: Source,
+    by_role: Mapping[str, Found],
+    texts: set[int],
+    table: rows.Rows,
+    values: dict[str, Array],
+    same_place: Sequence[rows.Where],
+    notes: list[str],
+) -> dict[str, Array]:
+    """Speed, length and position of the vehicle ahead from its own rows, where they are needed and can be found."""
+    if "vehicle_id" not in by_role or TIME not in by_role or by_role[TIME].place in texts:
+        return {}
+    motion = "range_rate" in values or "lead_speed" in values
+    distance = "gap" in values or ("spacing" in values and "lead_length" in values)
+    if (motion and distance) or not ("lead_id" in by_role or {"lane", "position"} <= by_role.keys()):
+        return {}
+    wanted = [role for role in ("speed", "length", "position", "lane") if role in by_role]
+    places = {role: by_role[role].place for role in (*wanted, "vehicle_id", TIME)}
+    t = table.numbers[places[TIME]]
+    ids, at = values["vehicle_id"], np.unique(t)
+    of_id = places["vehicle_id"]
+    lead = values.get("lead_id")
+    leads = np.unique(lead[np.isfinite(lead)]) if lead is not None else None
+
+    def keep(numbers: Mapping[int, Array], words: Mapping[int, list[str]]) -> npt.NDArray[np.bool_]:
+        others = _codes(words[of_id] if of_id in texts else numbers[of_id], ())
+        mask: npt.NDArray[np.bool_] = np.isin(numbers[places[TIME]], at)
+        for condition in same_place:
+            mask &= rows.same(
+                words[condition.place] if condition.place in words else numbers[condition.place],
+                condition.value,
+            )
+        return mask & (np.isin(others, leads) if leads is not None else others != ids[0])
+
+    needed = {*places.values(), *(condition.place for condition in same_place)}
+    read = rows.read(source, sorted(needed - texts), sorted(needed & texts), keep)
+    if not read.n:
+        return {}
+    columns = {}
+    for role in wanted:
+        column: Array | list[str] = (
+            read.texts[places[role]] if places[role] in texts else read.numbers[places[role]]
+        )
+        if role == "lane":
+            columns[role] = _codes(column, ())
+        else:
+            columns[role] = clean(role_values.in_si(role, by_role[role], column, None, source.name, []))
+    others = lead_rows.Others(
+        read.numbers[places[TIME]],
+        _codes(read.texts[of_id] if of_id in texts else read.numbers[of_id], ()),
+        columns,
+    )
+    out: dict[str, Array] = {}
+    if lead is None:
+        lead = lead_rows.by_lane(t, values["lane"], clean(values["position"]), others)
+        out["lead_id"] = lead
+        notes.append(f"{source.name}: the vehicle ahead: the nearest in the same lane")
+    got = lead_rows.by_id(t, lead, others, [role for role in wanted if role in _OF_LEAD])
+    out |= {_OF_LEAD[role]: x for role, x in got.items() if _OF_LEAD[role] not in values}
+    notes.append(f"{source.name}: {', '.join(out)}: from the rows of the vehicle ahead")
+    return out
+
+
+def timed(
+    times: time_column.Times, values: dict[str, Array], name: str, notes: list[str]
+) -> tuple[Array, dict[str, Array], int | None]:
+    """Rows with a time."""
+    t, known = times.t, np.isfinite(times.t)
+    if not known.all():
+        notes.append(f"{name}: {int((~known).sum()):,} of {len(t):,} rows have no time and were left out")
+        t, values = t[known], {role: x[known] for role, x in values.items()}
+    return t, values, times.start_ns

@@ -1,0 +1,206 @@
+"""Which column of a table is which role: by a column map, or by the headings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from canid.analysis.tables import column_map
+from canid.analysis.tables.column_map import ColumnEntry, ColumnMap
+from canid.analysis.tables.headings import DATED, EXTRA, HEADWAY, TIME, Heading, closing, heading, role_of
+from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
+from canid.signals.vehicle.quoting import brief, several
+from canid.signals.vehicle.schema import did_you_mean
+from canid.values.errors import ConfigError
+from canid.values.roles import ROLES
+
+# columns that are needed to follow a vehicle, apart from own speed and output: one of each line
+LEAD_DISTANCE = ("gap", "spacing", HEADWAY, "position")
+LEAD_MOTION = ("range_rate", "lead_speed", "lead_id", "lane", "lead_position")
+
+# columns that a message names
+MAX_DESCRIBED = 8
+
+
+class Found(NamedTuple):
+    """A role's column."""
+
+    place: int
+    entry: ColumnEntry
+    unit: str | None  # stated by the map or the heading; None: nowhere
+    sign_place: int = -1  # of `sign_of`
+    closing: bool = False  # the range rate with the other sign
+
+
+class Resolved(NamedTuple):
+    """The columns of a table."""
+
+    found: Mapping[str, Found]
+    map: ColumnMap
+    note: str = ""  # what was taken for granted
+    numbers: tuple[int, ...] = ()  # of the vehicles, where columns are numbered by them
+
+
+def resolve(
+    headings: Sequence[str],
+    by: ColumnMap,
+    name: str,
+    number: int | None = None,
+    says: Remedies = COMMAND_LINE,
+) -> Resolved:
+    """Find the columns.
+
+    Args:
+        headings: of the table.
+        by: the column map; an empty one: by the headings.
+        name: of the table, for messages.
+        number: of the vehicle, where columns are numbered.
+        says: what the user can do, for messages.
+
+    Raises:
+        ConfigError: two columns could be the same role, or a column of the map is not there.
+
+    Example:
+        >>> columns = resolve(["t", "v_ego [km/h]", "gap"], ColumnMap(), "x.csv").found
+        >>> {role: (column.place, column.unit) for role, column in columns.items()}
+        {'time': (0, None), 'speed': (1, 'km/h'), 'gap': (2, None)}
+    """
+    parsed = [heading(text) for text in headings]
+    if by.entries:
+        return _by_map(parsed, by, name, number, says)
+    made = Resolved(_by_heading(parsed, name, says), by)
+    if _follows(made.found) or by.driver is not None:
+        return made
+    for title in column_map.shipped():
+        candidate = column_map.read_map(title)
+        numbers = _numbers(parsed, candidate) if candidate.numbered else ()
+        if candidate.numbered and not numbers:
+            continue
+        other = _entries(parsed, candidate, number or (numbers[0] if numbers else None))
+        timed = TIME in other or (candidate.entries[TIME].rate is not None and not candidate.header)
+        if timed and _follows(other) and len(other) > len(made.found) - (TIME in made.found):
+            resolved = _by_map(parsed, candidate, name, number, says)
+            return resolved._replace(note=f"{name}: read as {candidate.name} (--columns {title})")
+    return made
+
+
+def _follows(by_role: Mapping[str, Found]) -> bool:
+    own_motion = "speed" in by_role or "position" in by_role
+    return own_motion and any(x in by_role for x in LEAD_DISTANCE) and any(x in by_role for x in LEAD_MOTION)
+
+
+def _by_heading(parsed: Sequence[Heading], name: str, says: Remedies) -> dict[str, Found]:
+    candidates: dict[str, list[int]] = {}
+    for place, column in enumerate(parsed):
+        role = role_of(column)
+        if role is not None:
+            candidates.setdefault(role, []).append(place)
+    by_role = {}
+    for role, places in candidates.items():
+        if role == TIME:
+            places = [place for place in places if parsed[place].name not in DATED] or places
+        exact = [place for place in places if parsed[place].name == role]
+        if len(exact) > 1 or (len(places) > 1 and not exact):
+            same = [parsed[place].text for place in exact or places]
+            raise ConfigError(
+                f"{name}: {role} could be {several(same)}; name the one that is meant: "
+                f"{says.column(role, brief(same[0]))}"
+            )
+        place = (exact or places)[0]
+        entry = ColumnEntry.model_validate(parsed[place].text)
+        by_role[role] = Found(place, entry, parsed[place].unit, closing=closing(parsed[place]))
+    return by_role
+
+
+def place_of(wanted: str, parsed: Sequence[Heading]) -> int:
+    """The place of a column; −1: there is none. Its text, or the text without the unit, in any case.
+
+    Example:
+        >>> place_of("v", [heading("t"), heading("V [km/h]")])
+        1
+    """
+    plain = wanted.strip()
+    texts = [column.text.strip() for column in parsed]
+    lower = [text.lower() for text in texts]
+    bare = [re.split(r"\s*[\[(]", text)[0] for text in lower]
+    for names, name in ((texts, plain), (lower, plain.lower()), (bare, plain.lower())):
+        if name in names:
+            return names.index(name)
+    return -1
+
+
+def _filled(name: str, number: int | None) -> str:
+    """A column's name for one vehicle: "Speed{n-1}" is "Speed1" of vehicle 2."""
+    if number is None:
+        return name
+    return (
+        name.replace("{n}", str(number)).replace("{n-1}", str(number - 1)).replace("{n+1}", str(number + 1))
+    )
+
+
+def _entries(parsed: Sequence[Heading], by: ColumnMap, number: int | None) -> dict[str, Found]:
+    by_role = {}
+    for role, entry in by.entries.items():
+        places = [place for name in entry.names if (place := place_of(_filled(name, number), parsed)) >= 0]
+        if places:
+            sign = place_of(_filled(entry.sign_of, number), parsed) if entry.sign_of else -1
+            unit = entry.unit if entry.unit is not None else parsed[places[0]].unit
+            by_role[role] = Found(places[0], entry, unit, sign)
+    return by_role
+
+
+def _numbers(parsed: Sequence[Heading], by: ColumnMap) -> tuple[int, ...]:
+    """Numbers of the vehicles whose own speed and gap are there."""
+    needed = [entry for role, entry in by.entries.items() if role in ("speed", "gap", "lead_speed")]
+    texts = " ".join(column.text for column in parsed)
+    candidates = sorted({int(digits) for digits in re.findall(r"(\d{1,3})\b", texts)})
+    return tuple(
+        n
+        for n in candidates
+        if all(any(place_of(_filled(x, n), parsed) >= 0 for x in entry.names) for entry in needed)
+    )
+
+
+def _by_map(
+    parsed: Sequence[Heading], by: ColumnMap, name: str, number: int | None, says: Remedies
+) -> Resolved:
+    numbers = _numbers(parsed, by) if by.numbered else ()
+    if by.numbered and number is None:
+        if len(numbers) > 1:
+            listed = ", ".join(map(str, numbers))
+            raise ConfigError(
+                f"{name}: holds several vehicles that follow: {says.vehicle.removesuffix(' ID')}: {listed}"
+            )
+        number = numbers[0] if numbers else 2
+    if by.numbered and number not in numbers:
+        listed = ", ".join(map(str, numbers)) or "none"
+        raise ConfigError(
+            f"{name}: no vehicle {number} follows in it (with own speed, gap and lead speed): {listed}"
+        )
+    by_role = _entries(parsed, by, number)
+    for role, entry in by.entries.items():
+        if entry.sign_of and role in by_role and by_role[role].sign_place < 0:
+            raise ConfigError(f"{name}: no column {brief(entry.sign_of)}, of which {role} has the sign")
+    if not by.path.startswith(str(column_map.SETS)):
+        texts = [column.text.strip() for column in parsed]
+        for role, entry in by.entries.items():
+            if role not in by_role and not (role == TIME and entry.rate is not None):
+                wanted = _filled(entry.names[0], number)
+                raise ConfigError(
+                    f"{name}: no column {brief(wanted)} for {role}{did_you_mean(wanted, texts)}; it has {several(texts, 12)}"
+                )
+    return Resolved(by_role, by, numbers=numbers)
+
+
+def described(by_role: Mapping[str, Found], headings: Sequence[str]) -> str:
+    """The columns that were found, in words.
+
+    Example:
+        >>> described(resolve(["t", "gap"], ColumnMap(), "x").found, ["t", "gap"])
+        'time = t, gap = gap'
+    """
+    known = list(dict.fromkeys(role for role in (TIME, *ROLES, *EXTRA) if role in by_role))
+    shown = [f"{role} = {brief(headings[by_role[role].place].strip())}" for role in known[:MAX_DESCRIBED]]
+    more = [f"and {len(known) - MAX_DESCRIBED} more"] if len(known) > MAX_DESCRIBED else []
+    return ", ".join([*shown, *more])

@@ -1,0 +1,118 @@
+"""The order of a table's rows: by time, stable; and rows that no order makes one drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.analysis.tables.rows import Rows
+from canid.analysis.tables.source import clean
+from canid.values.errors import ConfigError
+from canid.values.types import Array
+
+_Order = npt.NDArray[np.int64]
+# share of the rows, and rows, that contradict another of the same time before they are taken for those of several drives:
+# an export may repeat a row with a digit rounded
+_CONTRADICTING_SHARE, _CONTRADICTING_ROWS = 0.01, 3
+# rows of a stretch in order, and its share that another one covers, from which two stretches with the same columns are two
+# drives whose times begin anew: loggers write buffers of some rows, which overlap a little
+_STRETCH_ROWS, _COVERED_SHARE = 50, 0.5
+# stretches that are compared with each other; a table with more is in no order at all
+_MAX_STRETCHES = 64
+
+
+def by_time(t: Array) -> tuple[_Order | None, int]:
+    """The stable order of times, those without one last, and how many rows stand behind a later one.
+
+    Args:
+        t: (n,); NaN: no time.
+
+    Returns:
+        The order; None where the rows are in order already.
+
+    Example:
+        >>> by_time(np.array([0.0, 2.0, 1.0, 2.0]))
+        (array([0, 2, 1, 3]), 1)
+    """
+    known = t[np.isfinite(t)]
+    late = int((known < np.maximum.accumulate(known)).sum()) if len(known) else 0
+    return (np.argsort(t, kind="stable"), late) if late else (None, 0)
+
+
+def taken(rows: Rows, order: _Order) -> Rows:
+    """Rows in an order."""
+    at = order.tolist()
+    return Rows(
+        {place: column[order] for place, column in rows.numbers.items()},
+        {place: [column[k] for k in at] for place, column in rows.texts.items()},
+        rows.n,
+        rows.lines[order],
+    )
+
+
+def check(t: Array, rows: Rows, places: Sequence[int], order: _Order, name: str, choose: str) -> None:
+    """Refuse rows that cannot be of one drive.
+
+    Args:
+        t: (n,) times in the order of the file.
+        rows: in the order of the file.
+        places: columns of numbers that are measured values.
+        order: of `by_time`.
+        name: of the table.
+        choose: what to do.
+
+    Raises:
+        ConfigError: the times begin anew within the table, or rows of one time contradict each other.
+    """
+    columns = {place: clean(rows.numbers[place]) for place in places if place in rows.numbers}
+    twice = _begins_anew(t, columns)
+    if twice is not None:
+        first, second = twice
+        raise ConfigError(
+            f"{name}: holds several drives: the times of line {rows.lines[first]:,} begin anew at line "
+            f"{rows.lines[second]:,}, with the same columns; {choose}"
+        )
+    n = _contradicting(t, columns, order)
+    if n > max(_CONTRADICTING_SHARE * len(t), _CONTRADICTING_ROWS):
+        raise ConfigError(
+            f"{name}: holds several drives or vehicles: {n:,} rows have the time of another row and other values; {choose}"
+        )
+
+
+def _contradicting(t: Array, columns: Mapping[int, Array], order: _Order) -> int:
+    """Rows that have another value than one of the same time that stands elsewhere in the file."""
+    same = (np.diff(t[order]) == 0.0) & (np.abs(np.diff(order)) > 1)
+    wrong = np.zeros(len(same), bool)
+    for column in columns.values():
+        a, b = column[order][:-1], column[order][1:]
+        wrong |= np.isfinite(a) & np.isfinite(b) & (a != b)
+    return int((same & wrong).sum())
+
+
+def _begins_anew(t: Array, columns: Mapping[int, Array]) -> tuple[int, int] | None:
+    """Begins of two stretches in order, of the same time and with different values of the same columns."""
+    known = np.flatnonzero(np.isfinite(t))
+    cuts = np.flatnonzero(np.diff(t[known]) < 0.0) + 1
+    if not 1 <= len(cuts) < _MAX_STRETCHES:
+        return None
+    stretches = [part for part in np.split(known, cuts) if len(part) >= _STRETCH_ROWS]
+    for k, stretch in enumerate(stretches):
+        for other in stretches[k + 1 :]:
+            low, high = max(t[stretch[0]], t[other[0]]), min(t[stretch[-1]], t[other[-1]])
+            shorter = min(t[stretch[-1]] - t[stretch[0]], t[other[-1]] - t[other[0]])
+            if high - low <= _COVERED_SHARE * shorter:
+                continue
+            a, b = (part[(t[part] >= low) & (t[part] <= high)] for part in (stretch, other))
+            for column in columns.values():
+                x, y = (part[np.isfinite(column[part])] for part in (a, b))
+                if min(len(x), len(y)) < _STRETCH_ROWS:
+                    continue
+                if (
+                    len(x) != len(y)
+                    or not np.array_equal(t[x], t[y])
+                    or not np.array_equal(column[x], column[y])
+                ):
+                    return int(stretch[0]), int(other[0])
+    return None

@@ -1,0 +1,78 @@
+"""A table as a source of columns: text, Parquet, or arrays; read in blocks, only the columns that are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.io.logs.text_lines import LineCount
+from canid.values.types import Array
+
+# cells that hold no number, in a column of numbers. Whole powers of two: exact in a double, and no measured value
+EMPTY, NO_NUMBER = -(2**62), -(2**61)
+# rows of one block: numpy's overhead is spread over them, and 30 columns of them are 16 MB
+BLOCK_ROWS = 65_536
+# columns of a table
+MAX_COLUMNS = 100_000
+# numbers that are kept of one table: 0.8 GB; ten hours at 100 Hz with 25 columns
+MAX_KEPT = 100_000_000
+# rows from which kinds of columns are judged
+SAMPLE_ROWS = 200
+# texts by which programs say that nothing was measured, besides "nan"
+NO_VALUE = ("null", "none", "na", "n/a", "<na>", "-")
+
+
+class Block(NamedTuple):
+    """Some rows of a table."""
+
+    numbers: (
+        Array  # (n, k) of the columns asked for as numbers; a cell that holds none: EMPTY, NO_NUMBER or NaN
+    )
+    texts: list[list[str]]  # one list of n texts for each column asked for as texts
+    lines: npt.NDArray[np.int64]  # (n,) of the file; where it has none, the rows counted from 1
+
+
+class Source(Protocol):
+    """A table."""
+
+    name: str  # for messages
+    headings: Sequence[str]
+    rows: int  # as far as known before they are read; else 0
+    count: LineCount  # the rows, and the lines that are none, of the latest reading
+    progress: float  # 0..1, of the latest reading
+    notes: Sequence[str]  # sentences of what the file has and the table has not
+
+    def sample(self) -> list[list[str]]:
+        """The texts of the first rows, up to `SAMPLE_ROWS`, a list per column."""
+
+    def blocks(self, numbers: Sequence[int], texts: Sequence[int]) -> Iterator[Block]:
+        """Read these columns, by their places."""
+
+
+def number(text: str) -> float:
+    """The number that a cell holds: EMPTY, NO_NUMBER, or NaN where it says so.
+
+    Example:
+        >>> number(" 1.5 "), number(""), number("1.5 m") == NO_NUMBER, number("n/a")
+        (1.5, -4611686018427387904, True, nan)
+    """
+    text = text.strip()
+    if not text:
+        return EMPTY
+    try:
+        return float(text) if "_" not in text else NO_NUMBER
+    except ValueError:
+        return float("nan") if text.lower() in NO_VALUE else NO_NUMBER
+
+
+def clean(values: Array) -> Array:
+    """Numbers with NaN in every cell that holds none.
+
+    Example:
+        >>> clean(np.array([1.0, EMPTY, NO_NUMBER]))
+        array([ 1., nan, nan])
+    """
+    return np.where((values == EMPTY) | (values == NO_NUMBER), np.nan, values)

@@ -1,0 +1,199 @@
+"""Delimited text as a source of columns: numbers by numpy's own reader, a block of lines at once.
+
+What that reader refuses (texts among the numbers, quotes) is read cell by cell, which takes four times as long
+(`python -m benchmarks tables`). Which lines are rows is decided in `text_rows`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from canid.analysis.tables.source import EMPTY, SAMPLE_ROWS, Block, number
+from canid.analysis.tables.sources.text_layout import MAX_PREAMBLE_LINES, encoding_of, layout
+from canid.analysis.tables.sources.text_rows import Rows, form
+from canid.io.logs.reader_state import ReadState
+from canid.io.logs.text_lines import LineCount, blocks
+from canid.values.errors import ConfigError, DamagedLogError, LogError
+from canid.values.types import Array
+
+# bytes of one line: ten thousand columns of twenty characters
+MAX_LINE_BYTES = 2 * 1024 * 1024
+_EMPTY = str(EMPTY).encode()
+# numbers as spreadsheets and portals export them, in quotes: 1,118,846,980,200
+_GROUPED = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
+_POINT = re.compile(r"[-+]?\d*\.\d+")
+
+
+class TextSource:
+    """A file of delimited text, plain or gzipped."""
+
+    notes: Sequence[str] = ()
+
+    def __init__(self, path: Path, names: Sequence[str] = ()):
+        """Judge the layout. Raises LogError where it is no table."""
+        self.name = str(path)
+        self.rows = 0
+        self.count = LineCount()
+        self.progress = 0.0
+        self._path = path
+        texts, numbers = self._first_lines(MAX_PREAMBLE_LINES + SAMPLE_ROWS)
+        encoding = encoding_of(texts)
+        shown = [text.decode(encoding, errors="replace") for text in texts]
+        self._layout = layout(shown, encoding, str(path), names)
+        self.headings: Sequence[str] = self._layout.headings
+        delimiter, skip = self._layout.delimiter, self._layout.skip
+        self._form = form(texts, numbers, skip, delimiter, encoding)
+        rows = []
+        for text in texts[skip:]:
+            try:
+                cells = self._form.cells(text)
+            except ValueError:
+                continue
+            if not self._form.wrong(cells):
+                rows.append([cell.strip() for cell in cells])
+        self._grouped = not self._layout.decimal_comma and _has_groups(rows)
+        if self._grouped:
+            rows = [[_ungrouped(cell) for cell in row] for row in rows]
+        self._sample = [
+            [row[k] if k < len(row) else "" for row in rows[:SAMPLE_ROWS]] for k in range(len(self.headings))
+        ]
+
+    def _first_lines(self, most: int) -> tuple[list[bytes], list[int]]:
+        """The first lines without their ends, and their numbers; none that is too long or holds a NUL."""
+        texts: list[bytes] = []
+        numbers: list[int] = []
+        binary = 0
+        count = LineCount()
+        for block in blocks(self._path, ReadState(), count, MAX_LINE_BYTES):
+            begin = 0
+            for k, end in enumerate(block.ends[:most].tolist()):
+                text = block.data[begin:end].rstrip(b"\r\n")
+                begin = end
+                if b"\0" in text:
+                    binary += 1
+                else:
+                    texts.append(text)
+                    numbers.append(block.number + k)
+            if len(texts) + binary >= most:
+                break
+        if binary > len(texts) / 2:
+            raise LogError(f"{self._path}: is not a table: it holds binary data")
+        if not any(text.strip() for text in texts):
+            if count.cut:
+                raise DamagedLogError(
+                    f"{self._path}: cannot be read ({count.damaged.sentence('lines', 0, -1)})"
+                )
+            if count.bad:
+                raise LogError(f"{self._path}: is not a table: a line has more than {MAX_LINE_BYTES:,} bytes")
+            raise LogError(f"{self._path} is empty")
+        return texts[:most], numbers[:most]
+
+    def sample(self) -> list[list[str]]:
+        """The texts of the first rows, a list per column; with a decimal point."""
+        if not self._layout.decimal_comma:
+            return self._sample
+        return [[cell.replace(",", ".") for cell in column] for column in self._sample]
+
+    def blocks(self, numbers: Sequence[int], texts: Sequence[int]) -> Iterator[Block]:
+        """Read these columns, by their places. Raises LogError where the file cannot be read."""
+        self.count, self.progress = LineCount(), 0.0
+        state = ReadState(size=self._path.stat().st_size)
+        try:
+            for block in blocks(self._path, state, self.count, MAX_LINE_BYTES):
+                rows = self._form.rows(block, self.count)
+                self.progress = min(1.0, state.done / max(state.size, 1))
+                if len(rows.which):
+                    yield self._block(rows, numbers, texts)
+        except OSError as error:
+            raise LogError(f"cannot read {self._path}: {error.strerror or error}") from None
+
+    def _block(self, rows: Rows, numbers: Sequence[int], texts: Sequence[int]) -> Block:
+        values = self._fast(rows, numbers) if numbers and not any(rows.cells) else None
+        cells = self._cells(rows) if texts or (numbers and values is None) else []
+        if values is None:
+            values = self._slow(cells, numbers) if numbers else np.zeros((len(rows.which), 0))
+        columns = [[row[k].strip() if k < len(row) else "" for row in cells] for k in texts]
+        return Block(values, columns, rows.which)
+
+    def _fast(self, rows: Rows, numbers: Sequence[int]) -> Array | None:
+        """The numbers; None: not all cells are numbers."""
+        data = rows.data or b"".join(rows.texts)
+        d = self._form.delimiter
+        if b'"' in data or b"_" in data:
+            return None
+        if self._layout.decimal_comma:
+            data = data.replace(b",", b".")
+        if d:
+            if d + d in data:
+                data = data.replace(d + d, d + _EMPTY + d).replace(d + d, d + _EMPTY + d)
+            data = data.replace(b"\r\n", b"\n")
+            if d + b"\n" in data:
+                data = data.replace(d + b"\n", d + _EMPTY + b"\n")
+            if b"\n" + d in data or data.startswith(d):
+                data = (b"\n" + data).replace(b"\n" + d, b"\n" + _EMPTY + d)
+        try:
+            values = np.loadtxt(
+                data.decode("latin-1").split("\n"),
+                delimiter=self._layout.delimiter or None,
+                usecols=list(numbers),
+                comments=None,
+                ndmin=2,
+            )
+        except ValueError:
+            return None
+        return values if len(values) == len(rows.which) else None
+
+    def _cells(self, rows: Rows) -> list[list[str]]:
+        texts = rows.texts or rows.data.split(b"\n")[: len(rows.which)]
+        if not rows.cells:
+            return [self._form.cells(text) for text in texts]
+        return [known or self._form.cells(text) for known, text in zip(rows.cells, texts, strict=True)]
+
+    def _slow(self, rows: list[list[str]], numbers: Sequence[int]) -> Array:
+        out = np.full((len(rows), len(numbers)), float(EMPTY))
+        comma = self._layout.decimal_comma
+        for j, k in enumerate(numbers):
+            cells = [row[k] if k < len(row) else "" for row in rows]
+            if comma:
+                cells = [cell.replace(",", ".") for cell in cells]
+            elif self._grouped:
+                cells = [_ungrouped(cell) for cell in cells]
+            try:
+                out[:, j] = list(map(float, cells))
+            except ValueError:
+                out[:, j] = list(map(number, cells))
+        return out
+
+
+def _ungrouped(cell: str) -> str:
+    """A number without its thousands separators.
+
+    >>> _ungrouped("1,118,846"), _ungrouped("a,b")
+    ('1118846', 'a,b')
+    """
+    return cell.replace(",", "") if "," in cell and _GROUPED.fullmatch(cell.strip()) else cell
+
+
+def _has_groups(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether commas in quoted numbers group thousands: two of them in one number, or next to decimal points."""
+    cells = [cell for row in rows for cell in row if "," in cell and _GROUPED.fullmatch(cell)]
+    if any(cell.count(",") > 1 or "." in cell for cell in cells):
+        return True
+    return bool(cells) and any(_POINT.fullmatch(cell) for row in rows for cell in row)
+
+
+def text_source(path: Path, names: Sequence[str] = ()) -> TextSource:
+    """Open delimited text.
+
+    Raises:
+        ConfigError: the file cannot be opened.
+        LogError: it is no table.
+    """
+    try:
+        return TextSource(path, names)
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror or error}") from None

@@ -1,0 +1,208 @@
+"""A table of named columns as a log and a vehicle, which go through the same pipeline as a CAN log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from canid.analysis.drive import drive_reader
+from canid.analysis.tables import (
+    column_values,
+    role_values,
+    rows,
+    time_column,
+    vehicle_choice,
+    vehicle_ids,
+)
+from canid.analysis.tables.column_map import ColumnMap
+from canid.analysis.tables.headings import TIME
+from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
+from canid.analysis.tables.resolution import Found, Resolved, described, resolve
+from canid.analysis.tables.source import EMPTY, Source
+from canid.analysis.tables.sources.open_source import source_of
+from canid.analysis.tables.table_log import TableLog, table_log
+from canid.io.logs.text_lines import Line, LineCount
+from canid.signals.vehicle import Vehicle
+from canid.signals.vehicle.quoting import brief, several
+from canid.values.errors import ConfigError, DamagedLogError
+from canid.values.roles import NEEDS
+from canid.values.types import Trace
+
+Progress = Callable[[float], None]
+
+
+class Table(NamedTuple):
+    """A table, ready for the pipeline."""
+
+    log: TableLog
+    vehicle: Vehicle
+    columns: str  # which column is which role, in words
+    notes: tuple[str, ...]  # what was derived, taken for granted or left out, sentences
+    damaged: int  # lines that could not be read
+    sorted: str  # a sentence, where rows were not in the order of time
+
+
+class Selection(NamedTuple):
+    """Which rows of a table."""
+
+    where: tuple[str, ...] = ()  # NAME=VALUE
+    vehicle_id: str | None = None
+
+
+def open_table(
+    path: str | Path,
+    by: ColumnMap | None = None,
+    selection: Selection | None = None,
+    progress: Progress | None = None,
+) -> Table:
+    r"""Read a table of named columns.
+
+    Args:
+        path: .csv, .tsv, .txt (gzipped as well), .parquet, .vbo, or .mf4 and .mcap with decoded signals.
+        by: from `column_map.read_map`; None: columns are found by their headings.
+        selection: of its rows.
+        progress: called with the share that was read.
+
+    Raises:
+        ConfigError: a column is missing, or there are several vehicles and none was chosen.
+        LogError: it cannot be read.
+
+    Example:
+        >>> import tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "drive.csv"
+        >>> _ = path.write_text("time,pedal,speed [km/h],gap,range_rate\n0,20,72,30,0\n0.1,20,72,30,0\n")
+        >>> open_table(path).columns
+        'time = time, pedal = pedal, speed = speed [km/h], gap = gap, range_rate = range_rate'
+    """
+    by = by or ColumnMap()
+    source = source_of(path, by)
+    try:
+        return table_of(source, by, selection or Selection(), progress)
+    except ConfigError as error:
+        # what is missing may be what the file has in another form
+        raise (ConfigError("; ".join([str(error), *source.notes])) if source.notes else error) from None
+
+
+def table_of(
+    source: Source,
+    by: ColumnMap,
+    selection: Selection,
+    progress: Progress | None = None,
+    says: Remedies = COMMAND_LINE,
+) -> Table:
+    """A table of any source; see `open_table`. `says`: what the user can do, for messages."""
+    chosen, turn = (None, 0) if selection.vehicle_id is None else vehicle_ids.numbered(selection.vehicle_id)
+    numbered = int(chosen) if chosen is not None and chosen.isdecimal() and len(chosen) < 4 else None
+    resolved = resolve(source.headings, by, source.name, numbered, says)
+    by_role = resolved.found
+    notes = [*source.notes, *([resolved.note] if resolved.note else [])]
+    by = resolved.map
+    if TIME not in by_role and not (TIME in by.entries and by.entries[TIME].rate):
+        raise ConfigError(
+            f"{source.name}: no column of times; call it time [s] (or t, timestamp), or name it: "
+            f"{says.column(TIME)}{says.counted}; it has "
+            f"{several([text.strip() for text in source.headings], 12)}"
+        )
+    wheres = rows.wheres(selection.where, source.headings, source.name)
+    texts = vehicle_choice.text_places(source, by_role, wheres)
+    one_of_many = "vehicle_id" in by_role and not resolved.numbers
+    if chosen is not None and turn and (not one_of_many or vehicle_choice.is_text_id(source, by_role)):
+        chosen, turn = selection.vehicle_id, 0  # an id that holds a "#" itself
+    if chosen is not None and not resolved.numbers:
+        if not one_of_many:
+            raise ConfigError(
+                f"{source.name}: --vehicle-id: it has no column of vehicles' ids; select with --where NAME={brief(chosen)}"
+            )
+        wheres.append(rows.Where(by_role["vehicle_id"].place, chosen))
+    if one_of_many and not any(condition.place == by_role["vehicle_id"].place for condition in wheres):
+        wheres += vehicle_choice.only_vehicle(source, by_role, texts, wheres, says)
+    wanted = {
+        place for column in by_role.values() for place in (column.place, column.sign_place) if place >= 0
+    }
+    wanted |= {condition.place for condition in wheres}
+    of_id = vehicle_ids.Columns((), (), -1)
+    if one_of_many and TIME in by_role:
+        of_id = vehicle_ids.columns_of(source.headings, (by_role["vehicle_id"].place, by_role[TIME].place))
+        sample = source.sample()
+        texts |= {place for place in of_id.where if rows.is_text(sample[place])}
+        wanted |= {*of_id.all}
+    table = rows.read(
+        source, sorted(wanted - texts), sorted(wanted & texts), vehicle_choice.keeper(wheres, texts), progress
+    )
+    if not table.n:
+        damage = source.count.damage("rows")
+        if damage is not None:
+            raise DamagedLogError(f"{source.name} holds no row that can be read ({damage.says})")
+        what = ", ".join(
+            f"{source.headings[condition.place].strip()}={condition.value}" for condition in wheres
+        )
+        lacks = f"none of its {source.count.read:,} rows has {brief(what)}" if what else "it has no rows"
+        raise ConfigError(f"{source.name}: {lacks}")
+    times, table, order = column_values.in_order(by_role, by, table, texts, source.name, says)
+    notes += [order] if order else []
+    notes += [times.note] if times.note else []
+    same_place: list[rows.Where] = []
+    if one_of_many and TIME in by_role:
+        table, times, same_place = vehicle_choice.one_vehicle(
+            source, resolved, of_id, table, times, turn, notes, says
+        )
+    values = column_values.values_of(by_role, table, texts, source.name, notes)
+    values |= column_values.lead_columns(source, by_role, texts, table, values, same_place, notes)
+    _count_times(times, by_role, table, source.count)
+    t, values, start_ns = column_values.timed(times, values, source.name, notes)
+    made, driver = role_values.derived(role_values.Values(values, notes), t, by.driver, source.name)
+    lacking = role_values.missing(made.roles, driver, lambda task: NEEDS[task])
+    if lacking:
+        raise ConfigError(_lacking(source, resolved, lacking, says))
+    log, vehicle = table_log(
+        source.name,
+        t,
+        made.roles,
+        start_ns,
+        driver,
+        by.name or "named columns",
+        by.estimators,
+        by.stale,
+        by.path,
+    )
+    log.count = source.count
+    return Table(
+        log, vehicle, described(by_role, source.headings), tuple(made.notes), source.count.bad, order
+    )
+
+
+def _count_times(
+    times: time_column.Times, by_role: Mapping[str, Found], table: rows.Rows, count: LineCount
+) -> None:
+    """Count the rows whose cell of the time holds none: one that is not empty is damaged."""
+    for k in np.flatnonzero(~np.isfinite(times.t)).tolist():
+        count.read -= 1
+        place = by_role[TIME].place
+        empty = (
+            not table.texts[place][k].strip() if place in table.texts else table.numbers[place][k] == EMPTY
+        )
+        if empty:
+            count.others["rows without a time"] += 1
+        else:
+            count.miss(Line("", int(table.lines[k]), True), "its time is damaged")
+
+
+def _lacking(source: Source, resolved: Resolved, lacking: list[str], says: Remedies) -> str:
+    empty = [role for role in lacking if role in resolved.found]
+    known = described(resolved.found, source.headings) or "none"
+    what = f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} missing"
+    if empty:
+        return f"{source.name}: no row has a value of {', '.join(empty)}; found: {known}"
+    return (
+        f"{source.name}: {what}; {role_values.NEEDED}. Found: {known}; it has "
+        f"{several([text.strip() for text in source.headings], 12)}. {says.columns}"
+    )
+
+
+def trace_of(table: Table, dt: float) -> Trace:
+    """A table through the pipeline."""
+    read = drive_reader.read_drive(table.log.path, table.vehicle, dt=dt, estimating=False, log=table.log)
+    return read.trace

@@ -1,0 +1,197 @@
+"""The column of times: seconds since the first row, whatever it counts in, and its start as UTC."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.analysis.tables.source import EMPTY, NO_NUMBER
+from canid.values.errors import ConfigError
+from canid.values.types import NAN, Array
+
+# s of one unit
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+_NAMES = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
+          "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "minutes": "min", "hours": "h"}  # fmt: skip
+# numbers from which on a time counts from 1970, by its unit; 2001 in s is 1e9, and no drive lasts 30 years
+_EPOCH_FROM = 1e9
+# a time whose steps are longer than this is taken to count in ms: nothing is identified from a value every 5 s
+_LONG_STEP = 5.0
+# s; a first row later than this is taken to be the first, so that --start and --stop count from it
+_LATE_START_S = 1.0
+_CLOCK = re.compile(r"(?P<h>\d{1,3}):(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,]\d+)?)")
+_INTEGER = re.compile(r"-?\d{1,19}")
+_DAY_S = 86_400.0
+# doubles hold whole numbers exactly up to here
+EXACT = 2.0**53
+
+
+class Times(NamedTuple):
+    """Times of the rows."""
+
+    t: Array  # (n,) s; NaN: the row has no time
+    start_ns: int | None  # epoch of t = 0; None: not known
+    note: str  # what was taken for granted, a sentence; "": nothing
+
+
+def is_text(sample: Sequence[str]) -> bool:
+    """Whether the cells are dates, clock times, or whole numbers too large for doubles.
+
+    Example:
+        >>> is_text(["0.0", "0.1"]), is_text(["2018-08-02T15:34:47Z"]), is_text(["1533224087000000000"])
+        (False, True, True)
+    """
+    for cell in sample:
+        if cell:
+            try:
+                return not abs(float(cell)) < EXACT
+            except ValueError:
+                return True
+    return False
+
+
+def unit_name(text: str) -> str | None:
+    """The unit of a time, as `UNITS` has it; None: it is none.
+
+    Example:
+        >>> unit_name("Milliseconds"), unit_name("epoch s"), unit_name("m/s")
+        ('ms', 's', None)
+    """
+    plain = text.strip().lower().replace("epoch", "").replace("unix", "").replace("since start", "").strip()
+    plain = _NAMES.get(plain, plain)
+    return plain if plain in UNITS else None
+
+
+def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = None) -> Times:
+    """Times of a column of numbers.
+
+    Args:
+        values: (n,).
+        unit: one of `UNITS`; None: judged from the numbers.
+        name: of the column, for messages.
+        rate: rows, or frames, per s that the column counts; replaces the unit.
+
+    Raises:
+        ConfigError: the unit cannot be judged.
+
+    Example:
+        >>> of_numbers(np.array([1533224087100.0, 1533224087200.0]), None, "time").t.round(6)
+        array([0. , 0.1])
+    """
+    t = np.where((values == EMPTY) | (values == NO_NUMBER) | ~np.isfinite(values), np.nan, values)
+    if not np.isfinite(t).any():
+        raise ConfigError(f"{name}: holds no time in any row")
+    first = float(t[np.isfinite(t)][0])
+    if rate is not None:
+        return _since(t, first, 1.0 / rate, None, "")
+    note = ""
+    if unit is None:
+        unit, note = _judged(t, name)
+    factor = UNITS[unit]
+    epoch = round(first * factor * 1e9) if first * factor >= _EPOCH_FROM else None
+    return _since(t, first, factor, epoch, note)
+
+
+def _since(t: Array, first: float, factor: float, epoch: int | None, note: str) -> Times:
+    zero = 0.0 if 0.0 <= first * factor <= _LATE_START_S else first
+    # whole nanoseconds, as a log's
+    return Times(np.round((t - zero) * (factor * 1e9)) * 1e-9, epoch, note)
+
+
+def judged_unit(values: Array) -> str:
+    """The unit that numbers in any order show.
+
+    Example:
+        >>> judged_unit(np.array([1533224087200.0, 1533224087100.0]))
+        'ms'
+    """
+    return _judged(np.sort(values), "")[0]
+
+
+def later(times: Times, rows: npt.NDArray[np.int64]) -> Times:
+    """Times of some of the rows, in order, which begin where the first of them does.
+
+    Example:
+        >>> later(Times(np.array([0.0, 1.0, 2.0]), 10**18, ""), np.array([1, 2]))
+        Times(t=array([0., 1.]), start_ns=1000000001000000000, note='')
+    """
+    t = times.t[rows]
+    start = None if times.start_ns is None else times.start_ns + round(1e9 * float(t[0]))
+    return Times(np.round((t - t[0]) * 1e9) * 1e-9, start, times.note)
+
+
+def _judged(t: Array, name: str) -> tuple[str, str]:
+    """The unit that the numbers show, and a note where that was judged."""
+    known = t[np.isfinite(t)]
+    size = float(np.median(np.abs(known)))
+    for unit in ("ns", "us", "ms", "s"):
+        if size * UNITS[unit] >= _EPOCH_FROM:
+            return unit, ""
+    steps = np.diff(known)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if step > 1e6:
+        return "ns", f"{name}: steps of {step:g}: taken as nanoseconds"
+    if step > _LONG_STEP:
+        return (
+            "ms",
+            f"{name}: steps of {step:g}: taken as milliseconds; state the unit as {name} [s] where that is wrong",
+        )
+    return "s", ""
+
+
+def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
+    """Times of a column of dates, clock times or large whole numbers.
+
+    Raises:
+        ConfigError: they are none of these.
+
+    Example:
+        >>> of_texts(["2018-08-02T15:34:47+00:00", "2018-08-02T15:34:47.250Z"], None, "time").t.tolist()
+        [0.0, 0.25]
+    """
+    first = next((text.strip() for text in texts if text.strip()), "")
+    ns = _large(texts, unit) if _INTEGER.fullmatch(first) else [_ns(text.strip()) for text in texts]
+    known: npt.NDArray[np.bool_] = np.array([stamp is not None for stamp in ns], bool)
+    if not known.any():
+        raise ConfigError(
+            f'{name}: "{first[:40]}" is no time; write seconds, or dates as 2018-08-02T15:34:47.123Z (ISO 8601)'
+        )
+    zero = next(stamp for stamp in ns if stamp is not None)
+    clock = zero < 1e18 and bool(_CLOCK.fullmatch(first))
+    t = np.array([NAN if stamp is None else (stamp - zero) * 1e-9 for stamp in ns])
+    if clock:
+        # behind 23:59:59 comes the next day
+        t[known] = np.round(np.unwrap(t[known], period=_DAY_S) * 1e9) * 1e-9
+    return Times(t, None if clock or zero < 1e18 else zero, "")
+
+
+def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:
+    values = [int(text) if _INTEGER.fullmatch(text := raw.strip()) else None for raw in texts]
+    size = abs(next(value for value in values if value is not None))
+    if unit is None:
+        unit = next((u for u in ("s", "ms", "us", "ns") if size * UNITS[u] < 1e11), "ns")
+    factor = round(UNITS[unit] * 1e9)
+    return [None if value is None else value * factor for value in values]
+
+
+def _ns(text: str) -> int | None:
+    """Nanoseconds since 1970, or of a clock time since midnight."""
+    match = _CLOCK.fullmatch(text)
+    if match is not None:
+        seconds = float(match["s"].replace(",", "."))
+        return round((int(match["h"]) * 3600 + int(match["m"]) * 60 + seconds) * 1e9)
+    try:
+        stamp = datetime.fromisoformat(text.replace(" UTC", "Z").replace("/", "-"))
+    except ValueError:
+        return None
+    if stamp.tzinfo is None:
+        stamp = stamp.replace(tzinfo=UTC)
+    whole = stamp.replace(microsecond=0)
+    fraction = re.search(r"[.,](\d{1,9})\d*(?:Z|[+-][\d:]+)?$", text)
+    nanos = int(fraction[1].ljust(9, "0")) if fraction is not None else 0
+    return int(whole.timestamp()) * 1_000_000_000 + nanos

@@ -1,1 +1,0 @@
-"""The verbs, one per file; `canid.cli.verbs` lists them."""

@@ -1,5 +1,0 @@
-"""What a log contains: ids, rates, changing bits, counters and checksums, and the signals of DBC files over time."""
-
-from canid.contents.log_survey import survey
-
-__all__ = ["survey"]

@@ -1,0 +1,167 @@
+"""Which format a text file has, by its first lines: a suffix such as .log, .csv or .trc belongs to several programs."""
+
+from __future__ import annotations
+
+import gzip
+import re
+import zlib
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+from canid.io.logs import formats
+from canid.io.logs.formats import Form
+from canid.values.errors import ConfigError
+
+# of python-can's .csv: a header of which most is there is one that is damaged
+_PYTHON_CAN, _MOST = {"timestamp", "arbitration_id", "extended", "remote", "error", "dlc", "data"}, 5
+# and those of them that no table of signals has
+_OF_PYTHON_CAN = {"arbitration_id", "extended", "remote", "dlc"}
+# bytes that are looked at; Vehicle Spy has some 60 lines before its first frame, and lines of Kvaser's header are long
+_BEGIN_BYTES = 65_536
+_MAX_LINES = 200
+# how `candump -c` switches colors
+COLOR = re.compile(r"\x1b\[[\d;]{0,16}m")
+_MARKS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"), (b"\xef\xbb\xbf", "utf-8"))
+# words of a header, in lower case, without blanks and what is in brackets, by which lists of CAN frames are known
+_IDS = {
+    "id", "canid", "can_id", "arbitration_id", "arbitrationid", "arbid", "identifier", "messageid", "addr", "address",
+}  # fmt: skip
+_DATA = {
+    "data", "databytes", "data_bytes", "d1", "d0", "b0", "b1", "data0", "data1", "payload", "message",
+}  # fmt: skip
+_BRACKETS = re.compile(r"[(\[].*?[)\]]")
+# a cell of at least four bytes, as no table of signals has: 01 02 03 04, 0x01 0x02 0x03 0x04; three may be a date
+_BYTES = re.compile(r"(0x)?[0-9a-f]{2}([ -]+(0x)?[0-9a-f]{2}){3,63}", re.IGNORECASE)
+# rows of one such cell each, in one column, that make a list of frames whatever its header's language
+_ROWS_OF_BYTES, _SHARE_OF_BYTES = 2, 0.3
+
+
+def encoding(begin: bytes) -> tuple[str, int]:
+    r"""The encoding that a byte order mark states, and its length; latin-1 where there is none: it cannot fail.
+
+    >>> encoding(b"\xff\xfed\x00"), encoding(b"date")
+    (('utf-16-le', 2), ('latin-1', 0))
+    """
+    return next(((name, len(mark)) for mark, name in _MARKS if begin.startswith(mark)), ("latin-1", 0))
+
+
+def first_lines(path: Path) -> list[str]:
+    """The first lines of a text file that are not blank, without colors; plain or gzipped, in whatever encoding.
+
+    Raises OSError.
+    """
+    try:
+        with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
+            begin = file.read(_BEGIN_BYTES)
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        return []
+    name, mark = encoding(begin)
+    lines = COLOR.sub("", begin[mark:].decode(name, errors="replace")).splitlines()
+    # the last one may be cut
+    whole = lines if len(begin) < _BEGIN_BYTES or len(lines) == 1 else lines[:-1]
+    return [line for line in whole if line.strip()][:_MAX_LINES]
+
+
+class Head(NamedTuple):
+    """The beginning of a file."""
+
+    form: Form | None  # of the first line that has one; None: no line has
+    lines: list[str]  # of `first_lines`; none where the suffix is of a binary format
+
+
+def head_of(path: Path) -> Head:
+    """Read the beginning of a file once, and say what it is.
+
+    Raises OSError.
+    """
+    suffix = formats.log_suffix(path).removesuffix(".gz")
+    if suffix not in formats.TEXT_SUFFIXES:
+        return Head(None, [])
+    lines = first_lines(path)
+    for line in lines:
+        for form in formats.FORMS:
+            if (not form.suffixes or suffix in form.suffixes) and re.match(form.line, line, re.IGNORECASE):
+                return Head(form, lines)
+    if suffix in formats.TABLE_SUFFIXES and (any(is_frame_list(line) for line in lines) or has_bytes(lines)):
+        return Head(formats.UNKNOWN_LIST, lines)
+    return Head(None, lines)
+
+
+def refuse(path: Path, form: Form) -> ConfigError:
+    """The error for a file of another program that is not read.
+
+    >>> str(refuse(Path("x.csv"), formats.UNKNOWN_LIST)).split(": ")[:2]
+    ['x.csv', 'lists CAN frames in a form that canid does not know']
+    """
+    return ConfigError(f"{path}: {form.says}: {form.remedy}")
+
+
+def cells_of(line: str) -> list[str]:
+    """The words of a header, in lower case and without blanks and quotation marks.
+
+    >>> cells_of('"Time Stamp";ID')
+    ['timestamp', 'id']
+    """
+    return [cell.strip(" \"'\t").lower().replace(" ", "") for cell in re.split(r"[,;\t]", line.strip())]
+
+
+def is_frame_list(line: str) -> bool:
+    """Whether a header names an id and data, and is not python-can's.
+
+    >>> is_frame_list("Time,ID,DLC,Data"), is_frame_list("time,id,speed,gap"), is_frame_list("Identifier (hex);Data")
+    (True, False, True)
+    """
+    cells = {_BRACKETS.sub("", cell) for cell in cells_of(line)}
+    return bool(_IDS & cells and _DATA & cells) and len(_PYTHON_CAN & cells) < _MOST
+
+
+def has_bytes(lines: list[str]) -> bool:
+    """Whether many of the lines have a cell of four bytes or more, in one column: frames, under a header of any language.
+
+    >>> has_bytes(["Nr;Kennung;Daten", "1;0x123;01 02 03 04", "2;0x124;0A FF 00 01"])
+    True
+    >>> has_bytes(["t,gap,date", "0.1,20.4,24-12-25", "0.2,20.5,24-12-25"])
+    False
+    """
+    columns = Counter(
+        k
+        for line in lines
+        for k, cell in enumerate(re.split(r"[,;\t]", line))
+        if _BYTES.fullmatch(cell.strip(" \"'"))
+    )
+    most = max(columns.values(), default=0)
+    return most >= _ROWS_OF_BYTES and most >= _SHARE_OF_BYTES * len(lines)
+
+
+def is_header(line: str) -> bool:
+    """Whether a line is the header of a table of named columns: several names, and no number.
+
+    >>> is_header("time,speed [km/h],gap"), is_header("0.1,0x123,1"), is_header("a word")
+    (True, False, False)
+    >>> is_header("timestamp,arbitration_id,exten")  # of python-can's .csv, damaged
+    False
+    """
+    if any(letter < " " and letter != "\t" for letter in line):
+        return False  # no text
+    cells = [cell for cell in cells_of(line) if cell]
+    return (
+        len(cells) > 1 and not _OF_PYTHON_CAN & {*cells} and all(re.match(r"[^\W\d]", cell) for cell in cells)
+    )
+
+
+def is_table(lines: list[str]) -> bool:
+    """Whether a header of named columns stands among the lines, and numbers within three lines below it.
+
+    >>> is_table(["Date,26,09,2019", "Time,Speed", "s,m/s", "0.1,21.4"]), is_table(["a word, and a text", "more"])
+    (True, False)
+    """
+    return any(
+        is_header(line) and any(_has_numbers(below) for below in lines[k + 1 : k + 4])
+        for k, line in enumerate(lines)
+    )
+
+
+def _has_numbers(line: str) -> bool:
+    cells = cells_of(line)
+    return len(cells) > 1 and any(re.fullmatch(r"[+-]?\d+([.,]\d+)?(e[+-]?\d+)?", cell) for cell in cells)

@@ -1,0 +1,45 @@
+"""What a path that is to be read names: a regular file, or why it is none."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from canid.values.errors import ConfigError, LogError
+from canid.values.processes.kernel_files import of_the_kernel
+
+
+def regular_file(path: Path) -> os.stat_result:
+    """The state of a file that can be read as a log or a table; a pipe would be waited for, a device never ends.
+
+    Raises ConfigError where nothing is there, LogError where it is no file.
+
+    >>> regular_file(Path("/nowhere/drive.blf"))
+    Traceback (most recent call last):
+    canid.values.errors.ConfigError: no such log: /nowhere/drive.blf
+    """
+    try:
+        status = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        raise ConfigError(f"no such log: {path}") from None
+    except (OSError, ValueError) as error:
+        raise LogError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise LogError(f"{path} is a folder: name a log file in it")
+    if not stat.S_ISREG(status.st_mode) or of_the_kernel(status):
+        raise LogError(f"{path} is no file but a device or a pipe: name a log file")
+    return status
+
+
+def is_regular(path: Path) -> bool:
+    """Whether a path names what `regular_file` takes: before a file is looked into to learn what it is.
+
+    >>> is_regular(Path("/nowhere/drive.blf"))
+    False
+    """
+    try:
+        regular_file(path)
+    except (ConfigError, LogError):
+        return False
+    return True

@@ -1,0 +1,216 @@
+"""One ARMAX model of a whole drive: fit, gains and delays, residual tests, and their presentation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.mathematics.estimators import plausibility, pooling
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.mathematics.identification import feedback_bias, identifiability, residual_tests, rounding
+from canid.mathematics.identification.armax import (
+    box_jenkins,
+    box_jenkins_channels,
+    gain_and_delay,
+    measurement_noise,
+)
+from canid.mathematics.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
+from canid.mathematics.identification.armax.box_jenkins import BoxJenkinsFit
+from canid.mathematics.identification.armax.simulated_fit import armax_fit_percent
+from canid.mathematics.identification.output_filter import is_unknown
+from canid.values.types import Array, Channel, ResidualTests, Trace
+
+
+def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
+    """Fit all usable samples of a drive; None: too few data, or no stable model."""
+    trace = pooling.pooled(trace)
+    usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
+    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment, dt=trace.dt)
+    if fit is None:
+        return None
+    if trace.variance is not None:
+        variances = _noise_variances(trace.variance[usable], (trace.output[usable], *trace.inputs[usable].T))
+        fit = measurement_noise.without_bias(fit, variances[0], variances[1:])
+    tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
+    fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+    several = len(trace.input_names) > 1
+    separate = _separate_poles(trace, usable) if several else None
+    if separate is not None:
+        channels = separate.channels
+    elif several:  # what inputs that share their poles cost each other is in no covariance
+        channels = {name: Channel() for name in trace.input_names}
+    else:
+        channels = gain_and_delay.channels(
+            trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt
+        )
+    explained = (
+        armax_fit_percent(fit, trace.output, trace.inputs, usable, trace.segment, trace.dt)
+        if separate is None
+        else separate.fit.fit_percent
+    )
+    verdict = plausibility.judge(channels, explained, plausibility.UNLIMITED)
+    if verdict.refused:
+        channels = dict.fromkeys(channels, Channel())
+    return WholeDrive(
+        channels,
+        fit,
+        explained,
+        residual_tests=tests,
+        specification=_specification(orders),
+        details=_details(fit, trace.dt, channels, tests)
+        | ({} if separate is None else {"box_jenkins": _box_jenkins(separate.fit, trace)})
+        | {"says": "; ".join(verdict.refused)},
+        separate=None if separate is None else separate.fit,
+        lines=(
+            *verdict.refused,
+            *_polynomials(fit, trace.input_names),
+            f"poles {', '.join(map(_pole, fit.poles))}",
+            *(() if separate is None else _separate_lines(separate.fit, trace)),
+        ),
+    )
+
+
+class _Separate(NamedTuple):
+    """The model in which each input has a pole of its own, and what it says of each."""
+
+    fit: BoxJenkinsFit
+    channels: dict[str, Channel]
+
+
+def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | None:
+    """Fit separate poles per input and noise: an answer's gain and delay are then its own."""
+    output_filter = trace.output_filter
+    rows = box_jenkins.ready_rows(
+        trace.output, trace.inputs, usable, segment=trace.segment, dt=trace.dt, output_filter=output_filter
+    )
+    fit = box_jenkins.fit_rows(rows, trace.dt, output_filter)
+    if fit is None:
+        return None
+    if fit.stride == 1:
+        noise_order = fit.orders.nc + fit.orders.nd
+        tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, noise_order)
+        fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+    channels = box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
+    channels |= {
+        name: feedback_bias.without(channels[name]) for name in feedback_bias.HELD if name in channels
+    }
+    if is_unknown(output_filter):
+        # the delays found are those of the driver and of the filter
+        channels = {name: identifiability.gain_only(channel) for name, channel in channels.items()}
+    return _Separate(fit, channels)
+
+
+def _box_jenkins(fit: BoxJenkinsFit, trace: Trace) -> dict[str, Any]:
+    """Its keys in JSON."""
+    sd = fit.standard_errors
+    return {
+        "B": dict(zip(trace.input_names, fit.B, strict=True)),
+        "F": dict(zip(trace.input_names, fit.F, strict=True)),
+        "C": fit.C,
+        "D": fit.D,
+        "standard_errors": {
+            "B": dict(zip(trace.input_names, sd.B, strict=True)),
+            "F": dict(zip(trace.input_names, sd.F, strict=True)),
+            "C": sd.C,
+            "D": sd.D,
+        },
+        "nk": dict(zip(trace.input_names, fit.delays, strict=True)),
+        "noise_dt": fit.stride * trace.dt,
+        "sigma": fit.sigma,
+    }
+
+
+def _separate_lines(fit: BoxJenkinsFit, trace: Trace) -> list[str]:
+    sd = fit.standard_errors
+    rows = [
+        (f"{which} {name.replace('_', ' ')}", values, errors)
+        for which, all_values, all_errors in (("B", fit.B, sd.B), ("F", fit.F[:, 1:], sd.F[:, 1:]))
+        for name, values, errors in zip(trace.input_names, all_values, all_errors, strict=True)
+    ]
+    return ["K and delays from a model with separate poles (Box-Jenkins):", *_coefficients(rows)]
+
+
+def _noise_variances(variance: Array, columns: Sequence[Array]) -> list[float]:
+    """Variance of the measurement noise of each column; where no reading shows it, that of its rounding.
+
+    Args:
+        variance: (n, 1 + m), NaN where not known.
+        columns: (n,) each, output and inputs.
+
+    >>> unknown = np.full((4, 2), np.nan)
+    >>> [round(x, 5) for x in _noise_variances(unknown, [np.array([0.0, 0.1, 0.3, 0.2]), np.array([0.1, 0.17, 0.9, 0.4])])]
+    [0.00083, 0.0]
+    """
+    means = _means(variance).tolist()
+    return [
+        mean if mean == mean else rounding.variance(column)
+        for mean, column in zip(means, columns, strict=True)
+    ]
+
+
+def _means(variance: Array) -> Array:
+    """Mean of each column; NaN where it has none."""
+    known = np.isfinite(variance)
+    total = np.where(known, variance, 0.0).sum(axis=0)
+    out: Array = np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+    return out
+
+
+def _specification(o: Orders) -> str:
+    return f"({o.na},{o.nb},{o.nc}), dead time {o.nk} sample{'s' * (o.nk > 1)}"
+
+
+def _polynomials(fit: ArmaxFit, names: tuple[str, ...]) -> list[str]:
+    """One line per polynomial: each coefficient with its standard error."""
+    sd = fit.standard_errors
+    rows = [("A", fit.A[1:], sd.A[1:])]
+    rows += [(f"B {name.replace('_', ' ')}", b, s) for name, b, s in zip(names, fit.B, sd.B, strict=True)]
+    rows += [("C", fit.C[1:], sd.C[1:])]
+    return _coefficients(rows)
+
+
+def _coefficients(rows: list[tuple[str, Array, Array]]) -> list[str]:
+    return [
+        f"{name}: {', '.join(f'{x:.4g} ± {s:.2g}' for x, s in zip(values, errors, strict=True))}"
+        for name, values, errors in rows
+        if len(values)
+    ]
+
+
+def _pole(p: complex) -> str:
+    return f"{p.real:.3f}{p.imag:+.3f}j" if p.imag else f"{p.real:.3f}"
+
+
+def _details(fit: ArmaxFit, dt: float, channels: dict[str, Channel], tests: ResidualTests) -> dict[str, Any]:
+    """Keys of `armax` in JSON, see docs/json.md."""
+    sd = fit.standard_errors
+    return {
+        "orders": fit.orders,
+        "dt": dt,
+        "A": fit.A,
+        "B": dict(zip(channels, fit.B, strict=True)),
+        "C": fit.C,
+        "standard_errors": {
+            "A": sd.A,
+            "B": dict(zip(channels, sd.B, strict=True)),
+            "C": sd.C,
+            "offset": sd.offset,
+        },
+        "offset": fit.offset,
+        "sigma": float(fit.sigma),
+        "K": {name: channel.K for name, channel in channels.items()},
+        "poles": [[float(p.real), float(p.imag)] for p in fit.poles],
+        "whiteness": {
+            "white": tests.white,
+            "statistic": tests.statistic,
+            "bound": tests.bound,
+            "lags": fit.whiteness.lags,
+        },
+        "cross": {
+            name: {"causal": name not in tests.left_over, "feedback": name in tests.feedback}
+            for name in channels
+        },
+    }

@@ -1,0 +1,207 @@
+"""The arbiter of a whole drive: what methods contradict each other in, none of them may quote.
+
+A method judges its own fit. Here alone the methods are held against each other, those of `identify` and the diagnosis:
+disjoint intervals, a response that is left over, which no method with the same form of answer has either, gains that
+only one of them knows, and changes during the drive, which hold for all. The same engine as live (agreement.py), without
+its five seconds: a whole drive has no burst to wait for. Live it is one status for an estimate; here each parameter of
+each input is judged for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import combinations
+
+from canid.mathematics.estimators import agreement, plausibility
+from canid.mathematics.estimators.estimator import WholeDrive
+from canid.mathematics.identification.identifiability import (
+    PARAMETERS,
+    QUOTABLE,
+    gain_only,
+    not_quotable,
+    quotable,
+    sum_only,
+)
+from canid.values.types import Channel
+
+# What each estimator's model takes to be so.
+NEEDS: Mapping[str, str] = {
+    "fopdt": "an answer of first order after one dead time",
+    "armax": "a steady answer with one pole and no floor of the pedal",
+    "diagnose": "the causes that it names, and no other",
+}
+
+
+# The diagnosis among the methods.
+DIAGNOSIS = "diagnose"
+
+# said of a method that finds no changes itself, where another has found some
+CHANGED = "the gains changed during the drive: none of these holds for all of it"
+
+
+def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
+    """Withhold what estimators contradict each other in, and say what each would need to be right.
+
+    Disjoint intervals count. So does a gain that only one of them may quote, where the other's model explains no more than
+    the mean, or where residuals still hold a response that is too large for a delay (`plausibility.MAX_LEFT_OVER`): with
+    such a response no answer of first order has delays, whoever fitted it.
+
+    Args:
+        whole: estimator -> its result; None: it has none.
+    """
+    out = dict(whole)
+    made = {name: result for name, result in whole.items() if result is not None}
+    inputs = {key for result in made.values() for key in result.channels}
+    wrong = agreement.wrong_for(inputs)
+    for method, says in ((name, _left_over(result)) for name, result in made.items()):
+        # steering is of higher order: there it speaks against the estimator of first order alone
+        for name in out if not wrong else wrong & {method}:
+            out[name] = _without_delays(out[name], says)
+    for a, b in combinations(agreement.by_headline(made, inputs), 2):
+        for name, what in disjoint(made[a].channels, made[b].channels):
+            key = (a, b, name, what)
+            says = agreement.both(key, made[a].channels, made[b].channels)
+            if (a in wrong) != (b in wrong):
+                other, right = (a, b) if a in wrong else (b, a)
+                reason = f"{says}: steering is of higher order than one lag and a dead time: use {right}'s"
+                out[other] = _without(out[other], name, what, reason)
+                continue
+            reason = _neither(says, (a, b))
+            for method in (a, b):
+                out[method] = _without(out[method], name, what, reason)
+        if not {a, b} & wrong:
+            for method, other in ((a, b), (b, a)):
+                for name, reason in _unconfirmed(made, method, other):
+                    out[method] = _without(out[method], name, "K", reason)
+    return _with_changes(out)
+
+
+def diagnosed(
+    channels: Mapping[str, Channel], whole: Mapping[str, WholeDrive | None], extended: bool
+) -> tuple[dict[str, Channel], tuple[str, ...]]:
+    """What the diagnosis may quote next to the estimators of `identify`, and why not the rest.
+
+    Args:
+        channels: of the diagnosis.
+        whole: estimator -> its result, as `arbitrated` leaves it; None: it has none.
+        extended: the diagnosis has found causes: its answer is of first order no longer.
+
+    >>> from canid.values.types import Identifiable, Interval
+    >>> one, other = (Channel(Interval(K, K - 1, K + 1), status=Identifiable.GAIN_ONLY) for K in (2.0, 5.0))
+    >>> left, why = diagnosed({"range_rate": one}, {"fopdt": WholeDrive({"range_rate": other})}, False)
+    >>> left["range_rate"].status.value, why[0].partition(":")[0]
+    ('not_identifiable', 'range rate')
+    """
+    mine: WholeDrive | None = WholeDrive(channels)
+    for name, result in whole.items():
+        if result is None or name in agreement.wrong_for(channels):
+            continue
+        if not extended:
+            # of that method's model: the residuals of the diagnosis have tests of their own
+            left = _left_over(result).replace(
+                "the residuals still", f"the residuals of {name} in identify still"
+            )
+            mine = _without_delays(mine, left)
+        for channel, what in disjoint(channels, result.channels):
+            says = agreement.both((DIAGNOSIS, name, channel, what), channels, result.channels)
+            mine = _without(mine, channel, what, _neither(says, (DIAGNOSIS, name)))
+        if result.details.get("changes") and not extended:
+            mine = _without_all(mine, CHANGED)
+    assert mine is not None
+    return dict(mine.channels), mine.lines
+
+
+def _neither(says: str, methods: tuple[str, str]) -> str:
+    needs = "; ".join(f"{method} needs {NEEDS[method]}" for method in methods if method in NEEDS)
+    return f"{says}: no point in common, neither may be quoted ({needs}, and a driver who stays the same)"
+
+
+def disjoint(first: Mapping[str, Channel], other: Mapping[str, Channel]) -> list[tuple[str, str]]:
+    """(input, parameter) that both methods may quote, with intervals that have no point in common.
+
+    Args:
+        first: input -> Channel, of one method.
+        other: of another.
+    """
+    return agreement.disjoint_parameters(first, other, PARAMETERS)
+
+
+def _left_over(result: WholeDrive) -> str:
+    return "" if result.residual_tests is None else plausibility.left_over(result.residual_tests)
+
+
+def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Iterator[tuple[str, str]]:
+    """Inputs whose gain only one quotes though something speaks against its model, and what."""
+    fit = made[other].fit_percent
+    against: dict[str, str] = {}
+    for each in (method, other):
+        tests = made[each].residual_tests
+        for name, share in [] if tests is None else plausibility.large_left_over(tests):
+            against[name] = (
+                f"the residuals of {each} still hold a response of {100 * share:.0f} % of the model's own"
+            )
+    for name, channel in made[method].channels.items():
+        rival = made[other].channels.get(name, Channel())
+        if not quotable(channel, "K") or quotable(rival, "K"):
+            continue
+        reason = against.get(name, "")
+        if fit is not None and fit <= 0.0:
+            reason = f"{other}'s model explains no more than the mean (fit {fit:.0f} %)"
+        if reason:
+            yield (
+                name,
+                f"{name.replace('_', ' ')}: {reason}, and {other} confirms no gain: K may not be quoted",
+            )
+
+
+def _without(result: WholeDrive | None, name: str, what: str, reason: str) -> WholeDrive | None:
+    """Withhold a parameter of an input."""
+    if result is None:
+        return None
+    channel = result.channels[name]
+    if what in QUOTABLE[channel.status]:
+        channel = _LEAVE[what](channel)
+    return _said(result, {**result.channels, name: channel}, reason)
+
+
+# what is left of a channel without a parameter
+_LEAVE: Mapping[str, Callable[[Channel], Channel]] = {
+    "K": not_quotable,
+    "tau": sum_only,
+    "dead_time": sum_only,
+    "tau_plus_dead_time": gain_only,
+}
+
+
+def _without_delays(result: WholeDrive | None, reason: str) -> WholeDrive | None:
+    """Withhold the delays of all inputs; what quotes none says nothing more."""
+    if result is None or not reason:
+        return result
+    channels = {name: gain_only(channel) for name, channel in result.channels.items()}
+    return result if channels == result.channels else _said(result, channels, reason)
+
+
+def _without_all(result: WholeDrive | None, reason: str) -> WholeDrive | None:
+    if result is None:
+        return None
+    return _said(result, {name: not_quotable(channel) for name, channel in result.channels.items()}, reason)
+
+
+def _said(result: WholeDrive, channels: Mapping[str, Channel], reason: str) -> WholeDrive:
+    if reason in result.lines:
+        return result._replace(channels=channels)
+    # the lines are printed with every model, what `says` holds with the verdict
+    says = "; ".join(filter(None, (reason, str(result.details.get("says", "")))))
+    return result._replace(
+        channels=channels, lines=(reason, *result.lines), details={**result.details, "says": says}
+    )
+
+
+def _with_changes(whole: dict[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
+    """Where one method finds that the gains changed, nothing that another says of the whole drive may be quoted."""
+    if not any(result.details.get("changes") for result in whole.values() if result is not None):
+        return whole
+    return {
+        name: result if result is None or result.details.get("changes") else _without_all(result, CHANGED)
+        for name, result in whole.items()
+    }

@@ -1,0 +1,241 @@
+"""Costs with many local minima: of a driver's delays, from a grid of them, and of the time at which something changed.
+
+A few steps from each point of a grid of delays, with gains that suit it, show the minima. Which of them is the lowest
+shows only with a noise model of its own: that of a model already fitted favours what is near it.
+
+With all else fixed the whitened residual is, but for the seconds around a change, the one of "not yet" before it and the
+one of "already" after it. Two sums along the drive are the cost of every time.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from canid.models.diagnosis.driver.driver_data import DriverData
+from canid.models.diagnosis.driver.driver_model import (
+    BASE,
+    K1,
+    K2,
+    NO_PARAMETERS,
+    OFFSET,
+    TAU1,
+    TAU2,
+    THETA1,
+    THETA2,
+    DriverModel,
+    pedal,
+    responses,
+)
+from canid.models.diagnosis.fitting.candidates import ROUNDING, Guess, model_directions
+from canid.models.diagnosis.fitting.fitted_model import FittedModel, solve
+from canid.models.diagnosis.fitting.least_squares import ROUGH_TOLERANCE
+from canid.models.diagnosis.fitting.likelihood import score, whitened
+from canid.models.diagnosis.fitting.model import RecentValues
+from canid.models.effects.effect import Effect
+from canid.values.types import Array, Interval
+
+# s, delays of the grid, and steps from each
+GRID_THETA_S, GRID_TAU_S = (0.3, 0.7, 1.1, 1.5), (0.2, 0.8)
+GRID_ITERATIONS = 6
+# s of lag and dead time of the response to range rate, and share of its gain by which other gains differ, within which two
+# fits are in one minimum. Their likelihoods say less: on one measured drive the lowest minimum was 15 above the others by
+# the noise model without the effect, and 33 below them by its own
+SAME_DELAY_S, SAME_GAIN = 0.2, 0.25
+# minima that are compared
+MAX_MINIMA = 3
+# of the largest eigenvalue; a direction below it is rounding
+RANK_TOLERANCE = 1e-12
+# of a whitened column; a shorter one is 0
+MIN_LENGTH = 1e-100
+
+
+def minima(
+    model: DriverModel, data: DriverData, without: FittedModel[DriverModel], q: Array
+) -> list[FittedModel[DriverModel]]:
+    """Fits of a model from the grid, those that have reached different minima.
+
+    Args:
+        model: what is fitted.
+        data: the driver's columns.
+        without: a model already fitted, whose noise model the first steps use.
+        q: of the model; its delays and gains are replaced.
+    """
+    short, recent = [], RecentValues()
+    for theta, tau in product(GRID_THETA_S, GRID_TAU_S):
+        guess = q.copy()
+        guess[[TAU1, TAU2]], guess[[THETA1, THETA2]] = tau, theta
+        guess = regained(model, data, without, guess, recent).q
+        few = solve(
+            data, model, guess, without.noise, without.rows, 1, None, GRID_ITERATIONS, ROUGH_TOLERANCE
+        )
+        short.append(few)
+    short.sort(key=lambda minimum: minimum.deviance)
+    apart: list[FittedModel[DriverModel]] = []
+    for minimum in short:
+        if not any(same_minimum(minimum.q, other.q) for other in apart):
+            apart.append(minimum)
+    return [
+        solve(data, model, minimum.q, without.noise, without.rows, turns=2) for minimum in apart[:MAX_MINIMA]
+    ]
+
+
+def same_minimum(first: Array, other: Array) -> bool:
+    """Whether two fits differ little in the delay of the response to range rate and in what is added to it.
+
+    Args:
+        first: (p,) parameters of a model.
+        other: (p,) of the same model.
+
+    Example:
+        >>> q = np.zeros(11)
+        >>> q[[K2, TAU2, THETA2, 10]] = 0.4, 0.2, 0.9, 0.3
+        >>> p = q.copy()
+        >>> p[[TAU2, THETA2]] = 0.5, 0.62
+        >>> same_minimum(q, p)
+        True
+        >>> p[10] = 0.0
+        >>> same_minimum(q, p)
+        False
+    """
+    delay = abs(first[TAU2] + first[THETA2] - other[TAU2] - other[THETA2])
+    added = np.abs(first[len(BASE) :] - other[len(BASE) :])
+    return bool(delay < SAME_DELAY_S and (added <= SAME_GAIN * max(abs(first[K2]), abs(other[K2]))).all())
+
+
+def regained(
+    model: DriverModel,
+    data: DriverData,
+    without: FittedModel[DriverModel],
+    q: Array,
+    recent: RecentValues | None = None,
+) -> Guess:
+    """Fit both gains, and the offset where it is free, by linear least squares, everything else fixed."""
+    answers, rows = responses(model, data, q, recent), without.fitted.scored.slope == -1.0
+    level = 1.0 if OFFSET in model.free() else 0.0
+    ends = np.stack([np.full_like(answers.first, level), data.output.y - answers.extra])
+    # where an effect adds something, that is another output for each guess
+    kept = recent if recent is not None and isinstance(answers.extra, float) else RecentValues()
+    outer = kept.value("white", NO_PARAMETERS, lambda: whitened(without.noise, ends.T)[rows])
+    inner = whitened(without.noise, np.stack([answers.first, answers.second]).T)[rows]
+    white = np.column_stack([outer[:, 0], inner, outer[:, 1]])
+    before = without.fitted.scored.e[rows]
+    if np.isfinite(without.noise.freedom):
+        # as Student's t weighs each sample in the model that is there
+        is_ = whitened(without.noise, data.output.y - without.fitted.model)[rows]
+        weight = np.sqrt(np.divide(before, is_, out=np.ones(is_.size), where=is_ != 0.0))
+        white, before = white * weight[:, None], weight * is_
+    X, y = white[:, :3], white[:, 3]
+    length = np.maximum(np.linalg.norm(X, axis=0), MIN_LENGTH)
+    gram = X.T @ X / np.outer(length, length)
+    gains = np.linalg.lstsq(gram, X.T @ y / length, rcond=RANK_TOLERANCE)[0] / length
+    left = y - X @ gains
+    q = q.copy()
+    q[[OFFSET, K1, K2]] = np.clip(gains, model.low[[OFFSET, K1, K2]], model.high[[OFFSET, K1, K2]])
+    return Guess(q, max(float(before @ before - left @ left), 0.0))
+
+
+# 2 Δ log likelihood within which the true change point lies in 95 % (Hansen 2000, eq. 11 and table 1): its likelihood
+# is no parabola
+CHANGE_POINT_FALL = 7.35
+# s before or after a drive, at which a change has no part in it
+FAR_S = 1e4
+# how often the other parameters and the change point are fitted in turn
+CHANGE_POINT_ALTERNATIONS = 3
+# −2 log likelihood by which another time must be better
+MIN_DEVIANCE_DROP = 0.5
+
+
+def change_points(model: DriverModel, *among: Effect) -> list[int]:
+    """Indices of the parameters that are change points, of some effects."""
+    return [
+        k
+        for effect, where in zip(model.effects, model.where, strict=True)
+        for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True)
+        if p.change_point and effect in among
+    ]
+
+
+def at_best_times(
+    model: DriverModel, data: DriverData, without: FittedModel[DriverModel], guesses: list[Array], k: int
+) -> list[Array]:
+    """Initial guesses that differ in more than the time of a change, each at the time at which its direction explains most.
+
+    But for the seconds around it, the direction of a change is that of one which was there all along, 0 before it.
+
+    Args:
+        model: with the change.
+        data: the driver's columns.
+        without: the model without it.
+        guesses: at several times.
+        k: the change point's index.
+    """
+    t, e, Q = data.seen.t, without.fitted.scored.e, model_directions(without)
+    inside = (t >= min(q[k] for q in guesses)) & (t <= max(q[k] for q in guesses))
+    leaves, out = Q.T @ e, []
+    for guess in guesses:
+        if guess[k] != guesses[0][k]:
+            continue
+        q = guess.copy()
+        q[k] = -FAR_S
+        change = pedal(model, data, q) - without.fitted.model
+        d = whitened(without.noise, change) * without.fitted.scored.slope
+        # sums from each time on
+        taken = _from_here(Q * d[:, None])
+        size = _from_here(d * d) - np.sum(taken * taken, axis=1)
+        along = _from_here(d * e) - taken @ leaves
+        useful = inside & (size > ROUNDING) & (along < 0)
+        q[k] = t[int(np.argmax(np.where(useful, along * along / np.maximum(size, ROUNDING), 0.0)))]
+        out.append(q)
+    return out
+
+
+def _from_here(x: Array) -> Array:
+    out: Array = np.cumsum(x[::-1], axis=0)[::-1]
+    return out
+
+
+def costs(data: DriverData, solved: FittedModel[DriverModel], k: int) -> Array:
+    """−2 log likelihood (n,) with the change point at each sample, all else fixed; up to a constant."""
+
+    def squares(time: float) -> Array:
+        q = solved.q.copy()
+        q[k] = time
+        return score(data.output, solved.rows, solved.noise, pedal(solved.model, data, q)).loss
+
+    before, after = squares(data.seen.duration + FAR_S), squares(-FAR_S)
+    out: Array = np.cumsum(before) - before + _from_here(after)
+    return out
+
+
+def refined(data: DriverData, solved: FittedModel[DriverModel]) -> FittedModel[DriverModel]:
+    """Move every change point to the deepest minimum, everything else fitted anew."""
+    for k in change_points(solved.model, *solved.model.effects):
+        for _ in range(CHANGE_POINT_ALTERNATIONS):
+            q = solved.q.copy()
+            q[k] = float(data.seen.t[int(np.argmin(costs(data, solved, k)))])
+            if abs(q[k] - solved.q[k]) <= data.output.dt:
+                break
+            tried = solve(data, solved.model, q, solved.noise, solved.rows)
+            if tried.deviance > solved.deviance - MIN_DEVIANCE_DROP:
+                break
+            solved = tried
+    return solved
+
+
+def interval(
+    data: DriverData, solved: FittedModel[DriverModel], k: int, variance_inflation: float
+) -> Interval:
+    """95 % interval of a change point: from the first to the last time that is as likely.
+
+    Args:
+        data: what was fitted.
+        solved: the fit.
+        k: the change point's index.
+        variance_inflation: how much faster the likelihood falls than the scores' covariance allows, at least 1.
+    """
+    t, cost = data.seen.t, costs(data, solved, k)
+    likely = np.flatnonzero(cost - cost.min() <= CHANGE_POINT_FALL * variance_inflation)
+    at, dt = float(solved.q[k]), data.output.dt
+    return Interval(at, min(float(t[likely[0]]) - dt, at), max(float(t[likely[-1]]) + dt, at))

@@ -1,0 +1,1 @@
+"""The verbs, one per file; `canid.ui.cli.verbs` lists them."""

@@ -1,0 +1,1 @@
+"""What `canid export` reads and writes."""

@@ -1,0 +1,1 @@
+"""What a verb reads: logs, tables, sides of a comparison, and answers of a person."""

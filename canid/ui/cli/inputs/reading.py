@@ -1,0 +1,116 @@
+"""Reading a log for a verb: warnings of the vehicle file, progress, the log's health, and the exit code of a damaged log."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from canid.ui.terminal.messages import info
+from canid.ui.terminal.progress import Progress
+from canid.values.bus_names import NamedBus
+from canid.values.errors import DAMAGED, DONE, NO_BUS
+
+if TYPE_CHECKING:
+    from canid.analysis.drive.drive_reader import Drive, Health
+    from canid.io.logs import Log
+    from canid.signals.vehicle import Vehicle
+    from canid.ui.views.document.document import Source
+
+
+def read_vehicle(name: str) -> Vehicle:
+    """Read a vehicle file, and report its warnings. Raises ConfigError."""
+    from canid.signals import vehicle
+
+    read = vehicle.read_vehicle(name)
+    for warning in read.warnings:
+        info(warning)
+    return read
+
+
+def on_buses(vehicle: Vehicle, log: Log) -> Vehicle:
+    """The vehicle on the buses of a log; reports where the log's one bus is taken for another number."""
+    from canid.signals import vehicle as vehicles
+
+    moved = vehicles.on_buses(vehicle, log.buses)
+    if moved is not vehicle and len(log.buses) == 1:
+        (name, number), *_ = log.buses.items()
+        before = next(m.bus for m in vehicle.messages if m.bus is not None)
+        if not isinstance(before, NamedBus):
+            info(
+                f"{log.path}: {name}, its one bus, is bus {number}; taken for bus {before} of {vehicle.name}"
+            )
+    return moved
+
+
+def read_drive(path: str, vehicle: Vehicle, args: argparse.Namespace, **settings: Any) -> Drive:
+    """Read the part of a log from --start to --stop, with a progress bar.
+
+    Args:
+        path: the log.
+        vehicle: from `read_vehicle`.
+        args: with `start` and `stop`, s.
+        settings: of `drive_reader.read_drive`.
+
+    Raises:
+        LogError: nothing can be read, or nothing of it is mapped.
+    """
+    from canid.analysis.drive import drive_reader
+    from canid.io.logs import open_log
+
+    log = open_log(path)
+    vehicle = on_buses(vehicle, log)
+    with Progress(f"reading {path}") as bar:
+        return drive_reader.read_drive(
+            path, vehicle, start=args.start, stop=args.stop, log=log, progress=bar.to, **settings
+        )
+
+
+# kinds of lines that every log has: they say nothing about this one
+_USUAL_KINDS = {"header lines", "comments", "log and trigger events"}
+
+
+def report_log(log: Log) -> None:
+    """Report how a log was read that was shown as a whole: decisions of its reader, and what is in it besides frames."""
+    for line in (log.start_says, *log.remarks):
+        if line:
+            info(line)
+    if set(log.other_kinds) - _USUAL_KINDS:
+        info(f"besides the frames: {log.others_says}")
+
+
+def report_silence(duration: float) -> int:
+    """Say that a bus gave nothing in `duration` s, and what to do; returns the exit code."""
+    from canid.ui.cli.health_lines import SILENT_BUS
+
+    info(f"no frames received in {duration:g} s: {SILENT_BUS}")
+    return NO_BUS
+
+
+def damage(drives: Iterable[Drive]) -> str | None:
+    """What could not be read of logs, as JSON has it; None: nothing."""
+    return "; ".join(drive.health.damage.says for drive in drives if drive.health.damage) or None
+
+
+def source(path: str, vehicle: Vehicle, command: str, health: Health) -> Source:
+    """What the page of a drive was made from; `command` makes it again."""
+    from canid.ui.cli.provenance import provenance
+    from canid.ui.views import end_summary
+    from canid.ui.views.document.document import Source
+
+    wrong = end_summary.health(health.damage, health.back_in_time, health.counters, health.said)
+    return Source(
+        provenance([path], vehicle, command), vehicle.name, wrong, bool(health.damage or health.back_in_time)
+    )
+
+
+def report_health(health: Health, name: str = "") -> int:
+    """Report what was wrong with a log, a line each; returns the exit code that it deserves.
+
+    `name`: of the log, where there are several.
+    """
+    from canid.ui.views import end_summary
+
+    for line in end_summary.health(health.damage, health.back_in_time, health.counters, health.said):
+        info(f"{name}: {line}" if name else line)
+    return DAMAGED if health.damage or health.back_in_time else DONE

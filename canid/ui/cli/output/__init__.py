@@ -1,0 +1,1 @@
+"""Output of the verbs: displays of a running session, and output files."""

@@ -1,0 +1,1 @@
+"""The terminal: standard streams, keys, messages, progress, and the cells of a picture."""

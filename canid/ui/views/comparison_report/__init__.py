@@ -1,0 +1,1 @@
+"""A comparison of two drivers as text, page, notebook fragment and JSON, and the figures of its page."""

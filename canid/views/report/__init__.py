@@ -1,1 +1,0 @@
-"""The diagnosis as one self-contained HTML page, and what all pages share: style sheet, script, templates."""
