@@ -116,7 +116,7 @@ def test_prints_are_written_again_and_nothing_else_is_overwritten(
         (["grover"], "--reproduce"),
         (["grover", "a.blf"], "--vehicle"),
         (["grover", "a.blf", "--reproduce"], "leave out a.blf"),
-        (["grover", "--reproduce", "--minutes", "1,x"], "--minutes 1,x"),
+        (["grover", "--reproduce", "--minutes", "1,x"], '--minutes: "x" is not a list of times in minutes'),
         ([], "prints"),
     ],
 )
