@@ -122,6 +122,17 @@ def _limits(
         )
 
 
+def _shortest(files: Mapping[str, Path]) -> dict[str, str]:
+    """Names of files or folders: the fewest last parts of their paths with which no two have the same name."""
+    different = set(files.values())
+    deepest = max((len(file.parts) for file in different), default=1)
+    for count in range(1, deepest):
+        names = {file: "/".join(file.parts[1:][-count:]) or str(file) for file in different}
+        if len(set(names.values())) == len(different):
+            return {path: names[file] for path, file in files.items()}
+    return {path: str(file) for path, file in files.items()}
+
+
 def driver_names(paths: Sequence[str], by: str) -> dict[str, str]:
     """Log -> driver.
 
@@ -135,17 +146,17 @@ def driver_names(paths: Sequence[str], by: str) -> dict[str, str]:
     Example:
         >>> driver_names(["s1/a.blf", "s1/b.blf"], "folder"), driver_names(["s1/a.blf"], "file")
         ({'s1/a.blf': 's1', 's1/b.blf': 's1'}, {'s1/a.blf': 'a'})
+        >>> driver_names(["x/s1/a.blf", "y/s1/a.blf"], "folder")
+        {'x/s1/a.blf': 'x/s1', 'y/s1/a.blf': 'y/s1'}
     """
+    # absolute: "." and ".." are no names of a driver
+    files = {path: Path(os.path.abspath(path)) for path in paths}
     if by == "file":
-        return {path: Path(path).stem for path in paths}
+        stems = {path: file.with_suffix("") for path, file in files.items()}
+        # drive.blf and drive.asc are two files
+        return _shortest(stems if len(set(stems.values())) == len(set(files.values())) else files)
     if by == "folder":
-        # "." and ".." are no names of a driver
-        return {
-            path: str(parent)
-            if (parent := Path(path).parent).name not in ("", "..")
-            else parent.resolve().name
-            for path in paths
-        }
+        return _shortest({path: file.parent for path, file in files.items()})
     patterns = _drivers_of(by)
     out = {}
     for path in paths:

@@ -64,6 +64,16 @@ def test_a_driver_has_a_name_wherever_the_log_is(tmp_path: Path, monkeypatch: py
     assert runs.driver_names(["a.blf"], "folder") == {"a.blf": "inner"}
     assert runs.driver_names([os.path.join("..", "a.blf")], "folder") == {"../a.blf": "anna"}
     assert runs.driver_names(["a.blf", "b.blf"], "file") == {"a.blf": "a", "b.blf": "b"}
+    assert runs.driver_names([str(inner / "a.blf")], "folder") == {str(inner / "a.blf"): "inner"}
+
+
+def test_two_drivers_never_have_one_name() -> None:
+    """Of logs with the same name in different folders, of folders with the same name, of one name with two suffixes."""
+    logs = ["s1/day/a.blf", "s2/day/a.blf", "s2/day/a.asc"]
+    assert list(runs.driver_names(logs, "folder").values()) == ["s1/day", "s2/day", "s2/day"]
+    assert list(runs.driver_names(logs[:2], "file").values()) == ["s1/day/a", "s2/day/a"]
+    assert list(runs.driver_names(logs, "file").values()) == ["s1/day/a.blf", "s2/day/a.blf", "s2/day/a.asc"]
+    assert list(runs.driver_names(["a.blf", "a.blf"], "file").values()) == ["a"]
 
 
 def test_a_mapping_file_names_the_driver_of_each_log(tmp_path: Path) -> None:
