@@ -1,4 +1,4 @@
-"""Drives of two outside simulators with known truth, as tables: a Helly driver at a pedal, a driver who asks for an acceleration.
+"""Drives of two outside simulators with known truth, as tables: a driver at a pedal, and one who asks for an acceleration.
 
 Neither imports anything of canid's simulation: what is estimated must never meet its own formulas. Both integrate in
 steps of 0.01 s, with the driver's lag, dead time and noise inside the loop; the sensors sample and add their noise.
