@@ -1,7 +1,7 @@
 """What a sensor can do to a measurement: pure functions of a drive, a strength and a source of random numbers.
 
-The truth stays that of the driver: nothing here adds a delay to the output itself, which no record of the output could
-tell from the driver's own.
+The truth stays that of the driver: nothing here adds a delay to the output itself, which no record of the output can
+separate from the driver's own.
 """
 
 from __future__ import annotations
