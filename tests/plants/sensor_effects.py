@@ -28,6 +28,8 @@ class Effect(NamedTuple):
     strengths: tuple[float, float, float, float]
     unit: str
     apply: Apply
+    # parts of the names of findings that name it rightly; (): no finding of the signals is about it
+    named: tuple[str, ...] = ()
 
 
 def _changed(
@@ -139,39 +141,48 @@ def drop(drive: Drive, share: float, rng: np.random.Generator) -> Drive:
 SHARES = (0.05, 0.1, 0.25, 0.5)
 PERIODS = (0.2, 0.3, 0.5, 1.0)
 DELAYS = (0.1, 0.2, 0.4, 0.8)
+LIMITED, SLOW, COARSE = ("limited",), ("slow", "repeated", "frozen"), ("coarse", "steps")
+LATE, EMPTY = ("late", "lag", "latency"), ("empty", "no_target", "frozen", "dead")
 EVERYTHING = (OUTPUT, "speed", "gap", "range_rate", "accel", "brake")
 
 EFFECTS: tuple[Effect, ...] = (
     Effect("output ends below", SHARES, "of the time", partial(limit, role=OUTPUT, sides=(True, False))),
     Effect("output ends above", SHARES, "of the time", partial(limit, role=OUTPUT, sides=(False, True))),
     Effect(
-        "range rate limited", SHARES, "of the time", partial(limit, role="range_rate", sides=(True, True))
+        "range rate limited",
+        SHARES,
+        "of the time",
+        partial(limit, role="range_rate", sides=(True, True)),
+        LIMITED,
     ),
     Effect(
         "range rate limited on one side",
         SHARES,
         "of the time",
         partial(limit, role="range_rate", sides=(True, False)),
+        LIMITED,
     ),
-    Effect("gap limited", SHARES, "of the time", partial(limit, role="gap", sides=(False, True))),
-    Effect("all held", PERIODS, "s", partial(hold, roles=EVERYTHING)),
-    Effect("output held", PERIODS, "s", partial(hold, roles=(OUTPUT,))),
-    Effect("radar held", PERIODS, "s", partial(hold, roles=RADAR)),
-    Effect("all joined by lines", PERIODS, "s", partial(line, roles=EVERYTHING)),
-    Effect("output joined by lines", PERIODS, "s", partial(line, roles=(OUTPUT,))),
-    Effect("radar joined by lines", PERIODS, "s", partial(line, roles=RADAR)),
-    Effect("steps of the output", (0.1, 0.2, 0.5, 1.0), "sd", partial(step, role=OUTPUT)),
-    Effect("steps of the range rate", (0.1, 0.25, 0.5, 1.0), "m/s", partial(step, role="range_rate")),
-    Effect("steps of the gap", (0.25, 0.5, 1.0, 2.0), "m", partial(step, role="gap")),
-    Effect("steps of the speed", (0.1, 0.28, 0.5, 1.0), "m/s", partial(step, role="speed")),
-    Effect("range rate lags", DELAYS, "s", partial(lag, role="range_rate")),
-    Effect("gap lags", DELAYS, "s", partial(lag, role="gap")),
-    Effect("speed lags", DELAYS, "s", partial(lag, role="speed")),
-    Effect("gap late", DELAYS, "s", partial(late, role="gap")),
-    Effect("range rate late", DELAYS, "s", partial(late, role="range_rate")),
+    Effect("gap limited", SHARES, "of the time", partial(limit, role="gap", sides=(False, True)), LIMITED),
+    Effect("all held", PERIODS, "s", partial(hold, roles=EVERYTHING), SLOW),
+    Effect("output held", PERIODS, "s", partial(hold, roles=(OUTPUT,)), SLOW),
+    Effect("radar held", PERIODS, "s", partial(hold, roles=RADAR), SLOW),
+    Effect("all joined by lines", PERIODS, "s", partial(line, roles=EVERYTHING), SLOW),
+    Effect("output joined by lines", PERIODS, "s", partial(line, roles=(OUTPUT,)), SLOW),
+    Effect("radar joined by lines", PERIODS, "s", partial(line, roles=RADAR), SLOW),
+    Effect("steps of the output", (0.1, 0.2, 0.5, 1.0), "sd", partial(step, role=OUTPUT), COARSE),
+    Effect("steps of the range rate", (0.1, 0.25, 0.5, 1.0), "m/s", partial(step, role="range_rate"), COARSE),
+    Effect("steps of the gap", (0.25, 0.5, 1.0, 2.0), "m", partial(step, role="gap"), COARSE),
+    Effect("steps of the speed", (0.1, 0.28, 0.5, 1.0), "m/s", partial(step, role="speed"), COARSE),
+    Effect("range rate lags", DELAYS, "s", partial(lag, role="range_rate"), LATE),
+    Effect("gap lags", DELAYS, "s", partial(lag, role="gap"), LATE),
+    Effect("speed lags", DELAYS, "s", partial(lag, role="speed"), LATE),
+    Effect("gap late", DELAYS, "s", partial(late, role="gap"), LATE),
+    Effect("range rate late", DELAYS, "s", partial(late, role="range_rate"), LATE),
     Effect("clock of the output", (50.0, 100.0, 300.0, 1000.0), "ppm", partial(clock, role=OUTPUT)),
-    Effect("0 without a target", (0.01, 0.05, 0.2, 0.5), "of the time", partial(zero, roles=RADAR)),
-    Effect("gap 0 without a target", (0.01, 0.05, 0.2, 0.5), "of the time", partial(zero, roles=("gap",))),
+    Effect("0 without a target", (0.01, 0.05, 0.2, 0.5), "of the time", partial(zero, roles=RADAR), EMPTY),
+    Effect(
+        "gap 0 without a target", (0.01, 0.05, 0.2, 0.5), "of the time", partial(zero, roles=("gap",)), EMPTY
+    ),
     # s: a minute, 16 bits of ms, an hour, 32 bits of µs
     Effect("time wraps", (60.0, 65.536, 3600.0, 4294.967296), "s", wrap),
     Effect("rows lost", (0.05, 0.2, 0.5, 0.8), "of them", drop),
