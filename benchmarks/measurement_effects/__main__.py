@@ -101,7 +101,13 @@ def main() -> None:
             for k, seed in enumerate(seeds)
             for simulator in SIMULATORS
         ]
-        found = [each for part in pool.map(outcomes, jobs) for each in part]
+        found = []
+        for job, part in zip(jobs, pool.map(outcomes, jobs), strict=True):
+            found += part
+            print(
+                f"{job.simulator} {job.seed}: {sum(len(each.misses) for each in part)} silent misses",
+                flush=True,
+            )
     for line in rows(found):
         print(line)
 

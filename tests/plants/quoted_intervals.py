@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-import canid
+from canid.analysis.drive import drive_parameters
 from canid.analysis.drive.drive_parameters import Identified
 from canid.values.errors import CanidError
 from canid.values.types import QUOTED, Interval, Trace
@@ -47,9 +47,9 @@ def trace(drive: Drive) -> Trace:
 
 
 def identified(drive: Drive) -> Identified | None:
-    """The parameters of the whole drive, from its table; None: canid refuses the table."""
+    """What `canid.identify` quotes of the whole drive, from its table; None: canid refuses the table."""
     try:
-        return canid.identify(trace(drive), select_orders=False, sliding=False)
+        return drive_parameters.whole_drive(trace(drive))
     except CanidError:
         return None
 
