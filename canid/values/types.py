@@ -135,8 +135,8 @@ class Sample(NamedTuple):
     learn: bool  # gate open, and the recovery time over
     segment: int  # grows by one where the inputs' history breaks (another target, another driver)
     signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
-    # of the driver's demand at a limit of the output: at most this where the output is not above it (a pedal at its floor),
-    # at least this where it is; NaN: nothing is known
+    # Of the driver's demand at a limit of the output: at most this where the output is not above it (a pedal at its floor),
+    # at least this where it is. Of a sample that may be learned from: the limit was within reach. NaN: neither
     bound: float = NAN
     # of the measurement noise of output and inputs, where several readings make a sample; (): not known
     variance: tuple[float, ...] = ()

@@ -32,6 +32,10 @@ MIN_RATIO = 3.0
 NEEDED_EVIDENCE = 30.0
 
 
+# standard deviations of the change from one sample to the next, which one in 700 exceeds on one side
+MARGIN_SD = 3.0
+
+
 class Level(NamedTuple):
     """One of the extreme values."""
 
@@ -46,6 +50,7 @@ class State(NamedTuple):
     samples: Annotated[int, NOT_NEGATIVE] = 0
     stays: Annotated[int, NOT_NEGATIVE] = 0  # runs of one value
     last: float = NAN
+    change: Annotated[float, NOT_NEGATIVE] = 0.0  # sum of the squared changes from sample to sample
     # extreme values, each from the outermost on, and whether the output has been away from the outermost since
     top: tuple[Level, ...] = ()
     bottom: tuple[Level, ...] = ()  # of the output times -1
@@ -59,6 +64,7 @@ class Limits(NamedTuple):
     lower: float = -math.inf
     upper: float = math.inf
     tolerance: float = 0.0  # a value no further from a limit than this is at it
+    margin: float = 0.0  # a sample after one that is further from a limit than this hardly ever is at it
 
     def side(self, output: float) -> int:
         """-1 at the lower limit, 1 at the upper one, else 0.
@@ -81,14 +87,15 @@ def init() -> State:
 def step(state: State, output: float) -> State:
     """Count a sample, finite, of which nothing else hides the driver's demand."""
     if not state.samples:
-        return State(1, 1, output, (Level(output),), (Level(-output),))
+        return State(1, 1, output, 0.0, (Level(output),), (Level(-output),))
     # of a sample beyond all before it as well: its own distance from them is the range's
     span = max(output, state.top[0].value) + max(-output, state.bottom[0].value)
     same = SAME_SHARE * span
     top, top_left = _counted(state.top, state.top_left, output, span, same)
     bottom, bottom_left = _counted(state.bottom, state.bottom_left, -output, span, same)
     stays = state.stays + (abs(output - state.last) > same)
-    return State(state.samples + 1, stays, output, top, bottom, top_left, bottom_left)
+    change = state.change + (output - state.last) ** 2
+    return State(state.samples + 1, stays, output, change, top, bottom, top_left, bottom_left)
 
 
 def _counted(
@@ -120,13 +127,15 @@ def limits(state: State) -> Limits:
     if not state.samples:
         return NOWHERE
     upper, lower = _is_limit(state, state.top), _is_limit(state, state.bottom)
-    if not (upper or lower):
-        return NOWHERE
+    # at the limits it does not change
+    moving = state.samples - upper * state.top[0].samples - lower * state.bottom[0].samples
+    margin = MARGIN_SD * (state.change / max(moving, 1)) ** 0.5
     span = state.top[0].value + state.bottom[0].value
     return Limits(
         -state.bottom[0].value if lower else -math.inf,
         state.top[0].value if upper else math.inf,
         SAME_SHARE * span,
+        margin,
     )
 
 

@@ -168,6 +168,7 @@ def step(
         state = _distance(state, t, values, driver)
     gate = judge(state, values, driver)
     output, known = values.get(driver.output, NAN), output_limits.NOWHERE
+    before = state.limits.last
     if gate in SHOWS_DEMAND:
         state = state._replace(limits=output_limits.step(state.limits, output))
         known = _with_pedal(output_limits.limits(state.limits), driver.output)
@@ -208,7 +209,10 @@ def step(
     released = gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) and output <= PEDAL_FLOOR_PERCENT
     bound = PEDAL_FLOOR_PERCENT if released else NAN
     if gate is LearnGate.OUTPUT_LIMIT:
-        bound = _bound(known, output)
+        bound = _bound(known, known.side(output))
+    elif learn:
+        top = state.limits.top[0].value
+        bound = _bound(known, _near(known, before, driver.output, top))
     return after, Sample(t, output, inputs(values, driver), gate, learn, segment, values, bound)
 
 
@@ -221,11 +225,25 @@ def _with_pedal(known: output_limits.Limits, output: str) -> output_limits.Limit
     )
 
 
-def _bound(known: output_limits.Limits, output: float) -> float:
-    """What the demand is at most or at least where the output is at a limit, see `Sample.bound`."""
-    if known.side(output) < 0:
-        return known.lower + known.tolerance
-    return math.nextafter(known.upper - known.tolerance, -math.inf)
+def _near(known: output_limits.Limits, before: float, output: str, top: float) -> int:
+    """Side on which a sample may be at a limit that the drive has met, by the sample before it; 0: on none.
+
+    A pedal's 0 % is left out: released, it falls there from anywhere.
+    """
+    if before >= known.upper - known.margin and top >= known.upper - known.tolerance:
+        return 1
+    return -1 if output != "pedal" and before <= known.lower + known.margin else 0
+
+
+def _bound(known: output_limits.Limits, side: int) -> float:
+    """What the demand is at most or at least at a limit, see `Sample.bound`; NaN on no side."""
+    if side == 0:
+        return NAN
+    return (
+        known.lower + known.tolerance
+        if side < 0
+        else math.nextafter(known.upper - known.tolerance, -math.inf)
+    )
 
 
 def limits(trace: Trace) -> output_limits.Limits:
@@ -240,16 +258,24 @@ def with_limits(trace: Trace) -> Trace:
     Args:
         trace: of a drive, its gates as they were judged sample by sample.
     """
-    known = limits(trace)
-    sides = np.array([known.side(y) for y in trace.output.tolist()], dtype=np.int64)
-    at = np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool) & (sides != 0)
-    if not at.any():
+    known, role = limits(trace), output_role(trace)
+    output = trace.output.tolist()
+    sides = np.array([known.side(y) for y in output], dtype=np.int64)
+    opened = np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool)
+    at = opened & (sides != 0)
+    met = at | np.array([gate is LearnGate.OUTPUT_LIMIT for gate in trace.gate], dtype=bool)
+    if not met.any():
         return trace
     index = np.arange(at.size)
     since = index - np.maximum.accumulate(np.where(at, index, -at.size))
     settles = since * trace.dt < RECOVERY_S[LearnGate.OUTPUT_LIMIT] - trace.dt / 2
     bound = np.full(at.size, NAN) if trace.bound is None else trace.bound.copy()
-    bound[at] = [_bound(known, y) for y in trace.output[at].tolist()]
+    bound[opened] = NAN
+    bound[at] = [_bound(known, side) for side in sides[at].tolist()]
+    top = float(trace.output[met].max())
+    near = [0, *(_near(known, y, role, top) for y in output[:-1])]
+    free = trace.learn & ~settles & ~met
+    bound[free] = [_bound(known, side) for side in np.array(near)[free].tolist()]
     gate = tuple(
         LearnGate.OUTPUT_LIMIT if here else before
         for here, before in zip(at.tolist(), trace.gate, strict=True)

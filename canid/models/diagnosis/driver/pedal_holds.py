@@ -204,8 +204,9 @@ def _ceiling(data: DriverData, y: Array, step: float) -> Holds:
     A density falls towards its end; the seconds at the top against those at the levels below it are the evidence
     (twice the log likelihood ratio of two Poisson counts of seconds).
     """
-    free = data.output.usable & ~data.output.below
-    if not free.any():
+    free = data.output.usable & ~data.output.hidden
+    # the output's own limit is no habit, and nothing below it stops the pedal
+    if data.output.above.any() or not free.any():
         return NONE
     dt, level = data.output.dt, float(y[free].max())
     if level >= PEDAL_END_PERCENT:
