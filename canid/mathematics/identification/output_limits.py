@@ -115,7 +115,7 @@ def _counted(
 
 
 def limits(state: State) -> Limits:
-    """Return the limits that the samples so far show.
+    """Return the limits that the samples so far show, and the margin whether they show any or not.
 
     Example:
         >>> import numpy as np
