@@ -258,6 +258,12 @@ BENCHMARKS = (
         "signal checks: planted faults caught and named, false alarms",
     ),
     Benchmark(
+        "measurement_ends",
+        "benchmarks.measurement_effects.ends",
+        "15 min",
+        "an output at its limit: coverage, efficiency and false causes, by share of the time there",
+    ),
+    Benchmark(
         "sensor_effects",
         "benchmarks.measurement_effects",
         "3 h",

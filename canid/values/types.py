@@ -122,6 +122,7 @@ class LearnGate(Enum):
     REVERSE = "reverse gear: nobody is followed"
     STALE = "a signal that the model needs does not arrive"
     ASSIST = "an assistant steers: the wheel says nothing about the person"
+    OUTPUT_LIMIT = "the output is at its limit: the driver's answer is beyond what it can show"
 
 
 class Sample(NamedTuple):
@@ -134,7 +135,9 @@ class Sample(NamedTuple):
     learn: bool  # gate open, and the recovery time over
     segment: int  # grows by one where the inputs' history breaks (another target, another driver)
     signals: Mapping[str, float]  # every role, and derived `headway`; NaN = not measured
-    bound: float = NAN  # the driver's demand was at or below it: a pedal at its floor; NaN: nothing is known
+    # Of the driver's demand at a limit of the output: at most this where the output is not above it (a pedal at its floor),
+    # at least this where it is. Of a sample that may be learned from: the limit was within reach. NaN: neither
+    bound: float = NAN
     # of the measurement noise of output and inputs, where several readings make a sample; (): not known
     variance: tuple[float, ...] = ()
 

@@ -23,8 +23,10 @@ from canid.mathematics.identification.armax.armax_batch import ArmaxFit
 from canid.mathematics.identification.armax.order_selection import Candidate
 from canid.mathematics.systems.drive_responses import DriveResponses, drive_responses
 from canid.mathematics.systems.identified_loop import IdentifiedLoop, identified_loop
+from canid.signals.samples.learning_gate import with_limits
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
+from canid.signals.signal_checks.output_ends import OutputEnd, reached
 from canid.signals.signal_checks.output_scale import OutputScale, output_scale
 from canid.signals.vehicle.schema import did_you_mean
 from canid.values.presentation import Tabled
@@ -64,6 +66,7 @@ class _Identified(NamedTuple):
     output_scale: OutputScale | None = (
         None  # of a pedal; None: the output is none, or nothing was read of one
     )
+    output_limits: tuple[OutputEnd, ...] = ()  # that the output met, a pedal at 0 % apart
 
     def __repr__(self) -> str:
         name = self.ranked[0] if self.whole else "no estimator"
@@ -172,7 +175,8 @@ def whole_drive(trace: Trace, **settings: Any) -> Identified:
 
 
 def _whole_drive(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> Identified:
-    time = of_trace(trace)
+    limited = with_limits(trace)
+    time = of_trace(limited)
     return Identified(
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
@@ -182,6 +186,7 @@ def _whole_drive(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> Id
         time=time,
         findings=trace.findings,
         output_scale=output_scale(trace.output, trace.dt, trace.full_scale, trace.findings),
+        output_limits=reached(limited),
     )
 
 

@@ -17,6 +17,7 @@ from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.mathematics.identification.armax.order_selection import Candidate
 from canid.mathematics.systems.identified_loop import IdentifiedLoop
 from canid.mathematics.systems.posterior_draws import Drawn
+from canid.signals.signal_checks.output_ends import OutputEnd
 from canid.signals.signal_checks.output_scale import OutputScale
 from canid.values.text import json_values
 from canid.values.text.numbers import role_unit
@@ -138,6 +139,7 @@ class Identification(NamedTuple):
     orders: tuple[Candidate, ...]
     of_log: OfLog
     output_scale: OutputScale | None = None  # of a pedal
+    output_limits: tuple[OutputEnd, ...] = ()  # that it met
 
 
 def document(drive: Identified, log: str, vehicle: str, of_log: OfLog | None = None) -> Identification:
@@ -160,6 +162,7 @@ def document(drive: Identified, log: str, vehicle: str, of_log: OfLog | None = N
         drive.orders,
         of_log or {},
         drive.output_scale,
+        drive.output_limits,
     )
 
 

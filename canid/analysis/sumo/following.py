@@ -14,7 +14,7 @@ from canid.values.findings import Flags
 from canid.values.types import Array, LearnGate, Trace
 
 # what a traffic simulator needs as well: gap and speed are measured, and the driver drives
-SHOWN = (LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.STANDSTILL)
+SHOWN = (LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.OUTPUT_LIMIT, LearnGate.STANDSTILL)
 # s of the difference quotient of the speed: the sensor's noise is then small against what is driven
 ACCEL_S = 1.0
 # stretches of a long drive, and s of the longest: enough of them for folds and intervals

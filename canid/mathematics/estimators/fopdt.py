@@ -161,7 +161,8 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     if not math.isfinite(sample.t) or sample.t <= state.t:
         return state, False
     hidden = not sample.learn and sample.bound == sample.bound
-    output, known = (sample.bound, -1.0) if hidden else (sample.output, float(sample.learn))
+    side = regression_rows.AT_MOST if sample.bound >= sample.output else regression_rows.AT_LEAST
+    output, known = (sample.bound, side) if hidden else (sample.output, float(sample.learn))
     row = (output, known, float(sample.segment), *sample.inputs)
     recent = (*state.recent, *_missing(setup, state, sample), row)
     pace, forced = status.by_gate(state.pace, sample)

@@ -41,7 +41,7 @@ def per_row(dt: float) -> int:
 def step(state: State, sample: Sample, dt: float, count: int) -> tuple[State, Sample | None]:
     """Take a sample; the row that it completes, with the time, gate and segment of its last sample.
 
-    A row is not learned from unless all its samples are there and may be learned from.
+    A row is not learned from unless all its samples are there, may be learned from and are not within reach of a limit.
 
     Args:
         state: from `State()` or the step before.
@@ -57,6 +57,8 @@ def step(state: State, sample: Sample, dt: float, count: int) -> tuple[State, Sa
     >>> row.t, row.output, row.inputs
     (0.08, 3.0, (4.0,))
     """
+    # what is next to a limit is left out whatever it is: left out at the limit alone, rows would be selected by the output
+    sample = sample._replace(learn=sample.learn and sample.bound != sample.bound)
     if count == 1:
         return state, sample
     k = round(sample.t / dt) if math.isfinite(sample.t) else state.row * count
@@ -81,6 +83,8 @@ def step(state: State, sample: Sample, dt: float, count: int) -> tuple[State, Sa
 def pooled(trace: Trace) -> Trace:
     """Pool the rows of a drive; a grid of a tenth of a second or more stays as it is."""
     count = per_row(trace.dt)
+    if trace.bound is not None:
+        trace = trace._replace(learn=trace.learn & ~np.isfinite(trace.bound), bound=None)
     if count == 1:
         return trace
     row, place = np.divmod(np.round(trace.t / trace.dt).astype(np.int64), count)

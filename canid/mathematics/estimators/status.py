@@ -56,6 +56,7 @@ _AT_ONCE = {
 _AFTER_BRIEF_CLOSURE = {
     LearnGate.BRAKE: Status.NO_DRIVER,
     LearnGate.PEDAL_FLOOR: Status.NO_DRIVER,
+    LearnGate.OUTPUT_LIMIT: Status.NO_DRIVER,
     LearnGate.TARGET_CHANGE: Status.NO_LEAD,
 }
 _OF_GATE = (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)

@@ -177,7 +177,7 @@ def assess(searched: Searched) -> Assessed:
     rows, order = int(before.rows.sum()), before.noise.A.size - 1
     seen = original.seen
     tested = Assessed(
-        corrected, trace, original.output.usable & ~original.output.below,
+        corrected, trace, original.output.usable & ~original.output.hidden,
         fit_of(before, before.fitted.model, original, trace.dt, original, base.why_form, final),
         fit_of(solved, after_out, original, trace.dt, search_result.data, base.why_form, others),
         (before.fitted.model, after_out), findings, held, gained, len(drivers), search_result.steps,
@@ -272,8 +272,8 @@ def fit_of(
         why_form: why the baseline has its form.
         others: models with one more effect, that widen the intervals.
     """
-    percent, sd = fit_quality(data.output.y, out, data.output.usable & ~data.output.below)
-    shown = np.maximum(out, 0.0) if data.pedal else out
+    percent, sd = fit_quality(data.output.y, out, data.output.usable & ~data.output.hidden)
+    shown = np.minimum(np.maximum(out, 0.0) if data.pedal else out, data.output.ceiling)
     form = baseline_form.stated(data, solved, why_form)
     return Fit(driver_intervals.channels(solved, dt, fitted, others), percent, shown, sd, form)
 

@@ -15,8 +15,11 @@ from canid.models.diagnosis.several_drives import shared_car
 from canid.models.diagnosis.several_drives.joined_drives import join
 from canid.models.effects import CATALOGUE, LANE_CATALOGUE
 from canid.models.effects.effect import Effect
+from canid.signals.samples.learning_gate import with_limits
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
+from canid.signals.signal_checks.output_ends import reached
 from canid.values.findings import Report
+from canid.values.text.names import capitalised
 from canid.values.types import TASK_INPUTS, Trace
 
 # s of driving that a diagnosis needs: in less than two minutes no cause stands out from chance (evidence grows with time)
@@ -53,6 +56,7 @@ def diagnose(
         >>> report.verdict.value
         'adequate'
     """
+    trace = with_limits(trace)
     if trace.input_names == TASK_INPUTS["lane_keeping"]:
         settings = Settings(LANE_CATALOGUE if catalogue is None else catalogue, minimum, progress)
         context = lane_keeping.context(trace)
@@ -60,6 +64,7 @@ def diagnose(
         settings = Settings(CATALOGUE if catalogue is None else catalogue, minimum, progress, rivals)
         context = corrections.diagnose_context(trace, settings.catalogue)
     report = _diagnosed(trace, context, settings)._replace(signals=trace.findings, time=of_trace(trace))
+    report = report._replace(steps=(*(f"{capitalised(end.says)}." for end in reached(trace)), *report.steps))
     return _arbitrated(report, [trace], estimators or {}) if arbitrated else report
 
 
@@ -118,7 +123,7 @@ def diagnose_drives(
     Raises:
         ConfigError: the drives differ in step, inputs, or output filter.
     """
-    joined = join(traces)
+    joined = join([with_limits(trace) for trace in traces])
     several = Several(joined.spans, tuple(names))
     settings = Settings(catalogue, minimum, progress, rivals, several, null_gain)
     context = corrections.diagnose_context(joined.trace, catalogue)
@@ -155,6 +160,7 @@ def diagnose_car(
     Raises:
         ConfigError: the drives differ in step, inputs, or output filter.
     """
+    traces = [with_limits(trace) for trace in traces]
     joined = join(traces)
     car = shared_car.diagnose_car(joined, traces, names, catalogue)
     out = []

@@ -46,7 +46,7 @@ def ready(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Prepar
         fitted = baseline(data)
         if fitted is None:
             return None
-        left = (data.output.y - fitted.fitted.model)[data.output.usable & ~data.output.below]
+        left = (data.output.y - fitted.fitted.model)[data.output.usable & ~data.output.hidden]
         has_content = fitted.noise.sd >= MIN_INNOVATION_SHARE * float(np.std(left))
         if has_content or 2 * trace.dt > speed_difference.MAX_SAMPLE_TIME_S + 1e-9:
             return Prepared(trace, data, fitted)

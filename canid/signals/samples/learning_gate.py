@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
+from canid.mathematics.identification import output_limits
+from canid.values.output_role import output_role
 from canid.values.roles import assistant_of
-from canid.values.types import NAN, Driver, LearnGate, Sample
+from canid.values.types import NAN, Driver, LearnGate, Sample, Trace
 
 # %; one step of an 8-bit pedal sensor: at or below it the pedal may be released
 PEDAL_FLOOR_PERCENT = 0.5
+# %; as far from its other end a pedal may be pressed down
+PEDAL_FULL_PERCENT = 99.5
 # m/s; below walking pace headway = gap/speed says nothing and people creep
 CREEP_SPEED = 2.0
 # s; up to 6 s a driver's speed depends on that of the vehicle ahead (Vogel 2002, "What characterizes a free vehicle in an
@@ -24,10 +31,12 @@ FREE_AFTER_S = 3.0
 # s; sums of the grid's step must not make 3 s less than 3 s
 ROUNDING_S = 1e-6
 # s after the gate opens again before anything is learnt. The person takes over from cruise or finds a new lead in
-# about 2 s (openpilot waits the same time); the driver changes from brake to accelerator in 1 s; at the floor only the
-# pedal was hidden, not the driver: three samples for the sensor's own lag
-RECOVERY_S = {LearnGate.BRAKE: 1.0, LearnGate.PEDAL_FLOOR: 0.3}
+# about 2 s (openpilot waits the same time); the driver changes from brake to accelerator in 1 s; at the floor and at any
+# other limit only the output was hidden, not the driver: three samples for the sensor's own lag
+RECOVERY_S = {LearnGate.BRAKE: 1.0, LearnGate.PEDAL_FLOOR: 0.3, LearnGate.OUTPUT_LIMIT: 0.3}
 DEFAULT_RECOVERY_S = 2.0
+# gates with which the output is the driver's demand, up to its limits
+SHOWS_DEMAND = (LearnGate.OPEN, LearnGate.PEDAL_FLOOR, LearnGate.OUTPUT_LIMIT)
 
 
 class State(NamedTuple):
@@ -41,6 +50,7 @@ class State(NamedTuple):
     distant: float = NAN  # s, since when the headway has been too long; NaN: it is not
     departing: float = NAN  # s, since when the lead has been departing
     free: bool = False  # the lead is not followed
+    limits: output_limits.State = output_limits.init()  # of the output, as its samples have shown them
 
 
 def init() -> State:
@@ -157,6 +167,13 @@ def step(
     if driver.task == "car_following":
         state = _distance(state, t, values, driver)
     gate = judge(state, values, driver)
+    output, known = values.get(driver.output, NAN), output_limits.NOWHERE
+    before = state.limits.last
+    if gate in SHOWS_DEMAND:
+        state = state._replace(limits=output_limits.step(state.limits, output))
+        known = _with_pedal(output_limits.limits(state.limits), driver.output)
+    if gate is LearnGate.OPEN and known.side(output):
+        gate = LearnGate.OUTPUT_LIMIT
     segment = state.segment
     target = values.get("target", NAN)
     cruise = values.get("cruise_active", NAN)
@@ -186,9 +203,81 @@ def step(
         state.distant,
         state.departing,
         state.free,
+        state.limits,
     )
-    output = values.get(driver.output, NAN)
     # who brakes with the pedal pressed says nothing of his demand; a released pedal does
-    hidden = gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) and output <= PEDAL_FLOOR_PERCENT
-    bound = PEDAL_FLOOR_PERCENT if hidden else NAN
+    released = gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) and output <= PEDAL_FLOOR_PERCENT
+    bound = PEDAL_FLOOR_PERCENT if released else NAN
+    if gate is LearnGate.OUTPUT_LIMIT:
+        bound = _bound(known, known.side(output))
+    elif learn:
+        top = state.limits.top[0].value
+        bound = _bound(known, _near(known, before, driver.output, top))
     return after, Sample(t, output, inputs(values, driver), gate, learn, segment, values, bound)
+
+
+def _with_pedal(known: output_limits.Limits, output: str) -> output_limits.Limits:
+    """Limits of an output by its role: a pedal ends at 0 % and at 100 %, whatever its samples show."""
+    if output != "pedal":
+        return known
+    return known._replace(
+        lower=max(known.lower, PEDAL_FLOOR_PERCENT), upper=min(known.upper, PEDAL_FULL_PERCENT)
+    )
+
+
+def _near(known: output_limits.Limits, before: float, output: str, top: float) -> int:
+    """Side on which a sample may be at a limit that the drive has met, by the sample before it; 0: on none.
+
+    A pedal's 0 % is left out: released, it falls there from anywhere.
+    """
+    if before >= known.upper - known.margin and top >= known.upper - known.tolerance:
+        return 1
+    return -1 if output != "pedal" and before <= known.lower + known.margin else 0
+
+
+def _bound(known: output_limits.Limits, side: int) -> float:
+    """What the demand is at most or at least at a limit, see `Sample.bound`; NaN on no side."""
+    if side == 0:
+        return NAN
+    return (
+        known.lower + known.tolerance
+        if side < 0
+        else math.nextafter(known.upper - known.tolerance, -math.inf)
+    )
+
+
+def limits(trace: Trace) -> output_limits.Limits:
+    """Return the limits of a drive's output, as all its samples show them; of a pedal its own ends as well."""
+    shown = np.array([gate in SHOWS_DEMAND for gate in trace.gate], dtype=bool)
+    return _with_pedal(output_limits.find(trace.output[shown].tolist()), output_role(trace))
+
+
+def with_limits(trace: Trace) -> Trace:
+    """Close the gate at a limit of the output from the drive's beginning on, not from when its samples had shown it.
+
+    Args:
+        trace: of a drive, its gates as they were judged sample by sample.
+    """
+    known, role = limits(trace), output_role(trace)
+    output = trace.output.tolist()
+    sides = np.array([known.side(y) for y in output], dtype=np.int64)
+    opened = np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool)
+    at = opened & (sides != 0)
+    met = at | np.array([gate is LearnGate.OUTPUT_LIMIT for gate in trace.gate], dtype=bool)
+    if not met.any():
+        return trace
+    index = np.arange(at.size)
+    since = index - np.maximum.accumulate(np.where(at, index, -at.size))
+    settles = since * trace.dt < RECOVERY_S[LearnGate.OUTPUT_LIMIT] - trace.dt / 2
+    bound = np.full(at.size, NAN) if trace.bound is None else trace.bound.copy()
+    bound[opened] = NAN
+    bound[at] = [_bound(known, side) for side in sides[at].tolist()]
+    top = float(trace.output[met].max())
+    near = [0, *(_near(known, y, role, top) for y in output[:-1])]
+    free = trace.learn & ~settles & ~met
+    bound[free] = [_bound(known, side) for side in np.array(near)[free].tolist()]
+    gate = tuple(
+        LearnGate.OUTPUT_LIMIT if here else before
+        for here, before in zip(at.tolist(), trace.gate, strict=True)
+    )
+    return trace._replace(gate=gate, learn=trace.learn & ~settles, bound=bound)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.mathematics.estimators import speed_difference
+from canid.signals.samples import learning_gate
 from canid.values.types import Array, DriveTime, LearnGate, SignalFinding, Trace
 
 # s; the estimators start with a batch of 15 s, of which 5 s may be what came before and behind the samples: less decides
@@ -24,7 +25,7 @@ FIRST_ESTIMATE_S = 10.0
 Flags = npt.NDArray[np.bool_]
 
 # gates with which somebody follows a lead
-BEHIND_A_LEAD = frozenset((LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR))
+BEHIND_A_LEAD = frozenset((LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.OUTPUT_LIMIT))
 # gates with which nobody follows, but somebody drives
 WITHOUT_A_LEAD = frozenset((LearnGate.NO_LEAD, LearnGate.TARGET_CHANGE, LearnGate.FREE_DRIVING))
 
@@ -66,12 +67,13 @@ def usable(trace: Trace) -> Flags:
 def fitted_trace(trace: Trace) -> Trace:
     """Return the drive as its driver is fitted.
 
-    What a wrong signal has touched teaches nothing, and samples are as far apart as the output spans as a difference of the
-    recorded speed.
+    What a wrong signal has touched teaches nothing, the limits of the output are those of the whole drive, and samples are
+    as far apart as the output spans as a difference of the recorded speed.
 
     Args:
         trace: of the drive, with its findings.
     """
+    trace = learning_gate.with_limits(trace)
     used = usable(trace)
     if trace.findings and not used.all():
         trace = trace._replace(learn=used, bound=None)

@@ -29,7 +29,7 @@ from canid.ui.views.drive_report.strips import strips
 from canid.ui.views.notebook.channel_rows import channel_table
 from canid.ui.views.notebook.fragment import ACCENT, SECOND, chart, charted, fragment
 from canid.values.text import estimate_text
-from canid.values.text.names import SYMBOLS, label, readable
+from canid.values.text.names import SYMBOLS, capitalised, label, readable
 from canid.values.text.numbers import DASH, gain_unit, interval, number, role_unit
 from canid.values.types import QUOTED, Channel, Status, Trace
 
@@ -132,6 +132,7 @@ def _document(log: IdentifiedLog, anchor: str = "") -> doc.Document:
     drive = log.identified
     answer = verdict(drive, log.output)
     scale = [answer.scale] if answer.scale else []
+    limits = [f"{capitalised(end.says)}." for end in drive.output_limits]
     open_scale, known_scale = (scale, []) if identification_text.is_open(drive) else ([], scale)
     tests = identification_text.residual_tests(drive.headline)
     loop = identification_text.loop_lines(drive.loop)
@@ -146,7 +147,7 @@ def _document(log: IdentifiedLog, anchor: str = "") -> doc.Document:
             [doc.Listing(tests) if tests else _UNTESTED, _autocorrelation(log, anchor)],
         ),
         doc.Section("responses", "How the driver responds", _responses(log, anchor), "Responses"),
-        doc.Section("data", "Data", [gates.findings(drive.findings), *known_scale, *_data(log)]),
+        doc.Section("data", "Data", [gates.findings(drive.findings), *limits, *known_scale, *_data(log)]),
         doc.Section(
             "loop", "Driver and car: margins and string stability", [doc.Listing(loop)], "Driver and car"
         ),

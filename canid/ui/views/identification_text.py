@@ -73,7 +73,8 @@ def text(drive: Identified, log: str, vehicle: str, output: str = "") -> list[st
 
     `output`: role of the driver's output, for the unit of K.
     """
-    lines = [f"{log}: {vehicle}, {signal_text.time(drive.time)}", *signal_text.findings(drive.findings), ""]
+    lines = [f"{log}: {vehicle}, {signal_text.time(drive.time)}", *signal_text.findings(drive.findings)]
+    lines += [*(f"limit: {end.says}" for end in drive.output_limits), ""]
     reported: set[float] = set()
     for e in drive.windows:
         # the minutes after a change all carry it
@@ -122,10 +123,11 @@ def _hang(line: str) -> str:
 
 def _findings(drive: Identified) -> list[str]:
     """Findings on the signals."""
+    limits = [line for end in drive.output_limits for line in wrapped(f"limit: {end.says}")]
     if not drive.findings:
-        return ["signals: no finding"]
+        return ["signals: no finding", *limits]
     lines = [line for says in signal_text.findings(drive.findings[:LISTED]) for line in wrapped(says)]
-    return lines + _more(len(drive.findings), "  and {} more")
+    return limits + lines + _more(len(drive.findings), "  and {} more")
 
 
 def _more(count: int, says: str) -> list[str]:

@@ -64,8 +64,8 @@ def fit_process(
         dt: s.
         how: the box, the prior, and what is known of the output and the loop.
         segment: (n,), changes where the inputs' history breaks.
-        bound: (n,) that the driver's demand did not exceed where the output is not usable, a pedal at its floor; NaN:
-            nothing is known of it.
+        bound: (n,) of the driver's demand where the output is not usable, at a limit of the output: at most this, or at
+            least this where the output is above it; NaN: nothing is known of it.
         start: of an overlapping window: saves passes, changes nothing else.
         several: search from several starts, as is due to a whole drive.
 
@@ -96,8 +96,9 @@ def fit_process(
     known = np.where(usable, 1.0, 0.0)
     output = np.asarray(output, float)
     if bound is not None:
-        below = np.isfinite(bound) & (known == 0.0)
-        known[below], output = -1.0, np.where(below, bound, output)
+        hidden = np.isfinite(bound) & (known == 0.0)
+        known[hidden] = np.where(bound[hidden] >= output[hidden], rows.AT_MOST, rows.AT_LEAST)
+        output = np.where(hidden, bound, output)
     samples = np.column_stack([output, known, parts, inputs])
     most = len(samples) // layout.per_row + 1
     both, known_rows = np.empty((_height(layout), most)), np.zeros(most)
@@ -123,7 +124,7 @@ def _height(layout: rows.Layout) -> int:
 
 
 def _columns(layout: rows.Layout, window: Array) -> tuple[Array, Array]:
-    """Answers and output of rows (m b + 1, n), and whether they are usable (> 0) or a bound (< 0)."""
+    """Answers and output of rows (m b + 1, n), and whether they are usable (> 0) or which bound (< 0)."""
     both = np.empty((_height(layout), len(window)))
     both[:-1], both[-1] = window[:, 2 + layout.inputs :].T, window[:, 0]
     return both, window[:, 1]
@@ -162,6 +163,7 @@ def _fit(
     """Fit answers and output (m b + 1, n), which are used up; `known` (n,) as of `_columns`."""
     m = layout.inputs
     usable, bounded = known > 0.0, known < 0.0
+    side = np.where(known == rows.AT_LEAST, -1.0, 1.0)
     prior = how.input_prior()
     both_pass = equalizer(how.output_filter, layout.step)
     if both_pass is not None:
@@ -172,7 +174,7 @@ def _fit(
     if not enough(both, usable, m):
         return no_fit(m, count)
     limits = band.strides(layout.step, how.output_filter)
-    task = Task(layout, ready(both, usable, bounded, count), count, prior, limits, scored=scored)
+    task = Task(layout, ready(both, usable, bounded, side, count), count, prior, limits, scored=scored)
     # fits that are compared are refitted alike
     least = several_starts.LEAST_REFITS if scored and start is not None else 0
     fit = (

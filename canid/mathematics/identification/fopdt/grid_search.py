@@ -116,8 +116,10 @@ def enough(both: Array, usable: npt.NDArray[np.bool_], inputs: int) -> bool:
     return int(usable.sum()) >= 20 * (inputs + 1) and bool(float(np.ptp(both[-1, usable])) > 0.0)
 
 
-def ready(both: Array, usable: npt.NDArray[np.bool_], bounded: npt.NDArray[np.bool_], count: int) -> Data:
-    """Make answers and output (m b + 1, n) ready in place; `usable`, `bounded` (n,), `count` rows are usable."""
+def ready(
+    both: Array, usable: npt.NDArray[np.bool_], bounded: npt.NDArray[np.bool_], side: Array, count: int
+) -> Data:
+    """Make answers and output (m b + 1, n) ready in place; `usable`, `bounded`, `side` (n,), `count` rows are usable."""
     nothing = ~(usable | bounded)
     if count < len(usable):
         both[:, nothing] = 0.0
@@ -125,7 +127,7 @@ def ready(both: Array, usable: npt.NDArray[np.bool_], bounded: npt.NDArray[np.bo
     both -= mean[:, None]
     if count < len(usable):
         both[:, nothing] = 0.0
-    return Data(both, usable, bounded, float(mean[-1]), mean[:-1])
+    return Data(both, usable, bounded, side, float(mean[-1]), mean[:-1])
 
 
 def search(task: Task, start: Start | None = None, continued: bool = True, least: int = 0) -> ProcessFit:

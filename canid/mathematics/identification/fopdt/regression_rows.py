@@ -29,6 +29,10 @@ MAX_BRIDGED_GAP_S = 0.5
 ROW_STEP_S = 0.1
 
 
+# of a sample or a row that is a bound of the demand: what it may be at most, or at least
+AT_MOST, AT_LEAST = -1.0, -2.0
+
+
 class Layout(NamedTuple):
     """What all rows of an estimator have in common."""
 
@@ -102,8 +106,9 @@ def put(layout: Layout, state: State, samples: Array, settle: float) -> tuple[St
     Args:
         layout: of the rows.
         state: `State()` or as left by the samples before.
-        samples: (k, 3 + m): output, whether it may be learnt from (1), is a bound of the demand (-1) or neither (0),
-            segment, inputs; NaN = not measured. One per step of the grid: a time that never came is a row of NaN.
+        samples: (k, 3 + m): output, whether it may be learnt from (1), is a bound of the demand (`AT_MOST`, `AT_LEAST`) or
+            neither (0), segment, inputs; NaN = not measured. One per step of the grid: a time that
+            never came is a row of NaN.
         settle: s after a break in which the unknown history still matters; not usable.
 
     Returns:
@@ -202,16 +207,20 @@ _MAX_LOOP_SAMPLES = 128
 def _average(ready: Array, per_row: int) -> Array:
     """Average the usable samples of each row, usable where at least half of them are; else all, not usable.
 
-    A row with a bound among usable samples is a bound itself: the mean of demands is at most that of their bounds.
+    A row with a bound among usable samples is a bound itself: the mean of demands is at most, or at least,
+    that of their bounds.
     """
     if per_row == 1 or not len(ready):
         return ready
     blocks = ready.reshape(-1, per_row, ready.shape[1])
     usable, bounded = blocks[:, :, 1] > 0.0, blocks[:, :, 1] < 0.0
     count = usable.sum(axis=1)
-    below = bounded.any(axis=1) & (usable | bounded).all(axis=1)
-    good = (count >= 0.5 * per_row) & ~below
+    known = blocks[:, :, 1].min(axis=1)
+    # of demands of which some are at least and some at most so much nothing is known
+    both = (known == AT_LEAST) & (blocks[:, :, 1] == AT_MOST).any(axis=1)
+    below = bounded.any(axis=1) & (usable | bounded).all(axis=1) & ~both
+    good = (count >= 0.5 * per_row) & ~below & ~both
     rows: Array = np.where(usable[:, :, None], blocks, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
     rows[~good] = blocks[~good].mean(axis=1)
-    rows[:, 1] = np.where(below, -1.0, good)
+    rows[:, 1] = np.where(below, known, good)
     return rows

@@ -50,7 +50,8 @@ class Data(NamedTuple):
 
     both: Array  # (m b + 1, n) answers and output
     usable: Flags  # (n,)
-    bounded: Flags  # (n,) the output is an upper bound of the demand
+    bounded: Flags  # (n,) the output is a bound of the demand
+    side: Array  # (n,) 1: an upper bound, -1: a lower one
     y_mean: float
     X_mean: Array  # (m b,)
 
@@ -155,7 +156,8 @@ def _phased(data: Data, stride: int) -> Phases:
     """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
     if stride > 1:
         usable, bounded = _phases(np.vstack([data.usable, data.bounded]), stride)
-        data = Data(_phases(data.both, stride), usable, bounded, data.y_mean, data.X_mean)
+        side = _phases(data.side[None], stride)[0]
+        data = Data(_phases(data.both, stride), usable, bounded, side, data.y_mean, data.X_mean)
     change = innovation_law.changes(data.y, data.usable)
     return Phases(data, autoregression.run_lengths(data.usable), change)
 
@@ -286,10 +288,10 @@ def _weigh(
     if at_bound.any() and law.law.sd > 0.0:
         scale = law.law.sd * law.size[at_bound]
         bound, middle, w, known = e[at_bound], 0.0, weight[free], e[free]
-        total, size = float(w.sum()), law.size[at_bound] ** 2
+        total, size, side = float(w.sum()), law.size[at_bound] ** 2, phases.data.side[at_bound]
         for _ in range(MIDDLE_ROUNDS):
-            pseudo = censoring.below((bound - middle) / scale)
-            value, of_bound = middle + scale * pseudo.value, pseudo.weight / size
+            pseudo = censoring.below(side * (bound - middle) / scale)
+            value, of_bound = middle + scale * (side * pseudo.value), pseudo.weight / size
             middle = float(w @ known + of_bound @ value) / (total + float(of_bound.sum()))
         shift = np.zeros(len(e))
         shift[at_bound] = value - bound
@@ -390,7 +392,8 @@ def score(noise: Noise, step: float) -> float:
     features = innovation_law.features(e, free, phases.change, 1.0 / (step * noise.stride))
     law, value = innovation_law.log_likelihood(e, weighed.law, features, free)
     if at_bound.any() and law.law.sd > 0.0:
-        surprise = censoring.surprise(e[at_bound] / (law.law.sd * law.size[at_bound])).value
+        from_bound = phases.data.side[at_bound] * e[at_bound] / (law.law.sd * law.size[at_bound])
+        surprise = censoring.surprise(from_bound).value
         value -= 0.5 * power(surprise)
     drifts = bool(len(noise.slow))
     counted = len(noise.ar) + drifts + len(law.law.slopes) + math.isfinite(law.law.freedom)

@@ -88,7 +88,8 @@ def _start_of_part(task: Task, part: slice) -> Start | None:
     if not enough(both, usable, task.layout.inputs):
         return None
     count = int(usable.sum())
-    return grid_search.search(task._replace(data=ready(both, usable, bounded, count), used=count)).start
+    half = ready(both, usable, bounded, data.side[part], count)
+    return grid_search.search(task._replace(data=half, used=count)).start
 
 
 def _distinct(scored: Sequence[ProcessFit]) -> list[ProcessFit]:

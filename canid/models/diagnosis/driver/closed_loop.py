@@ -281,6 +281,9 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
         person, demand = step(person, late, k)
         if noise is not None:
             demand = np.minimum(demand + noise(k, own_accel), pedal_holds.ceiling(ride.held))
+        demand = np.minimum(demand, data.output.ceiling)
+        if engine is None:
+            demand = np.maximum(demand, data.output.floor)
         output[k] = demand
         accel = demand
         if ride.car is not None and engine is not None:

@@ -14,6 +14,8 @@ from canid.values.types import Array, LearnGate, Trace
 
 # %; one step of an 8-bit pedal sensor: at or below it the pedal may be released (as `canid.learning_gate`)
 PEDAL_FLOOR_PERCENT = 0.5
+# %; there the pedal itself ends
+PEDAL_END_PERCENT = 99.0
 # s from the brake back to the pedal
 BRAKE_TO_PEDAL_S = 1.0
 # s; dead times up to here use all that was reported until now
@@ -86,12 +88,15 @@ def prepare(
     )
     below = pedal & (trace.output <= PEDAL_FLOOR_PERCENT)
     # the floor hides the demand, and so does the brake while the pedal is up: both are "below", not lost
-    hidden = np.array([gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) for gate in trace.gate])
-    open_ = np.array([gate is LearnGate.OPEN for gate in trace.gate])
+    hidden = np.array([gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) for gate in trace.gate], dtype=bool)
+    lower, upper = at_limits(trace, pedal)
+    below, hidden = below | lower.at, hidden | lower.at | upper.at
+    shown = (LearnGate.OPEN, LearnGate.OUTPUT_LIMIT)
+    open_ = np.array([gate in shown for gate in trace.gate], dtype=bool) & ~(lower.at | upper.at)
     brake = braking(trace)
     back = _within(brake, BRAKE_TO_PEDAL_S, trace.dt) & ~below
     settled = ~_within(~(open_ | hidden) | ~known, DRIVER_MEMORY_S, trace.dt)
-    fine = usable & known & settled & ~back & (open_ | (hidden & below))
+    fine = usable & known & settled & ~back & (open_ | (hidden & (below | upper.at)))
     filled_speed = filled(speed)
     reports = [filled(signals[role]) for role in ("gap", "range_rate")]
     for k, role in enumerate(("gap_reported", "range_rate_reported")):
@@ -110,9 +115,32 @@ def prepare(
         filled_speed,
         known_then.lead_accel[:, 0],
     )
-    nowhere = np.zeros(n, dtype=bool)
-    output = Output(filled(trace.output), fine, below & fine, PEDAL_FLOOR_PERCENT, nowhere, np.inf, trace.dt)
+    floor = max(lower.bound, PEDAL_FLOOR_PERCENT) if pedal else lower.bound
+    output = Output(filled(trace.output), fine, below & fine, floor, upper.at & fine, upper.bound, trace.dt)
     return DriverData(seen, known_then, output, pedal, begins)
+
+
+class AtLimit(NamedTuple):
+    """Samples at one limit of the output."""
+
+    at: Flags  # (n,)
+    bound: float  # of the demand there; infinite where there are none
+
+
+def at_limits(trace: Trace, pedal: bool = False) -> tuple[AtLimit, AtLimit]:
+    """Samples at the lower and at the upper limit of the output, a pedal at 0 % apart.
+
+    A pedal that is never pressed beyond less than its travel is a cause that the diagnosis may name: no limit here.
+    """
+    at = np.array([gate is LearnGate.OUTPUT_LIMIT for gate in trace.gate], dtype=bool)
+    bound = np.full(at.size, np.nan) if trace.bound is None else trace.bound
+    low, high = at & (trace.output <= bound), at & (trace.output > bound)
+    if pedal:
+        high &= bound >= PEDAL_END_PERCENT
+    return (
+        AtLimit(low, float(np.max(bound[low], initial=-np.inf))),
+        AtLimit(high, float(np.min(bound[high], initial=np.inf))),
+    )
 
 
 def _within(flags: Flags, span: float, dt: float) -> Flags:

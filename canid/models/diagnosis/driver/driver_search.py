@@ -176,8 +176,8 @@ def _propose(
     data, options = state.data, list[Option[Found]]()
     capped = bool(np.isfinite(pedal_holds.ceiling(state.holds)))
     for candidate in tried:
-        # a ceiling that was seen in the pedal itself needs no second one
-        if capped and Detector.PEDAL_CEILING in candidate.effect.detectors:
+        # a ceiling that was seen in the pedal itself, or a limit of the output, needs no second one
+        if (capped or measured.output.above.any()) and Detector.PEDAL_CEILING in candidate.effect.detectors:
             continue
         options.append(
             _option(candidate.effect, step, candidate.evidence, _needed(candidate, m) + form, candidate)

@@ -121,7 +121,7 @@ def errors(original: D, search: CauseSearch[D, M], fits: tuple[Fold[M], ...]) ->
         here = fold == k
         left, after_left = y - fitted.base.fitted.model, y - out
         before[here], after[here] = left[here] ** 2, after_left[here] ** 2
-    return before, after, original.output.usable & ~original.output.below
+    return before, after, original.output.usable & ~original.output.hidden
 
 
 def carried(search: Search, effect: Effect) -> float:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.mathematics.identification import movement_rhythm
-from canid.models.diagnosis.driver.driver_data import DriverData
+from canid.models.diagnosis.driver.driver_data import PEDAL_END_PERCENT, DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
 from canid.models.diagnosis.fitting.fitted_model import FittedModel, M
 from canid.models.diagnosis.fitting.likelihood import Output
@@ -40,8 +40,6 @@ MAX_SQUARED_JUMP = 400.0
 NEVER_LOG_LIKELIHOOD = -50.0
 # sensor steps; nearer than this the pedal is at its highest level, and so many levels below it are the comparison
 TOP_STEPS, BELOW_STEPS = 0.5, 3
-# %; there the pedal itself ends
-PEDAL_END_PERCENT = 99.0
 # of the standstills that are at the pedal's highest level where it is a ceiling
 MIN_TOP_SHARE = 0.75
 # times that a ceiling must have been reached
@@ -204,8 +202,9 @@ def _ceiling(data: DriverData, y: Array, step: float) -> Holds:
     A density falls towards its end; the seconds at the top against those at the levels below it are the evidence
     (twice the log likelihood ratio of two Poisson counts of seconds).
     """
-    free = data.output.usable & ~data.output.below
-    if not free.any():
+    free = data.output.usable & ~data.output.hidden
+    # the output's own limit is no habit, and nothing below it stops the pedal
+    if data.output.above.any() or not free.any():
         return NONE
     dt, level = data.output.dt, float(y[free].max())
     if level >= PEDAL_END_PERCENT:

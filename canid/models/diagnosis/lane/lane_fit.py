@@ -153,8 +153,9 @@ def lacking(trace: Trace, usable: Flags, minimum: float) -> str:
 
 def refusal(data: LaneData, solved: FittedLane) -> str:
     """Why the baseline does not describe the drive, and what would help; "": it may be judged."""
-    y = data.output.y[data.output.usable]
-    left = y - solved.fitted.model[data.output.usable]
+    free = data.output.usable & ~data.output.hidden
+    y = data.output.y[free]
+    left = y - solved.fitted.model[free]
     fit = 100 * (1 - float(np.linalg.norm(left)) / max(float(np.linalg.norm(y - y.mean())), 1e-9))
     if fit <= 0.0:
         return (

@@ -110,7 +110,7 @@ def assess(searched: Searched) -> Assessed:
     """
     base, confirmed, effects = searched.baseline, searched.confirmed, searched.effects
     data, search, trace = base.data, confirmed.search, base.corrected.trace
-    before, solved, used = search.baseline, search.solved, data.output.usable
+    before, solved, used = search.baseline, search.solved, data.output.usable & ~data.output.hidden
     after_out = held_out.simulated(search, solved, None)
     held = lane_adequacy.assess(search, explained(before, solved, data))
     # the interval of a lane keeper's gain is that of a bootstrap on this drive
@@ -151,5 +151,5 @@ def assess(searched: Searched) -> Assessed:
 
 
 def _fit(solved: FittedLane, out: Array, data: LaneData) -> Fit:
-    percent, sd = fit_quality(data.output.y, out, data.output.usable)
+    percent, sd = fit_quality(data.output.y, out, data.output.usable & ~data.output.hidden)
     return Fit(lane_fit.channels(solved, data), percent, out, sd)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from canid.models.diagnosis.driver.driver_data import filled
+from canid.models.diagnosis.driver.driver_data import at_limits, filled
 from canid.models.diagnosis.driver.driver_model import delayed
 from canid.models.diagnosis.fitting.likelihood import Output
 from canid.models.diagnosis.fitting.model import box
@@ -59,12 +59,13 @@ def prepare(trace: Trace, usable: Flags) -> LaneData:
     n = trace.t.size
     offset = trace.inputs[:, 0] if n else np.zeros(0)
     known = np.isfinite(offset) & np.isfinite(trace.output)
-    open_ = np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool)
+    lower, upper = at_limits(trace)
+    open_ = np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool) | lower.at | upper.at
     # where the samples' own history ends, the driver's memory is not known either
     begins = np.r_[True, np.diff(trace.segment) != 0] if n else np.zeros(0, dtype=bool)
     settled = ~extended(~(open_ & known & usable) | begins, round(DRIVER_MEMORY_S / trace.dt))
-    nowhere = np.zeros(n, dtype=bool)
-    output = Output(filled(trace.output), settled, nowhere, -np.inf, nowhere, np.inf, trace.dt)
+    below, above = lower.at & settled, upper.at & settled
+    output = Output(filled(trace.output), settled, below, lower.bound, above, upper.bound, trace.dt)
     road = trace.signals.get("curvature")
     measured = road is not None and bool(np.isfinite(road[settled]).mean() > 0.5) if settled.any() else False
     return LaneData(

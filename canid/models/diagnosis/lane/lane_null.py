@@ -18,6 +18,7 @@ from canid.models.diagnosis.driver import held_out
 from canid.models.diagnosis.driver.held_out import Fold
 from canid.models.diagnosis.fitting import likelihood, log_score_gain
 from canid.models.diagnosis.fitting.fitted_model import dropped, scaled_by_state, solve
+from canid.models.diagnosis.fitting.likelihood import Output
 from canid.models.diagnosis.fitting.search import Named
 from canid.models.diagnosis.lane import lane_search
 from canid.models.diagnosis.lane.lane_fit import FittedLane
@@ -87,7 +88,7 @@ def simulated(data: LaneData, driver: FittedLane, on: Road, count: int, seed: li
     """
     n, dt, q, noise = data.t.size, data.output.dt, driver.q, driver.noise
     rng = np.random.default_rng(seed)
-    pool = driver.fitted.scored.e[driver.rows]
+    pool = driver.fitted.scored.e[driver.rows & ~data.output.hidden]
     innovations = resampled(pool - pool.mean(), (n, count), max(round(BLOCK_S / dt), 1), rng)
     innovations *= noise.sd * noise.size[:, None]
     p, order = on.of_offset.size, noise.A.size - 1
@@ -110,13 +111,19 @@ def simulated(data: LaneData, driver: FittedLane, on: Road, count: int, seed: li
         aimed = clean[k - 1] - q[OFFSET], clean[k - 2] - q[OFFSET]
         clean[k] = q[OFFSET] + gain * demand - a[1] * aimed[0] - a[2] * aimed[1]
         left[k] = innovations[k] - A @ left[k - order : k]
-        u[k] = clean[k] + left[k]
+        u[k] = np.clip(clean[k] + left[k], data.output.floor, data.output.ceiling)
     limit = MAX_FACTOR * float(np.abs(data.offset).max())
     return [
-        data._replace(offset=y[:, m], output=data.output._replace(y=u[:, m]))
+        data._replace(offset=y[:, m], output=_limited(data.output, u[:, m]))
         for m in range(count)
         if np.isfinite(u[:, m]).all() and float(np.abs(y[:, m]).max()) < limit
     ]
+
+
+def _limited(output: Output, y: Array) -> Output:
+    """Another output (n,) with the same limits."""
+    below, above = output.usable & (y <= output.floor), output.usable & (y >= output.ceiling)
+    return output._replace(y=y, below=below, above=above)
 
 
 def refitted(replicate: LaneData, null: FittedLane) -> FittedLane | None:
@@ -222,6 +229,7 @@ def _held(data: LaneData) -> Interval:
     stood = predictive_score.run_length(still)
     plain = (stood > 0).astype(np.int64)
     fine = np.digitize(stood, predictive_score.RESTS)
-    counted = output.usable & np.r_[False, output.usable[:-1]]
+    free = output.usable & ~output.hidden
+    counted = free & np.r_[False, free[:-1]]
     out = predictive_score.of_standstills(still, plain, fine, counted, held_out.dealt(data))
     return log_score_gain.gain(out, counted, output.dt)

@@ -216,7 +216,7 @@ def _with_holds(original: DriverData, search: Search, won: Array, only: bool = F
     rows = none if only else search.baseline.rows & search.solved.rows & ~search.data.output.above
     if not search.holds:
         return won, rows
-    y, free = original.output.y, original.output.usable & ~original.output.below
+    y, free = original.output.y, original.output.usable & ~original.output.hidden
     step = movement_rhythm.step_size(y[original.output.usable])
     still = np.abs(np.diff(y, prepend=np.nan)) < 0.5 * step
     stood = run_length(still)

@@ -7,6 +7,7 @@ closes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
@@ -48,7 +49,7 @@ MAX_CRASHED_SHARE = 0.01
 MIN_SIMULATED_SHARE = 0.5
 # m/s, below which a car stands or creeps
 STANDSTILL_SPEED = 1.0
-FROM_THE_PEDAL = (LearnGate.OPEN, LearnGate.PEDAL_FLOOR, LearnGate.BRAKE)
+FROM_THE_PEDAL = (LearnGate.OPEN, LearnGate.PEDAL_FLOOR, LearnGate.BRAKE, LearnGate.OUTPUT_LIMIT)
 
 
 class Drive(NamedTuple):
@@ -170,6 +171,12 @@ def _replicate(
             low = y[k] <= PEDAL_FLOOR_PERCENT
             gate[k] = LearnGate.BRAKE if brake[k] else LearnGate.PEDAL_FLOOR if low else LearnGate.OPEN
         y = np.maximum(y, 0.0)
+    bound = np.full(n, np.nan)
+    low, high = drive.data.output.floor, drive.data.output.ceiling
+    for k in np.flatnonzero(usable & (y >= high)):
+        gate[k], bound[k] = LearnGate.OUTPUT_LIMIT, math.nextafter(high, -math.inf)
+    for k in np.flatnonzero(usable & (y <= low)) if not pedal else ():
+        gate[k], bound[k] = LearnGate.OUTPUT_LIMIT, low
     signals = dict(trace.signals)
     signals |= {"gap": gap, "range_rate": rate, "speed": speed, drive.role: y}
     if "brake" in signals:
@@ -180,7 +187,7 @@ def _replicate(
         sd = roughness(measured, order)
         noisy = x + (rng.normal(0.0, sd, n) if sd > least else 0.0)
         signals[f"{role}_reported"] = np.where(np.isfinite(measured), noisy, np.nan)
-    made = trace._replace(output=y, signals=signals, gate=tuple(gate), segment=segment)
+    made = trace._replace(output=y, signals=signals, gate=tuple(gate), segment=segment, bound=bound)
     return Replicate(made, usable & drive.usable, drive.data.known.jerks)
 
 
