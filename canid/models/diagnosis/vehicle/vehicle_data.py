@@ -55,8 +55,8 @@ class VehicleData(NamedTuple):
     def as_measured(self, accel: Array) -> Array:
         """Pass an acceleration (n,) through the filter that the measured one has passed: none, or the slope of a speed.
 
-        The slope over half a second has zeros at 2.9 and 5 Hz. Taken of the measured speed alone it makes a car late, and its
-        noise model divides by next to nothing there. Taken of both it cancels, as the noise is what is left between them.
+        The slope over half a second has zeros at 2.9 and 5 Hz. Taken of the measured speed alone it makes a car late, and
+        the noise model divides by next to nothing there. Taken of both it cancels: the noise is what is left between them.
         """
         if self.signal == "accel":
             return accel
