@@ -270,6 +270,12 @@ BENCHMARKS = (
         "limits, rates, steps, lags, zeros and clocks in tables: coverage, what is withheld, named, and missed silently",
     ),
     Benchmark(
+        "acceleration_slope",
+        "benchmarks.measurement_effects.slope",
+        "10 min",
+        "cars whose acceleration is the slope of their speed: false causes on clean drives, planted causes found",
+    ),
+    Benchmark(
         "init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"
     ),
     Benchmark(

@@ -7,8 +7,10 @@ import pytest
 
 from canid.models.diagnosis import masks
 from canid.models.diagnosis.diagnose import diagnose
-from canid.models.diagnosis.vehicle import vehicle_block
+from canid.models.diagnosis.sensing.kinematics import slope
+from canid.models.diagnosis.vehicle import vehicle_block, vehicle_data, vehicle_search
 from canid.models.diagnosis.vehicle.vehicle_block import VEHICLE, Vehicle
+from canid.models.diagnosis.vehicle.vehicle_data import VehicleData
 from canid.models.diagnosis.vehicle.vehicle_model import (
     LAG,
     STRENGTH,
@@ -25,6 +27,7 @@ from canid.values.types import Trace
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
+from tests.plants.outside_cars import Car, PedalMotion, Sensors, car_drive
 from tests.seeds import mostly
 
 PLANTS = {"one": plant_one.plant, "two": plant_two.plant}
@@ -216,3 +219,61 @@ def test_the_car_step_by_step_is_the_car_all_at_once(names: tuple[str, ...]) -> 
         out.append(float(a))
     # the first samples differ: at once begins from rest, step by step as if the pedal had stood there
     np.testing.assert_allclose(out[100:], accel(model, seen, q, dt)[100:], atol=1e-6)
+
+
+def test_the_slope_of_the_speed_does_not_change_the_car() -> None:
+    """A car that answers at once, by a rough pedal: its strength and no lag, from the speed alone.
+
+    Without the same slope in the model, strength is 0.02 to 0.03 m/s² per % and the lag 0.3 s.
+    """
+    seen = car_drive(43, Car(), PedalMotion(4.0, 0.5), Sensors(speed_noise=0.03), 240.0)
+    data = vehicle_data.prepare(seen, np.ones(seen.t.size, dtype=bool))
+    assert isinstance(data, VehicleData)
+    assert data.signal == "speed"
+    fitted = vehicle_search.baseline(data)
+    assert fitted is not None
+    sd = vehicle_search.standard_errors(fitted, data.output.dt)
+    assert abs(fitted.q[STRENGTH] - 0.04) < max(4 * sd[STRENGTH], 0.0006)
+    assert fitted.q[LAG] < 0.02
+
+
+def test_a_recorded_acceleration_passes_no_filter() -> None:
+    """What was measured is compared with what the car does, to the last bit."""
+    seen = car_drive(44, sensors=Sensors(accel=True), seconds=60.0)
+    data = vehicle_data.prepare(seen, np.ones(seen.t.size, dtype=bool))
+    assert isinstance(data, VehicleData)
+    own = np.sin(seen.t)
+    assert data.as_measured(own) is own
+
+
+def test_the_model_passes_the_slope_that_the_speed_has_passed() -> None:
+    """The slope of a speed of known acceleration is what the model makes of that acceleration."""
+    seen = car_drive(45, sensors=Sensors(speed_noise=0.0), seconds=60.0)
+    data = vehicle_data.prepare(seen, np.ones(seen.t.size, dtype=bool))
+    assert isinstance(data, VehicleData)
+    # of a polynomial both are known: speed t³, acceleration 3 t²
+    t = seen.t - seen.t[0]
+    made, right = data.as_measured(3.0 * t**2), slope(t**3, seen.dt)
+    # straight lines between samples miss a parabola by dt² / 2
+    assert np.abs(made - right)[5:-5].max() < 0.51 * seen.dt**2
+
+
+@pytest.mark.slow("diagnoses drives of an outside simulator")
+@pytest.mark.parametrize(("lag", "rough"), [(0.0, True), (0.0, False), (0.3, True)])
+@mostly(0.95)
+def test_no_cause_is_named_because_the_acceleration_is_a_slope(lag: float, rough: bool, seed: int) -> None:
+    """Cars without a fault have none where only their speed was recorded."""
+    seen = car_drive(seed, Car(lag, 0.12, 30.0, 4e-4), PedalMotion(4.0, 1.0, rough), Sensors(50.0, 0.0, 0.05))
+    assert diagnosed(seen).findings == ()
+
+
+@pytest.mark.slow("diagnoses drives of an outside simulator")
+@pytest.mark.parametrize(
+    ("effect", "car"),
+    [("turbo_lag", Car(0.2, low_load_lag=0.6)), ("pedal_map", Car(curvature=0.3))],
+)
+@mostly(0.95)
+def test_a_planted_cause_is_found_from_the_speed_alone(effect: str, car: Car, seed: int) -> None:
+    """The slope hides no cause that the car has."""
+    found = diagnosed(car_drive(seed, car, PedalMotion(3.0))).findings
+    assert effect in {finding.effect for finding in found}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from canid.analysis.drive import identification_verdict
 from canid.analysis.drive.drive_parameters import whole_drive
+from canid.analysis.drive.signal_columns import NO_DATA
 from canid.models.pipeline import pipeline
 from canid.signals.samples import session_clock, trace_assembly
 from canid.signals.signal_checks import signal_checks
@@ -75,7 +76,7 @@ class Check(NamedTuple):
 
     frames: int
     duration: float  # s
-    ids: dict[tuple[int, int], int]  # (bus, id) -> frames
+    ids: dict[tuple[int, int], int]  # (bus, id) -> data frames
     rows: tuple[Row, ...]
     gates: dict[str, float]  # gate -> share of the time, %
     problems: tuple[str, ...]
@@ -90,39 +91,49 @@ class Check(NamedTuple):
     lead_changes: tuple[float, ...] = ()  # s, when another vehicle ahead was followed
     output: str = ""  # role that the driver acts by
     output_scale: OutputScale | None = None  # of a pedal, as `identify` judges it
+    apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
 
 
 class Contents(NamedTuple):
     """The ids of a log."""
 
-    frames: dict[tuple[int, int, int], int]  # (bus, id, bytes) -> frames
+    frames: dict[tuple[int, int, int], int]  # (bus, id, bytes) -> data frames
     duration: float  # s
+    apart: Mapping[str, int] = {}  # "error", "remote" -> frames, whose id is that of no message
 
 
 def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None = None) -> Contents:
-    """Count frames by bus, id and length.
+    """Count data frames by bus, id and length, and error and remote frames apart.
 
     Example:
         >>> from canid.values.frame_columns import columns_of
         >>> from canid.values.types import Frame
         >>> contents([columns_of([Frame(0.0, 0, 0x123, b"ab"), Frame(0.5, 0, 0x123, b"cd")])])
-        Contents(frames={(0, 291, 2): 2}, duration=0.5)
+        Contents(frames={(0, 291, 2): 2}, duration=0.5, apart={})
     """
     counts: Counter[tuple[int, int, int]] = Counter()
+    apart: Counter[str] = Counter()
     first = last = 0.0
     for chunk in chunks:
-        held = np.where(chunk.flags & Flag.REMOTE, 0, chunk.length)
-        counts.update(_counted(chunk.bus, chunk.id, held))
+        counts.update(_counted(chunk))
+        apart.update(_apart(chunk))
         first, last = min(first, float(chunk.t.min())), max(last, float(chunk.t.max()))
         if on_time is not None:
             on_time(last)
-    return Contents(dict(counts), last - first)
+    return Contents(dict(counts), last - first, dict(apart))
 
 
-def _counted(
-    bus: npt.NDArray[Any], id_: npt.NDArray[Any], length: npt.NDArray[Any]
-) -> Counter[tuple[int, int, int]]:
-    """How often each bus, id and length come together."""
+def _apart(chunk: Columns) -> dict[str, int]:
+    """Frames that are no message's: an error frame's id is the error's class, a remote frame asks for another's data."""
+    error, remote = (chunk.flags & int(flag) != 0 for flag in (Flag.ERROR, Flag.REMOTE))
+    counts = {"error": int(error.sum()), "remote": int((remote & ~error).sum())}
+    return {kind: n for kind, n in counts.items() if n}
+
+
+def _counted(chunk: Columns) -> Counter[tuple[int, int, int]]:
+    """How often each bus, id and length come together in data frames."""
+    rows = chunk.flags & NO_DATA == 0
+    bus, id_, length = chunk.bus[rows], chunk.id[rows], chunk.length[rows]
     keys = (
         bus.astype(np.uint64) << np.uint64(40)
         | id_.astype(np.uint64) << np.uint64(8)
@@ -155,6 +166,7 @@ def check(
     running = pipeline.build(vehicle, estimating=False)
     state = running.init()
     ids: Counter[tuple[int, int]] = Counter()
+    apart: Counter[str] = Counter()
     values: dict[str, list[Array]] = {}
     points: dict[str, list[Array]] = {"gap": [], "range_rate": []}
     tracks = in_path = 0
@@ -164,7 +176,9 @@ def check(
     events: list[Event] = []
     first = last = 0.0
     for chunk in chunks:
-        ids.update({key[:2]: n for key, n in _counted(chunk.bus, chunk.id, 0 * chunk.length).items()})
+        for key, n in _counted(chunk).items():
+            ids[key[:2]] += n
+        apart.update(_apart(chunk))
         first, last = min(first, float(chunk.t.min())), max(last, float(chunk.t.max()))
         state, out, decoded, t = running.decoded(state, chunk)
         for role, row, value in decoded.roles:
@@ -234,7 +248,7 @@ def check(
         problems += _unused(vehicle, summed, gates, tracks, in_path, whole=whole)
     if not problems and whole:
         problems += _withheld(trace, vehicle)
-    numbers = sum(ids.values()), last - first, dict(ids)
+    numbers = sum(ids.values()) + sum(apart.values()), last - first, dict(ids)
     return Check(
         *numbers,
         rows,
@@ -250,6 +264,7 @@ def check(
         tuple(event.t for event in events if event.what == "target_change"),
         vehicle.driver.output,
         scale,
+        dict(apart),
     )
 
 

@@ -61,7 +61,8 @@ def contents(counted: Contents) -> list[str]:
         (f"bus {bus}", f"0x{id_:X}", str(length), f"{n:,}", _rate(n, counted.duration))
         for (bus, id_, length), n in sorted(counted.frames.items())
     ]
-    total = f"{sum(counted.frames.values()):,} frames, {len(rows)} ids, {counted.duration:.1f} s"
+    frames = sum(counted.frames.values()) + sum(counted.apart.values())
+    total = f"{frames:,} frames, {len(rows)} ids, {counted.duration:.1f} s{_apart(counted.apart)}"
     return lines([total, doc.Table(("bus", "id", "bytes", "frames", "1/s"), rows)])
 
 
@@ -95,7 +96,15 @@ def page(log: CheckedLog) -> str:
 
 
 def _came(checked: Check) -> str:
-    return f"{checked.frames:,} frames, {len(checked.ids)} ids, {checked.duration:.1f} s"
+    return (
+        f"{checked.frames:,} frames, {len(checked.ids)} ids, {checked.duration:.1f} s{_apart(checked.apart)}"
+    )
+
+
+def _apart(kinds: Mapping[str, int]) -> str:
+    """Frames that belong to no id; "" where there are none."""
+    named = " and ".join(f"{n:,} {kind} frame{'s' * (n != 1)}" for kind, n in kinds.items())
+    return named and f", {named} apart from the ids"
 
 
 def _gate(name: str) -> str:

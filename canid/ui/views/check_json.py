@@ -39,6 +39,7 @@ class CheckedVehicle(NamedTuple):
     lead_changes: tuple[float, ...]  # s
     unmapped: tuple[Unmapped, ...]
     output_scale: OutputScale | None = None  # of a pedal
+    apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
 
 
 class Id(NamedTuple):
@@ -56,6 +57,7 @@ class Ids(NamedTuple):
     frames: int
     duration: float  # s
     ids: tuple[Id, ...]
+    apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
 
 
 class VehicleAlone(NamedTuple):
@@ -88,10 +90,12 @@ def checked(made: Check) -> CheckedVehicle:
         made.lead_changes,
         tuple(Unmapped(*row) for row in made.unmapped),
         made.output_scale,
+        made.apart,
     )
 
 
 def ids(contents: Contents) -> Ids:
     """The ids of a log."""
     rows = tuple(Id(*key, n) for key, n in sorted(contents.frames.items()))
-    return Ids(sum(row.frames for row in rows), contents.duration, rows)
+    apart = contents.apart
+    return Ids(sum(row.frames for row in rows) + sum(apart.values()), contents.duration, rows, apart)

@@ -192,10 +192,8 @@ def _adequacy(search: VehicleSearch, data: VehicleData) -> tuple[Check, float]:
     drive = standard(accel(with_effects(()), data.seen, solved.q[:4], dt) + _drag(solved, data))
     v, t = standard(data.seen.speed), standard(data.seen.t)
     inverse = standard(1 / np.maximum(data.seen.speed, 3.0))
-    columns = np.stack(
-        [drive**2, drive**3, drive * v, drive * drive * v, drive * inverse, v**3, inverse, drive * t], axis=1
-    )
-    X = whitened(solved.noise, columns)
+    columns = drive**2, drive**3, drive * v, drive * drive * v, drive * inverse, v**3, inverse, drive * t
+    X = whitened(solved.noise, np.stack([data.as_measured(x) for x in columns], axis=1))
     X[~fine] = 0.0
     Q = model_directions(solved)
     X = X - Q @ (Q.T @ X)

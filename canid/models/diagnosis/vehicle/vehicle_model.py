@@ -18,9 +18,10 @@ from canid.models.effects.effect import Effect, Value, VehicleState
 from canid.values.types import Array
 
 STRENGTH, LAG, ROLLING, DRAG = range(4)
-# physical box: m/s² per %, s, m/s² (with a constant slope of 10 %), 1/m (with a wind). A lorry has 0.005 m/s² per %
+# physical box: m/s² per %, s, m/s² (with a constant slope of 10 %), 1/m (with a wind). A lorry has 0.005 m/s² per %; a
+# motor that brakes at a released pedal slows its car by up to 3 m/s², and a bound that is too low bends the pedal's map
 LOW = (0.001, 0.0, -1.2, -0.002)
-HIGH = (0.5, 3.0, 2.0, 0.005)
+HIGH = (0.5, 3.0, 4.5, 0.005)
 SCALE = (0.01, 0.2, 0.1, 1e-4)
 
 
@@ -52,8 +53,8 @@ class VehicleModel(NamedTuple):
         return tuple(range(len(self.low)))
 
     def bind(self, data: VehicleData) -> Callable[[Array], Array]:
-        """Return the acceleration as a function of the parameters alone."""
-        return lambda q: accel(self, data.seen, q, data.output.dt)
+        """Return the acceleration, as it is measured, as a function of the parameters alone."""
+        return lambda q: data.as_measured(accel(self, data.seen, q, data.output.dt))
 
     def ties(self, data: VehicleData) -> Array | None:
         """Nothing is known beforehand."""
