@@ -258,6 +258,12 @@ BENCHMARKS = (
         "signal checks: planted faults caught and named, false alarms",
     ),
     Benchmark(
+        "sensor_effects",
+        "benchmarks.measurement_effects",
+        "3 h",
+        "limits, rates, steps, lags, zeros and clocks in tables: coverage, what is withheld, named, and missed silently",
+    ),
+    Benchmark(
         "init", "benchmarks.init", "10 s", "`canid init`: the right signal of five roles in public DBC files"
     ),
     Benchmark(
