@@ -76,7 +76,8 @@ def _judged(state: State) -> Found | None:
     size, often = min(steps), sum(state.changes) / len(state.changes)
     if not (size > MAX_STEP_SHARE * moved and often < MAX_CHANGES_HZ):
         return None
-    gap = f", gap in steps of {state.gap_step:.2g} m" if state.gap_step > 0.0 else ""
+    # a finer gap than what a step of the rate moves in a second is not coarse
+    gap = f", gap in steps of {state.gap_step:.2g} m" if state.gap_step >= size else ""
     says = (
         f"range_rate comes in steps of {size:.2g} m/s{gap}: it moves by {moved:.2g} m/s, and no noise averages over its "
         "steps"
