@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -41,9 +41,7 @@ class ReadingSpan(NamedTuple):
     t: float  # s, of the reading behind them
     interval: float  # s, median between readings
     update: float  # s, median between new values; NaN: the span does not show it
-    kind: Literal[
-        "points", "hold", "line"
-    ]  # what stands between new values: nothing, the last one, a straight line
+    kind: str  # what stands between new values: "points" nothing, "hold" the last one, "line" a straight line
     step: float  # of the lattice of the values; 0: none
     changes: float  # 1/s, how often the value changes
 
@@ -114,8 +112,7 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     resolution = lattice_step(value)
     changed = np.flatnonzero(np.diff(value)) + 1
     changes = len(changed) / float(t[-1] - t[0])
-    kind: Literal["points", "hold", "line"] = "points"
-    update = interval if len(changed) else NAN
+    kind, update = "points", interval if len(changed) else NAN
     if (held := _held(t, value, changed)) > 0.0:
         kind, update = "hold", held
     elif (joined := _joined(t, value, resolution)) > 0.0:
