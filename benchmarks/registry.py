@@ -258,6 +258,12 @@ BENCHMARKS = (
         "signal checks: planted faults caught and named, false alarms",
     ),
     Benchmark(
+        "signal_rates",
+        "benchmarks.measurement_effects.rate",
+        "15 min",
+        "slow, held, joined, coarse and late signals: intervals that hold, what is withheld and named",
+    ),
+    Benchmark(
         "sensor_effects",
         "benchmarks.measurement_effects",
         "3 h",

@@ -21,6 +21,7 @@ from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.signals.signal_checks.blocks import ACCEL, BLOCK_S, GAP, RANGE_RATE, SPEED, Block
 from canid.signals.signal_checks.check import Check, Found
 from canid.values.state_constraints import TIME
+from canid.values.text.names import readable
 from canid.values.types import NAN
 
 # pairs of seconds in a cluster: a radar's point moves on the car ahead within seconds
@@ -124,7 +125,8 @@ def _judged(pair: Pair, state: State) -> Found | None:
     late, other = (pair.names[1], pair.names[0]) if value > 0.0 else pair.names
     wide = NORMAL_QUANTILE * sd
     gains_hold = value > 0.0 or size <= MAX_GAP_DELAY_S
-    says = f"{late} is {size:.2f} s [{size - wide:.2f}, {size + wide:.2f}] behind {other}"
+    numbers = f"{size:.2f} s [{size - wide:.2f}, {size + wide:.2f}]"
+    says = f"{readable(late)} is {numbers} behind {readable(other)}"
     remedy = "delays are wrong by up to as much: map an unfiltered signal"
     return Found(f"{late}_late", pair.roles, state.begin, says, remedy, delays_only=gains_hold)
 

@@ -15,6 +15,7 @@ from canid.signals.samples.reading_spans import SPAN_S
 from canid.signals.signal_checks.blocks import Block
 from canid.signals.signal_checks.check import Check, Found
 from canid.values.state_constraints import TIME
+from canid.values.text.names import readable
 
 # s; between the periods of 4 Hz, at which intervals hold, and of 3.3 Hz (OBD2 polled), at which they do not always
 MAX_UPDATE_S = 0.28
@@ -61,7 +62,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         ...     block = Block(span.t, 0.1, rows, (), (), True, True, spans=(span,))
         ...     state, found = step(False, state, block)
         >>> found.says
-        'pedal comes at 2 Hz: its delays cannot be identified below 0.5 s'
+        'pedal comes at 2 Hz: tau and theta cannot be identified below 0.5 s'
     """
     shown = dict(state.shown)
     for span in block.spans:
@@ -75,22 +76,20 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
     }
     if not slow:
         return state, None
-    longest = max(usual.seconds for usual in slow.values())
-    # "gap, range_rate come at 2 Hz, joined by lines"
     parts: dict[str, list[str]] = {}
     for role, usual in slow.items():
-        parts.setdefault(f"at {1.0 / usual.seconds:.2g} Hz{BETWEEN[usual.kind]}", []).append(role)
+        how = f"at {1.0 / usual.seconds:.2g} Hz{BETWEEN[usual.kind]}"
+        parts.setdefault(how, []).append(readable(role))
     named = "; ".join(
-        f"{' and '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}"
-        for how, roles in parts.items()
+        f"{', '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}" for how, roles in parts.items()
     )
-    says = (
-        f"{named}: a driver's response to it is not identifiable"
-        if inputs
-        else f"{named}: its delays cannot be identified below {longest:.2g} s"
-    )
+    longest = max(usual.seconds for usual in slow.values())
+    what = "responses to it are not identifiable"
+    if not inputs:
+        what = f"tau and theta cannot be identified below {longest:.2g} s"
+    says = f"{named}: {what}"
     since = min(updates[0].since for role, updates in shown.items() if role in slow)
-    remedy = f"record {' and '.join(slow)} at 5 Hz or more"
+    remedy = f"record {', '.join(map(readable, slow))} at 5 Hz or more"
     name = "input_slow" if inputs else "output_slow"
     return state, Found(name, tuple(slow), since, says, remedy, delays_only=not inputs)
 
