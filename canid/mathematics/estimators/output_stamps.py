@@ -6,7 +6,7 @@ holds the next reading: its noise has no innovation, and gains came out up to fo
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,7 @@ class Stamps(NamedTuple):
     """Where an output has its own readings."""
 
     first: int  # sample of the first one; they are every `EVERY`
-    between: Literal["line", "hold"]  # what the samples between them hold
+    between: str  # what the samples between them hold, "line" or "hold"
 
 
 def stamps(output: Array, usable: Flags) -> Stamps | None:

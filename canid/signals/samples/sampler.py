@@ -185,11 +185,11 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         beyond = zip(row.tolist(), frames.t[row].tolist(), value.tolist(), strict=True)
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
     readings = _by_role(passed, made, frames, first)
-    spans = state.spans
+    watched = state.spans
     for source, role in _sources(settings.driver.output):
         if source in readings:
             t, value, frame = readings[source]
-            spans, over = reading_spans.step(spans, role, t, value, frame - first)
+            watched, over = reading_spans.step(watched, role, t, value, frame - first)
             stamped += over
     if "own_speed" in settings.roles and "speed" in readings:
         readings["own_speed"] = readings["speed"]
@@ -220,7 +220,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         events = [(rows[row], event) for row, event in events]
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
-    after = State(clock, decoding, following, grid, gate, instants, intervals, spans)
+    after = State(clock, decoding, following, grid, gate, instants, intervals, watched)
     return after, Samples(samples, events, stamped, decoded, frames.t)
 
 

@@ -96,12 +96,8 @@ def step(pair: Pair, state: State, block: Block) -> tuple[State, Found | None]:
     )
     if state.pairs == CLUSTER_PAIRS:
         a, b, keep = state.a, state.b, 1.0 - 1.0 / MEMORY_CLUSTERS
-        aa, bb = keep * state.sums[0] + a, keep * state.sums[1] + b
-        sums = (
-            aa,
-            bb,
-            *(keep * old + new for old, new in zip(state.sums[2:], (a * a, a * b, b * b), strict=True)),
-        )
+        of_a, of_b, aa, ab, bb = (keep * old for old in state.sums)
+        sums = of_a + a, of_b + b, aa + a * a, ab + a * b, bb + b * b
         state = State(state.last, 0, 0.0, 0.0, keep * state.clusters + 1.0, sums, state.begin, state.found)
         if state.clusters >= NEEDED_CLUSTERS:
             state = state._replace(found=_judged(pair, state))
