@@ -264,6 +264,12 @@ BENCHMARKS = (
         "an output at its limit: coverage, efficiency and false causes, by share of the time there",
     ),
     Benchmark(
+        "signal_rates",
+        "benchmarks.measurement_effects.rate",
+        "15 min",
+        "slow, held, joined, coarse and late signals: intervals that hold, what is withheld and named",
+    ),
+    Benchmark(
         "sensor_effects",
         "benchmarks.measurement_effects",
         "3 h",

@@ -410,6 +410,7 @@ class SignalFinding(NamedTuple):
         bool  # an input or the output of the model is among the roles: no estimate is `ok` while it stands
     )
     until: Annotated[float, TIME] = NAN  # s; NaN: it stands
+    withholds_delays: bool = False  # likewise, but gains hold: no tau and dead time are quoted while it stands
 
 
 class SignalReport(NamedTuple):

@@ -37,6 +37,8 @@ SD_OF_MEDIAN, CLIPPED = 1.4826, 4.0
 SPAN_ROUNDING = 0.1
 # highest order of the output's own noise model
 ORDER = 5
+# why samples are farther apart
+SAID = "the acceleration is a difference of the recorded speed, whose noise is in headway too"
 # s; a driver's answer does not show in samples that are farther apart
 MAX_SAMPLE_TIME_S = 0.8
 
@@ -94,9 +96,9 @@ def _innovation(output: Array, usable: Flags) -> float:
     return float(np.std(autoregression.whiten(y, noise)[autoregression.whole(known, len(noise))]))
 
 
-def thinned(trace: Trace, every: int = 2) -> Trace:
-    """Every second sample, or of so many the first."""
-    part = slice(None, None, every)
+def thinned(trace: Trace, every: int = 2, first: int = 0) -> Trace:
+    """Every second sample, or of so many one, from the one numbered `first` on."""
+    part = slice(first, None, every)
     return trace._replace(
         dt=every * trace.dt,
         t=trace.t[part],

@@ -8,6 +8,8 @@ from typing import Any
 from canid.mathematics.estimators import (
     ESTIMATORS,
     held_pedal,
+    output_stamps,
+    speed_difference,
     stated_latency,
     wanted_gap_form,
     whole_drive_agreement,
@@ -26,7 +28,8 @@ def estimates(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> dict[
         trace: as it was read.
         settings: by the estimators' names; those of one that is missing are its defaults.
     """
-    return whole_drive_agreement.arbitrated(held_pedal.with_waits(_whole(fitted, trace, settings), trace))
+    whole = held_pedal.with_waits(_whole(fitted, trace, settings), trace)
+    return whole_drive_agreement.without_delays(whole_drive_agreement.arbitrated(whole), trace.findings)
 
 
 def _whole(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> dict[str, WholeDrive | None]:
@@ -50,15 +53,19 @@ def _whole(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> dict[str
                     result = wanted_gap_form.without_gain(result, reason) if is_so else result
             out[estimator.name] = result
     if fitted.dt > trace.dt:
-        out = {name: _with_step(result, fitted.dt) for name, result in out.items()}
+        # the drive of `fitted` has its own readings alone
+        said = output_stamps.says(trace) or speed_difference.SAID
+        out = {
+            name: _with_step(result, f"{said}: samples every {fitted.dt:.1f} s")
+            for name, result in out.items()
+        }
     return {name: _with_latency(result, trace.latency) for name, result in out.items()}
 
 
-def _with_step(result: WholeDrive | None, dt: float) -> WholeDrive | None:
+def _with_step(result: WholeDrive | None, said: str) -> WholeDrive | None:
     """Say of the result of a whole drive that not all samples were used, and why."""
     if result is None:
         return None
-    said = f"the acceleration is a difference of the recorded speed, whose noise is in headway too: samples every {dt:.1f} s"
     return result._replace(lines=(*result.lines, said))
 
 

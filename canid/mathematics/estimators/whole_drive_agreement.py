@@ -9,7 +9,7 @@ each input is judged for itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import combinations
 
 from canid.mathematics.estimators import agreement, plausibility
@@ -22,7 +22,7 @@ from canid.mathematics.identification.identifiability import (
     quotable,
     sum_only,
 )
-from canid.values.types import Channel
+from canid.values.types import Channel, SignalFinding
 
 # What each estimator's model takes to be so.
 NEEDS: Mapping[str, str] = {
@@ -76,8 +76,28 @@ def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive |
     return _with_changes(out)
 
 
+def without_delays(
+    whole: Mapping[str, WholeDrive | None], findings: Iterable[SignalFinding]
+) -> dict[str, WholeDrive | None]:
+    """Withhold the delays of a drive on whose signals a finding stood that leaves the gains alone.
+
+    Args:
+        whole: estimator -> its result; None: it has none.
+        findings: on the drive's signals.
+    """
+    out = dict(whole)
+    for finding in findings:
+        if finding.withholds_delays:
+            reason = f"{finding.says}: {finding.remedy}"
+            out = {name: _without_delays(result, reason) for name, result in out.items()}
+    return out
+
+
 def diagnosed(
-    channels: Mapping[str, Channel], whole: Mapping[str, WholeDrive | None], extended: bool
+    channels: Mapping[str, Channel],
+    whole: Mapping[str, WholeDrive | None],
+    extended: bool,
+    findings: Iterable[SignalFinding] = (),
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
     """What the diagnosis may quote next to the estimators of `identify`, and why not the rest.
 
@@ -85,6 +105,7 @@ def diagnosed(
         channels: of the diagnosis.
         whole: estimator -> its result, as `arbitrated` leaves it; None: it has none.
         extended: the diagnosis has found causes: its answer is of first order no longer.
+        findings: on the drives' signals.
 
     >>> from canid.values.types import Identifiable, Interval
     >>> one, other = (Channel(Interval(K, K - 1, K + 1), status=Identifiable.GAIN_ONLY) for K in (2.0, 5.0))
@@ -92,7 +113,7 @@ def diagnosed(
     >>> left["range_rate"].status.value, why[0].partition(":")[0]
     ('not_identifiable', 'range rate')
     """
-    mine: WholeDrive | None = WholeDrive(channels)
+    mine = without_delays({DIAGNOSIS: WholeDrive(channels)}, findings)[DIAGNOSIS]
     for name, result in whole.items():
         if result is None or name in agreement.wrong_for(channels):
             continue

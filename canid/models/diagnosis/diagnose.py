@@ -80,7 +80,8 @@ def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str
     ]
     whole = every[0] if len(every) == 1 else pooled_drives.pooled(every)
     has_cause = any(finding.where == "driver" for finding in report.findings)
-    left, says = whole_drive_agreement.diagnosed(channels, whole, extended=has_cause)
+    findings = [finding for trace in traces for finding in trace.findings]
+    left, says = whole_drive_agreement.diagnosed(channels, whole, extended=has_cause, findings=findings)
     # without causes the last model is the baseline
     baseline = report.baseline if has_cause else report.baseline._replace(channels=left)
     extended = report.extended._replace(channels=left)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.mathematics.estimators import speed_difference
+from canid.mathematics.estimators import output_stamps, speed_difference
 from canid.models.diagnosis.driver.driver_data import DriverData, prepare
 from canid.models.diagnosis.driver.driver_fit import FittedDriver, baseline
 from canid.signals.signal_checks.drive_time import behind_a_lead
@@ -40,7 +40,7 @@ def ready(trace: Trace, usable: Flags, begins: tuple[float, ...] = ()) -> Prepar
         usable: (n,) samples that no mask has taken.
         begins: s, of each further drive.
     """
-    trace, usable = speed_difference.without_common_noise(trace, usable)
+    trace, usable = speed_difference.without_common_noise(*output_stamps.at_own_stamps(trace, usable))
     while True:
         data = prepare(trace, usable, begins)
         fitted = baseline(data)

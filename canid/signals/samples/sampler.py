@@ -13,6 +13,7 @@ from canid.signals.samples import (
     lead_readings,
     learning_gate,
     own_speed,
+    reading_spans,
     sampling_grid,
     session_clock,
     stamps,
@@ -21,6 +22,7 @@ from canid.signals.samples import (
 from canid.signals.samples.lead import REPORTED
 from canid.signals.samples.lead_readings import Made
 from canid.signals.samples.out_of_range import OutOfRange
+from canid.signals.samples.reading_spans import ReadingSpan
 from canid.signals.samples.sampling_grid import Ints, Readings, Role
 from canid.signals.samples.stamps import StampIntervals
 from canid.signals.vehicle import Vehicle, decoder
@@ -48,6 +50,7 @@ class State(NamedTuple):
     gate: learning_gate.State
     instants: update_instants.State
     stamps: stamps.State
+    spans: reading_spans.State
 
 
 class Samples(NamedTuple):
@@ -55,7 +58,7 @@ class Samples(NamedTuple):
 
     samples: list[tuple[int, Sample]]
     events: list[tuple[int, Event]]
-    stamps: list[tuple[int, StampIntervals | OutOfRange]]
+    stamps: list[tuple[int, StampIntervals | OutOfRange | ReadingSpan]]
     decoded: Decoded  # what the frames held
     t: Array  # (n,) s, of the frames that were decoded
 
@@ -158,6 +161,7 @@ def _init(init_decoding: Callable[[], Decoding]) -> State:
         learning_gate.init(),
         update_instants.init(),
         stamps.init(),
+        reading_spans.init(),
     )
 
 
@@ -172,7 +176,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         following, followed = lead_readings.step(following, decoded, frames, settings.lead)
         passed, made = followed.passed, followed.made
         events += followed.events
-    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange]]()
+    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange | ReadingSpan]]()
     for role, row, _ in decoded.roles:
         if role in settings.stamped:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
@@ -181,6 +185,12 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         beyond = zip(row.tolist(), frames.t[row].tolist(), value.tolist(), strict=True)
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
     readings = _by_role(passed, made, frames, first)
+    watched = state.spans
+    for source, role in _sources(settings.driver.output):
+        if source in readings:
+            t, value, frame = readings[source]
+            watched, over = reading_spans.step(watched, role, t, value, frame - first)
+            stamped += over
     if "own_speed" in settings.roles and "speed" in readings:
         readings["own_speed"] = readings["speed"]
     grid = sampling_grid.put(state.grid, readings)
@@ -210,8 +220,13 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         events = [(rows[row], event) for row, event in events]
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
-    after = State(clock, decoding, following, grid, gate, instants, intervals)
+    after = State(clock, decoding, following, grid, gate, instants, intervals, watched)
     return after, Samples(samples, events, stamped, decoded, frames.t)
+
+
+def _sources(output: str) -> tuple[tuple[str, str], ...]:
+    """Roles whose readings are watched, as they were reported, and what they are called."""
+    return (*((REPORTED.get(role, role), role) for role in NEEDED), (output, output))
 
 
 def _variances(settings: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:
@@ -233,7 +248,7 @@ def _instants(
     return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), settings.dt)
 
 
-def _row(item: tuple[int, Event | StampIntervals | OutOfRange]) -> int:
+def _row(item: tuple[int, Event | StampIntervals | OutOfRange | ReadingSpan]) -> int:
     return item[0]
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from canid.signals.samples.out_of_range import OutOfRange, added
+from canid.signals.samples.reading_spans import ReadingSpan
 from canid.signals.samples.stamps import StampIntervals
 from canid.values.state_constraints import TIME
 from canid.values.types import NAN, Array, Sample
@@ -50,6 +51,7 @@ class Block(NamedTuple):
     follows: bool  # one lead is measured throughout, by a vehicle that moves
     stamps: tuple[StampIntervals, ...] = ()  # that have come with it
     out_of_range: tuple[OutOfRange, ...] = ()
+    spans: tuple[ReadingSpan, ...] = ()  # likewise
 
 
 class State(NamedTuple):
@@ -61,6 +63,7 @@ class State(NamedTuple):
     gap: float = NAN  # m, of the last sample of the block before
     stamps: tuple[StampIntervals, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
+    spans: tuple[ReadingSpan, ...] = ()
 
 
 def init() -> State:
@@ -68,8 +71,10 @@ def init() -> State:
     return State()
 
 
-def put(state: State, came: StampIntervals | OutOfRange) -> State:
-    """Add the intervals of a message's stamps, or a reading out of its range; the next block has them."""
+def put(state: State, came: StampIntervals | OutOfRange | ReadingSpan) -> State:
+    """Add the intervals of a message's stamps, a reading out of its range or what readings show; the next block has them."""
+    if isinstance(came, ReadingSpan):
+        return state._replace(spans=(*state.spans, came))
     if isinstance(came, OutOfRange):
         return state._replace(out_of_range=added(state.out_of_range, came))
     return state._replace(stamps=(*state.stamps, came))
@@ -94,7 +99,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     """
     t = sample.t
     if not t - state.t <= 1.5 * dt:
-        state = State(stamps=state.stamps, out_of_range=state.out_of_range)
+        state = State(stamps=state.stamps, out_of_range=state.out_of_range, spans=state.spans)
     rows = (*state.rows, sample.signals)
     if len(rows) < round(BLOCK_S / dt):
         return state._replace(t=t, rows=rows), None
@@ -117,6 +122,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
         and _same_lead(values[:, GAP], state.gap, dt),
         state.stamps,
         state.out_of_range,
+        state.spans,
     )
     return State(t, (), True, float(values[-1, GAP])), block
 

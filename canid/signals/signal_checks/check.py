@@ -16,6 +16,7 @@ class Found(NamedTuple):
     since: float  # s, since when
     says: str  # what, with numbers and their uncertainty
     remedy: str  # what to do
+    delays_only: bool = False  # gains hold nevertheless
 
 
 class Check(NamedTuple):

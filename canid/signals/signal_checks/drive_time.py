@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from canid.mathematics.estimators import speed_difference
+from canid.mathematics.estimators import output_stamps, speed_difference
 from canid.signals.samples import learning_gate
 from canid.values.types import Array, DriveTime, LearnGate, SignalFinding, Trace
 
@@ -67,8 +67,8 @@ def usable(trace: Trace) -> Flags:
 def fitted_trace(trace: Trace) -> Trace:
     """Return the drive as its driver is fitted.
 
-    What a wrong signal has touched teaches nothing, the limits of the output are those of the whole drive, and samples are
-    as far apart as the output spans as a difference of the recorded speed.
+    What a wrong signal has touched teaches nothing, and the limits of the output are those of the whole drive. Samples are
+    the output's own readings, and as far apart as it spans as a difference of the recorded speed.
 
     Args:
         trace: of the drive, with its findings.
@@ -77,7 +77,7 @@ def fitted_trace(trace: Trace) -> Trace:
     used = usable(trace)
     if trace.findings and not used.all():
         trace = trace._replace(learn=used, bound=None)
-    return speed_difference.without_common_noise(trace, used)[0]
+    return speed_difference.without_common_noise(*output_stamps.at_own_stamps(trace, used))[0]
 
 
 def drive_time(

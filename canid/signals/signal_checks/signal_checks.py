@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from canid.mathematics.identification.identifiability import gain_only
 from canid.signals.samples.out_of_range import OutOfRange
+from canid.signals.samples.reading_spans import ReadingSpan
 from canid.signals.samples.stamps import StampIntervals
 from canid.signals.signal_checks import (
     blocks,
+    coarse_signals,
+    delayed_rate,
     frozen_values,
     gap_and_range_rate,
     integrated_acceleration,
@@ -20,6 +24,7 @@ from canid.signals.signal_checks import (
     pedal_at_rest,
     pedal_scale,
     reference_speed,
+    slow_signals,
     stamp_jitter,
     standing,
 )
@@ -36,6 +41,9 @@ CHECKS: tuple[Check, ...] = (
     pedal_at_rest.CHECK,
     pedal_scale.CHECK,
     stamp_jitter.CHECK,
+    *slow_signals.CHECKS,
+    coarse_signals.CHECK,
+    *delayed_rate.CHECKS,
 )
 
 # s; the window of FOPDT (mathematics/estimators/fopdt.py): afterwards nothing of the wrong signal is in it
@@ -60,8 +68,8 @@ def init() -> State:
     return State(blocks.init(), {}, tuple(check.init() for check in CHECKS))
 
 
-def put(state: State, came: StampIntervals | OutOfRange) -> State:
-    """Add the intervals of a message's stamps, or a reading out of its range."""
+def put(state: State, came: StampIntervals | OutOfRange | ReadingSpan) -> State:
+    """Add the intervals of a message's stamps, a reading out of its range, or what a role's readings show."""
     return state._replace(blocks=blocks.put(state.blocks, came))
 
 
@@ -135,11 +143,19 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
 
     Returns:
         The estimate without numbers, `stale` where a value is frozen, else `inconsistent`, with the finding's sentence;
-        or as it is, where nothing stands, or nobody drives behind a lead.
+        without delays, where the finding leaves the gains; or as it is, where nothing stands, or nobody drives behind a
+        lead.
     """
+    stand = tuple(stand)
     why = next((finding for finding in stand if finding.withholds), None)
-    if why is None or estimate.status not in _FROM_DATA:
+    if estimate.status not in _FROM_DATA:
         return estimate
+    if why is None:
+        late = next((finding for finding in stand if finding.withholds_delays), None)
+        if late is None:
+            return estimate
+        channels = {name: gain_only(channel) for name, channel in estimate.channels.items()}
+        return estimate._replace(channels=channels, says=f"{estimate.says}; {sentence(late)}")
     status = Status.STALE if why.name.endswith(("_frozen", "_dead")) else Status.INCONSISTENT
     return estimate._replace(
         status=status,

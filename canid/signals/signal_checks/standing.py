@@ -61,8 +61,12 @@ def step(
             continue
         if before is not None:
             news.append(before.finding._replace(until=t))
-        withholds = bool(watched & set(now.roles))
-        finding = SignalFinding(now.name, now.roles, now.since, t, now.says, now.remedy, withholds)
+        touched = bool(watched & set(now.roles))
+        finding = SignalFinding(
+            *(now.name, now.roles, now.since, t, now.says, now.remedy),
+            withholds=touched and not now.delays_only,
+            withholds_delays=touched and now.delays_only,
+        )
         after[check] = Entry(finding, t)
         news.append(finding)
     return after, tuple(news)

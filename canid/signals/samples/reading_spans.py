@@ -1,0 +1,162 @@
+"""How often a role's value is updated, and in which steps, from its readings of ten seconds each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from canid.mathematics.identification.rounding import lattice_step
+from canid.values.types import NAN, Array
+
+# s; ten readings of a signal of 1 Hz
+SPAN_S = 10.0
+# readings, values that are held and knots of lines below which a span shows nothing
+MIN_READINGS, MIN_HELD, MIN_KNOTS = 8, 4, 5
+# readings of the shortest value that is held, and between the knots of a line
+MIN_RUN = 2
+# times the smallest step: a coarse signal goes from one value to the next, what is held jumps over some; and of the steps
+JUMP_FACTOR, JUMP_SHARE = 2.5, 0.6
+# changes that show a clock, periods that are tried around the usual run, and length of the mean phase vector: of 12 changes
+# at random phases it exceeds this once in 10,000
+MIN_COHERENT, PERIODS, COHERENT = 12, np.linspace(0.97, 1.03, 13), 0.9
+# times the resolution, by which rounding bends a straight line at most
+STRAIGHT = 2.05
+# of a unit; finer decimals are the rounding of floats
+DECIMALS = 1e-9
+# times that, by which knots bend it
+BENT = 3.0
+# of the times between new values: one that happens to be the old one again makes two of them one
+USUAL_QUANTILE = 0.25
+# of the largest value; what floats make of a straight line
+FLOAT_ROUNDING = 1e-6
+
+
+class ReadingSpan(NamedTuple):
+    """One role's readings of `SPAN_S` s."""
+
+    role: str
+    t: float  # s, of the reading behind them
+    interval: float  # s, median between readings
+    update: float  # s, median between new values; NaN: the span does not show it
+    kind: str  # what stands between new values: "points" nothing, "hold" the last one, "line" a straight line
+    step: float  # of the lattice of the values; 0: none
+    changes: float  # 1/s, how often the value changes
+
+
+class Span(NamedTuple):
+    """Readings of the span that is being filled."""
+
+    number: int = -1  # which `SPAN_S`
+    t: tuple[Array, ...] = ()  # s
+    value: tuple[Array, ...] = ()
+
+
+State = Mapping[str, Span]
+
+
+def init() -> State:
+    """Return the state before the first reading."""
+    return {}
+
+
+def step(
+    state: State, role: str, t: Array, value: Array, row: npt.NDArray[np.int64]
+) -> tuple[State, list[tuple[int, ReadingSpan]]]:
+    """Take some readings of a role.
+
+    Args:
+        state: from `init()` or the step before.
+        role: of the readings.
+        t: (n,) s, ascending.
+        value: (n,) in the role's unit; NaN: the reading holds none.
+        row: (n,) of the frame that brought each.
+
+    Returns:
+        The state, and what every span that is over shows, with the row of the first reading behind it.
+
+    Example:
+        >>> t = 0.1 * np.arange(102)
+        >>> held = np.random.default_rng(1).standard_normal(30)[(t / 0.5 + 1e-6).astype(int)]
+        >>> _, spans = step(init(), "gap", t, held, np.arange(102))
+        >>> spans[0][1].kind, round(spans[0][1].update, 2)
+        ('hold', 0.5)
+    """
+    if not len(t):
+        return state, []
+    span, out = state.get(role, Span()), []
+    numbers = np.floor_divide(t, SPAN_S).astype(np.int64)
+    starts = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()]
+    for begin, end in zip(starts, [*starts[1:], len(t)], strict=True):
+        if numbers[begin] != span.number:
+            shown = _shown(role, float(t[begin]), span)
+            out += [] if shown is None else [(int(row[begin]), shown)]
+            span = Span(int(numbers[begin]))
+        span = span._replace(t=(*span.t, t[begin:end]), value=(*span.value, value[begin:end]))
+    return {**state, role: span}, out
+
+
+def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
+    """What a span that is over shows; None: it has too few readings."""
+    if not span.t:
+        return None
+    t, value = np.concatenate(span.t), np.concatenate(span.value)
+    known = np.isfinite(value)
+    known[1:] &= t[1:] > np.maximum.accumulate(t)[:-1]
+    t, value = t[known], value[known]
+    if len(t) < MIN_READINGS:
+        return None
+    interval = float(np.median(np.diff(t)))
+    resolution = lattice_step(value)
+    changed = np.flatnonzero(np.diff(value)) + 1
+    changes = len(changed) / float(t[-1] - t[0])
+    kind, update = "points", interval if len(changed) else NAN
+    if (held := _held(t, value, changed)) > 0.0:
+        kind, update = "hold", held
+    elif (joined := _joined(t, value, resolution)) > 0.0:
+        # too few jumps to be called held: the lines are level
+        kind, update = ("line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"), joined
+    return ReadingSpan(role, at, interval, update, kind, resolution, changes)
+
+
+def _held(t: Array, value: Array, changed: npt.NDArray[np.int64]) -> float:
+    """Seconds for which values are held before they jump; 0: they are not."""
+    if len(changed) < MIN_HELD:
+        return 0.0
+    runs = np.sort(np.diff(changed))
+    # of the shortest runs one may be a reading that was late
+    if runs[1] < MIN_RUN:
+        return 0.0
+    jumps = np.abs(value[changed] - value[changed - 1])
+    period = float(np.quantile(np.diff(t[changed]), USUAL_QUANTILE))
+    if np.mean(jumps > JUMP_FACTOR * jumps.min()) >= JUMP_SHARE:
+        return period
+    # coarse values go to the next one, too, but only those that are held do so at one phase of a clock
+    turns = np.outer(t[changed], 1.0 / (period * PERIODS))
+    coherence = np.abs(np.exp(2j * np.pi * turns).mean(axis=0)).max()
+    return period if len(changed) >= MIN_COHERENT and coherence > COHERENT else 0.0
+
+
+def _joined(t: Array, value: Array, resolution: float) -> float:
+    """Seconds between the knots of straight lines; 0: there are none."""
+    dt = np.diff(t)
+    slope = np.diff(value) / dt
+    bend = np.abs(np.diff(slope)) * np.minimum(dt[1:], dt[:-1])
+    # a line's few values rarely show a lattice, and its decimals do
+    decimals = DECIMALS * float(np.gcd.reduce(np.rint(np.diff(value) / DECIMALS).astype(np.int64)))
+    limit = max(
+        STRAIGHT * max(resolution, decimals),
+        FLOAT_ROUNDING * float(np.abs(value).max()),
+    )
+    bent = bend > limit
+    first = np.flatnonzero(np.diff(bent.astype(int), prepend=0) == 1)
+    length = np.bincount(np.cumsum(np.diff(bent.astype(int), prepend=0) == 1)[bent])[1:]
+    # a knot between two readings bends at both
+    if len(first) < MIN_KNOTS or length.max() > MIN_RUN or np.median(bend[bent]) < BENT * limit:
+        return 0.0
+    spacing = np.diff(first)
+    if np.sort(spacing)[1] <= MIN_RUN:
+        return 0.0
+    return float(np.quantile(np.diff(t[first]), USUAL_QUANTILE))

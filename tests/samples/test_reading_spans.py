@@ -1,0 +1,82 @@
+"""How often a value is updated is read off its readings, whatever stands between them, and nothing is read into noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.signals.samples import reading_spans
+from canid.signals.samples.reading_spans import ReadingSpan
+from tests.exact import exact
+from tests.seeds import mostly
+from tests.signal_checks.synthetic import Array, smooth
+
+SECONDS = 60.0
+
+
+def signal(seed: int, step: float, t: Array) -> Array:
+    """A smooth movement with some noise, in steps, at times t in s."""
+    rng = np.random.default_rng(seed)
+    fine = 5.0 * smooth(round(SECONDS / 0.1) + 20, 2.0, rng)
+    x = np.interp(t, 0.1 * np.arange(len(fine)), fine) + 0.05 * rng.standard_normal(len(t))
+    return np.round(x / step) * step
+
+
+def readings(seed: int, hz: float, between: str, message_hz: float, step: float) -> tuple[Array, Array]:
+    """Times and values of a message whose value is updated more slowly."""
+    dense, measured = np.arange(0.0, SECONDS, 1.0 / message_hz), np.arange(0.013, SECONDS + 2.0, 1.0 / hz)
+    value = signal(seed, step, measured)
+    if between == "points":
+        return measured, value
+    if between == "line":
+        return dense, np.round(np.interp(dense, measured, value), 4)
+    return dense, value[np.maximum(np.searchsorted(measured, dense, side="right") - 1, 0)]
+
+
+def spans(t: Array, value: Array, sizes: tuple[int, ...] = (10**9,)) -> list[ReadingSpan]:
+    """What the spans show, in chunks of these sizes in turn."""
+    state, out, k, n = reading_spans.init(), [], 0, 0
+    while k < len(t):
+        rows = np.arange(k, min(k + sizes[n % len(sizes)], len(t)))
+        state, over = reading_spans.step(state, "gap", t[rows], value[rows], rows)
+        out += over
+        k, n = k + len(rows), n + 1
+    assert [row for row, _ in out] == np.searchsorted(t, [10.0 * (j + 1) for j in range(len(out))]).tolist()
+    return [span for _, span in out]
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.1])
+@pytest.mark.parametrize("message_hz", [10.0, 25.0])
+@pytest.mark.parametrize("between", ["points", "hold", "line"])
+@pytest.mark.parametrize("hz", [1.0, 2.0, 3.3])
+@mostly(0.9)
+def test_a_slow_update_is_found(hz: float, between: str, message_hz: float, step: float, seed: int) -> None:
+    """Its period within a fifth, and what stands between two updates, on most spans; lines are not in steps."""
+    t, value = readings(seed, hz, between, message_hz, step)
+    shown = spans(t, value)
+    right = [abs(span.update * hz - 1.0) < 0.2 and span.kind == between for span in shown]
+    assert sum(right) >= 0.6 * len(shown), shown
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.1, 0.5])
+@pytest.mark.parametrize("hz", [10.0, 20.0, 100.0])
+def test_a_signal_of_its_message_is_no_slower(hz: float, step: float, seed: int) -> None:
+    """Neither fine nor coarse values are called held or joined by lines."""
+    t = np.arange(0.0, SECONDS, 1.0 / hz)
+    for span in spans(t, signal(seed, step, t)):
+        assert span.kind == "points"
+        assert span.update == pytest.approx(1.0 / hz)
+
+
+def test_a_constant_shows_no_update() -> None:
+    """A value that stands still says nothing about its rate."""
+    t = np.arange(0.0, SECONDS, 0.1)
+    assert all(np.isnan(span.update) for span in spans(t, np.full(len(t), 3.0)))
+
+
+def test_spans_do_not_depend_on_the_chunks(seed: int) -> None:
+    """To the last bit, and the row is that of the reading that ends the span."""
+    t, value = readings(seed, 2.0, "line", 10.0, 1e-4)
+    whole = exact(spans(t, value))
+    assert exact(spans(t, value, (1, 7, 100, 3))) == whole
+    assert exact(spans(t, value, (1,))) == whole

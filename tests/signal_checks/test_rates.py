@@ -1,0 +1,156 @@
+"""Slow, coarse and late signals are named, and leave quotable what they do not touch; good ones stay silent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.signals.samples import reading_spans
+from canid.signals.signal_checks import delayed_rate, signal_checks
+from canid.values.types import Channel, Driver, Estimate, Identifiable, Interval, SignalFinding, Status
+from tests.seeds import mostly
+from tests.signal_checks.synthetic import DT, Array, Columns, changed, findings, following, samples
+
+OWN = frozenset(
+    (
+        "input_slow",
+        "output_slow",
+        "range_rate_coarse",
+        "range_rate_late",
+        "gap_late",
+        "accel_late",
+        "speed_late",
+    )
+)
+
+
+# s; the loop of `following` is integrated by Euler's rule: its gap and speed come half a step late
+EULER = 0.5 * DT
+
+
+def with_spans(columns: Columns) -> tuple[SignalFinding, ...]:
+    """Run the checks along a drive, with what its readings show of their rate."""
+    t = DT * np.arange(len(columns["gap"]))
+    came = []
+    for role in ("pedal", "speed", "gap", "range_rate"):
+        _, over = reading_spans.step(reading_spans.init(), role, t, columns[role], np.arange(len(t)))
+        came += [(row, span) for row, span in over]
+    came.sort(key=lambda item: item[0])
+    state, reports = signal_checks.init(), []
+    for k, sample in enumerate(samples(columns)):
+        while came and came[0][0] <= k:
+            state = signal_checks.put(state, came.pop(0)[1])
+        state, report = signal_checks.step(state, sample, Driver(), DT)
+        reports += [] if report is None else [report]
+    return signal_checks.episodes(reports)
+
+
+def lagged(x: Array, seconds: float) -> Array:
+    """A lag of first order."""
+    out, y = np.empty(len(x)), x[0]
+    for k, value in enumerate(x.tolist()):
+        out[k] = y
+        y += (value - y) * DT / seconds
+    return out
+
+
+def delayed(x: Array, seconds: float) -> Array:
+    """A pure delay."""
+    k = np.arange(len(x), dtype=np.float64)
+    return np.interp(k - seconds / DT, k, x)
+
+
+def joined(every: int):
+    """Lines between every so many values."""
+    return lambda x: np.interp(np.arange(len(x)), np.arange(len(x))[::every], x[::every])
+
+
+def stepped(size: float):
+    """Values in steps."""
+    return lambda x: np.round(x / size) * size
+
+
+@pytest.mark.parametrize(
+    ("role", "seconds", "name"),
+    [("range_rate", 0.2, "range_rate_late"), ("range_rate", 0.5, "range_rate_late"), ("gap", 0.2, "gap_late"),
+     ("accel", 0.3, "accel_late")],
+)  # fmt: skip
+@pytest.mark.parametrize("how", [lagged, delayed])
+@mostly(0.9)
+def test_a_late_signal_is_measured(role: str, seconds: float, name: str, how, seed: int) -> None:
+    """Its name and sign; the delay that is said is the one planted."""
+    found = findings(changed(role, lambda x: how(x, seconds))(following(seed, 10.0)))
+    planted = seconds + EULER if role == "gap" else seconds - EULER
+    one = next(one for one in found if one.name == name)
+    assert float(one.says.split(" is ")[1].split(" s")[0]) == pytest.approx(planted, abs=0.04)
+    assert one.withholds_delays == (role != "accel")
+    assert not one.withholds
+
+
+@mostly(0.9)
+def test_the_interval_of_the_delay_holds_the_truth(seed: int) -> None:
+    """Of four standard deviations, without and with a delay; noise of the rate alone gives none."""
+    for seconds in (0.0, 0.15):
+        columns = changed("range_rate", lambda x, s=seconds: delayed(x, s))(following(seed, 8.0))
+        columns["range_rate"] = columns["range_rate"] + 0.2 * np.random.default_rng(
+            [seed, 1]
+        ).standard_normal(len(columns["gap"]))
+        state = signal_checks.init()
+        for sample in samples(columns):
+            state, _ = signal_checks.step(state, sample, Driver(), DT)
+        own = next(
+            inner
+            for check, inner in zip(signal_checks.CHECKS, state.checks, strict=True)
+            if check is delayed_rate.CHECKS[0]
+        )
+        value, sd = delayed_rate.delay(own)
+        assert sd < 0.05
+        assert abs(value - (seconds - EULER)) < 4.0 * sd
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "delays"),
+    [("pedal", "output_slow", True), ("gap", "input_slow", False), ("range_rate", "input_slow", False)],
+)
+@mostly(0.9)
+def test_what_is_joined_by_lines_is_named(role: str, name: str, delays: bool, seed: int) -> None:
+    """At 2 Hz; a slow output leaves the gains, a slow input leaves nothing."""
+    found = {one.name: one for one in with_spans(changed(role, joined(5))(following(seed)))}
+    one = found[name]
+    assert role.replace("_", " ") in one.says
+    assert "2 Hz, joined by lines" in one.says
+    assert (one.withholds, one.withholds_delays) == (not delays, delays)
+
+
+@mostly(0.9)
+def test_coarse_steps_without_noise_are_named(seed: int) -> None:
+    """Steps of the size of the movement; not fine ones, and not coarse ones that noise averages over."""
+    columns = following(seed, 5.0)
+    quiet = changed("range_rate", lambda x: stepped(1.5 * float(np.std(x)))(lagged(x, 0.3)))(columns)
+    assert "range_rate_coarse" in {one.name for one in with_spans(quiet)}
+    for size in (0.1, 0.25):
+        fine = changed("range_rate", stepped(size))(columns)
+        assert "range_rate_coarse" not in {one.name for one in with_spans(fine)}
+
+
+@mostly(0.95)
+def test_good_signals_raise_nothing(seed: int) -> None:
+    """Full rate, fine steps, no delay."""
+    found = with_spans(following(seed, 8.0))
+    assert not OWN & {one.name for one in found}, found
+
+
+def test_delays_alone_are_withheld_where_gains_hold() -> None:
+    """The gain stays quotable, tau and dead time do not, and the sentence says why."""
+    one = Interval(5.0, 4.0, 6.0)
+    channel = Channel(one, one, one, one, Identifiable.OK)
+    estimate = Estimate(70.0, "fopdt", Status.OK, "fine", {"range_rate": channel}, headline=True)
+    late = SignalFinding(
+        "range_rate_late", ("gap",), 0.0, 60.0, "it is late", "map another", False, withholds_delays=True
+    )
+    shown = signal_checks.withheld(estimate, [late])
+    assert shown.channels["range_rate"].status is Identifiable.GAIN_ONLY
+    assert shown.status is Status.OK
+    assert "it is late" in shown.says
+    wrong = late._replace(withholds=True, withholds_delays=False)
+    assert signal_checks.withheld(estimate, [late, wrong]).status is Status.INCONSISTENT
