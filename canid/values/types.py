@@ -122,6 +122,7 @@ class LearnGate(Enum):
     REVERSE = "reverse gear: nobody is followed"
     STALE = "a signal that the model needs does not arrive"
     ASSIST = "an assistant steers: the wheel says nothing about the person"
+    LIMITED = "the range rate is at its limit, or does not arrive"
 
 
 class Sample(NamedTuple):

@@ -57,6 +57,7 @@ _AFTER_BRIEF_CLOSURE = {
     LearnGate.BRAKE: Status.NO_DRIVER,
     LearnGate.PEDAL_FLOOR: Status.NO_DRIVER,
     LearnGate.TARGET_CHANGE: Status.NO_LEAD,
+    LearnGate.LIMITED: Status.STALE,
 }
 _OF_GATE = (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
 

@@ -15,6 +15,7 @@ from canid.mathematics.estimators.estimator import AnyRunning
 from canid.models.monitor import change_monitor
 from canid.models.pipeline import restart_time
 from canid.signals.samples import sampler
+from canid.signals.samples.limited_values import Limited
 from canid.signals.samples.out_of_range import OutOfRange
 from canid.signals.samples.stamps import StampIntervals
 from canid.signals.signal_checks import signal_checks
@@ -146,7 +147,7 @@ def _decoded(
     return state, out, made.decoded, made.t
 
 
-def _stamped(state: State, intervals: StampIntervals | OutOfRange) -> State:
+def _stamped(state: State, intervals: StampIntervals | OutOfRange | Limited) -> State:
     return state._replace(signals=signal_checks.put(state.signals, intervals))
 
 

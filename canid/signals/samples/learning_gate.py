@@ -91,6 +91,12 @@ def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGat
         valid = values.get("lead_valid", NAN)
         if valid == 0.0:
             return LearnGate.NO_LEAD
+        if (
+            valid == 1.0
+            and values["headway"] == values["headway"]
+            and values["range_rate"] != values["range_rate"]
+        ):
+            return LearnGate.LIMITED
         if any(x != x for x in inputs(values, driver)):
             return LearnGate.STALE if valid != valid else LearnGate.NO_LEAD
         if state.target == state.target and values.get("target", NAN) != state.target:

@@ -12,6 +12,8 @@ from canid.signals.samples import (
     lead,
     lead_readings,
     learning_gate,
+    limited_values,
+    no_target,
     own_speed,
     sampling_grid,
     session_clock,
@@ -20,12 +22,13 @@ from canid.signals.samples import (
 )
 from canid.signals.samples.lead import REPORTED
 from canid.signals.samples.lead_readings import Made
+from canid.signals.samples.limited_values import Limited
 from canid.signals.samples.out_of_range import OutOfRange
 from canid.signals.samples.sampling_grid import Ints, Readings, Role
 from canid.signals.samples.stamps import StampIntervals
 from canid.signals.vehicle import Vehicle, decoder
 from canid.signals.vehicle.decoding import Step as DecodingStep
-from canid.signals.vehicle.decoding_state import Decoded, Decoding, RoleReadings
+from canid.signals.vehicle.decoding_state import Decoded, Decoding, RoleReadings, add_counts
 from canid.values.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
 
 # roles that the lead makes, whatever the vehicle maps
@@ -48,6 +51,8 @@ class State(NamedTuple):
     gate: learning_gate.State
     instants: update_instants.State
     stamps: stamps.State
+    no_target: no_target.State = no_target.State()
+    limits: limited_values.State = limited_values.init()
 
 
 class Samples(NamedTuple):
@@ -55,7 +60,7 @@ class Samples(NamedTuple):
 
     samples: list[tuple[int, Sample]]
     events: list[tuple[int, Event]]
-    stamps: list[tuple[int, StampIntervals | OutOfRange]]
+    stamps: list[tuple[int, StampIntervals | OutOfRange | Limited]]
     decoded: Decoded  # what the frames held
     t: Array  # (n,) s, of the frames that were decoded
 
@@ -77,6 +82,7 @@ class _Settings(NamedTuple):
     stamped: frozenset[str]  # one role of each message whose stamps are watched
     dt: float  # s
     updated: str  # role whose instants are the grid; "": none
+    largest: float  # gap of the largest raw number, m
 
 
 _NO_READINGS = Readings(np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
@@ -103,6 +109,7 @@ def sampler(vehicle: Vehicle, dt: float) -> Sampler:
         _stamped(vehicle),
         dt,
         "" if following else vehicle.driver.output,
+        no_target.largest_raw(vehicle),
     )
     init = partial(_init, init_decoding)
     return Sampler(init, partial(_step, settings))
@@ -165,6 +172,10 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     clock, timed = session_clock.step(state.clock, chunk)
     frames, first = timed.frames, state.grid.frames
     decoding, decoded = settings.decode(state.decoding, frames)
+    targets, decoded, empty = no_target.step(state.no_target, decoded, frames.t, settings.largest)
+    if empty:
+        decoding = add_counts(decoding, empty)
+    limits, decoded, limited = limited_values.step(state.limits, decoded, frames.t)
     following, passed = state.lead, decoded.roles
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
@@ -172,7 +183,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         following, followed = lead_readings.step(following, decoded, frames, settings.lead)
         passed, made = followed.passed, followed.made
         events += followed.events
-    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange]]()
+    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange | Limited]](limited)
     for role, row, _ in decoded.roles:
         if role in settings.stamped:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
@@ -210,7 +221,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         events = [(rows[row], event) for row, event in events]
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
-    after = State(clock, decoding, following, grid, gate, instants, intervals)
+    after = State(clock, decoding, following, grid, gate, instants, intervals, targets, limits)
     return after, Samples(samples, events, stamped, decoded, frames.t)
 
 
@@ -233,7 +244,7 @@ def _instants(
     return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), settings.dt)
 
 
-def _row(item: tuple[int, Event | StampIntervals | OutOfRange]) -> int:
+def _row(item: tuple[int, Event | StampIntervals | OutOfRange | Limited]) -> int:
     return item[0]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from canid.signals.samples.limited_values import Limited
 from canid.signals.samples.out_of_range import OutOfRange
 from canid.signals.samples.stamps import StampIntervals
 from canid.signals.signal_checks import (
@@ -16,6 +17,7 @@ from canid.signals.signal_checks import (
     frozen_values,
     gap_and_range_rate,
     integrated_acceleration,
+    limited_values,
     own_motion,
     pedal_at_rest,
     pedal_scale,
@@ -28,6 +30,7 @@ from canid.values.types import NAN, Channel, Driver, Estimate, Sample, SignalFin
 
 # the list is the registry: a check is a file and a line
 CHECKS: tuple[Check, ...] = (
+    limited_values.CHECK,
     frozen_values.CHECK,
     gap_and_range_rate.CHECK,
     *reference_speed.CHECKS,
@@ -60,8 +63,8 @@ def init() -> State:
     return State(blocks.init(), {}, tuple(check.init() for check in CHECKS))
 
 
-def put(state: State, came: StampIntervals | OutOfRange) -> State:
-    """Add the intervals of a message's stamps, or a reading out of its range."""
+def put(state: State, came: StampIntervals | OutOfRange | Limited) -> State:
+    """Add the intervals of a message's stamps, a reading out of its range, or a limit."""
     return state._replace(blocks=blocks.put(state.blocks, came))
 
 
