@@ -122,7 +122,7 @@ class LearnGate(Enum):
     REVERSE = "reverse gear: nobody is followed"
     STALE = "a signal that the model needs does not arrive"
     ASSIST = "an assistant steers: the wheel says nothing about the person"
-    LIMITED = "the range rate is at its limit, or does not arrive"
+    LIMITED = "a signal is at its limit: what it measures is beyond"
 
 
 class Sample(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from canid.signals.samples.limited_values import AT_LIMIT
 from canid.values.roles import assistant_of
 from canid.values.types import NAN, Driver, LearnGate, Sample
 
@@ -91,11 +92,7 @@ def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGat
         valid = values.get("lead_valid", NAN)
         if valid == 0.0:
             return LearnGate.NO_LEAD
-        if (
-            valid == 1.0
-            and values["headway"] == values["headway"]
-            and values["range_rate"] != values["range_rate"]
-        ):
+        if values.get(AT_LIMIT, 0.0) == 1.0:
             return LearnGate.LIMITED
         if any(x != x for x in inputs(values, driver)):
             return LearnGate.STALE if valid != valid else LearnGate.NO_LEAD
@@ -163,6 +160,7 @@ def step(
     if driver.task == "car_following":
         state = _distance(state, t, values, driver)
     gate = judge(state, values, driver)
+    values.pop(AT_LIMIT, None)
     segment = state.segment
     target = values.get("target", NAN)
     cruise = values.get("cruise_active", NAN)

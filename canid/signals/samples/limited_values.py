@@ -19,6 +19,8 @@ from canid.values.types import NAN, Array
 
 # inputs of the models that a sensor or a logger may limit; the own speed stands still at a speed limiter's as well
 WATCHED = ("gap", "range_rate", "lateral_offset")
+# the role of which brief stays at a limit are bridged by another one, and the role that says of a sample that it is there
+MARKED, AT_LIMIT = "range_rate", "at_limit"
 # s over which a slope is taken, and after which a value that has left its extreme does not return to it
 SLOPE_S = 0.5
 # s; a signal that stays for longer at its extreme need not have turned once in between
@@ -66,12 +68,22 @@ class Watch(NamedTuple):
 State = Mapping[str, Watch]
 
 
+class WithinLimits(NamedTuple):
+    """A chunk without the readings at a limit."""
+
+    decoded: Decoded  # with NaN in their place
+    limits: tuple[tuple[int, Limited], ...]  # with the row from which on they are known
+    marks: tuple[
+        RoleReadings, ...
+    ]  # of the role `AT_LIMIT`: 1 at a limit, 0 within; none where no limit is known
+
+
 def init() -> State:
     """Return the state before the first reading."""
     return {}
 
 
-def step(state: State, decoded: Decoded, t: Array) -> tuple[State, Decoded, list[tuple[int, Limited]]]:
+def step(state: State, decoded: Decoded, t: Array) -> tuple[State, WithinLimits]:
     """Take a chunk.
 
     Args:
@@ -79,45 +91,44 @@ def step(state: State, decoded: Decoded, t: Array) -> tuple[State, Decoded, list
         decoded: the chunk's readings.
         t: (n,) s, of its frames.
 
-    Returns:
-        the state, the readings with NaN in the place of those at a limit, and limits that are known from a row on.
-
     Example:
         >>> t = 0.1 * np.arange(400)
         >>> rate = RoleReadings("range_rate", np.arange(400), np.clip(1.2 * np.sin(t), -0.8, 0.8))
-        >>> state, (roles, *_), limits = step(init(), Decoded((rate,), (), ()), t)
-        >>> limits[0][1].low, limits[0][1].high, bool(np.isnan(roles[0].value).any())
-        (-0.8, 0.8, True)
+        >>> state, within = step(init(), Decoded((rate,), (), ()), t)
+        >>> within.limits[0][1].low, within.limits[0][1].high, int(np.isnan(within.decoded.roles[0].value).sum())
+        (-0.8, 0.8, 120)
     """
     if not any(readings.role in WATCHED for readings in decoded.roles):
-        return state, decoded, []
-    after, roles, limits = dict(state), list(decoded.roles), list[tuple[int, Limited]]()
+        return state, WithinLimits(decoded, (), ())
+    after, roles = dict(state), list(decoded.roles)
+    limits, marks = list[tuple[int, Limited]](), list[RoleReadings]()
     for k, readings in enumerate(decoded.roles):
-        if readings.role in WATCHED:
-            watch, roles[k], news = _chunk(after.get(readings.role, Watch()), readings, t[readings.row])
-            after[readings.role] = watch
-            limits += news
-    return after, decoded._replace(roles=tuple(roles)), limits
+        role = readings.role
+        if role not in WATCHED:
+            continue
+        after[role], limited, known = _chunk(after.get(role, Watch()), readings, t[readings.row])
+        limits += limited
+        hidden = known == 1.0
+        if hidden.any():
+            roles[k] = readings._replace(value=np.where(hidden, NAN, readings.value))
+        if role == MARKED and (known == known).any():
+            some = known == known
+            marks.append(RoleReadings(AT_LIMIT, readings.row[some], known[some]))
+    return after, WithinLimits(decoded._replace(roles=tuple(roles)), tuple(limits), tuple(marks))
 
 
-def _chunk(
-    watch: Watch, readings: RoleReadings, t: Array
-) -> tuple[Watch, RoleReadings, list[tuple[int, Limited]]]:
-    """Take a chunk of one signal."""
-    limits, hidden = list[tuple[int, Limited]](), list[int]()
+def _chunk(watch: Watch, readings: RoleReadings, t: Array) -> tuple[Watch, list[tuple[int, Limited]], Array]:
+    """Take a chunk of one signal; which readings are at a limit, 1 or 0: NaN where none is known."""
+    limits, known = list[tuple[int, Limited]](), np.full(len(t), NAN)
     for k, (at, x) in enumerate(zip(t.tolist(), readings.value.tolist(), strict=True)):
-        known = watch.low.found, watch.high.found
+        before = watch.low.found, watch.high.found
         watch = _reading(watch, at, x)
-        now = watch.low.found, watch.high.found
-        if (now[0] and not known[0]) or (now[1] and not known[1]):
+        low, high = watch.low.found, watch.high.found
+        if (low and not before[0]) or (high and not before[1]):
             limits.append((int(readings.row[k]), _limited(readings.role, at, watch)))
-        if (watch.low.found and x == -watch.low.value) or (watch.high.found and x == watch.high.value):
-            hidden.append(k)
-    if hidden:
-        value = readings.value.copy()
-        value[hidden] = NAN
-        readings = readings._replace(value=value)
-    return watch, readings, limits
+        if low or high:
+            known[k] = (low and x == -watch.low.value) or (high and x == watch.high.value)
+    return watch, limits, known
 
 
 def _limited(role: str, t: float, watch: Watch) -> Limited:

@@ -22,7 +22,7 @@ from canid.signals.samples import (
 )
 from canid.signals.samples.lead import REPORTED
 from canid.signals.samples.lead_readings import Made
-from canid.signals.samples.limited_values import Limited
+from canid.signals.samples.limited_values import AT_LIMIT, Limited
 from canid.signals.samples.out_of_range import OutOfRange
 from canid.signals.samples.sampling_grid import Ints, Readings, Role
 from canid.signals.samples.stamps import StampIntervals
@@ -143,6 +143,7 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
             age["range_rate"] = age["gap"]
         following = {role: Role(stale=age[role], needed=True) for role in REPORTED}
         reported = {name: Role(stale=age[role]) for role, name in REPORTED.items()}
+        roles[AT_LIMIT] = Role(switch=True, stale=age["range_rate"])
         roles |= following | MADE | reported | {"lead_speed": Role(stale=age["range_rate"])}
         if "speed" in roles:
             roles["own_speed"] = Role(stale=roles["speed"].stale, smooth=SMOOTH_ALONG_S)
@@ -175,7 +176,8 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     targets, decoded, empty = no_target.step(state.no_target, decoded, frames.t, settings.largest)
     if empty:
         decoding = add_counts(decoding, empty)
-    limits, decoded, limited = limited_values.step(state.limits, decoded, frames.t)
+    limits, within = limited_values.step(state.limits, decoded, frames.t)
+    decoded = within.decoded
     following, passed = state.lead, decoded.roles
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
@@ -183,7 +185,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         following, followed = lead_readings.step(following, decoded, frames, settings.lead)
         passed, made = followed.passed, followed.made
         events += followed.events
-    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange | Limited]](limited)
+    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange | Limited]](within.limits)
     for role, row, _ in decoded.roles:
         if role in settings.stamped:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
@@ -191,7 +193,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     for role, row, value in decoded.out_of_range:
         beyond = zip(row.tolist(), frames.t[row].tolist(), value.tolist(), strict=True)
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
-    readings = _by_role(passed, made, frames, first)
+    readings = _by_role((*passed, *within.marks), made, frames, first)
     if "own_speed" in settings.roles and "speed" in readings:
         readings["own_speed"] = readings["speed"]
     grid = sampling_grid.put(state.grid, readings)
