@@ -59,7 +59,7 @@ def largest_raw(vehicle: Vehicle) -> float:
     Example:
         >>> from canid.signals.vehicle import read_vehicle
         >>> round(largest_raw(read_vehicle("generic")), 2)
-        655.35
+        409.55
     """
     role = vehicle.roles.get("gap")
     if role is None or role.made or role.how.bits.floating or role.how.bits.length < MIN_BITS:
