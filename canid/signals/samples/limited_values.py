@@ -102,7 +102,9 @@ class WithinLimits(NamedTuple):
 
     decoded: Decoded  # with NaN in their place
     limits: tuple[tuple[int, Limited], ...]  # with the row from which on they are known
-    marks: tuple[RoleReadings, ...]  # of the role `AT_LIMIT`: 1 at a limit, 0 within; none where no limit is known
+    marks: tuple[
+        RoleReadings, ...
+    ]  # of the role `AT_LIMIT`: 1 at a limit, 0 within; none where no limit is known
 
 
 def init() -> State:

@@ -170,6 +170,6 @@ def _stands_still(state: State) -> bool:
     beyond = state.low < math.inf and not state.low < state.gap < state.high
     span, change = STILL_BEYOND if beyond else STILL_AMONG
     # a range rate that is not 0 and stands still with the gap is a radar that hangs
-    still = not state.moved and (beyond or not state.rate != 0.0 or state.rate != state.rate)
+    still = not state.moved and (beyond or state.rate == 0.0 or state.rate != state.rate)
     long = state.t - state.since >= span and state.reports >= MIN_REPORTS
     return still and long and state.fast - state.slow >= change

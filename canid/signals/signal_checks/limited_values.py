@@ -9,9 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from canid.signals.samples.limited_values import Limited
 from canid.signals.signal_checks.blocks import Block
 from canid.signals.signal_checks.check import Check, Found
 from canid.values.roles import ROLES
