@@ -27,6 +27,8 @@ STILL_BEYOND, STILL_AMONG = (3.0, 0.2), (8.0, 1.0)
 MIN_REPORTS = 10
 # bits of a raw number whose largest value is far from what is measured
 MIN_BITS = 6
+# roles that count, of one frame in this order
+ROLES = ("speed", "lead_valid", "gap", "range_rate")
 
 
 class State(NamedTuple):
@@ -46,6 +48,7 @@ class State(NamedTuple):
     high: float = -math.inf
     known: frozenset[float] = frozenset()  # m
     none: bool = False  # the latest report was of no vehicle
+    flag: float = NAN  # `lead_valid`, latest
 
 
 def init() -> State:
@@ -92,11 +95,10 @@ def step(
         >>> roles[0].value.tolist(), dict(counts)
         ([20.0, nan, 21.0], {'gap: 0 m at speed, no vehicle ahead': 1})
     """
-    # of one frame the own speed comes first, then the gap
     items = sorted(
         (
             (row, place, k, index, value)
-            for place, role in enumerate(("speed", "gap", "range_rate"))
+            for place, role in enumerate(ROLES)
             for k, readings in enumerate(decoded.roles)
             if readings.role == role
             for index, (row, value) in enumerate(
@@ -108,20 +110,23 @@ def step(
     times, counts = t.tolist(), Counter[str]()
     hidden: dict[int, list[int]] = {}
     for row, place, k, index, value in items:
-        if value != value:
+        role = ROLES[place]
+        if role == "lead_valid":
+            state = state._replace(flag=value)
+        elif value != value:
             # a hole: the next gap follows from none
-            state = state._replace(gap=NAN) if place == 1 else state
+            state = state._replace(gap=NAN) if role == "gap" else state
             continue
-        if place == 0:
+        elif role == "speed":
             state = state._replace(speed=value, slow=min(state.slow, value), fast=max(state.fast, value))
-        elif place == 1:
+        elif role == "gap":
             state, says = _report(state, times[row], value, largest)
             if says:
                 counts[says] += 1
         else:
             moved = state.moved or (state.rate == state.rate and value != state.rate)
             state = state._replace(rate=value, moved=moved)
-        if place and state.none:
+        if state.none and role in ("gap", "range_rate"):
             hidden.setdefault(k, []).append(index)
     if not hidden:
         return state, decoded, counts
@@ -135,6 +140,9 @@ def step(
 
 def _report(state: State, t: float, gap: float, largest: float) -> tuple[State, str]:
     """Take a gap; return what it stands for where it is none."""
+    if state.flag == 0.0:
+        # whatever the number, it is known not to be measured
+        return _left(state)._replace(none=False), ""
     # an own speed that is not known may be any
     if gap <= 0.0 and not state.speed < CREEP_SPEED:
         return _left(state)._replace(none=True), "gap: 0 m at speed, no vehicle ahead"
