@@ -249,7 +249,7 @@ def _judged(side: Side, other: Side, resolution: float) -> Side:
     if side.found or not counts.visits or side.value == 0.0:
         return side
     if other.counts.visits and side.value == other.value:
-        counts = Counts(*(a + b for a, b in zip(counts, other.counts, strict=True)))
+        counts = Counts._make(a + b for a, b in zip(counts, other.counts, strict=True))
     turned = counts.turned >= max(MIN_VISITS, MIN_SHARE * counts.visits) and counts.time >= MIN_TIME_S
     return side._replace(found=turned or _exceeded(side.value, counts, resolution))
 
