@@ -123,6 +123,7 @@ class LearnGate(Enum):
     STALE = "a signal that the model needs does not arrive"
     ASSIST = "an assistant steers: the wheel says nothing about the person"
     OUTPUT_LIMIT = "the output is at its limit: the driver's answer is beyond what it can show"
+    LIMITED = "a signal is at its limit: what it measures is beyond"
 
 
 class Sample(NamedTuple):
@@ -410,7 +411,9 @@ class SignalFinding(NamedTuple):
         bool  # an input or the output of the model is among the roles: no estimate is `ok` while it stands
     )
     until: Annotated[float, TIME] = NAN  # s; NaN: it stands
-    withholds_delays: bool = False  # likewise, but gains hold: no tau and dead time are quoted while it stands
+    withholds_delays: bool = (
+        False  # likewise, but gains hold: no tau and dead time are quoted while it stands
+    )
 
 
 class SignalReport(NamedTuple):

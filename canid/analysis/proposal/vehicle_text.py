@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from canid.analysis.proposal.choice import Choice, Decision, Decisions
+from canid.analysis.proposal.gap_limits import gap_limits
 from canid.analysis.proposal.name_score import reach
 from canid.analysis.proposal.track_groups import TrackPart
-from canid.signals.vehicle.database import Dbc
+from canid.signals.vehicle.database import Dbc, bits_of
 from canid.signals.vehicle.units import examples, factor_to
 from canid.values.roles import NEEDS, ROLES
 from canid.values.shipped_files import SHIPPED, shipped
@@ -172,7 +173,7 @@ def entry_text(chosen: Choice, decisions: Decisions) -> str:
         parts.append(
             f"on = [{', '.join(f'{raw * candidate.signal.scale + candidate.signal.offset:g}' for raw in candidate.on)}]"
         )
-    parts += _valid(chosen)
+    parts += _valid(chosen) or _valid_gap(chosen, decisions)
     if (
         candidate.bus is not None
         and candidate.bus != _file_bus(candidate.file, decisions)
@@ -209,6 +210,20 @@ def _valid(chosen: Choice) -> list[str]:
         bottom = limits[0] / abs(factor) * abs(candidate.scale)
         return [f"valid = [{bottom:.3g}, {top:.3g}]"]
     return []
+
+
+def _valid_gap(chosen: Choice, decisions: Decisions) -> list[str]:
+    """Limits without what stands for no vehicle ahead in the log."""
+    candidate, speed, columns = chosen.candidate, decisions.roles["speed"].chosen, decisions.columns
+    if candidate.role != "gap" or not candidate.unit or chosen.values is None or columns is None:
+        return []
+    if speed is None or speed.values is None or not speed.unit_is_known:
+        return []
+    signal, to_role = candidate.signal, factor_to(candidate.unit, ROLES["gap"].unit) or 1.0
+    factor = to_role * candidate.scale
+    low, high = sorted((raw * signal.scale + signal.offset) * factor for raw in bits_of(signal).reach)
+    limits = gap_limits(columns.t, chosen.values, speed.values, (low, high), abs(signal.scale * factor))
+    return [] if limits is None else [f"valid = [{limits[0] / to_role:.6g}, {limits[1] / to_role:.6g}]"]
 
 
 def _remarks(decision: Decision) -> list[str]:

@@ -58,6 +58,7 @@ _AFTER_BRIEF_CLOSURE = {
     LearnGate.PEDAL_FLOOR: Status.NO_DRIVER,
     LearnGate.OUTPUT_LIMIT: Status.NO_DRIVER,
     LearnGate.TARGET_CHANGE: Status.NO_LEAD,
+    LearnGate.LIMITED: Status.STALE,
 }
 _OF_GATE = (Status.NO_DRIVER, Status.NO_LEAD, Status.STALE)
 

@@ -15,9 +15,7 @@ from canid.mathematics.estimators.estimator import AnyRunning
 from canid.models.monitor import change_monitor
 from canid.models.pipeline import restart_time
 from canid.signals.samples import sampler
-from canid.signals.samples.out_of_range import OutOfRange
-from canid.signals.samples.reading_spans import ReadingSpan
-from canid.signals.samples.stamps import StampIntervals
+from canid.signals.samples.reading_facts import ReadingFact
 from canid.signals.signal_checks import signal_checks
 from canid.signals.vehicle import Vehicle
 from canid.signals.vehicle.decoding_state import Decoded
@@ -141,14 +139,14 @@ def _decoded(
             state, stamps = _stamped(state, stamps[0][1]), stamps[1:]
         state, outputs = _estimated(parts, state, sample)
         out += [(row, item) for item in outputs]
-    for _, intervals in stamps:
-        state = _stamped(state, intervals)
+    for _, fact in stamps:
+        state = _stamped(state, fact)
     out.sort(key=itemgetter(0))
     return state, out, made.decoded, made.t
 
 
-def _stamped(state: State, intervals: StampIntervals | OutOfRange | ReadingSpan) -> State:
-    return state._replace(signals=signal_checks.put(state.signals, intervals))
+def _stamped(state: State, fact: ReadingFact) -> State:
+    return state._replace(signals=signal_checks.put(state.signals, fact))
 
 
 def _estimated(parts: _Parts, state: State, sample: Sample) -> tuple[State, list[Output]]:

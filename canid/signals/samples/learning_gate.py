@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.mathematics.identification import output_limits
+from canid.signals.samples.limited_values import AT_LIMIT
 from canid.values.output_role import output_role
 from canid.values.roles import assistant_of
 from canid.values.types import NAN, Driver, LearnGate, Sample, Trace
@@ -101,6 +102,8 @@ def judge(state: State, values: Mapping[str, float], driver: Driver) -> LearnGat
         valid = values.get("lead_valid", NAN)
         if valid == 0.0:
             return LearnGate.NO_LEAD
+        if values.get(AT_LIMIT, 0.0) == 1.0:
+            return LearnGate.LIMITED
         if any(x != x for x in inputs(values, driver)):
             return LearnGate.STALE if valid != valid else LearnGate.NO_LEAD
         if state.target == state.target and values.get("target", NAN) != state.target:
@@ -167,6 +170,7 @@ def step(
     if driver.task == "car_following":
         state = _distance(state, t, values, driver)
     gate = judge(state, values, driver)
+    values.pop(AT_LIMIT, None)
     output, known = values.get(driver.output, NAN), output_limits.NOWHERE
     before = state.limits.last
     if gate in SHOWS_DEMAND:

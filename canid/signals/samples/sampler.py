@@ -12,6 +12,8 @@ from canid.signals.samples import (
     lead,
     lead_readings,
     learning_gate,
+    limited_values,
+    no_target,
     own_speed,
     reading_spans,
     sampling_grid,
@@ -21,13 +23,13 @@ from canid.signals.samples import (
 )
 from canid.signals.samples.lead import REPORTED
 from canid.signals.samples.lead_readings import Made
+from canid.signals.samples.limited_values import AT_LIMIT
 from canid.signals.samples.out_of_range import OutOfRange
-from canid.signals.samples.reading_spans import ReadingSpan
+from canid.signals.samples.reading_facts import ReadingFact
 from canid.signals.samples.sampling_grid import Ints, Readings, Role
-from canid.signals.samples.stamps import StampIntervals
 from canid.signals.vehicle import Vehicle, decoder
 from canid.signals.vehicle.decoding import Step as DecodingStep
-from canid.signals.vehicle.decoding_state import Decoded, Decoding, RoleReadings
+from canid.signals.vehicle.decoding_state import Decoded, Decoding, RoleReadings, add_counts
 from canid.values.types import NAN, TASK_INPUTS, Array, Columns, Driver, Event, Sample
 
 # roles that the lead makes, whatever the vehicle maps
@@ -51,6 +53,8 @@ class State(NamedTuple):
     instants: update_instants.State
     stamps: stamps.State
     spans: reading_spans.State
+    no_target: no_target.State = no_target.State()
+    limits: limited_values.State = limited_values.init()
 
 
 class Samples(NamedTuple):
@@ -58,7 +62,7 @@ class Samples(NamedTuple):
 
     samples: list[tuple[int, Sample]]
     events: list[tuple[int, Event]]
-    stamps: list[tuple[int, StampIntervals | OutOfRange | ReadingSpan]]
+    stamps: list[tuple[int, ReadingFact]]
     decoded: Decoded  # what the frames held
     t: Array  # (n,) s, of the frames that were decoded
 
@@ -80,6 +84,7 @@ class _Settings(NamedTuple):
     stamped: frozenset[str]  # one role of each message whose stamps are watched
     dt: float  # s
     updated: str  # role whose instants are the grid; "": none
+    largest: float  # gap of the largest raw number, m
 
 
 _NO_READINGS = Readings(np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
@@ -106,6 +111,7 @@ def sampler(vehicle: Vehicle, dt: float) -> Sampler:
         _stamped(vehicle),
         dt,
         "" if following else vehicle.driver.output,
+        no_target.largest_raw(vehicle),
     )
     init = partial(_init, init_decoding)
     return Sampler(init, partial(_step, settings))
@@ -139,6 +145,7 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
             age["range_rate"] = age["gap"]
         following = {role: Role(stale=age[role], needed=True) for role in REPORTED}
         reported = {name: Role(stale=age[role]) for role, name in REPORTED.items()}
+        roles[AT_LIMIT] = Role(switch=True, stale=age["range_rate"])
         roles |= following | MADE | reported | {"lead_speed": Role(stale=age["range_rate"])}
         if "speed" in roles:
             roles["own_speed"] = Role(stale=roles["speed"].stale, smooth=SMOOTH_ALONG_S)
@@ -169,6 +176,11 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     clock, timed = session_clock.step(state.clock, chunk)
     frames, first = timed.frames, state.grid.frames
     decoding, decoded = settings.decode(state.decoding, frames)
+    targets, decoded, empty = no_target.step(state.no_target, decoded, frames.t, settings.largest)
+    if empty:
+        decoding = add_counts(decoding, empty)
+    limits, within = limited_values.step(state.limits, decoded, frames.t)
+    decoded = within.decoded
     following, passed = state.lead, decoded.roles
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
@@ -176,7 +188,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         following, followed = lead_readings.step(following, decoded, frames, settings.lead)
         passed, made = followed.passed, followed.made
         events += followed.events
-    intervals, stamped = state.stamps, list[tuple[int, StampIntervals | OutOfRange | ReadingSpan]]()
+    intervals, stamped = state.stamps, list[tuple[int, ReadingFact]](within.limits)
     for role, row, _ in decoded.roles:
         if role in settings.stamped:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
@@ -184,7 +196,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     for role, row, value in decoded.out_of_range:
         beyond = zip(row.tolist(), frames.t[row].tolist(), value.tolist(), strict=True)
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
-    readings = _by_role(passed, made, frames, first)
+    readings = _by_role((*passed, *within.marks), made, frames, first)
     watched = state.spans
     for source, role in _sources(settings.driver.output):
         if source in readings:
@@ -220,7 +232,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         events = [(rows[row], event) for row, event in events]
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
-    after = State(clock, decoding, following, grid, gate, instants, intervals, watched)
+    after = State(clock, decoding, following, grid, gate, instants, intervals, watched, targets, limits)
     return after, Samples(samples, events, stamped, decoded, frames.t)
 
 
@@ -248,7 +260,7 @@ def _instants(
     return update_instants.step(state, t, value, latest[frame - first], float(latest[-1]), settings.dt)
 
 
-def _row(item: tuple[int, Event | StampIntervals | OutOfRange | ReadingSpan]) -> int:
+def _row(item: tuple[int, Event | ReadingFact]) -> int:
     return item[0]
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from canid.signals.samples.limited_values import Limited
 from canid.signals.samples.out_of_range import OutOfRange, added
+from canid.signals.samples.reading_facts import ReadingFact
 from canid.signals.samples.reading_spans import ReadingSpan
 from canid.signals.samples.stamps import StampIntervals
 from canid.values.state_constraints import TIME
@@ -39,6 +42,11 @@ CREEP_SPEED = 2.0
 MAX_GAP_STEP_M, MAX_RANGE_RATE = 2.0, 20.0
 
 
+# samples in a row with which a range rate stands still at the largest or smallest so far, and s after which that is a
+# frozen value: until then it may be a limit that is not known yet, and then it contradicts the gap
+END_SAMPLES, MAX_AT_END_S = 3, 20.0
+
+
 class Block(NamedTuple):
     """One second of samples."""
 
@@ -48,10 +56,11 @@ class Block(NamedTuple):
     mean: tuple[float, ...]  # of each column; NaN where one sample of it is
     spread: tuple[float, ...]  # largest minus smallest value of each column; NaN likewise
     joined: bool  # the block before it ends one sample earlier
-    follows: bool  # one lead is measured throughout, by a vehicle that moves
+    follows: bool  # one lead is measured throughout, within the signals' limits, by a vehicle that moves
     stamps: tuple[StampIntervals, ...] = ()  # that have come with it
     out_of_range: tuple[OutOfRange, ...] = ()
     spans: tuple[ReadingSpan, ...] = ()  # likewise
+    limited: tuple[Limited, ...] = ()  # limits that have become known with it
 
 
 class State(NamedTuple):
@@ -64,6 +73,10 @@ class State(NamedTuple):
     stamps: tuple[StampIntervals, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
     spans: tuple[ReadingSpan, ...] = ()
+    limited: tuple[Limited, ...] = ()
+    lowest: float = math.inf  # m/s, smallest and largest range rate of a lead so far
+    highest: float = -math.inf
+    at_end: int = 0  # blocks in a row in which it stood still at one of them
 
 
 def init() -> State:
@@ -71,10 +84,12 @@ def init() -> State:
     return State()
 
 
-def put(state: State, came: StampIntervals | OutOfRange | ReadingSpan) -> State:
-    """Add the intervals of a message's stamps, a reading out of its range or what readings show; the next block has them."""
+def put(state: State, came: ReadingFact) -> State:
+    """Add what readings show; the next block has it."""
     if isinstance(came, ReadingSpan):
         return state._replace(spans=(*state.spans, came))
+    if isinstance(came, Limited):
+        return state._replace(limited=(*state.limited, came))
     if isinstance(came, OutOfRange):
         return state._replace(out_of_range=added(state.out_of_range, came))
     return state._replace(stamps=(*state.stamps, came))
@@ -99,7 +114,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     """
     t = sample.t
     if not t - state.t <= 1.5 * dt:
-        state = State(stamps=state.stamps, out_of_range=state.out_of_range, spans=state.spans)
+        state = state._replace(rows=(), joined=False, gap=NAN)
     rows = (*state.rows, sample.signals)
     if len(rows) < round(BLOCK_S / dt):
         return state._replace(t=t, rows=rows), None
@@ -107,6 +122,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     lowest = np.minimum.reduce(values)
     mean = (np.add.reduce(values) / len(rows)).tolist()
     spread = (np.maximum.reduce(values) - lowest).tolist()
+    lowest_rate, highest_rate, at_end = _at_end(state, values)
     block = Block(
         t,
         dt,
@@ -119,12 +135,15 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
         and spread[LEAD_VALID] == 0.0
         and bool(lowest[SPEED] > CREEP_SPEED)
         and mean[RANGE_RATE] == mean[RANGE_RATE]
-        and _same_lead(values[:, GAP], state.gap, dt),
+        and _same_lead(values[:, GAP], state.gap, dt)
+        and not 0.0 < at_end * BLOCK_S <= MAX_AT_END_S,
         state.stamps,
         state.out_of_range,
         state.spans,
+        state.limited,
     )
-    return State(t, (), True, float(values[-1, GAP])), block
+    after = State(t, (), True, float(values[-1, GAP]), (), (), (), (), lowest_rate, highest_rate, at_end)
+    return after, block
 
 
 def _values(rows: tuple[Mapping[str, float], ...]) -> Array:
@@ -137,6 +156,20 @@ def _values(rows: tuple[Mapping[str, float], ...]) -> Array:
     values = np.full((len(rows), len(COLUMNS)), NAN)
     values[:, [INDEX[name] for name in present]] = numbers
     return values
+
+
+def _at_end(state: State, values: Array) -> tuple[float, float, int]:
+    """Smallest and largest range rate so far, and for how many blocks in a row it has stood still at one of them."""
+    rate = values[:, RANGE_RATE]
+    lowest, highest = (
+        float(end)
+        for end in (np.fmin.reduce(rate, initial=state.lowest), np.fmax.reduce(rate, initial=state.highest))
+    )
+    # 0 is where a relative motion rests
+    ends = ((rate == lowest) | (rate == highest)) & (rate != 0.0) & (lowest < highest)
+    same = (rate[1:] == rate[:-1]) & ends[1:]
+    stands = int(np.count_nonzero(same)) >= END_SAMPLES - 1
+    return lowest, highest, state.at_end + 1 if stands else 0
 
 
 def _same_lead(gap: Array, before: float, dt: float) -> bool:

@@ -25,7 +25,9 @@ FIRST_ESTIMATE_S = 10.0
 Flags = npt.NDArray[np.bool_]
 
 # gates with which somebody follows a lead
-BEHIND_A_LEAD = frozenset((LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.OUTPUT_LIMIT))
+BEHIND_A_LEAD = frozenset(
+    (LearnGate.OPEN, LearnGate.BRAKE, LearnGate.PEDAL_FLOOR, LearnGate.OUTPUT_LIMIT, LearnGate.LIMITED)
+)
 # gates with which nobody follows, but somebody drives
 WITHOUT_A_LEAD = frozenset((LearnGate.NO_LEAD, LearnGate.TARGET_CHANGE, LearnGate.FREE_DRIVING))
 

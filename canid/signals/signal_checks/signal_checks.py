@@ -10,9 +10,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from canid.mathematics.identification.identifiability import gain_only
-from canid.signals.samples.out_of_range import OutOfRange
-from canid.signals.samples.reading_spans import ReadingSpan
-from canid.signals.samples.stamps import StampIntervals
+from canid.signals.samples.reading_facts import ReadingFact
 from canid.signals.signal_checks import (
     blocks,
     coarse_signals,
@@ -20,6 +18,7 @@ from canid.signals.signal_checks import (
     frozen_values,
     gap_and_range_rate,
     integrated_acceleration,
+    limited_values,
     own_motion,
     pedal_at_rest,
     pedal_scale,
@@ -33,6 +32,7 @@ from canid.values.types import NAN, Channel, Driver, Estimate, Sample, SignalFin
 
 # the list is the registry: a check is a file and a line
 CHECKS: tuple[Check, ...] = (
+    limited_values.CHECK,
     frozen_values.CHECK,
     gap_and_range_rate.CHECK,
     *reference_speed.CHECKS,
@@ -68,8 +68,8 @@ def init() -> State:
     return State(blocks.init(), {}, tuple(check.init() for check in CHECKS))
 
 
-def put(state: State, came: StampIntervals | OutOfRange | ReadingSpan) -> State:
-    """Add the intervals of a message's stamps, a reading out of its range, or what a role's readings show."""
+def put(state: State, came: ReadingFact) -> State:
+    """Add what readings show."""
     return state._replace(blocks=blocks.put(state.blocks, came))
 
 

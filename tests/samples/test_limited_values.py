@@ -1,0 +1,118 @@
+"""Limits of a signal are found in its readings, with the gap's help where they are coarse; a signal without one has none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from canid.signals.samples import limited_values
+from canid.signals.samples.limited_values import AT_LIMIT, Limited
+from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
+from canid.values.types import Array
+
+T = 0.05 * np.arange(8000)
+
+
+def motion(seed: int, sd: float = 0.7) -> tuple[Array, Array]:
+    """A gap in m and its range rate in m/s: driven by white noise through two lags, as a lead and its follower do."""
+    rng = np.random.default_rng(seed)
+    noise = lfilter([1.0], np.convolve([1.0, -0.98], [1.0, -0.97]), rng.normal(size=len(T) + 1000))[1000:]
+    rate = sd * (noise - noise.mean()) / noise.std()
+    gap = 0.05 * np.cumsum(rate)
+    # a driver holds the gap
+    return 40.0 + gap - lfilter([0.002], [1.0, -0.998], gap), rate
+
+
+def coarse(x: Array, noise: float, step: float, seed: int) -> Array:
+    """With a sensor's noise and steps."""
+    noisy = x + noise * np.random.default_rng(seed).normal(size=len(x))
+    return noisy if step == 0.0 else np.round(np.round(noisy / step) * step, 9)
+
+
+def limits_of(
+    gap: Array, rate: Array, cut: int = 8000, t: Array = T
+) -> tuple[list[tuple[int, Limited]], Array, Array]:
+    """Limits with their rows, range rates as they are left, and marks at their rows (NaN: none), in chunks."""
+    state, limits, out, marks = limited_values.init(), [], [], np.full(len(t), np.nan)
+    for begin in range(0, len(t), cut):
+        part = slice(begin, begin + cut)
+        rows = np.arange(len(t[part]))
+        readings = RoleReadings("range_rate", rows, rate[part]), RoleReadings("gap", rows, gap[part])
+        state, within = limited_values.step(state, Decoded(readings, (), ()), t[part])
+        limits += [(begin + row, each) for row, each in within.limits]
+        out.append(within.decoded.roles[0].value)
+        for role, row, value in within.marks:
+            assert role == AT_LIMIT
+            marks[begin + row] = value
+    return limits, np.concatenate(out), marks
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(-0.6, 0.6), (-1.0, 1.0), (-0.4, math.inf), (-math.inf, 0.5), (-0.5, 0.8)]
+)
+@pytest.mark.parametrize(("noise", "step"), [(0.0, 0.0), (0.05, 0.1)])
+def test_a_limit_is_found_and_its_readings_are_left_out(
+    low: float, high: float, noise: float, step: float, seed: int
+) -> None:
+    """On the sides where there is one, with its value; from then on no reading at it is left, and all others are."""
+    gap, rate = motion(seed)
+    clipped = np.clip(coarse(rate, noise, step, seed), low, high)
+    limits, left, marks = limits_of(coarse(gap, 4 * noise, step, seed + 1), clipped)
+    assert limits, "none is found"
+    known, limited = limits[-1]
+    assert (limited.role, limited.low, limited.high) == ("range_rate", low, high)
+    at = (clipped == low) | (clipped == high)
+    assert (np.isnan(left) == at)[known:].all()
+    assert (marks == at)[known:].all()
+    assert (left == clipped)[~at].all()
+
+
+@pytest.mark.parametrize(("noise", "step"), [(0.0, 0.0), (0.1, 0.0), (0.05, 0.1), (0.0, 0.25), (0.1, 0.5)])
+def test_a_signal_without_a_limit_has_none(noise: float, step: float, seed: int) -> None:
+    """However coarse: its extremes are rounded."""
+    for k, sd in enumerate((0.2, 0.7, 1.5)):
+        gap, rate = motion(seed + k, sd)
+        limits, left, marks = limits_of(
+            coarse(gap, 2 * noise, step, seed), coarse(rate, noise, step, seed + k)
+        )
+        assert limits == []
+        assert not np.isnan(left).any()
+        assert np.isnan(marks).all()
+
+
+def test_a_signal_that_rests_at_its_extreme_is_not_limited() -> None:
+    """A lead as fast as before every manoeuvre, and a gap that is held: both are reached without a slope."""
+    phase = np.mod(T, 40.0)
+    rate = np.round(-2.0 * np.exp(-phase / 6.0) * np.sin(np.pi * np.minimum(phase / 30.0, 1.0)), 1)
+    gap = np.round(40.0 + 0.05 * np.cumsum(rate - rate.mean()), 0)
+    assert limits_of(gap, rate)[0] == []
+    held = np.round(40.0 - 6.0 * np.exp(-phase / 5.0), 0)
+    assert limits_of(held, np.gradient(held, T))[0] == []
+
+
+def test_a_reading_beyond_it_ends_a_limit(seed: int) -> None:
+    """What was taken for one was none."""
+    gap, rate = motion(seed)
+    rate = np.clip(rate, -0.6, 0.6)
+    rate[6000] = 5.0
+    limits, left, marks = limits_of(gap, rate)
+    assert (limits[0][1].low, limits[0][1].high) == (-0.6, 0.6)
+    assert np.isnan(left[5000:6000]).any()
+    assert left[6000] == 5.0
+    assert not (marks[6000:][rate[6000:] == 0.6] == 1.0).any()
+
+
+def test_chunks_do_not_matter(seed: int) -> None:
+    """One frame at a time, or all."""
+    gap, rate = motion(seed)
+    gap, rate = coarse(gap, 0.2, 0.1, seed)[:2500], np.clip(coarse(rate, 0.05, 0.1, seed)[:2500], -0.4, 9.0)
+    whole = limits_of(gap, rate, t=T[:2500])
+    assert whole[0]
+    for cut in (1, 33):
+        limits, left, marks = limits_of(gap, rate, cut, T[:2500])
+        assert limits == whole[0]
+        np.testing.assert_array_equal(left, whole[1])
+        np.testing.assert_array_equal(marks, whole[2])

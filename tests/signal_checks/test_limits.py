@@ -1,0 +1,71 @@
+"""A limited range rate is called limited, its samples are not learned from, and no other fault is made of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.analysis.tables.arrays import from_arrays
+from canid.signals.signal_checks.drive_time import behind_a_lead
+from canid.values.types import LearnGate, Trace
+from tests.fixtures.measured_logs import MEASURED, needs_measured
+from tests.signal_checks.synthetic import DT, Columns, following
+from tests.tables.reading import read_table
+
+CLIPPED = "reports/47-clipped-rate/clip_11.csv"
+ROLES = ("pedal", "speed", "gap", "range_rate", "accel")
+
+
+def drive(seed: int, low: float, high: float) -> tuple[Columns, Trace]:
+    """A drive of eight minutes with a range rate between limits."""
+    columns = {role: following(seed, 8.0)[role] for role in ROLES}
+    columns["range_rate"] = np.clip(columns["range_rate"], low, high)
+    time = DT * np.arange(len(columns["gap"]))
+    return columns, from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **columns)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [(-0.6, 0.6, "±0.6"), (-1.0, 1.0, "±1"), (-0.4, 99.0, "-0.4"), (-99.0, 0.5, "0.5")],
+)
+def test_a_limited_range_rate_is_called_limited(low: float, high: float, says: str, seed: int) -> None:
+    """With its value, before another check makes a scale, a contradiction or a frozen value of it."""
+    columns, trace = drive(seed, low, high)
+    assert {finding.name.split("_limited")[0] for finding in trace.findings} == {"range_rate"}
+    last = trace.findings[-1]
+    assert last.says == f"range_rate is limited at {says} m/s"
+    assert last.withholds
+    # until then the finding itself withholds: samples come later than the readings that show the limit
+    known = trace.t > last.raised + 3.0
+    limited = np.array([gate is LearnGate.LIMITED for gate in trace.gate])
+    at = np.isin(columns["range_rate"], (low, high))
+    at = at[np.rint(trace.t / DT).astype(int)]
+    assert (limited == at)[known].mean() > 0.98
+    # a sample at the very instant of the first reading at the limit may still hold the one before
+    stays = at & np.roll(at, 1) & known
+    assert not trace.learn[stays].any()
+    assert not trace.learn[np.roll(stays, 10) & known].any(), (
+        "the response to what was there is still in the output"
+    )
+    assert trace.learn[known].any()
+    assert behind_a_lead(trace.gate).mean() > 0.99
+
+
+def test_without_a_limit_nothing_is_found(seed: int) -> None:
+    """The same drive, in coarse steps too."""
+    columns, trace = drive(seed, -99.0, 99.0)
+    assert trace.findings == ()
+    assert LearnGate.LIMITED not in trace.gate
+    columns["range_rate"] = np.round(columns["range_rate"] / 0.25) * 0.25
+    time = DT * np.arange(len(columns["gap"]))
+    coarse = from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **columns)
+    assert coarse.findings == ()
+    assert LearnGate.LIMITED not in coarse.gate
+
+
+@needs_measured
+def test_a_clipped_drive() -> None:
+    """Limited to ±0.8 m/s; what is left of it is enough to learn from."""
+    trace = read_table(MEASURED / CLIPPED)
+    assert [finding.says for finding in trace.findings] == ["range_rate is limited at ±0.8 m/s"]
+    assert trace.learn.sum() * trace.dt > 300.0
