@@ -224,7 +224,7 @@ def health(
     never = tuple(missing(vehicle, decoding))
     return Health(
         frames,
-        last,
+        float(session_clock.session_time(state.sampler.clock, last)),
         len(decoding.seen),
         log.damage,
         says,

@@ -58,10 +58,10 @@ def text(checked: Check) -> list[str]:
 def contents(counted: Contents) -> list[str]:
     """The ids of a log, without a vehicle file."""
     rows = [
-        (f"bus {bus}", f"0x{id_:X}", str(length), f"{n:,}", _rate(n, counted.duration))
+        (f"bus {bus}", f"0x{id_:X}", str(length), f"{n:,}", _rate(n, counted.duration - counted.paused))
         for (bus, id_, length), n in sorted(counted.frames.items())
     ]
-    total = f"{sum(counted.frames.values()):,} frames, {len(rows)} ids, {counted.duration:.1f} s"
+    total = f"{sum(counted.frames.values()):,} frames, {len(rows)} ids, {_duration(counted)}"
     return lines([total, doc.Table(("bus", "id", "bytes", "frames", "1/s"), rows)])
 
 
@@ -95,7 +95,12 @@ def page(log: CheckedLog) -> str:
 
 
 def _came(checked: Check) -> str:
-    return f"{checked.frames:,} frames, {len(checked.ids)} ids, {checked.duration:.1f} s"
+    return f"{checked.frames:,} frames, {len(checked.ids)} ids, {_duration(checked)}"
+
+
+def _duration(counted: Check | Contents) -> str:
+    paused = f" of which {counted.paused:.1f} s without any frame" if counted.paused else ""
+    return f"{counted.duration:.1f} s{paused}"
 
 
 def _gate(name: str) -> str:
@@ -177,7 +182,8 @@ def _unmapped(checked: Check) -> str | doc.Table | doc.Fold:
     if not checked.unmapped:
         return "None: every id of the log is named by the vehicle file."
     rows = [
-        (str(bus), f"`0x{id_:X}`", f"{n:,}", _rate(n, checked.duration)) for bus, id_, n in checked.unmapped
+        (str(bus), f"`0x{id_:X}`", f"{n:,}", _rate(n, checked.duration - checked.paused))
+        for bus, id_, n in checked.unmapped
     ]
     title = f"{len(rows)} ids of {len(checked.ids)} are not named by the vehicle file"
     table = doc.Table((">bus", "id", ">frames", ">1/s"), rows, title)
