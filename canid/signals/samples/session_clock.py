@@ -83,16 +83,28 @@ def back_in_time(state: State) -> str:
 def session_time(state: State, source_t: Array | float) -> Array:
     """The session time of times of the source, s, as its clock is now.
 
-    Rounded as a log's own times are: a grid point at a reading has its very value.
-
     Example:
         >>> float(session_time(State(offset=60.0), 0.1))
         60.1
     """
-    if state.offset == 0.0:
-        return np.asarray(source_t)
-    ns = 1.0 if abs(state.offset) < NANOSECONDS_UP_TO_S else 1000.0
-    return np.asarray(np.round((source_t + state.offset) * (1e9 / ns)) * ns * 1e-9)
+    return (
+        np.asarray(source_t) if state.offset == 0.0 else rounded(source_t + state.offset, abs(state.offset))
+    )
+
+
+def rounded(t: Array | float, size: float) -> Array:
+    """Times, s, rounded as a log's own times are, so that a grid point at a reading has its very value.
+
+    Args:
+        t: sums of times.
+        size: s, of the largest that was added.
+
+    Example:
+        >>> float(rounded(-4294967.296 + 4294967.4, 4294967.4))
+        0.10400000000000001
+    """
+    ns = 1.0 if size < NANOSECONDS_UP_TO_S else 1000.0
+    return np.asarray(np.round(t * (1e9 / ns)) * ns * 1e-9)
 
 
 def step(state: State, chunk: Columns) -> tuple[State, Timed]:
