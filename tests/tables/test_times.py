@@ -24,10 +24,14 @@ def drive(seed: int, n: int = 2400, dt: float = 0.1) -> _Drive:
     t = np.round(np.arange(n) * dt, 6)
     phase = rng.uniform(0, 6.0, 4)
     columns = [
-        level + size * np.sin(0.05 * t + p) for level, size, p in zip((25, 40, 0, 20), (3, 8, 1, 9), phase)
+        level + size * np.sin(0.05 * t + p)
+        for level, size, p in zip((25, 40, 0, 20), (3, 8, 1, 9), phase, strict=True)
     ]
     noise = rng.normal(0.0, 0.01, (4, n))
-    return [(float(t[k]), ",".join(f"{c[k] + e[k]:.3f}" for c, e in zip(columns, noise))) for k in range(n)]
+    return [
+        (float(t[k]), ",".join(f"{c[k] + e[k]:.3f}" for c, e in zip(columns, noise, strict=True)))
+        for k in range(n)
+    ]
 
 
 def opened(path: Path, heading: str, rows: _Drive, written: Callable[[float], str]) -> Table:

@@ -47,8 +47,8 @@ def in_order(
     columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
     clock = row_clock.unwrapped(times.t, times.zero, columns, local=times.local)
     if clock is not None and row_order.by_time(clock.t)[0] is None:
-        says = "; ".join(filter(None, (times.note, f"{name}: {by_role[TIME].entry.names[0]}: {clock.says}")))
-        return times._replace(t=clock.t, note=says), table, ""
+        note = f"{name}: {by_role[TIME].entry.names[0]}: {clock.says}"
+        return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""
     raw = clean(table.numbers[place]) if place not in texts else times.t
     order, late = row_order.by_time(raw)
     note = ""

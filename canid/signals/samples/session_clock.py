@@ -8,20 +8,22 @@ period of a known counter is its wrap; any other step cuts the drive in two part
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from canid.signals.samples import clock_wraps
-from canid.values.frame_columns import columns_of, frames_of, join, select
+from canid.values.frame_columns import columns_of, frames_of, join, rows, select
 from canid.values.types import Array, Columns, Event, Frame
 
 # s; buffered interfaces deliver the frames of two buses this far out of order (USB adapters batch up to 50 ms)
 MAX_REORDERING_S = 0.1
 # frames in a row that agree before the clock is taken to have stepped, and not a few time stamps to be damaged
 FRAMES_OF_CLOCK_STEP = 50
+# the same where the step is a known counter's period: stamps are not damaged by just that, several times alike
+FRAMES_OF_WRAP = 5
 # s; a jump ahead that is shorter is taken as a pause at once
 MAX_JUMP_S = 3600.0
 # s; a jump ahead that is longer is a clock that was set, from 1970 say: no log is that of a pause of a year
@@ -44,10 +46,12 @@ class State(NamedTuple):
     held_newest: float = 0.0  # s, session time of the newest of them if the clock did not step
     held_since: float = 0.0  # s, session time at which the first of them came
     in_row: int = 0  # frames that were held since the latest one that was not
+    frames_since: int = 0  # all frames since the first of them, it included
     dropped: int = 0  # frames of the past that were left out of the estimation so far
     worst: float = 0.0  # s, how far back the worst one was
     ahead: int = 0  # frames from hours ahead that were left out so far
-    wrapped: float = 0.0  # s, period of the wrap that was reported last; 0: none was
+    wrapped: float = 0.0  # s, period of the latest wrap, which is reported; 0: none was
+    wraps: float = 0.0  # s, those of all wraps together; part of `offset`
 
 
 class Timed(NamedTuple):
@@ -58,6 +62,8 @@ class Timed(NamedTuple):
     rows: npt.NDArray[np.int64] | None
     latest: Array  # (n,) s, session time of the newest frame so far
     events: tuple[tuple[int, Event], ...]  # with the row, among `frames`, of the frame that caused it
+    # with the row of the chunk from which on a period is added, s; negative: of the chunks before
+    wraps: tuple[tuple[int, float], ...] = ()
 
 
 def init() -> State:
@@ -131,10 +137,11 @@ def _one_by_one(state: State, chunk: Columns) -> tuple[State, Timed]:
     source_t = pool.t.tolist()
     held = list(range(before))  # rows of the pool
     source: list[int] = []
-    rows: list[int] = []
+    shown_by: list[int] = []
     times: list[float] = []
     latest: list[float] = []
     events: list[tuple[int, Event]] = []
+    wraps: list[tuple[int, float]] = []
     for k in range(before, len(source_t)):
         t = float(session_time(state, source_t[k]))
         ordinary = state.latest - t <= MAX_REORDERING_S and (
@@ -148,32 +155,40 @@ def _one_by_one(state: State, chunk: Columns) -> tuple[State, Timed]:
         if held and (late or not (ordinary or agrees)):
             state, held = _refuted(state, [source_t[i] for i in held], state.held_since), []
         if ordinary:
-            state, out = state._replace(in_row=0), [k]
+            since = state.frames_since + (1 if held else 0)
+            state, out = state._replace(in_row=0, frames_since=since), [k]
         else:
             state = _held(state, t, first=not held)
             held.append(k)
-            if state.in_row < FRAMES_OF_CLOCK_STEP:
+            if state.in_row < FRAMES_OF_WRAP:
                 continue
-            state, event = _stepped(state._replace(in_row=0), source_t[held[0]])
-            events += [(len(rows), event)] if event is not None else []
+            wrap = _wrap(state, source_t[held[0]])
+            if wrap is None and state.in_row < FRAMES_OF_CLOCK_STEP:
+                continue
+            state, event = _stepped(state._replace(in_row=0), source_t[held[0]], wrap)
+            events += [(len(source), event)] if event is not None else []
+            if wrap is not None:
+                wraps.append((k - before + 1 - state.frames_since, wrap.period))
             out, held = held, []
         for i in out:
             state, placed = _placed(state, source_t[i])
             if placed is not None:
                 source.append(i)
-                rows.append(k - before)
+                shown_by.append(k - before)
                 times.append(placed)
                 latest.append(state.latest)
     frames = select(pool, np.array(source, np.int64))._replace(t=np.array(times))
     state = state._replace(held=tuple(frames_of(select(pool, np.array(held, np.int64)))))
-    return state, Timed(frames, np.array(rows, np.int64), np.array(latest), tuple(events))
+    out_rows = np.array(shown_by, np.int64)
+    return state, Timed(frames, out_rows, np.array(latest), tuple(events), tuple(wraps))
 
 
 def _held(state: State, t: float, *, first: bool) -> State:
     """The state with one more frame held, whose time would be `t` if the clock did not step."""
     if first:
-        return state._replace(held_newest=t, held_since=state.latest, in_row=1)
-    return state._replace(held_newest=max(state.held_newest, t), in_row=state.in_row + 1)
+        return state._replace(held_newest=t, held_since=state.latest, in_row=1, frames_since=1)
+    newest, since = max(state.held_newest, t), state.frames_since + 1
+    return state._replace(held_newest=newest, in_row=state.in_row + 1, frames_since=since)
 
 
 def _refuted(state: State, source_t: Sequence[float], latest: float) -> State:
@@ -196,18 +211,54 @@ def _placed(state: State, source_t: float) -> tuple[State, float | None]:
     return state._replace(latest=max(t, state.latest), begun=True), t
 
 
-def _stepped(state: State, source_t: float) -> tuple[State, Event | None]:
+def _wrap(state: State, source_t: float) -> clock_wraps.Wrap | None:
+    """The wrap that a step of the clock to `source_t` is; None: it is none that is known."""
+    # frames of the clock before the step may still have come since
+    return clock_wraps.wrap_of(state.latest - float(session_time(state, source_t)), 2 * MAX_REORDERING_S)
+
+
+def _stepped(state: State, source_t: float, wrap: clock_wraps.Wrap | None) -> tuple[State, Event | None]:
     """The state behind a step of the clock to `source_t`, and its event, where it has not been reported."""
     late = state.latest - float(session_time(state, source_t))
     at = f"at {state.latest:.2f} s"
     if -MAX_PAUSE_S <= late <= 0.0:
         says = f"no frame for {-late / 3600.0:.3g} h {at}: a pause, or its clock was set"
         return state, Event(state.latest, "clock_step", says)
-    wrap = clock_wraps.wrap_of(late, 2 * MAX_REORDERING_S)
     if wrap is not None:
-        after = state._replace(offset=state.offset + wrap.period, wrapped=wrap.period)
+        added = {"offset": state.offset + wrap.period, "wraps": state.wraps + wrap.period}
+        after = state._replace(**added, wrapped=wrap.period)
         says = f"{wrap.says} {at}: time goes on from there"
         return after, None if wrap.period == state.wrapped else Event(state.latest, "clock_step", says)
     way = f"set back by {late:.1f} s" if late > 0 else f"set ahead by {-late / 86_400.0:.3g} days"
     says = f"the log's clock is {way} {at}: the drive is cut in two there, since nothing says for how long it paused"
     return state._replace(offset=state.offset + late + CUT_S), Event(state.latest, "clock_step", says)
+
+
+def unwrapped(chunks: Iterable[Columns]) -> Iterator[Columns]:
+    """All frames of a log, as they stand in it, in times that go on where its counter wraps.
+
+    Args:
+        chunks: of the log.
+
+    Example:
+        >>> chunk = columns_of([Frame((10.0 + k) % 60.0 - 10.0, 0, 1, b"") for k in range(200)])  # from 10 s on
+        >>> [float(part.t.max()) for part in unwrapped([chunk])]
+        [199.0]
+    """
+    state, waiting = init(), list[Columns]()
+    for chunk in chunks:
+        before, added = sum(len(part.t) for part in waiting), np.full(1, state.wraps)
+        state, timed = step(state, chunk)
+        joined = join([*waiting, chunk])
+        if timed.wraps:
+            steps = np.zeros(len(joined.t))
+            steps[[before + row for row, _ in timed.wraps]] = [period for _, period in timed.wraps]
+            added = added + np.cumsum(steps)
+        times = joined if state.wraps == 0.0 else joined._replace(t=rounded(joined.t + added, state.wraps))
+        # what frames are that are held is shown by those of the next chunk
+        known = len(joined.t) - (state.frames_since if state.held else 0)
+        yield rows(times, 0, known)
+        waiting = [rows(joined, known, len(joined.t))]
+    yield from (
+        part._replace(t=rounded(part.t + state.wraps, state.wraps)) for part in waiting if part.t.size
+    )
