@@ -47,7 +47,8 @@ def log(tmp_path: Path, seed: int) -> Callable[[Callable[[float], float]], Path]
     (tmp_path / "m.dbc").write_text(DBC)
     (tmp_path / "m.toml").write_text(CAR)
     rng = np.random.default_rng(seed)
-    t = np.round(np.cumsum(rng.uniform(0.02, 0.08, int(_END_S / 0.05))), 3)
+    t = np.round(np.cumsum(rng.uniform(0.02, 0.08, int(_END_S / 0.04))), 3)
+    t = t[t <= _END_S]
     raw = np.column_stack(
         [
             level + size * np.sin(0.1 * t + rng.uniform(0, 6)) + rng.normal(0, 2, len(t))
@@ -72,7 +73,7 @@ def read(path: Path, **part: float) -> Drive:
 
 
 @pytest.mark.parametrize("name", _WRAPS)
-@pytest.mark.parametrize("start", [30.0, 99.7])
+@pytest.mark.parametrize("start", [30.0, 99.4])
 def test_a_counter_that_wraps(
     log: Callable[[Callable[[float], float]], Path], name: str, start: float
 ) -> None:
@@ -143,6 +144,3 @@ def test_a_part_from_hours_on(log: Callable[[Callable[[float], float]], Path]) -
     drive = read(path, start=7200.0 + 60.0)
     assert drive.health.remarks == ()
     assert drive.trace.t[0] == pytest.approx(7260.0, abs=0.3)
-    assert drive_reader.run(
-        open_log(path), drive_reader.as_vehicle(path.with_name("m.toml")), within=Window()
-    )
