@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from canid.analysis.tables.table import Table, open_table
+from canid.signals.samples import sampling_grid
 from canid.values.errors import ConfigError
 from tests.exact import exact
 
@@ -196,6 +197,34 @@ def test_pauses(tmp_path: Path, heading: str, pattern: str, hours: float, hour: 
     shown = hours - 24.0 if hours > 24.0 and pattern.startswith("%H") else hours
     assert last(table) == pytest.approx(rows[-1][0] + 3600.0 * shown)
     assert not any("sorted" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("heading", ["time [s]", "time"])
+@pytest.mark.parametrize("back", [5.0, 40.0])
+def test_a_clock_that_is_set_back_cuts_the_drive(
+    tmp_path: Path, heading: str, back: float, seed: int
+) -> None:
+    """Rows of both parts keep their order, with a pause between them that no sample crosses, and it is said."""
+    rows = drive(seed)
+    start = datetime(2026, 8, 5, 9, 10, tzinfo=UTC)
+    text = at("%d.%m.%Y %H:%M:%S.%L", start) if heading == "time" else lambda t: f"{t:.3f}"
+    table = opened(tmp_path / "x.csv", heading, rows, lambda t: text(t - (t >= 100.0) * back))
+    assert [
+        note for note in table.notes if f"is set back by {back - 0.1:.1f} s: the drive is cut in two" in note
+    ]
+    t = np.unique(np.concatenate([chunk.t for chunk in table.log.columns()]))
+    true = np.array([row[0] for row in rows])
+    assert np.abs(t - true - (true >= 100.0) * (t[1000] - 100.0)).max() < 1e-6
+    assert t[1000] - t[999] > sampling_grid.MAX_PAUSE_S
+
+
+def test_blocks_and_overlapping_buffers_are_sorted(tmp_path: Path, seed: int) -> None:
+    """Rows that a logger writes in buffers, which overlap a little, are no clock that is set."""
+    rows = drive(seed)
+    order = [row for k in range(0, 2400, 100) for row in (rows[k + 1 : k + 100 : 2] + rows[k : k + 100 : 2])]
+    table = opened(tmp_path / "x.csv", "time [s]", order, lambda t: f"{t:.3f}")
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    assert any("sorted" in note for note in table.notes)
 
 
 def test_damaged_dates_are_damaged(tmp_path: Path, seed: int) -> None:

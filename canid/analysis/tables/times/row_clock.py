@@ -23,6 +23,12 @@ _MAX_NIGHTS = 31
 # a row of noise, and a row that is missing at the seam: another drive differs by far more
 _MUCH = 3.0
 
+# times that a clock is set within a table, and the share of the shorter of two parts that it is set back by at most:
+# where they overlap by more they may be two drives
+_MAX_SET, _SET_SHARE = 3, 0.5
+# as many rows as elsewhere, times this: more are those of two parts
+_TWICE = 1.5
+
 _Rows = npt.NDArray[np.int64]
 
 
@@ -34,10 +40,11 @@ class Clock(NamedTuple):
 
 
 def unwrapped(t: Array, zero: float, columns: Sequence[Array], *, local: bool) -> Clock | None:
-    """Times in the order of the rows, where every step back is a known clock's beginning anew.
+    """Times in the order of the rows, where every step back is the clock's and not the rows'.
 
-    A step back is one by a known period, over the instant at which that clock does begin anew, and across which the
-    columns go on: another drive, or rows in another order, are none.
+    It is one by a known period, over the instant at which that clock does begin anew; or the clock was set back, by less
+    than half of what the rows last before and behind it, and the drive is cut in two there. The columns go on across it:
+    another drive, or rows in another order, are none.
 
     Args:
         t: (n,) s, of the rows as they stand; NaN: no time.
@@ -63,6 +70,7 @@ def unwrapped(t: Array, zero: float, columns: Sequence[Array], *, local: bool) -
     added = np.zeros(len(known))
     said: dict[str, None] = {}
     seams = np.flatnonzero((steps < -session_clock.MAX_REORDERING_S) | (local & (steps > _HOUR_S)))
+    edges = [0, *(np.flatnonzero(steps < -session_clock.MAX_REORDERING_S) + 1).tolist(), len(known)]
     for k in seams.tolist():
         # as the clock shows them: whole µs, where doubles end of a clock since 1970
         before, behind = (round(zero + float(t[known[row]]), 6) for row in (k, k + 1))
@@ -74,6 +82,9 @@ def unwrapped(t: Array, zero: float, columns: Sequence[Array], *, local: bool) -
             if _to_summer_time(before, behind, usual):
                 added[k + 1] = -_HOUR_S
                 said["summer time begins"] = None
+        elif len(edges) <= _MAX_SET + 2 and _is_set(t[known], k, edges):
+            added[k + 1] = session_clock.CUT_S - steps[k]
+            said[f"the clock is set back by {-steps[k]:.1f} s: the drive is cut in two there"] = None
         else:
             return None
     changed = np.flatnonzero(added)
@@ -96,21 +107,35 @@ def _to_summer_time(before: float, behind: float, usual: float) -> bool:
     return at_night and 0.0 < step < 2.0 * usual and behind % _HOUR_S < 2.0 * usual
 
 
+def _is_set(t: Array, k: int, edges: Sequence[int]) -> bool:
+    """Whether the step back behind row k begins a part of which the first rows have the times of the last before it."""
+    place = edges.index(k + 1)
+    parts = t[edges[place - 1] : k + 1], t[k + 1 : edges[place + 1]]
+    back = float(t[k] - t[k + 1])
+    if not clock_wraps.MAX_STEP_S < back <= _SET_SHARE * min(float(np.ptp(part)) for part in parts):
+        return False
+    steps = np.diff(t)
+    # rows that exchanged their places are as many as anywhere
+    expected = back * len(t) / steps[steps > 0.0].sum()
+    return bool(((t > t[k + 1]) & (t < t[k])).sum() > _TWICE * expected)
+
+
 def _go_on(columns: Sequence[Array], known: _Rows, seams: _Rows) -> bool:
     """Whether no column changes much more across the seams than elsewhere between two of its values."""
     across = np.zeros(len(known), bool)
     across[seams] = True
+    judged = False
     for column in columns:
         values = column[known]
         there = np.flatnonzero(np.isfinite(values))
-        if len(there) < 3:
-            continue
         change = np.abs(np.diff(values[there]))
         # the changes between whose two values there is a seam
         which = np.diff(np.cumsum(across)[there]) > 0
-        if which.any() and not which.all() and change[which].max() > _MUCH * change[~which].max():
-            return False
-    return True
+        if which.any() and not which.all():
+            judged = True
+            if change[which].max() > _MUCH * change[~which].max():
+                return False
+    return judged
 
 
 def over_midnight(t: Array) -> Array:
