@@ -59,5 +59,5 @@ def test_a_gap_of_hours_is_a_gap_and_no_frames_from_the_past(
     for verb in ("check", "identify"):
         ran = canid(verb, path, "--vehicle", "generic")
         assert ran.code == 0, verb
-        assert "no frame for 10 h at 89.99 s" in flat(ran.out + ran.err), verb
+        assert "no frame for 10 h at 89.99 s: a pause" in flat(ran.out + ran.err), verb
         assert "back in time" not in ran.out + ran.err

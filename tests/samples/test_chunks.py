@@ -80,6 +80,8 @@ def spoilt(kind: str, frames: list[Frame]) -> Iterable[Frame]:
     rng = random.Random(kind)
     if kind == "clock set back":
         return map(shifted(10.0, -7.0), frames)
+    if kind == "counter wraps":
+        return map(shifted(10.0, -65.536), frames)
     if kind == "clock set ahead":
         return map(shifted(10.0, 5000.0), frames)
     if kind == "long pause":
@@ -116,8 +118,8 @@ def spoilt(kind: str, frames: list[Frame]) -> Iterable[Frame]:
 
 
 KINDS = (
-    "clock set back", "clock set ahead", "long pause", "short pause", "reordered", "far out of order", "radar lost",
-    "bursts", "a second bus", "cut, remote and error frames", "one signal missing", "very fast",
+    "clock set back", "counter wraps", "clock set ahead", "long pause", "short pause", "reordered", "far out of order",
+    "radar lost", "bursts", "a second bus", "cut, remote and error frames", "one signal missing", "very fast",
 )  # fmt: skip
 
 

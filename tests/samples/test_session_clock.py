@@ -5,10 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canid.signals.samples import session_clock
+from canid.signals.samples import sampling_grid, session_clock
 from canid.values.frame_columns import chunks
 from canid.values.types import Event, Frame
 
@@ -50,16 +51,82 @@ def test_one_damaged_stamp_costs_one_frame() -> None:
         kept, events, state = run([*times[:50], wild, *times[50:]])
         assert kept == times
         assert not events
-        assert state.dropped == 1
+        assert (state.dropped, state.ahead) == (wild < 0, wild > 0)
 
 
 def test_a_clock_that_is_set_back_is_followed() -> None:
-    """The session goes on where it was, and the user is informed."""
+    """The drive is cut in two, none of its frames is lost, and the user is informed."""
     times = [k * 0.1 for k in range(100)]
-    kept, events, state = run([*[t + 3600 * 2 for t in times], *times])
-    assert [e.what for e in events] == ["clock_step", "clock_step"]  # ahead at the very start, and back
-    assert len(kept) == 200 - state.dropped
-    assert all(b >= a for a, b in pairwise(kept))
+    kept, events, state = run([*[t + 5000.0 for t in times], *times])
+    assert [e.says for e in events] == [
+        "the log's clock is set back by 5009.9 s at 5009.90 s: the drive is cut in two there, since nothing says for how "
+        "long it paused"
+    ]
+    assert len(kept) == 200
+    assert session_clock.back_in_time(state) == ""
+    gaps = [b - a for a, b in pairwise(kept)]
+    # no sample is made of both parts: the grid begins anew behind such a gap
+    assert gaps[99] > sampling_grid.MAX_PAUSE_S
+    assert max(gaps[:99] + gaps[100:]) < 0.11
+
+
+@pytest.mark.parametrize("hours", [1.0, 2.0, 26.0, 24 * 40.0])
+def test_a_pause_of_any_length_is_a_pause(hours: float) -> None:
+    """No frame is lost, all keep their times, and the pause is reported."""
+    times = [k * 0.01 + (k >= 300) * hours * 3600.0 for k in range(600)]
+    kept, events, state = run(times)
+    assert kept == times
+    assert [event.says for event in events] == [
+        f"no frame for {hours:.3g} h at 2.99 s: a pause, or its clock was set"
+    ]
+    assert session_clock.back_in_time(state) == ""
+
+
+def test_a_clock_from_1970_that_is_set_is_cut_and_not_a_pause_of_decades() -> None:
+    """Times stay within what a drive lasts."""
+    times = [k * 0.01 + (k >= 300) * 1.7e9 for k in range(600)]
+    kept, events, _ = run(times)
+    assert len(kept) == 600
+    assert kept[-1] < 30.0
+    assert len(events) == 1
+
+
+@pytest.mark.parametrize("period", [60.0, 65.536, 3600.0, 2**32 * 1e-6, 86_400.0, 604_800.0, 2**32 * 1e-3])
+@pytest.mark.parametrize("start", [1.0, 45.0])
+def test_a_counter_that_wraps_is_unwrapped(period: float, start: float, seed: int) -> None:
+    """All frames have the times of a clock that does not wrap, however often it does, and it is reported once."""
+    rng = np.random.default_rng(seed)
+    # two buses: some frames are a few ms out of order, also where the counter wraps
+    true = np.cumsum(rng.uniform(0.001, 0.08, 4000)) + rng.uniform(-0.004, 0.004, 4000)
+    true = np.round(np.maximum(true - true[0], 0.0), 6)
+    counter = (true + period - start) % period
+    source = (counter - counter[0]).tolist()
+    kept, events, state = run(source)
+    for size in (7, 1000):
+        parts = session_clock.unwrapped(chunks([Frame(t, 0, 1, b"") for t in source], size))
+        t = np.concatenate([part.t for part in parts])
+        # a frame of before the wrap that comes behind it cannot be distinguished there
+        assert len(t) == len(source)
+        assert np.mean(np.abs(t - true) < 1e-6) > 0.999
+    assert np.abs(np.sort(kept) - np.sort(true)).max() < 1e-6
+    assert len(events) == 1
+    assert session_clock.back_in_time(state) == ""
+
+
+def test_two_clocks_that_alternate_are_no_step() -> None:
+    """Frames of a bus whose clock is behind are left out and counted; those of the other keep their times."""
+    times = [k * 0.001 - (k % 2) * 60.0 for k in range(2000)]
+    kept, events, state = run(times)
+    assert kept == times[::2]
+    assert not events
+    assert session_clock.back_in_time(state).startswith("1000 frames go back in time (by up to 60 s)")
+
+
+def test_what_a_log_ends_with_is_counted() -> None:
+    """Frames hours ahead of which too few come to show that the log paused."""
+    _, events, state = run([k * 0.1 + (k >= 90) * 7200.0 for k in range(100)])
+    assert not events
+    assert session_clock.back_in_time(state) == "10 frames are hours ahead and were left out"
 
 
 @given(st.lists(st.floats(-1e5, 1e5), max_size=300))

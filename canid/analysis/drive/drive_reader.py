@@ -131,7 +131,9 @@ def run(
 
 def _chunks(log: Log, within: Window, size: int, span: float | Callable[[float], float]) -> Iterator[Columns]:
     """The log's frames that are wanted, about `size` at once and at most `span` s of them."""
-    for chunk in gather(log.columns(), size):
+    # a part is that of times that go on; of the whole the pipeline finds a counter's wraps, and reports them
+    frames = log.columns() if within.is_whole else session_clock.unwrapped(log.columns())
+    for chunk in gather(frames, size):
         chunk = within.columns(chunk)
         n = len(chunk.t)
         if not n:
@@ -224,7 +226,7 @@ def health(
     never = tuple(missing(vehicle, decoding))
     return Health(
         frames,
-        last,
+        float(session_clock.session_time(state.sampler.clock, last)),
         len(decoding.seen),
         log.damage,
         says,
@@ -341,7 +343,8 @@ def read_signals(path: str | Path, vehicle: Vehicle | str | Path) -> dict[str, S
     state = init()
     times: dict[str, list[Array]] = {}
     values: dict[str, list[Array]] = {}
-    for chunk in gather(log.columns(mapped_ids(car)), FRAMES_PER_DECODED_CHUNK):
+    frames = session_clock.unwrapped(log.columns(mapped_ids(car)))
+    for chunk in gather(frames, FRAMES_PER_DECODED_CHUNK):
         state, decoded = step(state, chunk)
         of_rows = {id(row): chunk.t[row] for _, row, _ in decoded.roles}
         for role, row, value in decoded.roles:

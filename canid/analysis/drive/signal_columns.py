@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from canid.io.logs import Log
 from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.samples import session_clock
 from canid.signals.vehicle.bits import EXACT_BITS, Payloads, payloads, raws_of, scaled
 from canid.signals.vehicle.containers import contained
 from canid.signals.vehicle.database import bits_of, carried, condition_of
@@ -111,7 +112,7 @@ def rounds(
     """
     waiting: list[Columns] = []
     n = 0
-    for chunk in log.columns(ids):
+    for chunk in session_clock.unwrapped(log.columns(ids)):
         waiting.append(chunk)
         n += len(chunk.t)
         if progress is not None:

@@ -13,7 +13,7 @@ from canid.analysis.drive import identification_verdict
 from canid.analysis.drive.drive_parameters import whole_drive
 from canid.analysis.drive.signal_columns import NO_DATA
 from canid.models.pipeline import pipeline
-from canid.signals.samples import session_clock, trace_assembly
+from canid.signals.samples import sampling_grid, session_clock, trace_assembly
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import of_trace, too_short
 from canid.signals.signal_checks.output_scale import OutputScale, output_scale
@@ -92,6 +92,7 @@ class Check(NamedTuple):
     output: str = ""  # role that the driver acts by
     output_scale: OutputScale | None = None  # of a pedal, as `identify` judges it
     apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
+    paused: float = 0.0  # s of `duration` in which no frame came; rates are those of the rest
 
 
 class Contents(NamedTuple):
@@ -100,6 +101,29 @@ class Contents(NamedTuple):
     frames: dict[tuple[int, int, int], int]  # (bus, id, bytes) -> data frames
     duration: float  # s
     apart: Mapping[str, int] = {}  # "error", "remote" -> frames, whose id is that of no message
+    paused: float = 0.0  # s of `duration` in which no frame came
+
+
+class _Span(NamedTuple):
+    """What the frames of a log last, in session time."""
+
+    first: float = 0.0  # s
+    last: float = 0.0  # s
+    paused: float = 0.0  # s in between without any frame
+
+    def after(self, t: Array) -> _Span:
+        """With some more frames.
+
+        Example:
+            >>> _Span().after(np.array([0.0, 1.0])).after(np.array([61.0]))
+            _Span(first=0.0, last=61.0, paused=60.0)
+        """
+        if not t.size:
+            return self
+        steps = np.diff(np.maximum.accumulate(np.concatenate([[self.last], t])))
+        # the grid leaves out what is silent for so long
+        paused = self.paused + float(steps[steps > sampling_grid.MAX_PAUSE_S].sum())
+        return _Span(min(self.first, float(t.min())), max(self.last, float(t.max())), paused)
 
 
 def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None = None) -> Contents:
@@ -109,18 +133,19 @@ def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None 
         >>> from canid.values.frame_columns import columns_of
         >>> from canid.values.types import Frame
         >>> contents([columns_of([Frame(0.0, 0, 0x123, b"ab"), Frame(0.5, 0, 0x123, b"cd")])])
-        Contents(frames={(0, 291, 2): 2}, duration=0.5, apart={})
+        Contents(frames={(0, 291, 2): 2}, duration=0.5, apart={}, paused=0.0)
     """
     counts: Counter[tuple[int, int, int]] = Counter()
     apart: Counter[str] = Counter()
-    first = last = 0.0
+    clock, span = session_clock.init(), _Span()
     for chunk in chunks:
         counts.update(_counted(chunk))
         apart.update(_apart(chunk))
-        first, last = min(first, float(chunk.t.min())), max(last, float(chunk.t.max()))
+        clock, timed = session_clock.step(clock, chunk)
+        span = span.after(timed.frames.t)
         if on_time is not None:
-            on_time(last)
-    return Contents(dict(counts), last - first, dict(apart))
+            on_time(span.last)
+    return Contents(dict(counts), span.last - span.first, dict(apart), span.paused)
 
 
 def _apart(chunk: Columns) -> dict[str, int]:
@@ -174,13 +199,13 @@ def check(
     samples: list[Sample] = []
     reports: list[SignalReport] = []
     events: list[Event] = []
-    first = last = 0.0
+    span = _Span()
     for chunk in chunks:
         for key, n in _counted(chunk).items():
             ids[key[:2]] += n
         apart.update(_apart(chunk))
-        first, last = min(first, float(chunk.t.min())), max(last, float(chunk.t.max()))
         state, out, decoded, t = running.decoded(state, chunk)
+        span = span.after(t)
         for role, row, value in decoded.roles:
             values.setdefault(role, []).append(value)
             at.setdefault(role, []).append(t[row])
@@ -197,11 +222,9 @@ def check(
             elif isinstance(item, Event):
                 events.append(item)
         if on_time is not None:
-            on_time(last)
+            on_time(span.last)
     readings = {role: Signal(np.concatenate(at[role]), np.concatenate(values[role])) for role in values}
-    rows = tuple(
-        _row(role, vehicle, readings.get(role, NOTHING_READ), (first, last)) for role in vehicle.roles
-    )
+    rows = tuple(_row(role, vehicle, readings.get(role, NOTHING_READ), span) for role in vehicle.roles)
     findings = signal_checks.episodes(reports)
     trace = trace_assembly.trace(samples, vehicle.driver, pipeline.DT)._replace(findings=findings)
     sampled_roles = {
@@ -248,7 +271,7 @@ def check(
         problems += _unused(vehicle, summed, gates, tracks, in_path, whole=whole)
     if not problems and whole:
         problems += _withheld(trace, vehicle)
-    numbers = sum(ids.values()) + sum(apart.values()), last - first, dict(ids)
+    numbers = sum(ids.values()) + sum(apart.values()), span.last - span.first, dict(ids)
     return Check(
         *numbers,
         rows,
@@ -265,6 +288,7 @@ def check(
         vehicle.driver.output,
         scale,
         dict(apart),
+        span.paused,
     )
 
 
@@ -328,15 +352,15 @@ def _maps(vehicle: Vehicle, id_: int) -> bool:
     return is_mapped(vehicle, id_, extended=True) or is_mapped(vehicle, id_, extended=False)
 
 
-def _row(role: str, vehicle: Vehicle, readings: Signal, span: tuple[float, float]) -> Row:
+def _row(role: str, vehicle: Vehicle, readings: Signal, span: _Span) -> Row:
     how = vehicle.roles[role]
     array = readings.value
     known = array[np.isfinite(array)]
     low, median, high = np.percentile(known, [0, 50, 100]) if known.size else (NAN, NAN, NAN)
     lost = 100.0 * (1 - known.size / array.size) if array.size else NAN
-    duration = span[1] - span[0]
+    duration = span.last - span.first - span.paused
     rate = array.size / duration if duration else NAN
-    longest, stale = _gaps(readings.t, span, how.stale)
+    longest, stale = _gaps(readings.t, (span.first, span.last), how.stale)
     numbers = float(low), float(median), float(high)
     return Row(role, how.unit, how.where, array.size, rate, lost, *numbers, longest, stale)
 

@@ -13,6 +13,7 @@ from canid.analysis.tables.headings import TIME
 from canid.analysis.tables.remedies import Remedies
 from canid.analysis.tables.resolution import Found
 from canid.analysis.tables.source import NO_NUMBER, Source, clean
+from canid.analysis.tables.times import date_column, row_clock
 from canid.signals.vehicle.quoting import brief
 from canid.values.errors import ConfigError
 from canid.values.types import Array
@@ -37,21 +38,28 @@ def in_order(
     if TIME not in by_role:
         return _times(by_role, by, table, texts, name), table, ""
     place = by_role[TIME].place
-    raw = clean(table.numbers[place]) if place not in texts else _times(by_role, by, table, texts, name).t
+    values = [
+        column.place
+        for role, column in by_role.items()
+        if role not in (TIME, "vehicle_id", "lead_id", "lane")
+    ]
+    times = _times(by_role, by, table, texts, name)
+    columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
+    clock = row_clock.unwrapped(times.t, times.zero, columns, local=times.local)
+    if clock is not None and row_order.by_time(clock.t)[0] is None:
+        note = f"{name}: {by_role[TIME].entry.names[0]}: {clock.says}"
+        return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""
+    raw = clean(table.numbers[place]) if place not in texts else times.t
     order, late = row_order.by_time(raw)
     note = ""
     if order is not None:
-        values = [
-            column.place
-            for role, column in by_role.items()
-            if role not in (TIME, "vehicle_id", "lead_id", "lane")
-        ]
         choose = f"split it, or {says.rows}"
         if "vehicle_id" not in by_role:
             row_order.check(raw, table, values, order, name, choose)
         table = row_order.taken(table, order)
         note = f"{name}: {late:,} of {table.n:,} rows were not in the order of time; they were sorted"
-    return _times(by_role, by, table, texts, name), table, note
+        times = _times(by_role, by, table, texts, name)
+    return times, table, note
 
 
 def _times(
@@ -72,7 +80,10 @@ def _times(
         )
     where = f"{name}: {brief(column)}"
     if clock.place in texts:
-        return time_column.of_texts(table.texts[clock.place], unit, where)
+        cells = table.texts[clock.place]
+        if clock.date_place >= 0:
+            cells = date_column.joined(table.texts[clock.date_place], cells)
+        return time_column.of_texts(cells, unit, where)
     return time_column.of_numbers(table.numbers[clock.place], unit, where, clock.entry.rate)
 
 

@@ -31,6 +31,7 @@ class Found(NamedTuple):
     unit: str | None  # stated by the map or the heading; None: nowhere
     sign_place: int = -1  # of `sign_of`
     closing: bool = False  # the range rate with the other sign
+    date_place: int = -1  # of the dates, where times of day have them in a column of their own
 
 
 class Resolved(NamedTuple):
@@ -201,6 +202,11 @@ def described(by_role: Mapping[str, Found], headings: Sequence[str]) -> str:
         'time = t, gap = gap'
     """
     known = list(dict.fromkeys(role for role in (TIME, *ROLES, *EXTRA) if role in by_role))
-    shown = [f"{role} = {brief(headings[by_role[role].place].strip())}" for role in known[:MAX_DESCRIBED]]
+    shown = [f"{role} = {_named(headings, by_role[role])}" for role in known[:MAX_DESCRIBED]]
     more = [f"and {len(known) - MAX_DESCRIBED} more"] if len(known) > MAX_DESCRIBED else []
     return ", ".join([*shown, *more])
+
+
+def _named(headings: Sequence[str], column: Found) -> str:
+    places = (column.date_place, column.place)
+    return " + ".join(brief(headings[place].strip()) for place in places if place >= 0)

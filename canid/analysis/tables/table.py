@@ -24,6 +24,7 @@ from canid.analysis.tables.resolution import Found, Resolved, described, resolve
 from canid.analysis.tables.source import EMPTY, Source
 from canid.analysis.tables.sources.open_source import source_of
 from canid.analysis.tables.table_log import TableLog, table_log
+from canid.analysis.tables.times import date_column
 from canid.io.logs.text_lines import Line, LineCount
 from canid.signals.vehicle import Vehicle
 from canid.signals.vehicle.quoting import brief, several
@@ -97,7 +98,7 @@ def table_of(
     chosen, turn = (None, 0) if selection.vehicle_id is None else vehicle_ids.numbered(selection.vehicle_id)
     numbered = int(chosen) if chosen is not None and chosen.isdecimal() and len(chosen) < 4 else None
     resolved = resolve(source.headings, by, source.name, numbered, says)
-    by_role = resolved.found
+    by_role = date_column.with_dates(source, resolved.found)
     notes = [*source.notes, *([resolved.note] if resolved.note else [])]
     by = resolved.map
     if TIME not in by_role and not (TIME in by.entries and by.entries[TIME].rate):
@@ -120,7 +121,10 @@ def table_of(
     if one_of_many and not any(condition.place == by_role["vehicle_id"].place for condition in wheres):
         wheres += vehicle_choice.only_vehicle(source, by_role, texts, wheres, says)
     wanted = {
-        place for column in by_role.values() for place in (column.place, column.sign_place) if place >= 0
+        place
+        for column in by_role.values()
+        for place in (column.place, column.sign_place, column.date_place)
+        if place >= 0
     }
     wanted |= {condition.place for condition in wheres}
     of_id = vehicle_ids.Columns((), (), -1)

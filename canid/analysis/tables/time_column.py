@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.analysis.tables.source import EMPTY, NO_NUMBER
+from canid.analysis.tables.times import dates, row_clock
 from canid.values.errors import ConfigError
 from canid.values.types import NAN, Array
 
@@ -24,9 +25,9 @@ _EPOCH_FROM = 1e9
 _LONG_STEP = 5.0
 # s; a first row later than this is taken to be the first, so that --start and --stop count from it
 _LATE_START_S = 1.0
-_CLOCK = re.compile(r"(?P<h>\d{1,3}):(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,]\d+)?)")
 _INTEGER = re.compile(r"-?\d{1,19}")
-_DAY_S = 86_400.0
+# a zone at the end of a date
+_ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
 # doubles hold whole numbers exactly up to here
 EXACT = 2.0**53
 
@@ -37,6 +38,8 @@ class Times(NamedTuple):
     t: Array  # (n,) s; NaN: the row has no time
     start_ns: int | None  # epoch of t = 0; None: not known
     note: str  # what was taken for granted, a sentence; "": nothing
+    zero: float = 0.0  # s, what the clock shows at t = 0
+    local: bool = False  # a time of day without a zone
 
 
 def is_text(sample: Sequence[str]) -> bool:
@@ -100,7 +103,7 @@ def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = 
 def _since(t: Array, first: float, factor: float, epoch: int | None, note: str) -> Times:
     zero = 0.0 if 0.0 <= first * factor <= _LATE_START_S else first
     # whole nanoseconds, as a log's
-    return Times(np.round((t - zero) * (factor * 1e9)) * 1e-9, epoch, note)
+    return Times(np.round((t - zero) * (factor * 1e9)) * 1e-9, epoch, note, zero * factor)
 
 
 def judged_unit(values: Array) -> str:
@@ -118,11 +121,12 @@ def later(times: Times, rows: npt.NDArray[np.int64]) -> Times:
 
     Example:
         >>> later(Times(np.array([0.0, 1.0, 2.0]), 10**18, ""), np.array([1, 2]))
-        Times(t=array([0., 1.]), start_ns=1000000001000000000, note='')
+        Times(t=array([0., 1.]), start_ns=1000000001000000000, note='', zero=1.0, local=False)
     """
     t = times.t[rows]
     start = None if times.start_ns is None else times.start_ns + round(1e9 * float(t[0]))
-    return Times(np.round((t - t[0]) * 1e9) * 1e-9, start, times.note)
+    zero = times.zero + float(t[0])
+    return times._replace(t=np.round((t - t[0]) * 1e9) * 1e-9, start_ns=start, zero=zero)
 
 
 def _judged(t: Array, name: str) -> tuple[str, str]:
@@ -155,19 +159,28 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
         [0.0, 0.25]
     """
     first = next((text.strip() for text in texts if text.strip()), "")
-    ns = _large(texts, unit) if _INTEGER.fullmatch(first) else [_ns(text.strip()) for text in texts]
+    note = ""
+    if _INTEGER.fullmatch(first):
+        ns = _large(texts, unit)
+    else:
+        ns = [_ns(text.strip()) for text in texts]
+        others = [k for k, text in enumerate(texts) if ns[k] is None and text.strip()]
+        written = dates.of_texts([texts[k] for k in others])
+        for k, stamp in zip(others, written.ns, strict=True):
+            ns[k] = stamp
+        note = f"{name}: {written.note}" if written.note else ""
     known: npt.NDArray[np.bool_] = np.array([stamp is not None for stamp in ns], bool)
     if not known.any():
         raise ConfigError(
             f'{name}: "{first[:40]}" is no time; write seconds, or dates as 2018-08-02T15:34:47.123Z (ISO 8601)'
         )
     zero = next(stamp for stamp in ns if stamp is not None)
-    clock = zero < 1e18 and bool(_CLOCK.fullmatch(first))
+    clock = zero < 1e18 and dates.clock_ns(first) is not None
     t = np.array([NAN if stamp is None else (stamp - zero) * 1e-9 for stamp in ns])
     if clock:
-        # behind 23:59:59 comes the next day
-        t[known] = np.round(np.unwrap(t[known], period=_DAY_S) * 1e9) * 1e-9
-    return Times(t, None if clock or zero < 1e18 else zero, "")
+        t[known] = np.round(row_clock.over_midnight(t[known]) * 1e9) * 1e-9
+    local = not _INTEGER.fullmatch(first) and _ZONE.fullmatch(first) is None
+    return Times(t, None if clock or zero < 1e18 else zero, note, zero * 1e-9, local)
 
 
 def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:
@@ -181,10 +194,9 @@ def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:
 
 def _ns(text: str) -> int | None:
     """Nanoseconds since 1970, or of a clock time since midnight."""
-    match = _CLOCK.fullmatch(text)
-    if match is not None:
-        seconds = float(match["s"].replace(",", "."))
-        return round((int(match["h"]) * 3600 + int(match["m"]) * 60 + seconds) * 1e9)
+    of_day = dates.clock_ns(text)
+    if of_day is not None:
+        return of_day
     try:
         stamp = datetime.fromisoformat(text.replace(" UTC", "Z").replace("/", "-"))
     except ValueError:

@@ -28,7 +28,7 @@ def text_places(source: Source, by_role: Mapping[str, Found], wheres: Sequence[r
     for role, column in by_role.items():
         if role == TIME:
             if time_column.is_text(sample[column.place]):
-                texts.add(column.place)
+                texts |= {column.place, column.date_place} - {-1}
         elif rows.is_text(sample[column.place]) and (
             role in ("vehicle_id", "lead_id", "lane") or (role in ROLES and ROLES[role].kind == "bool")
         ):

@@ -58,11 +58,11 @@ def text(checked: Check) -> list[str]:
 def contents(counted: Contents) -> list[str]:
     """The ids of a log, without a vehicle file."""
     rows = [
-        (f"bus {bus}", f"0x{id_:X}", str(length), f"{n:,}", _rate(n, counted.duration))
+        (f"bus {bus}", f"0x{id_:X}", str(length), f"{n:,}", _rate(n, counted.duration - counted.paused))
         for (bus, id_, length), n in sorted(counted.frames.items())
     ]
     frames = sum(counted.frames.values()) + sum(counted.apart.values())
-    total = f"{frames:,} frames, {len(rows)} ids, {counted.duration:.1f} s{_apart(counted.apart)}"
+    total = f"{frames:,} frames, {len(rows)} ids, {_duration(counted)}{_apart(counted.apart)}"
     return lines([total, doc.Table(("bus", "id", "bytes", "frames", "1/s"), rows)])
 
 
@@ -96,15 +96,18 @@ def page(log: CheckedLog) -> str:
 
 
 def _came(checked: Check) -> str:
-    return (
-        f"{checked.frames:,} frames, {len(checked.ids)} ids, {checked.duration:.1f} s{_apart(checked.apart)}"
-    )
+    return f"{checked.frames:,} frames, {len(checked.ids)} ids, {_duration(checked)}{_apart(checked.apart)}"
 
 
 def _apart(kinds: Mapping[str, int]) -> str:
     """Frames that belong to no id; "" where there are none."""
     named = " and ".join(f"{n:,} {kind} frame{'s' * (n != 1)}" for kind, n in kinds.items())
     return named and f", {named} apart from the ids"
+
+
+def _duration(counted: Check | Contents) -> str:
+    paused = f" of which {counted.paused:.1f} s without any frame" if counted.paused else ""
+    return f"{counted.duration:.1f} s{paused}"
 
 
 def _gate(name: str) -> str:
@@ -186,7 +189,8 @@ def _unmapped(checked: Check) -> str | doc.Table | doc.Fold:
     if not checked.unmapped:
         return "None: every id of the log is named by the vehicle file."
     rows = [
-        (str(bus), f"`0x{id_:X}`", f"{n:,}", _rate(n, checked.duration)) for bus, id_, n in checked.unmapped
+        (str(bus), f"`0x{id_:X}`", f"{n:,}", _rate(n, checked.duration - checked.paused))
+        for bus, id_, n in checked.unmapped
     ]
     title = f"{len(rows)} ids of {len(checked.ids)} are not named by the vehicle file"
     table = doc.Table((">bus", "id", ">frames", ">1/s"), rows, title)

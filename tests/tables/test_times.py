@@ -1,0 +1,269 @@
+"""Clocks and dates of tables: whatever a program writes, the same drive has the same times, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from canid.analysis.tables.table import Table, open_table
+from canid.signals.samples import sampling_grid
+from canid.values.errors import ConfigError
+from tests.exact import exact
+
+_HEAD = "speed,gap,range_rate,pedal"
+_Drive = list[tuple[float, str]]
+_NIGHT = datetime(2026, 8, 5, 23, 58, 20, tzinfo=UTC)
+
+
+def drive(seed: int, n: int = 2400, dt: float = 0.1) -> _Drive:
+    """Rows of a drive: time, s, and the cells; the columns go on from row to row as those of a car do."""
+    rng = np.random.default_rng(seed)
+    t = np.round(np.arange(n) * dt, 6)
+    phase = rng.uniform(0, 6.0, 4)
+    columns = [
+        level + size * np.sin(0.05 * t + p)
+        for level, size, p in zip((25, 40, 0, 20), (3, 8, 1, 9), phase, strict=True)
+    ]
+    noise = rng.normal(0.0, 0.01, (4, n))
+    return [
+        (float(t[k]), ",".join(f"{c[k] + e[k]:.3f}" for c, e in zip(columns, noise, strict=True)))
+        for k in range(n)
+    ]
+
+
+def opened(path: Path, heading: str, rows: _Drive, written: Callable[[float], str]) -> Table:
+    lines = [f"{written(t)},{cells}" for t, cells in rows]
+    path.write_text("\n".join([f"{heading},{_HEAD}", *lines]) + "\n", encoding="utf-8")
+    return open_table(path)
+
+
+def frames(table: Table) -> str:
+    return exact(tuple(table.log.columns()))
+
+
+def at(pattern: str, start: datetime = _NIGHT) -> Callable[[float], str]:
+    """Times in a pattern of strftime; %L: ms."""
+
+    def written(t: float) -> str:
+        stamp = start + timedelta(seconds=t)
+        return stamp.strftime(pattern.replace("%L", f"{stamp.microsecond // 1000:03d}"))
+
+    return written
+
+
+DATES = {
+    "05-Aug-2026": ("time", "%d-%b-%Y %H:%M:%S.%L"),
+    "05.08.2026": ("time", "%d.%m.%Y %H:%M:%S.%L"),
+    "month first, 12 hours": ("time", "%m/%d/%Y %I:%M:%S.%L %p"),
+    "day first": ("time", "%d/%m/%Y %H:%M:%S.%L"),
+    "two digits of the year": ("time", "%d.%m.%y %H:%M:%S.%L"),
+    "weekday": ("time", "%a %d %b %Y %H:%M:%S.%L"),
+    "month's name first": ("time", '"%b %d, %Y %H:%M:%S.%L"'),
+    "ISO": ("time", "%Y-%m-%dT%H:%M:%S.%LZ"),
+    "year first, with points": ("time", "%Y.%m.%d %H:%M:%S.%L"),
+    "a column of dates alone": ("date", "%d.%m.%Y %H:%M:%S.%L"),
+    "two columns, ISO": ("Date,Time", "%Y-%m-%d,%H:%M:%S.%L"),
+    "two columns, day first": ("Date,Time", "%d/%m/%Y,%H:%M:%S.%L"),
+    "two columns, month first": ("Date,Time", "%m/%d/%Y,%I:%M:%S.%L %p"),
+    "two columns, the time first": ("Time,Date", "%H:%M:%S.%L,%d-%b-%Y"),
+    "clock": ("time", "%H:%M:%S.%L"),
+    "clock of 12 hours": ("time", "%I:%M:%S.%L %p"),
+    "the date of the first row in all rows": ("Date,Time", "2026-08-05,%H:%M:%S.%L"),
+}
+
+
+@pytest.mark.parametrize("name", DATES)
+def test_dates_as_programs_write_them(tmp_path: Path, name: str, seed: int) -> None:
+    """Over midnight, in one column or two: the frames and the start of times in s; the order of day and month is said."""
+    rows = drive(seed)
+    heading, pattern = DATES[name]
+    table = opened(tmp_path / "x.csv", heading, rows, at(pattern))
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    if not name.startswith("clock"):
+        assert table.log.start_utc == _NIGHT.timestamp()
+    # 5 August, over midnight: 6 August; the other reading is a month later
+    notes = [note for note in table.notes if "first, as otherwise the rows would be" in note]
+    assert len(notes) == any(x in pattern for x in ("%d/%m", "%d.%m", "%m/%d"))
+    assert all(("month first" in note) == ("%m/%d" in pattern) for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("start", "pattern", "says", "day"),
+    [
+        ("2026-08-25", "%m/%d/%Y %H:%M:%S.%L", 'month first, as "08/25/2026 12:00:00.000" shows', 25),
+        ("2026-08-25", "%d/%m/%Y %H:%M:%S.%L", 'day first, as "25/08/2026 12:00:00.000" shows', 25),
+        ("2026-08-05", "%m/%d/%Y %I:%M:%S.%L %p", "month taken to be first, which no row shows", 5),
+        ("2026-08-05", "%d/%m/%Y %H:%M:%S.%L", "day taken to be first, which no row shows", 5),
+        ("2026-08-05", "%d.%m.%Y %H:%M:%S.%L", "day taken to be first, which no row shows", 5),
+    ],
+)
+def test_which_of_two_numbers_is_the_month(
+    tmp_path: Path, start: str, pattern: str, says: str, day: int, seed: int
+) -> None:
+    """A number above 12 shows it, else the order of the rows; where nothing does, what was taken is said."""
+    begin = datetime.fromisoformat(f"{start}T12:00:00Z")
+    table = opened(tmp_path / "x.csv", "time", drive(seed, 100), at(pattern, begin))
+    assert [note for note in table.notes if says in note]
+    assert datetime.fromtimestamp(table.log.start_utc, UTC).day == day
+
+
+COUNTERS = {
+    "32 bits, us": ("time [us]", 2**32 * 1e-6, 1e6),
+    "32 bits, ms": ("time [ms]", 2**32 * 1e-3, 1e3),
+    "16 bits, ms": ("time [ms]", 65.536, 1e3),
+    "16 bits, ms, no unit": ("time", 65.536, 1e3),
+    "60 s": ("time [s]", 60.0, 1.0),
+    "60 s, no unit": ("time", 60.0, 1.0),
+    "an hour": ("time [s]", 3600.0, 1.0),
+    "a day": ("time [s]", 86_400.0, 1.0),
+    "GPS week": ("time [ms]", 604_800.0, 1e3),
+}
+
+
+@pytest.mark.parametrize("name", COUNTERS)
+@pytest.mark.parametrize("dt", [0.1, 0.02])
+def test_counters_that_wrap(tmp_path: Path, name: str, dt: float, seed: int) -> None:
+    """The frames of times that go on, to the last bit, and one sentence."""
+    heading, period, factor = COUNTERS[name]
+    rows = drive(seed, 2400, dt)
+    units = round(period * factor * 1000)
+
+    def counted(t: float) -> str:
+        value = (units + round((t - 30.0) * factor * 1000)) % units
+        return f"{value / 1000:.3f}" if factor == 1.0 else str(value // 1000)
+
+    table = opened(tmp_path / "x.csv", heading, rows, counted)
+    plain = opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}")
+    assert frames(table) == frames(plain)
+    assert len([note for note in table.notes if "wraps" in note or "anew" in note or "midnight" in note]) == 1
+    assert not any("sorted" in note for note in table.notes)
+
+
+def test_episodes_of_a_minute_are_no_counter(tmp_path: Path, seed: int) -> None:
+    """Drives of 60 s each one after the other, whose times begin anew, are refused as they were."""
+    rows = [row for k in range(4) for row in drive(seed + k, 600)]
+    with pytest.raises(ConfigError, match="holds several drives"):
+        opened(tmp_path / "x.csv", "time [s]", rows, lambda t: f"{t:.3f}")
+
+
+@pytest.mark.parametrize("pattern", ["%H:%M:%S.%L", "%Y-%m-%d %H:%M:%S.%L", "%d.%m.%Y %H:%M:%S.%L"])
+@pytest.mark.parametrize("begins", [True, False])
+def test_summer_time(tmp_path: Path, pattern: str, begins: bool, seed: int) -> None:
+    """Local times without a zone over the change are the drive, and it is said."""
+    change = datetime(2026, 3, 29, 2, tzinfo=UTC) if begins else datetime(2026, 10, 25, 3, tzinfo=UTC)
+    start = change - timedelta(seconds=100)
+
+    def local(t: float) -> str:
+        hour = (t >= 100.0) * (3600.0 if begins else -3600.0)
+        return at(pattern, start)(t + hour)
+
+    rows = drive(seed)
+    table = opened(tmp_path / "x.csv", "time", rows, local)
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    assert [note for note in table.notes if "summer time" in note]
+
+
+@pytest.mark.parametrize("zone", ["Z", "+01:00"])
+def test_times_with_a_zone_have_no_summer_time(tmp_path: Path, zone: str, seed: int) -> None:
+    """An hour without rows is a pause."""
+    start = datetime(2026, 3, 29, 1, 58, 20, tzinfo=UTC)
+    rows = drive(seed)
+    written = at("%Y-%m-%dT%H:%M:%S.%L" + zone, start)
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: written(t + (t >= 100.0) * 3600.0))
+    assert last(table) == pytest.approx(rows[-1][0] + 3600.0)
+
+
+def last(table: Table) -> float:
+    return max(float(chunk.t.max()) for chunk in table.log.columns())
+
+
+@pytest.mark.parametrize(
+    ("heading", "pattern"),
+    [("time", "%H:%M:%S.%L"), ("Date,Time", "%Y-%m-%d,%H:%M:%S.%L"), ("time", "%d.%m.%Y %H:%M:%S.%L")],
+)
+@pytest.mark.parametrize("hours", [1.0, 2.0, 9.0, 13.0, 20.0, 26.0])
+@pytest.mark.parametrize("hour", [7, 15])
+def test_pauses(tmp_path: Path, heading: str, pattern: str, hours: float, hour: int, seed: int) -> None:
+    """A pause has the length that the clock shows; beyond a day the date alone shows it."""
+    start = datetime(2026, 8, 5, hour, 13, tzinfo=UTC)
+    rows = drive(seed, 600)
+    table = opened(
+        tmp_path / "x.csv", heading, rows, lambda t: at(pattern, start)(t + (t >= 30.0) * hours * 3600.0)
+    )
+    shown = hours - 24.0 if hours > 24.0 and pattern.startswith("%H") else hours
+    assert last(table) == pytest.approx(rows[-1][0] + 3600.0 * shown)
+    assert not any("sorted" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("heading", ["time [s]", "time"])
+@pytest.mark.parametrize("back", [5.0, 40.0])
+def test_a_clock_that_is_set_back_cuts_the_drive(
+    tmp_path: Path, heading: str, back: float, seed: int
+) -> None:
+    """Rows of both parts keep their order, with a pause between them that no sample crosses, and it is said."""
+    rows = drive(seed)
+    start = datetime(2026, 8, 5, 9, 10, tzinfo=UTC)
+    text = at("%d.%m.%Y %H:%M:%S.%L", start) if heading == "time" else lambda t: f"{t:.3f}"
+    table = opened(tmp_path / "x.csv", heading, rows, lambda t: text(t - (t >= 100.0) * back))
+    assert [
+        note for note in table.notes if f"is set back by {back - 0.1:.1f} s: the drive is cut in two" in note
+    ]
+    t = np.unique(np.concatenate([chunk.t for chunk in table.log.columns()]))
+    true = np.array([row[0] for row in rows])
+    assert np.abs(t - true - (true >= 100.0) * (t[1000] - 100.0)).max() < 1e-6
+    assert t[1000] - t[999] > sampling_grid.MAX_PAUSE_S
+
+
+def test_blocks_and_overlapping_buffers_are_sorted(tmp_path: Path, seed: int) -> None:
+    """Rows that a logger writes in buffers, which overlap a little, are no clock that is set."""
+    rows = drive(seed)
+    order = [row for k in range(0, 2400, 100) for row in (rows[k + 1 : k + 100 : 2] + rows[k : k + 100 : 2])]
+    table = opened(tmp_path / "x.csv", "time [s]", order, lambda t: f"{t:.3f}")
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    assert any("sorted" in note for note in table.notes)
+
+
+def test_damaged_dates_are_damaged(tmp_path: Path, seed: int) -> None:
+    """A cell that is no date costs its row, and decides nothing."""
+    rows = drive(seed, 300)
+    text = at("%d/%m/%Y %H:%M:%S.%L", datetime(2026, 8, 25, 12, tzinfo=UTC))
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: "45/77/2026 99:99" if t == 10.0 else text(t))
+    assert table.damaged == 1
+    assert [note for note in table.notes if "day first" in note]
+
+
+def test_reported_clocks(measured: Path) -> None:
+    """The reported tables: the frames of noon.csv; of the counter of 60 s those of times that go on."""
+    folder = measured / "reports" / "50-clock"
+    noon = frames(open_table(folder / "noon.csv"))
+    for name in ("midnight", "twocol_midnight", "summer_end"):
+        assert frames(open_table(folder / f"{name}.csv")) == noon, name
+    table = open_table(folder / "slcan60.csv")
+    t = np.concatenate([chunk.t for chunk in table.log.columns()])
+    assert np.array_equal(np.unique(t), np.round(np.arange(12_000) * 0.05 * 1e9) * 1e-9)
+
+
+def _orders(rows: Sequence[tuple[float, str]]) -> dict[str, _Drive]:
+    rng = np.random.default_rng(len(rows))
+    return {
+        "any order": [rows[k] for k in rng.permutation(len(rows))],
+        "newest first": list(rows[::-1]),
+        "the second part first": [*rows[900:], *rows[:900]],
+        "neighbours exchanged": [rows[k ^ 1] for k in range(len(rows))],
+    }
+
+
+@pytest.mark.parametrize("pattern", ["%H:%M:%S.%L", "%d.%m.%Y %H:%M:%S.%L"])
+def test_rows_in_another_order_are_sorted(tmp_path: Path, pattern: str, seed: int) -> None:
+    """Rows of a drive of hours that are in no order are no nights, and no clock that wraps."""
+    rows = drive(seed, 2400, 2.0)
+    expected = frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    start = datetime(2026, 8, 5, 11, 13, tzinfo=UTC)
+    for name, order in _orders(rows).items():
+        table = opened(tmp_path / "x.csv", "time", order, at(pattern, start))
+        assert frames(table) == expected, name
+        assert any("sorted" in note for note in table.notes), name
