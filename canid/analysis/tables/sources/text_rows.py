@@ -20,6 +20,8 @@ from canid.io.logs.text_lines import line as line_of
 _Bools = npt.NDArray[np.bool_]
 _HASH, _QUOTE, _NUL, _FEED, _RETURN = b'#"\0\n\r'
 _BLANKS = np.array([chr(k).isspace() for k in range(256)])
+# TunerStudio's lines that say where a mark was set
+_MARKS = b"MARK "
 HEADERS, COMMENTS = "header lines", "comments"
 
 
@@ -164,6 +166,9 @@ class RowForm(NamedTuple):
         except ValueError as error:
             return str(error)
         why = self.wrong(cells)
+        if why and text.startswith(_MARKS):
+            count.others[COMMENTS] += 1
+            return None
         if text.startswith(b"#") and not self.hashes:
             if why:
                 count.others[COMMENTS] += 1
@@ -178,12 +183,15 @@ def _numeric(first: npt.NDArray[np.uint8]) -> _Bools:
     return numeric
 
 
-def form(texts: Sequence[bytes], numbers: Sequence[int], skip: int, delimiter: str, encoding: str) -> RowForm:
+def form(
+    texts: Sequence[bytes], numbers: Sequence[int], header: int, skip: int, delimiter: str, encoding: str
+) -> RowForm:
     """Judge how many cells a row has.
 
     Args:
         texts: the first lines, without their ends.
         numbers: of these lines.
+        header: the first of the header's lines.
         skip: how many of them come before the first row.
         delimiter: "": white space.
         encoding: of the file.
@@ -195,7 +203,7 @@ def form(texts: Sequence[bytes], numbers: Sequence[int], skip: int, delimiter: s
         encoding.removesuffix("-sig"),
         0,
         numbers[skip - 1] if skip else 0,
-        frozenset(text.removeprefix(b"\xef\xbb\xbf") for text in texts[max(skip - 2, 0) : skip]),
+        frozenset(text.removeprefix(b"\xef\xbb\xbf") for text in texts[header:skip] if text.strip()),
         hashes,
     )
     widths: Counter[int] = Counter()
