@@ -177,7 +177,9 @@ def _trace(
     says = ARRAYS if verb == "from_arrays" else FRAME
     driver = _driver(given, task, output, headway_desired, output_filter, named)
     try:
-        table = table_of(ArraySource(headings, verb), ColumnMap(driver=driver), Selection(), says=says)
+        table = table_of(
+            ArraySource(headings, verb), ColumnMap(driver=driver), Selection(named=named), says=says
+        )
         if driver is None:
             table = table._replace(
                 vehicle=table.vehicle._replace(

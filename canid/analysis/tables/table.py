@@ -50,6 +50,7 @@ class Selection(NamedTuple):
 
     where: tuple[str, ...] = ()  # NAME=VALUE
     vehicle_id: str | None = None
+    named: bool = False  # the columns' names are roles; none is judged by its values
 
 
 def open_table(
@@ -96,9 +97,10 @@ def table_of(
     """A table of any source; see `open_table`. `says`: what the user can do, for messages."""
     chosen, turn = (None, 0) if selection.vehicle_id is None else vehicle_ids.numbered(selection.vehicle_id)
     numbered = int(chosen) if chosen is not None and chosen.isdecimal() and len(chosen) < 4 else None
-    resolved = resolve(source.headings, by, source.name, numbered, says)
+    judged = None if selection.named else source
+    resolved = resolve(source.headings, by, source.name, numbered, says, judged)
     by_role = resolved.found
-    notes = [*source.notes, *([resolved.note] if resolved.note else [])]
+    notes = [*source.notes, *resolved.notes]
     by = resolved.map
     if TIME not in by_role and not (TIME in by.entries and by.entries[TIME].rate):
         raise ConfigError(
