@@ -30,7 +30,11 @@ EXTRA = {
     "lane": "",
     "vehicle_id": "",
     "lead_id": "",
+    "own_id": "",  # in a table that has the rows of both vehicles of a pair
+    "episode": "",
 }
+# columns that name something: numbers or texts, not measured
+IDS = ("vehicle_id", "lead_id", "own_id", "lane", "episode")
 
 # usual names, apart from the role's own; compared as `Heading.name`. Left out are those that are used for several things
 # (spacing, throttle, delta_v, acceleration of what, distance from where): `--columns` names them
@@ -53,6 +57,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap"),
     "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
+    "episode": ("episode_id", "trajectory_id", "traj_id", "case_id", "event_id", "trip_id", "run_id", "segment_id"),
     "brake": ("brake_pressed", "brake_pedal", "brake_switch", "braking", "brake_active"),
     "steering_assist": ("lka_active", "lkas_active", "lane_assist", "lane_assist_active", "steer_assist"),
     "cruise_active": ("acc_active", "cruise", "cruise_control", "acc", "acc_on", "cruise_enabled", "cruise_on"),

@@ -34,6 +34,13 @@ class Found(NamedTuple):
     unit: str | None  # stated by the map or the heading; None: nowhere
     sign_place: int = -1  # of `sign_of`
     closing: bool = False  # the range rate with the other sign
+    points: tuple[int, ...] = ()  # of `between`: x, y, x, y
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """All columns that it is made of."""
+        own = self.points or (self.place,)
+        return (*own, self.sign_place) if self.sign_place >= 0 else own
 
 
 class Resolved(NamedTuple):
@@ -189,6 +196,10 @@ def _entries(parsed: Sequence[Heading], by: ColumnMap, number: int | None) -> di
             sign = place_of(_filled(entry.sign_of, number), parsed) if entry.sign_of else -1
             unit = entry.unit if entry.unit is not None else parsed[places[0]].unit
             by_role[role] = Found(places[0], entry, unit, sign)
+            continue
+        points = tuple(place_of(name, parsed) for name in entry.between or ())
+        if points and min(points) >= 0:
+            by_role[role] = Found(points[0], entry, entry.unit or parsed[points[0]].unit, points=points)
     return by_role
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from canid.analysis.drive import drive_reader
 from canid.analysis.tables import (
     column_values,
+    episodes,
+    positions,
     role_values,
     rows,
     time_column,
@@ -110,20 +112,28 @@ def table_of(
         )
     wheres = rows.wheres(selection.where, source.headings, source.name)
     texts = vehicle_choice.text_places(source, by_role, wheres)
-    one_of_many = "vehicle_id" in by_role and not resolved.numbers
+    # a vehicle may be called so itself
+    everyone = (
+        chosen == episodes.ALL
+        and "vehicle_id" in by_role
+        and not resolved.numbers
+        and episodes.ALL not in source.sample()[by_role["vehicle_id"].place]
+    )
+    stacked_by = episodes.key(by_role, everyone)
+    one_of_many = "vehicle_id" in by_role and not resolved.numbers and not stacked_by
     if chosen is not None and turn and (not one_of_many or vehicle_choice.is_text_id(source, by_role)):
         chosen, turn = selection.vehicle_id, 0  # an id that holds a "#" itself
-    if chosen is not None and not resolved.numbers:
-        if not one_of_many:
+    if chosen is not None and not resolved.numbers and not everyone:
+        # of pairs the follower is chosen; where no vehicle has an id, an episode
+        ids = [role for role in ("own_id", "vehicle_id", "episode") if role in by_role]
+        if not ids:
             raise ConfigError(
                 f"{source.name}: --vehicle-id: it has no column of vehicles' ids; select with --where NAME={brief(chosen)}"
             )
-        wheres.append(rows.Where(by_role["vehicle_id"].place, chosen))
+        wheres.append(rows.Where(by_role[ids[0]].place, chosen))
     if one_of_many and not any(condition.place == by_role["vehicle_id"].place for condition in wheres):
         wheres += vehicle_choice.only_vehicle(source, by_role, texts, wheres, says)
-    wanted = {
-        place for column in by_role.values() for place in (column.place, column.sign_place) if place >= 0
-    }
+    wanted = {place for column in by_role.values() for place in column.places}
     wanted |= {condition.place for condition in wheres}
     of_id = vehicle_ids.Columns((), (), -1)
     if one_of_many and TIME in by_role:
@@ -143,8 +153,13 @@ def table_of(
         )
         lacks = f"none of its {source.count.read:,} rows has {brief(what)}" if what else "it has no rows"
         raise ConfigError(f"{source.name}: {lacks}")
-    times, table, order = column_values.in_order(by_role, by, table, texts, source.name, says)
-    notes += [order] if order else []
+    stacked = episodes.stacked(by_role, by, table, texts, source.name, stacked_by) if stacked_by else None
+    if stacked is None:
+        times, table, order = column_values.in_order(by_role, by, table, texts, source.name, says)
+        notes += [order] if order else []
+    else:
+        table, times, order = stacked.table, stacked.times, ""
+        notes.append(stacked.note)
     notes += [times.note] if times.note else []
     same_place: list[rows.Where] = []
     if one_of_many and TIME in by_role:
@@ -152,7 +167,16 @@ def table_of(
             source, resolved, of_id, table, times, turn, notes, says
         )
     values = column_values.values_of(by_role, table, texts, source.name, notes)
-    values |= column_values.lead_columns(source, by_role, texts, table, values, same_place, notes)
+    if stacked is not None and "own_id" in by_role:
+        times, values = episodes.of_pairs(stacked, values)
+    else:
+        of = np.zeros(table.n) if stacked is None else stacked.code.astype(float)
+        way = positions.turned(times.t, of, values, by_role, source.name, notes)
+        values |= column_values.lead_columns(source, by_role, texts, table, values, way, same_place, notes)
+        if stacked is not None and everyone:
+            table, times, values, note = episodes.followers(table, times, values, stacked.code, source.name)
+            notes += [note] if note else []
+    positions.fronts(values, by_role)
     _count_times(times, by_role, table, source.count)
     t, values, start_ns = column_values.timed(times, values, source.name, notes)
     made, driver = role_values.derived(role_values.Values(values, notes), t, by.driver, source.name)
