@@ -131,7 +131,9 @@ def _position(columns: dict[str, VboColumn], name: str) -> tuple[str, ...]:
         return (f"{name}: the position is in degrees, east positive",) if lat + lon > 0.0 else ()
     if lat * _OF_MINUTES > _MAX_LAT or lon * _OF_MINUTES > _MAX_LON:
         del columns[LAT], columns[LON]
-        return (f"{name}: the position of {lat:g} and {lon:g} is in minutes nor in degrees; it was left out",)
+        return (
+            f"{name}: the position of {lat:g} and {lon:g} is neither in minutes nor in degrees; it was left out",
+        )
     columns[LAT] = VboColumn(columns[LAT].value * _OF_MINUTES, "deg")
     columns[LON] = VboColumn(columns[LON].value * -_OF_MINUTES, "deg")
     return ()
