@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import canid
 from canid.analysis.tables.sources.vbo import read_vbo
 from canid.analysis.tables.table import open_table, trace_of
 from canid.models.pipeline import pipeline
@@ -118,6 +117,4 @@ def test_measured_vbo_files_are_where_they_were_driven(name: str, rows: int) -> 
     assert (len(read.t), read.lines.bad) == (rows, 3000 - rows)
     assert read.columns["lat"].value[0] == pytest.approx(52.0, abs=1e-6)
     assert read.columns["lon"].value[0] == pytest.approx(1.5, abs=1e-4)
-    table = open_table(path)
-    health = canid.read_drive(path, table.vehicle, log=table.log).health
-    assert (health.damage is not None) == (name == "cut")
+    assert open_table(path).damaged == 3000 - rows

@@ -182,4 +182,5 @@ def followers(
     table = row_order.taken(table, at)._replace(n=len(at))
     kept = {role: x[at] for role, x in values.items()}
     note = f"{name}: {int((~leads).sum()):,} of {n:,} vehicles have no lead in any row and were left out"
-    return table, times._replace(t=times.t[at]), kept, note
+    # the rows are in their order, and the first of them begin at 0 again
+    return table, times._replace(t=in_turn(times.t[at], code[at])[1]), kept, note

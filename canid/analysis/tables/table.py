@@ -176,6 +176,10 @@ def table_of(
         if stacked is not None and everyone:
             table, times, values, note = episodes.followers(table, times, values, stacked.code, source.name)
             notes += [note] if note else []
+    if one_of_many and "lead_id" in values and not np.isfinite(values["lead_id"]).any():
+        raise ConfigError(
+            f"{source.name}: the vehicle has none ahead in any of its {len(times.t):,} rows; choose another one"
+        )
     positions.fronts(values, by_role)
     _count_times(times, by_role, table, source.count)
     t, values, start_ns = column_values.timed(times, values, source.name, notes)
