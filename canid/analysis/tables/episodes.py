@@ -150,22 +150,27 @@ def _joints(code: _Ints) -> _Ints:
     return np.flatnonzero(np.diff(code)) + 1
 
 
-def of_pairs(found: Stacked, values: Mapping[str, Array]) -> tuple[time_column.Times, dict[str, Array]]:
+def of_pairs(
+    stack: Stacked, values: Mapping[str, Array]
+) -> tuple[rows.Rows, time_column.Times, dict[str, Array]]:
     """The followers' rows in a table that has rows of both vehicles of each pair, with what the leaders' rows give.
 
     Args:
-        found: the table.
+        stack: the table.
         values: roles of its rows, with `vehicle_id`, `own_id` and `lead_id`.
     """
-    t = found.times.t
-    own = values["vehicle_id"] == values["own_id"]
+    t = stack.times.t
+    following = values["vehicle_id"] == values["own_id"]
     lead = values["vehicle_id"] == values["lead_id"]
     names = [role for role in column_values.OF_LEAD if role in values]
-    code = found.code.astype(float)
+    code = stack.code.astype(float)
     others = Others(t[lead], code[lead], {role: clean(values[role][lead]) for role in names})
-    got = by_id(t[own], code[own], others, names)
-    mine = {role: x[own] for role, x in values.items()}
-    return found.times._replace(t=t[own]), mine | {column_values.OF_LEAD[role]: x for role, x in got.items()}
+    got = by_id(t[following], code[following], others, names)
+    mine = {role: x[following] for role, x in values.items()}
+    ahead = {column_values.OF_LEAD[role]: x for role, x in got.items()}
+    at = np.flatnonzero(following)
+    table = row_order.taken(stack.table, at)._replace(n=len(at))
+    return table, stack.times._replace(t=t[following]), mine | ahead
 
 
 def followers(

@@ -18,21 +18,21 @@ _MAX_STEP = 4.0
 _SIGNED = ("speed", "lead_speed", "accel")
 
 
-def ways(t: Array, of: Array, position: Array) -> Array:
+def ways(t: Array, ids: Array, position: Array) -> Array:
     """The direction of travel of each row's vehicle: 1, -1, or 0 where it hardly moves.
 
     Args:
         t: (n,) times.
-        of: (n,) numbers of the vehicles.
+        ids: (n,) of the vehicles.
         position: (n,) m; NaN: none.
 
     Example:
         >>> ways(np.array([0.0, 1.0, 0.0, 1.0]), np.array([1.0, 1.0, 2.0, 2.0]), np.array([0.0, 20.0, 20.0, 0.0]))
         array([ 1.,  1., -1., -1.])
     """
-    known = np.flatnonzero(np.isfinite(position) & np.isfinite(of))
-    order = known[np.lexsort((t[known], of[known]))]
-    vehicles, vehicle = np.unique(of[order], return_inverse=True)
+    known = np.flatnonzero(np.isfinite(position) & np.isfinite(ids))
+    order = known[np.lexsort((t[known], ids[known]))]
+    vehicles, vehicle = np.unique(ids[order], return_inverse=True)
     step = np.diff(position[order])
     step[np.diff(vehicle) != 0] = 0.0
     moves = np.abs(step[step != 0.0])
@@ -45,13 +45,13 @@ def ways(t: Array, of: Array, position: Array) -> Array:
 
 
 def turned(
-    t: Array, of: Array, values: dict[str, Array], by_role: Mapping[str, Found], name: str, notes: list[str]
+    t: Array, ids: Array, values: dict[str, Array], by_role: Mapping[str, Found], name: str, notes: list[str]
 ) -> Array:
     """Turn the values of vehicles that drive towards negative positions.
 
     Args:
         t: (n,) times.
-        of: (n,) numbers of the vehicles.
+        ids: (n,) of the vehicles.
         values: by role; those that have a sign along the road are replaced.
         by_role: the columns.
         name: of the table.
@@ -63,7 +63,7 @@ def turned(
     way = np.ones(len(t))
     if "position" not in values:
         return way
-    back = ways(t, of, clean(values["position"])) < 0.0
+    back = ways(t, ids, clean(values["position"])) < 0.0
     if not back.any():
         return way
     way[back] = -1.0

@@ -39,8 +39,8 @@ class Found(NamedTuple):
     @property
     def places(self) -> tuple[int, ...]:
         """All columns that it is made of."""
-        own = self.points or (self.place,)
-        return (*own, self.sign_place) if self.sign_place >= 0 else own
+        measured = self.points or (self.place,)
+        return (*measured, self.sign_place) if self.sign_place >= 0 else measured
 
 
 class Resolved(NamedTuple):
@@ -81,8 +81,8 @@ def resolve(
     parsed = [heading(text) for text in headings]
     if by.entries:
         return _by_map(parsed, by, name, number, says)
-    found, notes = _by_heading(parsed, name, says, source)
-    made = Resolved(found, by, tuple(f"{name}: {note}" for note in notes))
+    by_name, notes = _by_heading(parsed, name, says, source)
+    made = Resolved(by_name, by, tuple(f"{name}: {note}" for note in notes))
     if _follows(made.found) or by.driver is not None:
         return made
     for title in column_map.shipped():

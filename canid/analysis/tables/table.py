@@ -168,10 +168,10 @@ def table_of(
         )
     values = column_values.values_of(by_role, table, texts, source.name, notes)
     if stacked is not None and "own_id" in by_role:
-        times, values = episodes.of_pairs(stacked, values)
+        table, times, values = episodes.of_pairs(stacked, values)
     else:
-        of = np.zeros(table.n) if stacked is None else stacked.code.astype(float)
-        way = positions.turned(times.t, of, values, by_role, source.name, notes)
+        vehicle = np.zeros(table.n) if stacked is None else stacked.code.astype(float)
+        way = positions.turned(times.t, vehicle, values, by_role, source.name, notes)
         values |= column_values.lead_columns(source, by_role, texts, table, values, way, same_place, notes)
         if stacked is not None and everyone:
             table, times, values, note = episodes.followers(table, times, values, stacked.code, source.name)

@@ -105,15 +105,17 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
         return _layout(tuple(names), delimiter, lines[numeric:], numeric, numeric, encoding)
     if best is None:
         raise LogError(f"{name}: {_missing(lines)}")
-    found, k, delimiter = best
+    header, k, delimiter = best
     if lines[k].startswith("#"):
-        found = found._replace(
+        header = header._replace(
             names=[_plain(cell) for cell in split(lines[k].lstrip("#").lstrip(), delimiter)]
         )
-    if len(found.names) > MAX_COLUMNS:
-        raise LogError(f"{name}: has {len(found.names):,} columns; at most {MAX_COLUMNS:,} are read")
-    texts = [split(lines[j], delimiter) for j in found.lines]
-    return _layout(_headings(found.names, texts), delimiter, lines[found.first :], found.first, k, encoding)
+    if len(header.names) > MAX_COLUMNS:
+        raise LogError(f"{name}: has {len(header.names):,} columns; at most {MAX_COLUMNS:,} are read")
+    texts = [split(lines[j], delimiter) for j in header.lines]
+    return _layout(
+        _headings(header.names, texts), delimiter, lines[header.first :], header.first, k, encoding
+    )
 
 
 def _plain(cell: str) -> str:
