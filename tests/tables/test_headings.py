@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import canid
 from canid.analysis.tables.table import Table, open_table
 from canid.values.errors import ConfigError
 from tests.fixtures.measured_logs import MEASURED, needs_measured
@@ -104,6 +105,47 @@ def test_one_quantity_in_two_units_is_taken_once(tmp_path: Path) -> None:
     path.write_text("time,v,v,gap,range_rate,accel\n" + rows, encoding="utf-8")
     with pytest.raises(ConfigError, match="speed could be v, v"):
         open_table(path)
+
+
+def test_the_speed_by_satellite_stands_in_and_never_stops_the_reading(tmp_path: Path) -> None:
+    """Two of them, as Torque writes, next to the car's own, and alone."""
+    two = {"GPS Speed (Meters/second)": SPEED, "Speed (GPS)(km/h)": 3.6 * SPEED}
+    both = _table(tmp_path, accel=ACCEL, **two)
+    assert "gnss_speed = GPS Speed (Meters/second)" in both.columns
+    assert any("Speed (GPS)(km/h) as well" in note for note in both.notes)
+    path = tmp_path / "y.csv"
+    rows = "".join(f"{t:.1f},{v:.3f},{3.6 * v:.3f},30,0,0\n" for t, v in zip(T, SPEED, strict=True))
+    path.write_text(",".join(["time", *two, "gap", "range_rate", "accel"]) + "\n" + rows, encoding="utf-8")
+    alone = open_table(path)
+    assert "speed = GPS Speed (Meters/second)" in alone.columns
+    assert any("speed: the one by satellite" in note for note in alone.notes)
+
+
+def test_times_are_those_of_the_column_that_advances(tmp_path: Path) -> None:
+    """The elapsed time of a session in parts comes after its time stamps; a column that stands still is none."""
+    path = tmp_path / "x.csv"
+    for names, first, second in (
+        ("elapsed_time,timestamp", T % 20.0, 1785849363.0 + T),
+        ("t,interval", np.zeros(N), 1000.0 * T),
+    ):
+        numbers = zip(first, second, SPEED, strict=True)
+        rows = "".join(f"{a:.3f},{b:.3f},{v:.3f},30,0,0\n" for a, b, v in numbers)
+        path.write_text(f"{names},speed,gap,range_rate,accel\n{rows}", encoding="utf-8")
+        table = open_table(path)
+        assert f"time = {names.split(',')[1]}" in table.columns
+        assert table.log.span[1] - table.log.span[0] == pytest.approx(39.9)
+
+
+def test_what_was_judged_in_a_frame_is_a_warning() -> None:
+    """A data frame has no first lines; names that are given as roles are not judged."""
+    frame = {"time": T, "speed": SPEED, "gap": 30.0 + ACCEL, "range_rate": 0.1 * ACCEL, "acc": ACCEL}
+    with pytest.warns(UserWarning, match="acc: taken as accel"):
+        trace = canid.from_frame(frame)
+    assert trace.learn.any()
+    with pytest.raises(ValueError, match='gap: "s" is no unit of it'):
+        canid.from_arrays(
+            time=T, speed=SPEED, gap=2.0 + 0 * T, range_rate=0 * T, accel=ACCEL, units={"gap": "s"}
+        )
 
 
 @needs_measured

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from canid.analysis.drive.drive_parameters import identify
 from canid.analysis.tables.column_map import read_map
 from canid.analysis.tables.episodes import PAUSE_S
 from canid.analysis.tables.table import Selection, Table, open_table, trace_of
@@ -185,6 +186,20 @@ def test_times_that_go_on_are_one_drive(tmp_path: Path) -> None:
     anew = [f"{0.1 * (k % 100):.1f},{k // 100},20,30,0.1,{0.01 * (k % 7)}" for k in range(300)]
     path.write_text("time,event_id,speed,gap,range_rate,accel\n" + "\n".join(anew) + "\n", encoding="utf-8")
     assert any("3 episodes by event_id" in note for note in open_table(path).notes)
+
+
+@pytest.mark.slow("an estimate of eight minutes")
+def test_one_estimate_over_many_episodes_is_that_of_the_driver(tmp_path: Path, seed: int) -> None:
+    """24 episodes of 20 s: the gain is within its interval, as narrow as that of the drive they were cut from."""
+    of = platoon.platoon(seed, minutes=8.0, vehicles=2)
+    widths = []
+    for episodes in (24, 1):
+        trace = trace_of(open_table(platoon.ultra_av(tmp_path / "x.csv", of, episodes)), pipeline.DT)
+        gain = identify(trace, select_orders=False, sliding=False).channels["range_rate"].K
+        assert gain.low < platoon.K2 < gain.high, episodes
+        widths.append(gain.high - gain.low)
+    # 82 % of the samples: two seconds at each begin, and one and a half at each end, are not learnt from
+    assert widths[0] < 1.5 * widths[1]
 
 
 @needs_measured

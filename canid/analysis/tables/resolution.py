@@ -22,6 +22,8 @@ from canid.values.roles import ROLES
 LEAD_DISTANCE = ("gap", "spacing", HEADWAY, "position")
 LEAD_MOTION = ("range_rate", "lead_speed", "lead_id", "lane", "lead_position")
 
+# roles that no estimate is made of: of several columns one is taken
+_REDUNDANT = ("gnss_speed", "wheel_speed", "altitude", "lat", "lon")
 # columns that a message names
 MAX_DESCRIBED = 8
 
@@ -118,7 +120,8 @@ def _by_heading(
         if role == TIME and not exact:
             places = _times(places, parsed, source)
         chosen = exact or places
-        if len(chosen) > 1 and (role == TIME or _same_quantity([parsed[place] for place in chosen])):
+        one = role == TIME or role in _REDUNDANT or _same_quantity([parsed[place] for place in chosen])
+        if len(chosen) > 1 and one:
             if role != TIME:
                 chosen = sorted(chosen, key=lambda place: not _is_base(parsed[place]))
             second = several([brief(parsed[place].text.strip()) for place in chosen[1:]])

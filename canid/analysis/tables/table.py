@@ -45,6 +45,7 @@ class Table(NamedTuple):
     notes: tuple[str, ...]  # what was derived, taken for granted or left out, sentences
     damaged: int  # lines that could not be read
     sorted: str  # a sentence, where rows were not in the order of time
+    judged: tuple[str, ...] = ()  # those of the notes that say how the headings were read, where no map does
 
 
 class Selection(NamedTuple):
@@ -99,11 +100,11 @@ def table_of(
     """A table of any source; see `open_table`. `says`: what the user can do, for messages."""
     chosen, turn = (None, 0) if selection.vehicle_id is None else vehicle_ids.numbered(selection.vehicle_id)
     numbered = int(chosen) if chosen is not None and chosen.isdecimal() and len(chosen) < 4 else None
-    judged = None if selection.named else source
-    resolved = resolve(source.headings, by, source.name, numbered, says, judged)
+    resolved = resolve(source.headings, by, source.name, numbered, says, None if selection.named else source)
     by_role = resolved.found
     notes = [*source.notes, *resolved.notes]
     by = resolved.map
+    judged = () if by.entries else resolved.notes
     if TIME not in by_role and not (TIME in by.entries and by.entries[TIME].rate):
         raise ConfigError(
             f"{source.name}: no column of times; call it time [s] (or t, timestamp), or name it: "
@@ -160,6 +161,7 @@ def table_of(
     else:
         table, times, order = stacked.table, stacked.times, ""
         notes.append(stacked.note)
+        judged += () if by.entries else (stacked.note,)
     notes += [times.note] if times.note else []
     same_place: list[rows.Where] = []
     if one_of_many and TIME in by_role:
@@ -170,8 +172,8 @@ def table_of(
     if stacked is not None and "own_id" in by_role:
         table, times, values = episodes.of_pairs(stacked, values)
     else:
-        vehicle = np.zeros(table.n) if stacked is None else stacked.code.astype(float)
-        way = positions.turned(times.t, vehicle, values, by_role, source.name, notes)
+        of_vehicle = np.zeros(table.n) if stacked is None else stacked.code.astype(float)
+        way = positions.turned(times.t, of_vehicle, values, by_role, source.name, notes)
         values |= column_values.lead_columns(source, by_role, texts, table, values, way, same_place, notes)
         if stacked is not None and everyone:
             table, times, values, note = episodes.followers(table, times, values, stacked.code, source.name)
@@ -199,9 +201,8 @@ def table_of(
         by.path,
     )
     log.count = source.count
-    return Table(
-        log, vehicle, described(by_role, source.headings), tuple(made.notes), source.count.bad, order
-    )
+    columns = described(by_role, source.headings)
+    return Table(log, vehicle, columns, tuple(made.notes), source.count.bad, order, judged)
 
 
 def _count_times(
