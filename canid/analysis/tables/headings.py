@@ -117,7 +117,7 @@ def heading(text: str) -> Heading:
         unit = (match["square"] if match["square"] is not None else match["round"]).strip()
         plain = match["name"]
     name = _name(plain)
-    if unit is not None and (longer := _name(f"{plain} {unit}")) in _NAMED:
+    if unit is not None and (longer := _name(f"{plain} {unit}")) != name and longer in _NAMED:
         return Heading(text, longer, None)  # "Speed (GPS)"
     if unit is None and name not in _NAMED:
         for ending in sorted(_ENDINGS, key=len, reverse=True):

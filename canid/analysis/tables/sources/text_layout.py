@@ -170,7 +170,7 @@ def _headings(names: list[str], texts: list[list[str]]) -> tuple[str, ...]:
     sources = next((cells for cells in texts if cells != units and cells != names), [])
     out = []
     for k, name in enumerate(names):
-        unit = units[k].strip("[]() ") if k < len(units) else ""
+        unit = units[k].strip("[]()- ") if k < len(units) else ""
         source = sources[k].rpartition(":")[2].strip() if k < len(sources) else ""
         if name and source and names.count(name) > 1:
             name = f"{name} {source}"

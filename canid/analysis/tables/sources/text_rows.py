@@ -22,6 +22,8 @@ _HASH, _QUOTE, _NUL, _FEED, _RETURN = b'#"\0\n\r'
 _BLANKS = np.array([chr(k).isspace() for k in range(256)])
 # TunerStudio's lines that say where a mark was set
 _MARKS = b"MARK "
+# bytes by which a line of the header is recognised before its cells are: a quote and some letters
+_BEGIN_BYTES = 4
 HEADERS, COMMENTS = "header lines", "comments"
 
 
@@ -124,10 +126,12 @@ class RowForm(NamedTuple):
         at = np.flatnonzero(octets == _NUL)
         doubtful[np.searchsorted(ends, at, "right")] = True
         if self.headers:
-            sizes = ends - begin
-            for size in {len(header) for header in self.headers}:
-                # with a line feed, with a carriage return as well, or with neither at the end of the file
-                doubtful |= (sizes >= size) & (sizes <= size + 2) & ~_numeric(octets[begin])
+            # a line that begins as one of the header's does may be that line
+            padded = np.concatenate([octets, np.zeros(_BEGIN_BYTES, np.uint8)])
+            first = padded[begin[:, None] + np.arange(_BEGIN_BYTES)]
+            for header in self.headers:
+                known = np.frombuffer(header[:_BEGIN_BYTES], np.uint8)
+                doubtful |= (first[:, : len(known)] == known).all(axis=1) & ~_numeric(octets[begin])
         return good, quoted, doubtful
 
     def _quoted(
@@ -156,7 +160,7 @@ class RowForm(NamedTuple):
         text = line.rstrip(b"\r\n")
         if not text.strip():
             return None
-        if text in self.headers:
+        if text.split() in [header.split() for header in self.headers]:
             count.others[HEADERS] += 1
             return None
         if b"\0" in text:
