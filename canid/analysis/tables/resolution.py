@@ -120,8 +120,10 @@ def _by_heading(
         if role == TIME and not exact:
             places = _times(places, parsed, source)
         chosen = exact or places
-        one = role == TIME or role in _REDUNDANT or _same_quantity([parsed[place] for place in chosen])
-        if len(chosen) > 1 and one:
+        any_will_do = (
+            role == TIME or role in _REDUNDANT or _same_quantity([parsed[place] for place in chosen])
+        )
+        if len(chosen) > 1 and any_will_do:
             if role != TIME:
                 chosen = sorted(chosen, key=lambda place: not _is_base(parsed[place]))
             second = several([brief(parsed[place].text.strip()) for place in chosen[1:]])
