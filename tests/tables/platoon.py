@@ -191,8 +191,8 @@ def openpilot(path: Path, of: Platoon, start: float = 1533224087.25) -> Path:
     return _written(path, header, rows)
 
 
-def sumo(path: Path, of: Platoon) -> Path:
-    """Floating car data: texts as ids, -1 and no id where there is no leader, within 200 m."""
+def sumo(path: Path, of: Platoon, plain: bool = False) -> Path:
+    """Floating car data: texts as ids, -1 and no id where there is no leader; `plain`: names without their element."""
     header = (
         "timestep_time;vehicle_id;vehicle_x;vehicle_y;vehicle_angle;vehicle_type;vehicle_speed;vehicle_pos;"
     )
@@ -216,7 +216,9 @@ def sumo(path: Path, of: Platoon) -> Path:
                 gap = of.position[i, ahead] - LENGTH - of.position[i, k]
                 lead = [f"{gap:.6f}", f"{of.speed[i, ahead]:.6f}", f"car.{ahead}"]
             rows.append([*own, "e0_0", 0, f"{of.accel[i, k]:.6f}", *lead])
-    return _written(path, header, rows, ";")
+    return _written(
+        path, header.replace("timestep_", "").replace("vehicle_", "") if plain else header, rows, ";"
+    )
 
 
 def citysim(path: Path, of: Platoon, lanes: tuple[int, int] = (1, 2), head: bool = True) -> Path:

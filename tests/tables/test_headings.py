@@ -39,6 +39,7 @@ CASES: dict[str, tuple[str, np.ndarray | list[str], str]] = {
     "a pedal as a fraction": ("acc", 0.2 + 0.1 * ACCEL, "pedal"),
     "a switch": ("acc", (T > 20.0).astype(int), "cruise_active"),
     "a switch in floats": ("acc", (T > 20.0).astype(float), "cruise_active"),
+    "a switch that was resampled": ("acc", np.clip((T - 20.0) / 0.8, 0.0, 1.0), "cruise_active"),
     "states": ("acc", np.arange(N) // 100, "cruise_active"),
     "a switch in words": ("acc", ["on" if t > 20.0 else "off" for t in T], "cruise_active"),
     "an acceleration by its unit": ("acc [m/s2]", (T > 20.0).astype(int), "accel"),

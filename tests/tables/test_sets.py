@@ -46,9 +46,10 @@ def _follows(trace: Trace, of: Platoon, k: int, start: float = 0.0, part: slice 
         np.testing.assert_allclose(trace.signals[role][inside], expected, atol=0.05, err_msg=role)
 
 
-def test_sumo(tmp_path: Path, drive: Platoon) -> None:
+@pytest.mark.parametrize("plain", [False, True])
+def test_sumo(tmp_path: Path, drive: Platoon, plain: bool) -> None:
     """Recognised by its header; -1 is no gap, and the leader without one is not listed as following."""
-    path = platoon.sumo(tmp_path / "fcd.csv", drive)
+    path = platoon.sumo(tmp_path / "fcd.csv", drive, plain)
     with pytest.raises(ConfigError, match=r"car\.1 \(60 s behind a lead\), car\.2 \(60 s\), car\.0 \(0 s\)"):
         open_table(path)
     table = _opened(path, "car.1")

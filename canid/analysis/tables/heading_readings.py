@@ -24,6 +24,8 @@ _SIBLINGS = {"gap": (HEADWAY,), HEADWAY: ("gap",), "accel": ("pedal",), ACC: ("a
 _MEASURED = ("speed", "length", "acceleration")
 # states of a switch; a column with more different numbers is measured
 _MAX_STATES = 8
+# of the values of a switch; a program that resamples writes others where it changes
+_WHOLE_SHARE = 0.95
 # m/s²; no car brakes or accelerates harder
 _MAX_ACCEL = 15.0
 # %; a pedal's sensor may be off by some percent
@@ -133,7 +135,9 @@ def _switch(name: str, place: int, source: Source) -> tuple[str, str]:
 
 
 def _has_states(x: Array) -> bool:
-    return len(np.unique(x)) <= _MAX_STATES and bool((x == np.round(x)).all()) and float(x.min()) >= -1.0
+    whole = x[x == np.round(x)]
+    few = len(whole) >= _WHOLE_SHARE * len(x) and len(np.unique(whole)) <= _MAX_STATES
+    return few and float(x.min()) >= -1.0
 
 
 def _distance(
